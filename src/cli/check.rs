@@ -1,4 +1,4 @@
-//! `haptograph check`: is a graph sound?
+//! `haptograph check`: checks a graph.
 
 use super::failure::findings_json;
 use super::run::{message, spare_own_files};
@@ -9,15 +9,15 @@ use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
 use serde_json::json;
 
-/// Check a graph and say all that is wrong with it
+/// Check a graph and report every problem
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
     graph: GraphArguments,
-    /// Print the findings as JSON, for editors
+    /// Print the findings as JSON
     #[arg(long)]
     json: bool,
-    /// Also show the plan, one step a line
+    /// Also print the plan, one step per line
     #[arg(long, conflicts_with = "json")]
     plan: bool,
 }

@@ -1,4 +1,4 @@
-//! `haptograph completions`: what a shell needs to complete commands and flags.
+//! `haptograph completions`: completion scripts for shells.
 
 use super::{Failure, program, say};
 use crate::engine::registry::Registry;
@@ -6,9 +6,9 @@ use clap_complete::Shell;
 
 /// Print completions for a shell
 ///
-/// bash: `haptograph completions bash > ~/.local/share/bash-completion/completions/haptograph`; zsh: `haptograph completions
-/// zsh > FOLDER/_haptograph`, FOLDER being in `$fpath`; fish: `haptograph completions fish >
-/// ~/.config/fish/completions/haptograph.fish`.
+/// bash: `haptograph completions bash > ~/.local/share/bash-completion/completions/haptograph`; zsh:
+/// `haptograph completions zsh > FOLDER/_haptograph`, where FOLDER is in `$fpath`; fish: `haptograph
+/// completions fish > ~/.config/fish/completions/haptograph.fish`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The shell

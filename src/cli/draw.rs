@@ -1,4 +1,4 @@
-//! `haptograph draw`: a graph as a picture.
+//! `haptograph draw`: a graph as an SVG drawing.
 
 use super::output::{Force, Output};
 use super::{Failure, GraphArguments, say, say_json};
@@ -12,12 +12,12 @@ use std::path::PathBuf;
 pub struct Arguments {
     #[command(flatten)]
     graph: GraphArguments,
-    /// The SVG file to write; standard output where it is not given
+    /// The SVG file to write; default: standard output
     #[arg(short, long, value_name = "FILE.svg", value_parser = svg_file)]
     output: Option<PathBuf>,
     #[command(flatten)]
     force: Force,
-    /// Print what was written as JSON; with no file, the drawing itself is in it
+    /// Print the written file as JSON; without a file, the JSON holds the drawing
     #[arg(long)]
     json: bool,
 }

@@ -1,4 +1,4 @@
-//! Why commands fail, and how they say that and what they found.
+//! Errors of commands, and printing to standard output as text or JSON.
 
 use super::interrupt::INTERRUPTED;
 use super::remarks::{self, remark};
@@ -8,33 +8,33 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Why a command failed.
+/// Error of a command.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
-    /// What is wrong with a graph.
+    /// The graph failed its checks.
     #[error("{0}")]
     Graph(Diagnostics),
-    /// The command line asks for what does not go together.
+    /// Conflicting arguments, in clap's words.
     #[error("{0}")]
     Usage(clap::Error),
-    /// The failure was reported already, as JSON.
+    /// The failure was already reported as JSON.
     #[error("")]
     Reported,
-    /// Anything else, in words for the user.
+    /// Any other error, as a message for the user.
     #[error("{0}")]
     Message(String),
-    /// An error shown at its place in a text.
+    /// An error already rendered with its place in a text.
     #[error("{0}")]
     Shown(String),
-    /// Nobody reads what is written any more.
+    /// The reader of standard output has gone away.
     #[error("")]
     BrokenPipe,
-    /// Ctrl-C cut it short; what there is was written, and that was said.
+    /// Ctrl-C ended the command early; its partial output was written and announced.
     #[error("")]
     Interrupted,
 }
 
-/// In which form a failure is said.
+/// Output format of failures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorForm {
     Text,
@@ -42,12 +42,13 @@ pub enum ErrorForm {
 }
 
 impl Failure {
-    /// A failure to do something with a file.
+    /// Error of an operation on a file.
     pub fn file(doing: &str, path: &Path, error: &dyn std::fmt::Display) -> Self {
         Self::Message(format!("cannot {doing} {}: {error}", path.display()))
     }
 
-    /// The same where the command has printed its facts: with `--json` they are all that standard output gets.
+    /// For a failure after the command has printed its facts: with `--json` standard output holds nothing but
+    /// the facts.
     pub fn after_facts(self, json: bool) -> Self {
         if !json || matches!(self, Self::BrokenPipe | Self::Interrupted) {
             return self;
@@ -56,14 +57,14 @@ impl Failure {
         Self::Reported
     }
 
-    /// Says it, and gives the code to exit with.
+    /// Prints the failure and returns the exit code.
     pub fn report(self, form: ErrorForm) -> ExitCode {
         if let Self::Usage(error) = &self {
             refuse_usage(error);
         }
         match form {
             ErrorForm::Text => remark(&self.text()),
-            // Where nobody reads, nobody is told.
+            // A failure to print the failure cannot be reported.
             ErrorForm::Json => drop(self.to_json().map_or(Ok(()), |error| say_json(&error))),
         }
         match self {
@@ -83,7 +84,7 @@ impl Failure {
         }
     }
 
-    /// What is wrong, and of a graph every finding; nothing where it was said already.
+    /// JSON with the message and, for a graph, every finding; `None` if it was already reported.
     fn to_json(&self) -> Option<serde_json::Value> {
         match self {
             Self::Graph(diagnostics) => {
@@ -102,14 +103,14 @@ impl Failure {
     }
 }
 
-/// Findings about a graph, for programs.
+/// Findings about a graph as JSON.
 pub fn findings_json(findings: &Diagnostics) -> serde_json::Value {
     serde_json::from_str(&to_json(findings)).unwrap_or_default()
 }
 
-/// Writes to standard output; a reader that has gone away ends the command quietly.
+/// Prints to standard output. A closed pipe ends the command without a message.
 pub fn say(text: &str) -> Result<(), Failure> {
-    // In the order in which it was said, where both go to one place.
+    // Keeps the order of messages if both streams go to one place.
     remarks::settle();
     let mut out = std::io::stdout().lock();
     out.write_all(text.as_bytes())
@@ -120,19 +121,19 @@ pub fn say(text: &str) -> Result<(), Failure> {
         })
 }
 
-/// One line of JSON on standard output.
+/// Prints a value to standard output as one line of JSON.
 pub fn say_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(value)
-        .map_err(|error| Failure::Message(format!("cannot say it as JSON: {error}")))?;
+        .map_err(|error| Failure::Message(format!("cannot write the result as JSON: {error}")))?;
     say(&(text + "\n"))
 }
 
-/// Usage errors, `--help` and `--version`, in clap's words; exits with 2 or 0.
+/// Prints usage errors, `--help` and `--version` in clap's words; exits with 2 or 0.
 pub fn refuse_usage(error: &clap::Error) -> ! {
     if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
         let text = error.to_string();
         let told = serde_json::json!({ "error": text.trim_start_matches("error: ").trim_end() });
-        // Nobody is left to be told of a failure of this.
+        // A failure to print the failure cannot be reported.
         let _ = say_json(&told);
         std::process::exit(2);
     }

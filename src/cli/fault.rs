@@ -1,18 +1,18 @@
-//! A panic is a fault of haptograph: what it said is kept, and told where that holds up nothing.
+//! Panic hook: a panic is a bug of the program. Its message is printed at once, or kept while actuators move.
 
 use super::remarks::{at_once, remark};
 use std::panic::PanicHookInfo;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Panics that are kept at most; the first ones say the most.
+/// Maximum number of kept panics; the first ones are the most informative.
 const MOST: usize = 8;
 
-/// Do actuators move? Then nothing is written by the thread that panics: standard error may keep it waiting.
+/// True while actuators move. The panicking thread then writes nothing: standard error could block it.
 static LIVE: AtomicBool = AtomicBool::new(false);
 static UNTOLD: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-/// From now on panics are told as faults to report.
+/// Installs the hook.
 pub fn listen() {
     std::panic::set_hook(Box::new(|info| {
         let text = describe(info);
@@ -32,7 +32,7 @@ pub fn listen() {
     }));
 }
 
-/// Until it is dropped, panics are kept for [`untold`].
+/// Guard of a live run: until it is dropped, panics are kept for [`untold`].
 pub struct Live(());
 
 impl Live {
@@ -49,7 +49,7 @@ impl Drop for Live {
     }
 }
 
-/// What was kept since this was asked last.
+/// Takes the panics kept since the last call.
 pub fn untold() -> Vec<String> {
     let kept = UNTOLD.try_lock();
     kept.map_or_else(|_| Vec::new(), |mut kept| std::mem::take(&mut *kept))
@@ -68,8 +68,8 @@ fn describe(info: &PanicHookInfo<'_>) -> String {
 fn words(at: &str, thread: &str, message: &str) -> String {
     format!(
         "error: haptograph {} panicked{at}, on the thread `{thread}`: {message}\n\
-         This is a fault of the code that stands there. Where that is haptograph's, please report it where you have \
-         haptograph from, with these lines and the graph.\n",
+         This is a bug in the code at that place. If the code belongs to haptograph, please report the bug where you got \
+         haptograph, with these lines and the graph.\n",
         env!("CARGO_PKG_VERSION")
     )
 }

@@ -1,4 +1,4 @@
-//! `haptograph new`: a first graph of one's own.
+//! `haptograph new`: writes a first graph.
 
 use super::{Failure, say, say_json};
 use crate::engine::registry::Registry;
@@ -9,14 +9,14 @@ use std::path::PathBuf;
 /// Write a commented graph to start from
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The file to make; it must not exist yet
+    /// The file to create; it must not exist
     file: PathBuf,
-    /// Print what was written as JSON
+    /// Print the written file as JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Runs as it is and uses no file but itself.
+/// Runs without changes and reads no other file.
 const STARTER: &str = include_str!("new/starter.ron");
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {

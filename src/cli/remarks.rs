@@ -1,7 +1,7 @@
-//! What is said on standard error, and what is shown there of a run that goes on.
+//! Messages on standard error, and the display of a live run there.
 //!
-//! A command that hears ctrl-C waits for no reader of it: a thread of its own writes, so that a full pipe or a terminal
-//! that was held with ctrl-S holds up no stop.
+//! A command that polls ctrl-C does not block on the reader: a thread of its own writes, so that a full pipe
+//! or a terminal held with ctrl-S delays no stop.
 
 use super::screen::Screen;
 use std::io::Write;
@@ -10,9 +10,9 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Remarks that wait; those that find no room are counted, and that is said.
+/// Maximum number of queued messages; further ones are counted and the count is printed.
 const MOST_WAITING: usize = 1024;
-/// How long a command that was told to stop waits for a reader who takes nothing.
+/// How long a stopped command waits for a blocked reader.
 const PATIENCE: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(2);
 
@@ -25,15 +25,15 @@ struct Queue {
     stop: Arc<AtomicBool>,
 }
 
-/// What waits to be written.
+/// A queued message.
 #[derive(Debug)]
 enum Said {
     Text(String),
-    /// Lines that stay at the lower end of the terminal, in place of those before.
+    /// Lines of the status block at the lower end of the terminal; they replace the previous ones.
     Block(Vec<String>),
-    /// What is typed has changed.
+    /// The line being typed has changed.
     Typed,
-    /// Nothing stays there any more.
+    /// Removes the status block.
     Close,
 }
 
@@ -44,7 +44,7 @@ struct Counts {
     lost: AtomicU64,
 }
 
-/// Says something on standard error that is no failure.
+/// Prints a message on standard error.
 pub fn remark(text: &str) {
     match QUEUE.get() {
         Some(queue) => queue.put(Said::Text(text.to_owned())),
@@ -52,17 +52,17 @@ pub fn remark(text: &str) {
     }
 }
 
-/// Shows lines at the lower end of the terminal, in place of those before.
+/// Displays lines at the lower end of the terminal, in place of the previous ones.
 pub fn show(block: Vec<String>) {
     put(Said::Block(block));
 }
 
-/// Shows what is typed now.
+/// Redraws the line being typed.
 pub fn typed() {
     put(Said::Typed);
 }
 
-/// Takes away what is shown at the lower end of the terminal.
+/// Removes the lines at the lower end of the terminal.
 pub fn close() {
     put(Said::Close);
 }
@@ -73,12 +73,12 @@ fn put(said: Said) {
     }
 }
 
-/// Says it before anything else happens, whoever waits: what panics is said before the program ends.
+/// Prints without the queue, even if it blocks: the program may end right after a panic.
 pub fn at_once(text: &str) {
     write(text);
 }
 
-/// From now on no remark waits for its reader; at the end they do, until `stop` is set.
+/// Starts the writing thread. From then on messages are queued; [`settle`] waits for them at the end.
 pub fn queue(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
     let (remarks, waiting) = sync_channel(MOST_WAITING);
     let counts = Arc::new(Counts::default());
@@ -87,7 +87,7 @@ pub fn queue(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
         .name("remarks".to_owned())
         .spawn(move || write_all(&waiting, &theirs))?;
     let stop = Arc::clone(stop);
-    // Tests of one process begin several runs: the first queue is as good.
+    // Tests start several runs in one process; they share the first queue.
     let _ = QUEUE.set(Queue {
         remarks,
         counts,
@@ -96,7 +96,8 @@ pub fn queue(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Waits until all remarks are written, or after a stop until nobody takes them.
+/// Waits until all queued messages are written or, after a stop, until the reader is blocked for half a
+/// second.
 pub fn settle() {
     let Some(Queue { counts, stop, .. }) = QUEUE.get() else {
         return;
@@ -126,7 +127,7 @@ impl Queue {
                 self.counts.lost.fetch_add(1, Ordering::AcqRel);
             }
             TrySendError::Disconnected(Said::Text(text)) => write(&text),
-            // What is shown is soon shown again.
+            // The display is refreshed soon anyway.
             TrySendError::Full(_) | TrySendError::Disconnected(_) => {}
         }
     }
@@ -138,7 +139,7 @@ fn write_all(waiting: &Receiver<Said>, counts: &Counts) {
         write_one(said, &mut screen);
         let lost = counts.lost.swap(0, Ordering::AcqRel);
         if lost > 0 {
-            let text = format!("note: {lost} more messages are lost, as standard error was not read\n");
+            let text = format!("note: {lost} messages were lost because standard error was blocked\n");
             write_one(Said::Text(text), &mut screen);
         }
         counts.written.fetch_add(1, Ordering::AcqRel);
@@ -147,7 +148,7 @@ fn write_all(waiting: &Receiver<Said>, counts: &Counts) {
 
 fn write_one(said: Said, screen: &mut Option<Screen>) {
     let mut out = std::io::stderr().lock();
-    // A remark that nobody can read is no reason to stop.
+    // A failed write to standard error is ignored: nobody reads it.
     let _ = match (said, &mut *screen) {
         (Said::Text(text), None) => out.write_all(text.as_bytes()),
         (Said::Text(text), Some(screen)) => screen.above(&text, &mut out),
@@ -163,6 +164,6 @@ fn write_one(said: Said, screen: &mut Option<Screen>) {
 }
 
 fn write(text: &str) {
-    // A remark that nobody can read is no reason to stop.
+    // A failed write to standard error is ignored: nobody reads it.
     let _ = std::io::stderr().write_all(text.as_bytes());
 }

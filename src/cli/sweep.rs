@@ -1,5 +1,5 @@
-//! `haptograph sweep`: one graph, run once for each of several settings over the same strokes, and a page that lays the
-//! runs over each other.
+//! `haptograph sweep`: runs one graph with several settings over the same strokes and writes a page that
+//! compares the runs.
 
 use super::output::Force;
 use super::run::folder::RunFolder;
@@ -21,10 +21,11 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-/// Run a graph once for each of several settings, with a page that compares the runs
+/// Run a graph once for each of several settings and compare the runs on a page
 ///
-/// `--over gain=0.5,1,2` runs it for each value. Given twice, it runs for every combination. `--case gain=2,seed=3` adds
-/// one run with these settings; where only cases are given, the graph as it is comes first.
+/// `--over gain=0.5,1,2` runs it for each value. Several `--over` run it for every combination. `--case
+/// gain=2,seed=3` adds one run with these settings; with `--case` alone, the graph with its defaults runs
+/// first.
 #[derive(Debug, clap::Args)]
 #[command(group = ArgGroup::new("varied").args(["over", "case"]).required(true).multiple(true))]
 pub struct Arguments {
@@ -36,13 +37,13 @@ pub struct Arguments {
     /// Settings of one run; can be repeated
     #[arg(long, value_name = "NAME=VALUE,...", value_parser = case)]
     pub case: Vec<Case>,
-    /// How long each run takes, in its own time
+    /// Duration of each run, in its own time
     #[arg(long = "for", value_name = "SECONDS", default_value_t = run::DURATION_S, value_parser = run::seconds)]
     pub duration_s: f64,
     /// The seed of all random streams, in place of the graph's own
     #[arg(long)]
     pub seed: Option<u64>,
-    /// The folder to write, with a folder for each run in it; `out/GRAPH-sweep` where it is not given
+    /// The folder to write, with a subfolder for each run; default: `out/GRAPH-sweep`
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Print the facts of the sweep as JSON
@@ -55,7 +56,7 @@ pub struct Arguments {
 pub struct Case(Vec<(String, String)>);
 
 impl Case {
-    /// What it is called: `gain=2, seed=3`; without the name where all runs set the same one parameter.
+    /// Name of the case: `gain=2, seed=3`; only the value if all cases set the same single parameter.
     fn name(&self, short: bool) -> String {
         match self.0.as_slice() {
             [] => "as it is".to_owned(),
@@ -67,7 +68,7 @@ impl Case {
         }
     }
 
-    /// What it is called on the page: `gain = 2, seed = 3`.
+    /// Name of the case on the page: `gain = 2, seed = 3`.
     fn label(&self) -> String {
         let all = self.0.iter().map(|(name, value)| format!("{name} = {value}"));
         match self.0.as_slice() {
@@ -77,7 +78,7 @@ impl Case {
     }
 }
 
-/// Parts between commas that are in no bracket and no string.
+/// Splits at commas that are outside of brackets and strings.
 fn parts(text: &str) -> Vec<String> {
     let (mut parts, mut depth, mut quoted) = (vec![String::new()], 0_i32, false);
     for letter in text.chars() {
@@ -113,7 +114,7 @@ fn case(text: &str) -> Result<Case, String> {
 }
 
 impl Arguments {
-    /// Every combination of the values to go over, then the single cases.
+    /// Every combination of the values of `--over`, then the cases of `--case`.
     fn cases(&self) -> Vec<Case> {
         let mut cases = vec![Case(Vec::new())];
         for (name, values) in &self.over {
@@ -129,18 +130,18 @@ impl Arguments {
         cases
     }
 
-    /// How many of the runs are done, in words.
+    /// Number of finished runs, in words.
     fn count(&self, done: usize) -> String {
         let plural = |count: usize| if count == 1 { "" } else { "s" };
         match (self.over.is_empty(), done) {
-            // The first one sets nothing.
+            // The first run has no settings.
             (true, 2..) => format!("as it is + {} case{}", done - 1, plural(done - 1)),
             _ => format!("{done} time{}", plural(done)),
         }
     }
 }
 
-/// One run that is done.
+/// A finished run.
 struct Done {
     name: String,
     label: String,
@@ -149,7 +150,7 @@ struct Done {
     summary: Summary,
 }
 
-/// Runs of one sweep: each is kept to be drawn.
+/// Maximum number of runs; each is kept in memory for the page.
 const MOST_RUNS: usize = 200;
 
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
@@ -169,7 +170,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     }
     let cases = arguments.cases();
     let short = arguments.case.is_empty() && arguments.over.len() == 1;
-    // All graphs are checked before the first runs.
+    // All graphs are checked before the first one runs.
     let graphs: Vec<(&Case, run::Arguments, Graph)> = cases
         .iter()
         .map(|case| {
@@ -181,7 +182,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let mut warned: Vec<String> = Vec::new();
     for (_, _, graph) in graphs.iter().filter(|(.., graph)| !graph.warnings().is_empty()) {
         let text = render(&warnings(graph), is_coloured(&std::io::stderr()));
-        // What all runs are warned of is said once.
+        // A warning common to all runs is printed once.
         if !warned.contains(&text) {
             remark(&text);
             warned.push(text);
@@ -236,7 +237,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         .for_each(|line| remark(&format!("note: {line}\n")));
     if done.len() < planned || stop.load(Ordering::Relaxed) {
         remark(&format!(
-            "warning: stopped after {} of {planned} runs; the last is shorter than --for says\n",
+            "warning: stopped after {} of {planned} runs; the last one is shorter than --for\n",
             done.len()
         ));
     }
@@ -264,7 +265,7 @@ fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
     run::Arguments {
         graph: GraphArguments {
             graph: graph.clone(),
-            // What comes later counts.
+            // The last value of a parameter counts.
             set: set.iter().chain(&case.0).cloned().collect(),
             endpoints: endpoints.clone(),
         },

@@ -1,14 +1,14 @@
-//! Messages of the Language Server Protocol: a header with a length, and JSON.
+//! Messages of the Language Server Protocol: a header with a length, then JSON.
 
 use serde_json::Value;
 use std::io::{BufRead, Error, ErrorKind, Read, Result, Write};
 
-/// Longer messages are refused, bytes: graphs are at most half of it.
+/// Maximum size of a message, bytes; graph files are limited to half of it.
 const MOST_BYTES: usize = 32 << 20;
-/// The longest line of a header.
+/// Maximum length of a header line, bytes.
 const MOST_HEADER: u64 = 1024;
 
-/// The next message; nothing at the end of the input.
+/// Reads the next message; `None` at the end of the input.
 pub fn read(input: &mut impl BufRead) -> Result<Option<Value>> {
     let mut length = None;
     loop {

@@ -1,4 +1,5 @@
-//! A live run that is looked after: what is typed, told and saved while it runs.
+//! Supervision of a live run: typed commands, settings by Open Sound Control, saved files, status and
+//! warnings.
 
 mod change;
 
@@ -30,22 +31,22 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
-/// Where graphs that were saved while it ran are kept, in the run's folder.
+/// Subfolder of the run's folder for graphs saved during the run.
 pub const CHANGES: &str = "changes";
-/// How often the run is looked after.
+/// Polling period.
 const PAUSE: Duration = Duration::from_millis(50);
-/// The same while something loads.
+/// Polling period while a graph loads.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// Wishes that wait, and those that are heard between two looks at whether the run should stop.
+/// Maximum number of queued requests, and of requests handled between two checks of the stop flag.
 pub const MOST_ASKED: usize = 1024;
 const MOST_HEARD: usize = 64;
 
-/// How much is said of a change. A fader is moved a hundred times a second.
+/// Which messages about a change are printed. A fader is moved a hundred times per second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Says {
     Nothing,
-    /// Why it is refused.
+    /// Only the reasons of refusals.
     Refusals,
     Everything,
 }
@@ -64,14 +65,14 @@ impl Says {
     }
 }
 
-/// Who wishes for something.
+/// Origin of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum By {
     Keyboard,
     Osc,
 }
 
-/// What waits for the graph to be loaded again.
+/// A change that needs the graph to be loaded again.
 #[derive(Debug)]
 enum Wish {
     Set {
@@ -79,19 +80,19 @@ enum Wish {
         value: String,
         by: By,
     },
-    /// What was saved.
+    /// A file of the graph was saved.
     Saved,
 }
 
-/// A run and what may happen to it.
+/// Supervisor of a live run.
 pub struct Attended {
-    /// With the parameters as they are now.
+    /// The arguments with the present parameters.
     arguments: GraphArguments,
-    /// Parameters as the command line gave them.
+    /// The parameters given on the command line.
     given: Vec<(String, String)>,
-    /// Those that were typed or told since.
+    /// The parameters set since.
     typed: loading::Typed,
-    /// Those that the graph has that runs, with their defaults.
+    /// The parameters of the running graph, with their defaults.
     parameters: loading::Typed,
     seed: Option<u64>,
     record: bool,
@@ -102,29 +103,29 @@ pub struct Attended {
     pub silence: SilenceMonitor,
     status: Status,
     start: Instant,
-    /// Graphs that were put in place, and those of them that differed in more than live settings.
+    /// Number of changed graphs, and of those that differed in more than live settings.
     pub changes: u32,
     pub swaps: u32,
     /// The devices of all graphs that ran.
     pub endpoints: Endpoints,
-    /// Of those that were saved: when, what came of it, and where its files are kept.
+    /// For each saved graph: time, effect, and folder of its files.
     pub saved: Vec<Value>,
     pub history: History,
-    /// Names that were told by Open Sound Control and refused; said once each.
+    /// Names whose OSC messages were refused; each is reported once.
     refused: Vec<String>,
     guards: Guards,
-    /// Texts of the files of the graph that runs.
+    /// Texts of the running graph's files.
     texts: Vec<String>,
     loader: Loader,
     loading: Option<(Wish, Loading)>,
     waiting: VecDeque<Wish>,
     known: Option<loading::Known>,
-    /// Panics that were told of.
+    /// Panics reported so far.
     pub panics: Vec<String>,
 }
 
 impl Attended {
-    /// A run of `graph` that begins now.
+    /// Starts the supervision of a run of `graph`.
     pub fn begin(
         arguments: &Arguments,
         graph: &Graph,
@@ -166,7 +167,8 @@ impl Attended {
         }
     }
 
-    /// Looks after the run until it is over, and does `each` in every round. Returns what the driver had to say.
+    /// Supervises the run to its end and calls `each` in every round. Returns the counted notes about
+    /// soundcards.
     pub fn attend(
         &mut self,
         driver: &mut Drivers,
@@ -186,13 +188,13 @@ impl Attended {
                 }
             }
             let inputs = self.session.live_inputs();
-            // At the end these are summed up in a line for each input.
+            // The final warnings summarise these notes, one line per input.
             for note in self.silence.poll(Instant::now(), &inputs, &self.network) {
                 remark(&format!("note: {note}\n"));
             }
             for failed in self.session.failing_files() {
                 remark(&format!(
-                    "warning: {failed}; it is complete up to here, and the run goes on without it\n"
+                    "warning: {failed}; the file is complete up to here, and the run continues without it\n"
                 ));
             }
             self.show_status(driver);
@@ -215,7 +217,7 @@ impl Attended {
         notes.counted()
     }
 
-    /// Shows how the run is, when it is time for that.
+    /// Displays the status when it is due.
     fn show_status(&mut self, drivers: &Drivers) {
         let facts = status::Facts {
             session: &mut self.session,
@@ -227,7 +229,7 @@ impl Attended {
         self.status.show(facts);
     }
 
-    /// Says what panicked meanwhile.
+    /// Reports panics since the last call.
     pub fn tell_panics(&mut self) {
         for text in fault::untold() {
             remark(&text);
@@ -235,7 +237,7 @@ impl Attended {
         }
     }
 
-    /// Does what can be done at once, and lets wait what the graph is loaded for.
+    /// Handles requests: those that need a loaded graph are queued, all others are done at once.
     fn hear(&mut self, asked: impl Iterator<Item = Asked>) {
         let mut told = Vec::new();
         for asked in asked {
@@ -244,17 +246,17 @@ impl Attended {
                 Asked::Typed(Typed::List) => self.list(),
                 Asked::Typed(Typed::History) => remark(&self.history.lines()),
                 Asked::Typed(Typed::Help) => remark(HELP_LINES),
-                // Acted on where it is read.
+                // The reading thread has already set the stop flag.
                 Asked::Typed(Typed::Stop) => {}
                 Asked::Typed(Typed::Unknown(line)) => {
                     let help = Typed::meant(&line).map_or_else(
                         || format!("type {HELP}"),
                         |meant| format!("did you mean `{meant}`?"),
                     );
-                    remark(&format!("`{line}` is not known; {help}\n"));
+                    remark(&format!("unknown command `{line}`; {help}\n"));
                 }
                 Asked::Told(Told { name, value }) => {
-                    // A fader that moves fast is where it is now.
+                    // Only the latest value of a fader counts.
                     told.retain(|(known, _)| *known != name);
                     told.push((name, value));
                 }
@@ -265,7 +267,7 @@ impl Attended {
         }
     }
 
-    /// A live setting of a node is set now. For a parameter the graph is loaded, if it has it.
+    /// Sets a live setting of a node at once. A parameter is queued until the graph is loaded with it.
     fn wish(&mut self, name: String, value: String, by: By) {
         let says = self.says(&name, by);
         if name.contains('.') {
@@ -280,7 +282,7 @@ impl Attended {
         }
         if by == By::Osc {
             if let Some(refusal) = afar::refusal(&value, &self.arguments.graph) {
-                says.refusal(&format!("`{name}` stays: {refusal}\n"));
+                says.refusal(&format!("`{name}` was not changed: {refusal}\n"));
                 return self.note(false, name, &value, by);
             }
             let same =
@@ -290,7 +292,7 @@ impl Attended {
         self.waiting.push_back(Wish::Set { name, value, by });
     }
 
-    /// How much is said of what is done with a wish.
+    /// Which messages about a request are printed.
     fn says(&self, name: &str, by: By) -> Says {
         let full = self.refused.len() >= History::MOST;
         match by {
@@ -300,7 +302,7 @@ impl Attended {
         }
     }
 
-    /// Keeps what came of a wish.
+    /// Records the outcome of a request.
     fn note(&mut self, was_set: bool, name: String, value: &str, by: By) {
         if was_set {
             let by = if by == By::Keyboard { "typed" } else { "OSC" };
@@ -311,7 +313,7 @@ impl Attended {
         }
     }
 
-    /// Looks in on what is loading, and begins with what waits when that is over.
+    /// Polls the loader; when it is free, starts the next queued change.
     fn go_on(&mut self, driver: &Drivers) {
         if let Some((wish, loading)) = self.loading.take() {
             let says = match &wish {
@@ -327,7 +329,7 @@ impl Attended {
                 None => {
                     let budget_s = loading::BUDGET.as_secs();
                     says.refusal(&format!(
-                        "the graph stays as it was: it was not loaded in {budget_s} s\n"
+                        "the running graph is unchanged: the new one did not load within {budget_s} s\n"
                     ));
                     self.give_up(wish);
                 }
@@ -338,7 +340,7 @@ impl Attended {
             match self.loader.begin(job) {
                 Ok(loading) => self.loading = Some((wish, loading)),
                 Err(why) => {
-                    remark(&format!("the graph stays as it was: {why}\n"));
+                    remark(&format!("the running graph is unchanged: {why}\n"));
                     self.give_up(wish);
                 }
             }
@@ -388,7 +390,7 @@ impl Attended {
                 let names: Vec<&str> = names.iter().map(String::as_str).collect();
                 let help = match names.contains(&name) {
                     true => String::new(),
-                    false => choices(name, &names, "what can be set while it runs is"),
+                    false => choices(name, &names, "the live settings are"),
                 };
                 says.refusal(&format!("`{name}` was not changed: {error}{help}\n"));
                 false
@@ -408,7 +410,7 @@ impl Attended {
     }
 }
 
-/// What to do about a name that is not there.
+/// Advice about an unknown name.
 fn choices(name: &str, known: &[&str], are: &str) -> String {
     const SHOWN: usize = 12;
     match (closest(name, known.iter().copied()), known.len()) {

@@ -1,4 +1,4 @@
-//! What is typed while a graph runs, or told by Open Sound Control.
+//! Commands typed while a graph runs, and settings by Open Sound Control.
 
 use super::super::keys::Editor;
 use super::super::{remark, remarks, screen};
@@ -10,25 +10,25 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
 
-/// A line that was typed.
+/// A typed command.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Typed {
-    /// Gives a parameter of the graph or a live setting another value.
+    /// Sets a parameter of the graph or a live setting.
     Set { name: String, value: String },
-    /// Shows what can be set.
+    /// Prints the parameters and live settings.
     List,
-    /// Shows what was set, and by whom.
+    /// Prints what was set, and by whom.
     History,
-    /// Shows what can be typed.
+    /// Prints the commands.
     Help,
     /// Ends the run.
     Stop,
-    /// Anything else, with what could have been meant.
+    /// Any other line.
     Unknown(String),
 }
 
 pub const HELP: &str = "set NAME=VALUE, list, history, help, stop";
-/// The same at length.
+/// Help text of the commands.
 pub const HELP_LINES: &str = "\
 set NAME=VALUE   gives a parameter (gain) or a live setting of a node (out.gain) another value
 list             shows the parameters and the live settings, with their values
@@ -55,7 +55,7 @@ impl Typed {
         }
     }
 
-    /// What may have been meant by a line that is not understood.
+    /// The command closest to an unknown line.
     pub fn meant(line: &str) -> Option<String> {
         let line = line.trim();
         let with_set = format!("set {line}");
@@ -72,18 +72,18 @@ impl Typed {
     }
 }
 
-/// What is asked for, and by whom.
+/// A request to the running graph, by origin.
 #[derive(Debug)]
 pub enum Asked {
     Typed(Typed),
     Told(Told),
 }
 
-/// Listens on standard input, on a thread of its own that waits while too much is asked. The end of the input ends
-/// nothing. With `keys` each key is shown by this program.
+/// Reads commands from standard input on a thread of its own, which blocks while the queue is full. The end
+/// of the input ends only this thread. With `keys` the program echoes each key itself.
 pub fn listen(asked: SyncSender<Asked>, stop: Arc<AtomicBool>, keys: bool) {
     let mut hear = move |typed: Typed| {
-        // A stop waits for nobody.
+        // A stop bypasses the queue.
         if typed == Typed::Stop {
             stop.store(true, Ordering::Relaxed);
             return true;
@@ -99,7 +99,7 @@ pub fn listen(asked: SyncSender<Asked>, stop: Arc<AtomicBool>, keys: bool) {
 fn listen_to_lines(hear: &mut impl FnMut(Typed) -> bool) {
     for line in files::lines(std::io::stdin().lock(), files::MAX_LINE_BYTES) {
         let typed = match line {
-            // What is no text is told of like any other line that is not understood.
+            // Invalid UTF-8 is reported as an unknown command.
             Ok(line) => Typed::parse(&String::from_utf8_lossy(&line)),
             Err(error) if Refusal::of(&error).is_some() => Some(Typed::Unknown(format!("a line: {error}"))),
             Err(_) => break,

@@ -1,5 +1,5 @@
-//! `haptograph run --live`: the graph runs against the clock, can be changed while it runs, and leaves what an
-//! offline run leaves.
+//! `haptograph run --live`: runs a graph in real time, with changes while it runs, and writes the same files
+//! as an offline run.
 
 use super::super::keys::RawMode;
 use super::super::{Failure, built, fault, remark, remarks, screen, warn};
@@ -31,8 +31,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     )
 }
 
-/// Runs until what `stopping` gives is set, takes over what `loader` loads, and does `each` whenever it looks after the
-/// run: this is where tests come in.
+/// Runs until the flag of `stopping` is set. Graphs are loaded by `loader`, and `each` is called in every
+/// round of the supervisor; tests replace both.
 fn run_with(
     arguments: &Arguments,
     stopping: impl FnOnce() -> Result<Arc<AtomicBool>, Failure>,
@@ -45,7 +45,7 @@ fn run_with(
     let first = loading::load(Job::first(&arguments), loader.registry());
     let (graph, parameters) = (first.result.map_err(Failure::Graph)?.graph, first.parameters);
     warn(&graph);
-    // What is saved from here on is seen.
+    // Changes of the files from here on are noticed.
     let watch = arguments.watch.then(|| Watch::of(&graph));
     lasts_a_frame(&graph, arguments.duration_s)?;
     built::refuse_missing(&graph, arguments.graph.endpoints())?;
@@ -96,7 +96,7 @@ fn run_with(
         }
         Err(_) => {
             driver.stop();
-            notes.push("haptograph panicked; the run was stopped there".to_owned());
+            notes.push("haptograph panicked; the run was stopped".to_owned());
             true
         }
     };
@@ -104,7 +104,7 @@ fn run_with(
     screen::type_in(None);
     remarks::close();
     drop(keys);
-    // Until here somebody asks, if only this one, so that waiting for it is waiting.
+    // This sender kept the channel open, so that a receive waits even without other senders.
     drop(asking);
     let mut facts = driver.facts();
     notes.extend(driver.warnings());
@@ -117,7 +117,7 @@ fn run_with(
     let output_latency = driver.output_latency();
     let latencies_at = facts.len();
     let lives = driver.join()?;
-    // From here on nothing moves.
+    // All devices are idle from here on.
     drop(quiet);
     facts.extend(changed(&attended));
     facts.push((
@@ -139,7 +139,7 @@ fn run_with(
     facts.extend(osc.map(|osc| {
         (
             "osc_malformed",
-            "OSC packets that were no settings",
+            "OSC packets that set nothing",
             json!(osc.malformed()),
         )
     }));
@@ -147,7 +147,7 @@ fn run_with(
     let mut ended = attended.session.finish_all(lives);
     ended.outcome.rings.extend(heard);
     let took_s = start.elapsed().as_secs_f64();
-    // Only now, as the files are complete: of a large graph this takes a while.
+    // Computed after the files are complete, since it takes long for a large graph.
     let latencies = latency::measured(&graph, output_latency.as_ref());
     facts.insert(
         latencies_at,
@@ -174,14 +174,14 @@ fn run_with(
     let completed = made.kept.complete(&arguments, &graph, &summary);
     match completed {
         Ok(_) | Err(Failure::Interrupted) if panicked => Err(Failure::Message(
-            "haptograph panicked during the run, as said above; the files of the run are complete up to there".to_owned(),
+            "haptograph panicked during the run, with the message above; the files of the run are complete up to the panic".to_owned(),
         )
         .after_facts(arguments.json)),
         completed => completed.map(drop),
     }
 }
 
-/// Says what runs, and where it listens.
+/// Prints what runs and which inputs are open.
 fn introduce(arguments: &Arguments, driver: &Drivers, network: &Connections, osc: Option<&OscControl>) {
     let ends = match arguments.duration_s {
         Some(seconds) => format!("for {seconds} s"),
@@ -204,25 +204,25 @@ fn introduce(arguments: &Arguments, driver: &Drivers, network: &Connections, osc
     }
 }
 
-/// Says which sinks begin as if their actuators were warm.
+/// Prints which sinks start with warm actuators.
 fn tell_unrested(unrested: &[String]) {
     if !unrested.is_empty() {
         remark(&format!(
-            "the actuators of `{}` begin as warm as their limits allow, as it is not known how long they have rested; \
-             --rested says that they are cold\n",
+            "the actuators of `{}` start as warm as their limits allow, since their temperature is unknown; \
+             give --rested if they are cold\n",
             unrested.join("`, `")
         ));
     }
 }
 
-/// What was changed while it ran.
+/// Facts about graphs that were swapped in.
 fn changed(attended: &Attended) -> [(&'static str, &'static str, serde_json::Value); 3] {
     [
         ("changes", "Changed while running", json!(attended.changes)),
-        ("swaps", "Other graphs that took over", json!(attended.swaps)),
+        ("swaps", "Graphs swapped in", json!(attended.swaps)),
         (
             "saved_while_running",
-            "Graphs that were saved while it ran",
+            "Graphs saved while running",
             json!(attended.saved),
         ),
     ]
@@ -237,7 +237,7 @@ fn listen_for_settings(
     };
     let asking = asking.clone();
     OscControl::listen(address, move |told| {
-        // One that finds no room is lost: faders tell again. A run that is over needs none.
+        // A full queue drops the value: faders repeat theirs. A closed queue belongs to a finished run.
         let _ = asking.try_send(Asked::Told(told));
     })
     .map(Some)
@@ -274,7 +274,7 @@ mod tests {
         }
     }
 
-    /// What came of a run, what was delivered in it, and its facts.
+    /// Result of a run, the values delivered to the actuator, and the facts.
     struct Ended {
         result: Result<(), Failure>,
         given: Vec<f64>,
@@ -282,7 +282,7 @@ mod tests {
     }
 
     impl Ended {
-        /// That the actuator fell to zero, in a hundredth of a second and not at once, and that the files go as far.
+        /// Asserts that the actuator ramped to zero over 10 ms, and that the files end with the ramp.
         fn assert_ramped_down(&self) {
             let given = &self.given;
             let fall = &given[given.len().saturating_sub(20)..];
@@ -294,10 +294,11 @@ mod tests {
         }
     }
 
-    /// A loader, and what is done at each look at the run.
+    /// A loader, and a function for every round of the supervisor.
     type Around = (Work, fn());
 
-    /// Runs with a loader that does `work`, `each` done at every look, and saves the graph until `until` is so; then stops if it runs still.
+    /// Runs with a loader that does `work` and with `each`, and saves the graph until `until` is true; then
+    /// stops the run.
     fn run_with_saves((work, each): Around, until: impl Fn() -> bool + Send + 'static) -> Ended {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
@@ -346,7 +347,7 @@ mod tests {
         ended.assert_ramped_down();
     }
 
-    /// Rounds in which the run was looked after, of the one test that counts them.
+    /// Rounds of the supervisor, counted by one test only.
     static ROUNDS: AtomicU32 = AtomicU32::new(0);
 
     fn panic_later() {

@@ -1,5 +1,5 @@
-//! Loading a graph while another runs: on a thread of its own, which may take its time, hang or panic. Whoever asked
-//! looks in on it, and gives it up when there is no more time for it.
+//! Loading of a graph while another one runs, on a thread of its own that may be slow, hang or panic. The
+//! caller polls the result and abandons it after a time limit.
 
 use super::super::GraphArguments;
 use super::guards::Guards;
@@ -16,30 +16,31 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::time::{Duration, Instant, SystemTime};
 
-/// How long a graph may take to load while another runs.
+/// Time limit of a load.
 pub const BUDGET: Duration = Duration::from_secs(10);
-/// Threads that were given up and hang still, beyond which nothing is loaded any more.
+/// Maximum number of abandoned threads that still hang; beyond it nothing is loaded.
 const MOST_HANGING: usize = 4;
-/// A file that was written so shortly before it was read may be written again without looking any newer.
+/// A file written this shortly before it was read may change again without a newer time stamp.
 const SETTLED: Duration = Duration::from_secs(1);
 
-/// Parameters by name that were typed or told, with the default that the file had for each then.
+/// Parameters set by name, each with the default that the file had at that time.
 pub type Typed = Vec<(String, Option<String>)>;
 
-/// What is to be loaded.
+/// What to load, and with which parameters.
 #[derive(Clone)]
 pub struct Job {
     pub arguments: GraphArguments,
     pub seed: Option<u64>,
     pub record: bool,
-    /// After a save: parameters whose defaults are others now are the file's again, or as the command line gave them.
+    /// Set after a save: parameters whose defaults have changed in the file are no longer overridden by typed
+    /// values.
     pub saved: Option<Saved>,
-    /// The document as it was read before.
+    /// The document from the previous load.
     pub known: Option<Known>,
 }
 
 impl Job {
-    /// The graph of the command line.
+    /// The job for the graph of the command line.
     pub fn first(arguments: &Arguments) -> Self {
         Self {
             arguments: arguments.graph.clone(),
@@ -51,32 +52,32 @@ impl Job {
     }
 }
 
-/// What a save may take back.
+/// Parameters that a save may reset.
 #[derive(Clone)]
 pub struct Saved {
     pub given: Vec<(String, String)>,
     pub typed: Typed,
 }
 
-/// A document, and its files as they were then; only where they would look different if they were others now.
+/// A document with the time stamps of its files, kept only if a later change would alter them.
 #[derive(Clone)]
 pub struct Known {
     document: Arc<Document>,
     stamps: Vec<(PathBuf, (SystemTime, u64))>,
 }
 
-/// What came of it.
+/// Result of a load.
 pub struct Loaded {
     pub result: Result<Ready, Diagnostics>,
-    /// The parameters with which it was loaded, and which of them were typed.
+    /// The parameters used for the load, and those of them that were typed.
     pub set: Vec<(String, String)>,
     pub typed: Option<Typed>,
-    /// The parameters that the file has, with their defaults.
+    /// The parameters of the file, with their defaults.
     pub parameters: Typed,
     pub known: Option<Known>,
 }
 
-/// A sound graph, and what has to be known of it before it takes over.
+/// A checked graph with the data that a swap needs.
 pub struct Ready {
     pub graph: Graph,
     pub watch: Watch,
@@ -86,19 +87,19 @@ pub struct Ready {
     pub texts: Vec<String>,
 }
 
-/// How a graph is loaded.
+/// Function that loads a graph.
 pub type Work = fn(Job, &Registry) -> Loaded;
 
 /// Loads graphs, one at a time.
 pub struct Loader {
     work: Work,
-    /// The kinds that graphs can use.
+    /// The node and device kinds that graphs can use.
     registry: Arc<Registry>,
-    /// Held by every thread that works, too.
+    /// Counts the running threads; each holds a clone.
     working: Arc<()>,
 }
 
-/// A graph that is being loaded.
+/// A load in progress.
 pub struct Loading {
     began: Instant,
     result: Receiver<std::thread::Result<Loaded>>,
@@ -113,18 +114,18 @@ impl Loader {
         }
     }
 
-    /// The kinds that graphs can use.
+    /// The node and device kinds that graphs can use.
     pub fn registry(&self) -> &Registry {
         &self.registry
     }
 
-    /// Begins to load.
+    /// Starts a load.
     ///
     /// # Errors
-    /// Why nothing is loaded any more.
+    /// A message if too many earlier loads hang, or if no thread can be started.
     pub fn begin(&self, job: Job) -> Result<Loading, String> {
         if Arc::strong_count(&self.working) > MOST_HANGING {
-            return Err(format!("{MOST_HANGING} graphs before it are loading still"));
+            return Err(format!("{MOST_HANGING} earlier loads have not finished"));
         }
         let (told, result) = sync_channel(1);
         let (work, registry) = (self.work, Arc::clone(&self.registry));
@@ -134,17 +135,17 @@ impl Loader {
             .spawn(move || {
                 let loaded = catch_unwind(AssertUnwindSafe(|| work(job, &registry)));
                 drop(working);
-                // It may have been given up.
+                // The load may have been abandoned.
                 let _ = told.send(loaded);
             })
-            .map_err(|error| format!("no thread to load it: {error}"))?;
+            .map_err(|error| format!("cannot start a thread to load it: {error}"))?;
         let began = Instant::now();
         Ok(Loading { began, result })
     }
 }
 
 impl Loading {
-    /// What came of it, if it is over. A panic goes on here.
+    /// The result if the load has finished. Resumes a panic of the loading thread.
     pub fn look(&self) -> Option<Loaded> {
         match self.result.try_recv() {
             Ok(Ok(loaded)) => Some(loaded),
@@ -158,7 +159,7 @@ impl Loading {
     }
 }
 
-/// Loads a graph, proves it sound, and looks at what it asks for.
+/// Loads and checks a graph and derives the data that a swap needs.
 pub fn load(mut job: Job, registry: &Registry) -> Loaded {
     let document = read(&job.arguments.graph, job.known.take());
     let (document, known) = match document {
@@ -197,7 +198,8 @@ pub fn load(mut job: Job, registry: &Registry) -> Loaded {
     }
 }
 
-/// The document, read again only where a file of it may have changed, and what is to be known of it the next time.
+/// Reads the document, or reuses the known one if its files are unchanged; also returns what the next load
+/// may reuse.
 fn read(path: &Path, known: Option<Known>) -> Result<(Arc<Document>, Option<Known>), Diagnostics> {
     if let Some(known) = known
         && known.stamps.iter().all(|(path, then)| stamp(path) == Some(*then))
@@ -218,7 +220,7 @@ fn read(path: &Path, known: Option<Known>) -> Result<(Arc<Document>, Option<Know
 }
 
 impl Saved {
-    /// Takes back what was typed where the file says something else now; what stays typed.
+    /// Resets typed parameters whose defaults the file has changed; returns the remaining typed ones.
     fn take_back(self, set: &mut Vec<(String, String)>, parameters: &Typed) -> Typed {
         let default = |name: &str| parameters.iter().find(|(known, _)| known == name);
         let (same, other): (Typed, Typed) = self
@@ -246,7 +248,7 @@ impl Ready {
     }
 }
 
-/// The texts of a graph's files; what was given on the command line has no file.
+/// The texts of a graph's files, without those given on the command line.
 pub fn texts(graph: &Graph) -> Vec<String> {
     let files = graph.sources().iter().filter(|source| source.is_file);
     files.map(|source| source.text.to_string()).collect()

@@ -1,4 +1,4 @@
-//! What the page will show of a run: recorded while it runs.
+//! Signals recorded during a run for its page.
 
 use crate::engine::graph::Graph;
 use crate::engine::node::FrameWriter;
@@ -7,18 +7,18 @@ use crate::report::asked::{Asked, Trace, asked, tracer};
 use crate::report::record::{Record, Watch, recorder, watched};
 use crate::report::sound::{Clip, ClipRecord, Sound, audible, clip};
 
-/// What is recorded for the page.
+/// Recorders of the plots and the sound of a page.
 pub struct Shown {
-    /// Signals that are worth a look.
+    /// Signals plotted by default.
     pub records: Vec<Record>,
-    /// The plots that the graph asks for, each with a trace for each of its signals.
+    /// The plots requested by the graph, each with a trace per signal.
     pub asked: Vec<(Asked, Vec<Trace>)>,
-    /// Beginnings of the signals that its sound may be made of, the best first.
+    /// Beginnings of the signals that may be played, the most suitable first.
     clips: Vec<ClipRecord>,
 }
 
 impl Shown {
-    /// Begins to record.
+    /// Attaches the recorders.
     pub fn of(graph: &Graph, outlets: &mut FileSinks<'_>) -> Self {
         let mut probe = |watch: &Watch, writer: Box<dyn FrameWriter>| {
             outlets.probe(Probe {
@@ -56,13 +56,13 @@ impl Shown {
         }
     }
 
-    /// What there is to hear; nothing where nothing vibrates.
+    /// The sound to play; `None` if nothing vibrates.
     pub fn sound(&self) -> Option<Sound> {
         let clips: Vec<Clip> = self.clips.iter().map(ClipRecord::content).collect();
         Sound::of(&clips)
     }
 
-    /// Forgets the sound: many runs would need much memory.
+    /// Frees the sound, since many runs would need much memory.
     pub fn forget_sound(&mut self) {
         self.clips.clear();
     }

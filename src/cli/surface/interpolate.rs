@@ -1,4 +1,4 @@
-//! `haptograph surface interpolate`: the filter that a texture has at any speed and force.
+//! `haptograph surface interpolate`: the filter of a texture at any speed and force.
 
 use super::{Failure, load, texture};
 use crate::cli::{say, snippet};
@@ -10,14 +10,15 @@ use std::path::PathBuf;
 
 /// Interpolate a texture at speeds and forces read from standard input
 ///
-/// Each line holds `speed_mm_s force_n`; empty lines and those that begin with # are passed over. Speed and force saturate at the largest
-/// modelled ones, and count as zero below zero.
+/// Each line holds `speed_mm_s force_n`; empty lines and lines that begin with # are ignored. Values above
+/// the largest modelled ones are clamped to these, negative values to zero.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The surface file
     file: PathBuf,
-    /// Print one JSON object a line: speed_mm_s and force_n (after saturation; asked_speed_mm_s and asked_force_n too where they differ),
-    /// triangle (three 0-based vertex numbers), weights, ar, ma, gain, variance
+    /// Print one JSON object per line: speed_mm_s and force_n (after clamping; also asked_speed_mm_s and
+    /// asked_force_n if they differ), triangle (three 0-based vertex numbers), weights, ar, ma, gain,
+    /// variance
     #[arg(long)]
     json: bool,
 }
@@ -36,7 +37,7 @@ struct Json<'a> {
     ma: &'a [f64],
     gain: f64,
     variance: f64,
-    /// 0 for models of plain delays.
+    /// 0 for models on an unwarped axis.
     warping: f64,
 }
 
@@ -72,7 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A speed and a force as they were given. What a speed is in m/s may be shared by several numbers of mm/s.
+/// A requested speed and force, as given: several values in mm/s can map to one in m/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Asked {
     speed_mm_s: f64,
@@ -81,7 +82,7 @@ struct Asked {
 }
 
 impl Asked {
-    /// Within what is modelled, and the given numbers themselves where they lie there.
+    /// Clamped to the modelled range; values inside it stay as given.
     fn saturated(&self, most: &Self) -> Self {
         let within = |value: f64, most: f64| if value > 0.0 { value.min(most) } else { 0.0 };
         Self {
@@ -91,14 +92,14 @@ impl Asked {
         }
     }
 
-    /// By more than the last bits, which a conversion to mm/s may cost.
+    /// True if the values differ by more than the rounding of the conversion to mm/s.
     fn differs_from(&self, other: &Self) -> bool {
         let apart = |a: f64, b: f64| (a - b).abs() > 1e-9 * a.abs().max(b.abs());
         apart(self.speed_mm_s, other.speed_mm_s) || apart(self.force_n, other.force_n)
     }
 }
 
-/// What is wrong with a line, and from which byte on.
+/// An error in a line, and the byte at which it begins.
 #[derive(Debug, PartialEq)]
 struct Wrong {
     byte: usize,
@@ -119,7 +120,7 @@ impl Wrong {
     }
 }
 
-/// Speed and force; `None` for a line that says nothing.
+/// Parses speed and force; `None` for an empty line or a comment.
 fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
     if line.trim().is_empty() || line.trim_start().starts_with('#') {
         return Ok(None);
@@ -136,7 +137,7 @@ fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
         let word = words.next().ok_or_else(missing)?;
         let wrong = || Wrong {
             byte: start(word),
-            message: format!("the {what} {word:?} is no finite number"),
+            message: format!("the {what} {word:?} is not a finite number"),
         };
         let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
         let thousandth = parse_thousandth(word).filter(|value| value.is_finite());
@@ -151,7 +152,7 @@ fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
             force_n,
         })),
         Some(word) => {
-            let message = format!("{word:?} is one word too many; write `speed_mm_s force_n`");
+            let message = format!("unexpected {word:?}; write `speed_mm_s force_n`");
             Err(Wrong {
                 byte: start(word),
                 message,
@@ -160,14 +161,14 @@ fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
     }
 }
 
-/// In mm/s, as the file would have it.
+/// Metres to millimetres per second, with the decimals that a file would have.
 fn mm_s(speed_m_s: f64) -> f64 {
     format_thousandfold(speed_m_s)
         .parse()
         .unwrap_or(speed_m_s * 1000.0)
 }
 
-/// `beyond` is what was asked for, where that lies outside of what is modelled.
+/// `beyond` holds the requested values if they lie outside the modelled range.
 fn json(
     at: &Asked,
     beyond: Option<Asked>,
@@ -187,7 +188,8 @@ fn json(
         variance: coefficients.variance,
         warping: coefficients.warping,
     };
-    serde_json::to_string(&line).map_err(|error| Failure::Message(format!("cannot say it as JSON: {error}")))
+    serde_json::to_string(&line)
+        .map_err(|error| Failure::Message(format!("cannot write the result as JSON: {error}")))
 }
 
 fn describe(at: &Asked, beyond: Option<Asked>, spot: &Spot, coefficients: &Coefficients) -> String {

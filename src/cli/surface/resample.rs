@@ -1,4 +1,4 @@
-//! `haptograph surface resample`: a texture at a lower rate.
+//! `haptograph surface resample`: reduces the sampling rate of a texture.
 
 use super::{Failure, claim, load, save};
 use crate::cli::output::Force;
@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Bring a surface's texture to a lower rate
+/// Reduce the sampling rate of a surface's texture
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The surface file
@@ -18,7 +18,7 @@ pub struct Arguments {
     /// The new rate
     #[arg(long = "rate", value_name = "HZ")]
     rate_hz: f64,
-    /// How
+    /// Resampling method
     #[arg(long, value_enum)]
     method: Method,
     /// The file to write, .ron or .xml
@@ -35,9 +35,9 @@ pub struct Arguments {
 enum Method {
     /// Exact zero-order hold, zeros outside the unit circle reflected (thesis 4.2)
     Zoh,
-    /// What the toolkit did; to compare with
+    /// The toolkit's method; for comparison
     Hatt,
-    /// The band-limited spectrum fitted anew: closest, AR only, any lower rate
+    /// Fit to the band-limited spectrum: the most accurate, AR models only, any lower rate
     Spectral,
 }
 

@@ -1,4 +1,4 @@
-//! A graph that was saved or typed takes over from the one that runs.
+//! Swap of the running graph for a saved or changed one.
 
 use super::super::super::{remark, warnings};
 use super::super::drivers::Drivers;
@@ -14,26 +14,26 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-/// A graph that took over.
+/// A graph that was swapped in.
 struct Taken {
     graph: Graph,
     change: Change,
-    /// Of its files, as they were when it was loaded.
+    /// Watches its files, from their state when it was loaded.
     watch: Watch,
-    /// Are its texts others than those of the graph before?
+    /// True if its texts differ from those of the previous graph.
     is_saved: bool,
-    /// The live settings that have other values now.
+    /// The live settings with new values.
     set: Vec<(String, f64)>,
 }
 
-/// What a graph that takes over changes.
+/// The effect of a swap.
 struct Difference {
     changed: Changed,
     set: Vec<(String, f64)>,
 }
 
 impl Attended {
-    /// Puts a graph that was loaded in place of the one that runs, if it can be.
+    /// Swaps a loaded graph in, if possible.
     pub(super) fn take(
         &mut self,
         driver: &Drivers,
@@ -47,7 +47,7 @@ impl Attended {
             Ok(ready) => self.put(driver, ready, loading, (says, &wish)),
             Err(wrong) => {
                 show(&wrong, says);
-                says.refusal("the graph stays as it was\n");
+                says.refusal("the running graph is unchanged\n");
                 None
             }
         };
@@ -63,8 +63,8 @@ impl Attended {
                 let default = default.and_then(|(_, text)| text.clone());
                 self.typed.retain(|(known, _)| *known != name);
                 self.typed.push((name.clone(), default));
-                // A file that was saved just before is still seen by the watch, for what else follows from that; it may
-                // find that this graph runs already.
+                // A file saved just before still triggers the watch, which may find that this graph already
+                // runs.
                 if taken.is_saved || !matches!(taken.change, Change::Settings(_)) {
                     self.keep(&taken);
                 }
@@ -87,9 +87,9 @@ impl Attended {
         }
     }
 
-    /// Keeps the files of a graph that was saved, so that the run can be understood.
+    /// Copies the files of a saved graph into the run's folder for later reference.
     fn keep(&mut self, taken: &Taken) {
-        // A fader may change the graph a hundred times a second.
+        // Bounded: a fader may change the graph a hundred times per second.
         if self.saved.len() >= History::MOST {
             return;
         }
@@ -109,7 +109,7 @@ impl Attended {
         });
         if let Err(error) = written {
             remark(&format!(
-                "the saved graph is not kept in {}: {error}\n",
+                "cannot copy the saved graph to {}: {error}\n",
                 place.display()
             ));
         }
@@ -124,7 +124,7 @@ impl Attended {
         }));
     }
 
-    /// Puts a graph in place of the one that runs; one that cannot be changes nothing.
+    /// Swaps a graph in; on failure nothing changes.
     fn put(
         &mut self,
         driver: &Drivers,
@@ -137,24 +137,22 @@ impl Attended {
             show(&warnings(&graph), says);
         }
         let lack = ready.wanted.and_then(|wanted| match driver.lack(&wanted) {
-            Some(what) => Err(format!("it asks for {what} now, and that needs a new run")),
+            Some(what) => Err(format!("it needs {what}; start a new run for it")),
             None => ready.own_files,
         });
         let guarded = match says < Says::Everything && ready.guards != self.guards {
-            true => {
-                Err("an actuator's limit or device would change, and that is not done from afar".to_owned())
-            }
+            true => Err("limits and devices can only be changed in the file or from the terminal".to_owned()),
             false => Ok(()),
         };
         let changed = lack.and(guarded).and_then(|()| self.change(&graph));
         let Difference { changed, set } = match changed {
             Ok(difference) => difference,
             Err(why) => {
-                says.refusal(&format!("the graph stays as it was: {why}\n"));
+                says.refusal(&format!("the running graph is unchanged: {why}\n"));
                 return None;
             }
         };
-        // The file may have been edited meanwhile, so another graph is always told of.
+        // The file may have been edited meanwhile, so a swap is always reported.
         if says == Says::Everything || !matches!(changed.change, Change::Settings(_)) {
             let by = if matches!(wish, Wish::Saved) {
                 "saved"
@@ -177,7 +175,7 @@ impl Attended {
         })
     }
 
-    /// Connects what a graph is connected to, and hands it to the drivers.
+    /// Connects the network devices of a graph and hands the graph to the drivers.
     fn change(&mut self, graph: &Graph) -> Result<Difference, String> {
         let connected = self.network.connect(graph).map_err(|error| error.to_string())?;
         let before: HashMap<String, f64> = self
@@ -205,7 +203,7 @@ impl Attended {
     }
 }
 
-/// What is said of a change; `by` is how it was asked for.
+/// Message about a change; `by` is its origin.
 fn told(changed: &Changed, set: &[(String, f64)], by: &str, took: Duration) -> String {
     let mut text = match (changed.change, set) {
         (Change::Settings(_), [_, ..]) => format!("{by}: {}", shown(set)),
@@ -214,7 +212,7 @@ fn told(changed: &Changed, set: &[(String, f64)], by: &str, took: Duration) -> S
     for (paths, what) in [
         (&changed.begun, "begins"),
         (&changed.ended, "is complete"),
-        (&changed.left_out, "holds other signals and is not begun again"),
+        (&changed.left_out, "has other signals now and is not restarted"),
     ] {
         for path in paths {
             let name = path.file_name().unwrap_or(path.as_os_str()).display();
@@ -228,7 +226,7 @@ fn told(changed: &Changed, set: &[(String, f64)], by: &str, took: Duration) -> S
     text + &format!(" ({does}{:.0} ms)\n", took.as_secs_f64() * 1e3)
 }
 
-/// Settings as they are set, the first few.
+/// The first few settings as `name=value`.
 pub fn shown(set: &[(String, f64)]) -> String {
     const SHOWN: usize = 4;
     let first = set.iter().take(SHOWN);
