@@ -15,7 +15,6 @@ mod doctor;
 mod draw;
 mod evaluate;
 mod failure;
-mod fault;
 mod identify;
 mod import;
 mod interrupt;
@@ -26,15 +25,16 @@ mod man;
 mod new;
 mod nodes;
 mod output;
+mod panic_hook;
 mod progress;
 mod recording;
 mod recover;
-mod remarks;
 mod run;
 mod screen;
 mod segment;
 mod simulate_recording;
 mod snippet;
+mod stderr;
 mod studio;
 mod surface;
 mod sweep;
@@ -49,12 +49,12 @@ use crate::engine::registry::Registry;
 use crate::signal::files;
 use clap::{ArgMatches, Args};
 use failure::{ErrorForm, refuse_usage};
-pub(crate) use failure::{Failure, say, say_json};
-pub(crate) use remarks::remark;
+pub(crate) use failure::{Failure, print, print_json};
 use std::collections::HashSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+pub(crate) use stderr::eprint;
 use terminal::is_coloured;
 
 /// Runs the command line for the node and device kinds in `registry`: parses the arguments of the process,
@@ -70,7 +70,7 @@ use terminal::is_coloured;
 /// }
 /// ```
 pub fn main(registry: &Registry) -> ExitCode {
-    fault::listen();
+    panic_hook::install();
     interrupt::listen();
     let matches = program()
         .try_get_matches_from(with_plain_help(std::env::args_os().collect()))
@@ -87,7 +87,7 @@ pub fn main(registry: &Registry) -> ExitCode {
         false => ErrorForm::Text,
     };
     let code = result.map_or_else(|failure| failure.report(form), |()| ExitCode::SUCCESS);
-    remarks::settle();
+    stderr::flush();
     code
 }
 
@@ -321,9 +321,9 @@ impl GraphArguments {
     }
 
     /// Refuses an output that would overwrite a file the graph reads.
-    pub(crate) fn spare_inputs(&self, graph: &Graph, output: &Path) -> Result<(), Failure> {
+    pub(crate) fn refuse_inputs(&self, graph: &Graph, output: &Path) -> Result<(), Failure> {
         let read = graph.nodes().iter().flat_map(|node| &node.files);
-        spare(read.chain([&self.graph]), output)
+        refuse_overwrite(read.chain([&self.graph]), output)
     }
 
     /// The file name without its extension.
@@ -337,7 +337,7 @@ impl GraphArguments {
 /// Prints the warnings of a checked graph on standard error.
 pub(crate) fn warn(graph: &Graph) {
     if !graph.warnings().is_empty() {
-        remark(&render(&warnings(graph), is_coloured(&std::io::stderr())));
+        eprint(&render(&warnings(graph), is_coloured(&std::io::stderr())));
     }
 }
 
@@ -355,7 +355,10 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
 }
 
 /// Refuses an output path that is also an input.
-pub(crate) fn spare(inputs: impl IntoIterator<Item: AsRef<Path>>, output: &Path) -> Result<(), Failure> {
+pub(crate) fn refuse_overwrite(
+    inputs: impl IntoIterator<Item: AsRef<Path>>,
+    output: &Path,
+) -> Result<(), Failure> {
     // A path that cannot be resolved does not exist yet.
     let Ok(target) = output.canonicalize() else {
         return Ok(());

@@ -76,8 +76,8 @@ pub fn record(
     let document = Document::parse("recorder.ron", GRAPH)?;
     let graph = check(&document, &haptograph_nodes::registry(), &options)?;
     let folder = tempfile::tempdir()?;
-    let mut outlets = FileSinks::new(&graph);
-    outlets.open_files(folder.path()).map_err(OfflineError::from)?;
-    Offline::new(outlets, 0).run(session.seconds, stop, progress)?;
+    let mut file_sinks = FileSinks::new(&graph);
+    file_sinks.open_files(folder.path()).map_err(OfflineError::from)?;
+    Offline::new(file_sinks, 0).run(session.seconds, stop, progress)?;
     Ok(load(&folder.path().join(FILE))?)
 }

@@ -6,7 +6,7 @@ use super::output::Output;
 use super::progress::Progress;
 use super::table::{significant, table};
 use super::{
-    Failure, evaluate, folder_of, output, read_file, recording, remark, run, say, say_json, surface,
+    Failure, eprint, evaluate, folder_of, output, print, print_json, read_file, recording, run, surface,
 };
 use crate::engine::registry::Registry;
 use crate::signal::files;
@@ -141,11 +141,11 @@ fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Resu
 fn part_facts(json: bool, path: &Path, part: &StudyPart, kept: bool) -> Result<(), Failure> {
     let textures = part.numbers().count();
     if json {
-        return say_json(&json!({ "part": path, "textures": textures, "of": part.head.of, "kept": kept }));
+        return print_json(&json!({ "part": path, "textures": textures, "of": part.head.of, "kept": kept }));
     }
     let (path, of) = (path.display(), part.head.of);
     let there = if kept { "; kept the existing part" } else { "" };
-    say(&format!("{textures} of {of} textures: {path}{there}\n"))
+    print(&format!("{textures} of {of} textures: {path}{there}\n"))
 }
 
 fn read_part(path: &Path) -> Result<StudyPart, Failure> {
@@ -169,10 +169,10 @@ fn merge(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
     let found = found.map_err(|error| Failure::Message(error.to_string()))?;
     drop(progress);
     if json {
-        return say_json(&evaluate::to_json(&found, head.simulated > 0));
+        return print_json(&evaluate::to_json(&found, head.simulated > 0));
     }
-    say(&evaluate::describe(&found))?;
-    evaluate::say_simulated(head.simulated, head.recordings)
+    print(&evaluate::describe(&found))?;
+    evaluate::print_simulated(head.simulated, head.recordings)
 }
 
 /// A surface to learn.
@@ -245,7 +245,7 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
     let counted = report(given, &items, outcomes)?;
     if stopped {
         let missing = items.len() - counted.0;
-        remark(&format!(
+        eprint(&format!(
             "stopped with {missing} of {} surfaces missing; repeat the command to continue\n",
             items.len()
         ));
@@ -324,7 +324,7 @@ fn learn_item(
         .map_err(|error| Failure::Message(by_file(&error.to_string(), &error, &named, &recordings)))?;
     for missing in &report.missing {
         let said = by_file(&missing.to_string(), &missing.reason, &named, &recordings);
-        remark(&format!("warning: {}: {said}\n", item.name));
+        eprint(&format!("warning: {}: {said}\n", item.name));
     }
     for (index, (path, _)) in named.iter().enumerate() {
         let file = path.file_name().unwrap_or_default().to_string_lossy();
@@ -364,7 +364,7 @@ fn report(
             "kept": kept,
             "failed": failed.collect::<Vec<_>>(),
         });
-        return say_json(&facts).map(|()| counts);
+        return print_json(&facts).map(|()| counts);
     }
     if !surfaces.is_empty() {
         let header = ["surface", "recordings", "origin", "models", "mu", "taps", "N/mm"];
@@ -372,22 +372,22 @@ fn report(
             .iter()
             .map(|(item, surface)| row(item, surface))
             .collect();
-        say(&table(&header, &rows))?;
+        print(&table(&header, &rows))?;
     }
     if !failed.is_empty() {
         // The whole error first, with its place in the file.
         failed
             .iter()
-            .for_each(|(_, why)| remark(&format!("{}\n", why.trim_end())));
+            .for_each(|(_, why)| eprint(&format!("{}\n", why.trim_end())));
         let row = |(item, why): &(&Item, String)| {
             let line = why.lines().next().unwrap_or_default();
             vec![item.name.clone(), line.trim_start_matches("error: ").to_owned()]
         };
         let rows: Vec<_> = failed.iter().map(row).collect();
-        remark(&format!("\n{}", table(&["not learned", "why"], &rows)));
+        eprint(&format!("\n{}", table(&["not learned", "why"], &rows)));
     }
     let (learned, folder) = (counts.0 - kept, given.output.display());
-    remark(&format!(
+    eprint(&format!(
         "learned {learned} surfaces, kept {kept} existing ones: {folder}\n"
     ));
     Ok(counts)
@@ -461,7 +461,7 @@ fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
             (By::Material, Some(name)) => name.material,
             (By::Material, None) => {
                 let path = recording.display();
-                remark(&format!(
+                eprint(&format!(
                     "warning: skipped {path}: its name is not <material>.<person>.<take>.<extension>\n"
                 ));
                 continue;

@@ -2,7 +2,7 @@
 
 use super::output::{self, Force};
 use super::progress::Progress;
-use super::{Failure, read_file, remark, run, say, say_json, snippet};
+use super::{Failure, eprint, print, print_json, read_file, run, snippet};
 use crate::engine::frame::Kind;
 use crate::engine::node::Stream;
 use crate::engine::registry::Registry;
@@ -110,12 +110,12 @@ fn describe(arguments: &Arguments, batch: &Batch) -> Result<(), Failure> {
     let (surfaces, motions) = (batch.surfaces().len(), batch.motions().count());
     let (seconds, bytes) = (batch.seconds(), batch.bytes());
     if arguments.json {
-        return say_json(&json!({
+        return print_json(&json!({
             "jobs": jobs, "chunks": chunks, "surfaces": surfaces, "motions": motions, "seconds": seconds, "bytes": bytes,
         }));
     }
     let mebibytes = bytes as f64 / f64::from(1 << 20);
-    say(&format!(
+    print(&format!(
         "{jobs} jobs in {chunks} chunks, {surfaces} surfaces along {motions} motions: {seconds:.0} s of signals, {mebibytes:.1} MiB\n"
     ))
 }
@@ -132,13 +132,13 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
     drop(progress);
     let done = done.map_err(|error| Failure::Message(error.to_string()))?;
     for (path, why) in &done.replaced {
-        remark(&format!(
+        eprint(&format!(
             "note: chunk {} was broken and is rendered again: {why}\n",
             path.display()
         ));
     }
     if arguments.json {
-        say_json(&facts(&done, folder))?;
+        print_json(&facts(&done, folder))?;
     }
     let Rendered {
         chunks,
@@ -148,7 +148,7 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
     } = done;
     if done.was_stopped {
         let missing = chunks - rendered - kept;
-        remark(&format!(
+        eprint(&format!(
             "stopped with {missing} of {chunks} chunks missing; repeat the command to continue\n"
         ));
         return Err(Failure::Interrupted);
@@ -164,7 +164,7 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
         true => "the data set is complete",
         false => "the other parts are missing",
     };
-    say(&format!(
+    print(&format!(
         "rendered {rendered} of {chunks} chunks{there}; {whole}: {}\n",
         folder.display()
     ))
@@ -188,10 +188,10 @@ fn merge(parts: &[PathBuf], output: &Path, json: bool) -> Result<(), Failure> {
     drop(progress);
     let merged = merged.map_err(|error| Failure::Message(error.to_string()))?;
     if json {
-        return say_json(&json!({ "chunks": merged.chunks, "jobs": merged.jobs, "folder": output }));
+        return print_json(&json!({ "chunks": merged.chunks, "jobs": merged.jobs, "folder": output }));
     }
     let (parts, chunks, jobs) = (parts.len(), merged.chunks, merged.jobs);
-    say(&format!(
+    print(&format!(
         "merged {chunks} chunks, {jobs} jobs, of {parts} parts: {}\n",
         output.display()
     ))
@@ -220,9 +220,9 @@ fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -
     }
     drop(progress);
     if json {
-        return say_json(&json!({ "written": written }));
+        return print_json(&json!({ "written": written }));
     }
-    say(&format!(
+    print(&format!(
         "wrote {} WAV files: {}\n",
         written.len(),
         folder.display()
@@ -277,5 +277,5 @@ fn shown(error: &PlanError) -> Failure {
     let text = String::from_utf8_lossy(&bytes);
     let line = text.lines().nth(place.line - 1).unwrap_or_default();
     let (name, message) = (error.path.display().to_string(), error.problem.to_string());
-    Failure::Shown(snippet::at(&name, line, place.line, place.column, &message))
+    Failure::Rendered(snippet::at(&name, line, place.line, place.column, &message))
 }

@@ -1,14 +1,14 @@
 //! `haptograph bench`: the cost of a graph on this machine, node by node.
 
-mod account;
+mod cost_report;
 
 use super::output::{Force, Output};
 use super::run::progress_bar;
-use super::{Failure, GraphArguments, say};
+use super::{Failure, GraphArguments, print};
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
 use crate::engine::run::{Profile, Runner};
-use account::{Account, Turns};
+use cost_report::{CostReport, Timings};
 use std::convert::Infallible;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -51,7 +51,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(registry, None)?;
     let claim = |path: &PathBuf| {
-        arguments.graph.spare_inputs(&graph, path)?;
+        arguments.graph.refuse_inputs(&graph, path)?;
         Output::claim(path, arguments.force)
     };
     let svg = arguments.svg.as_ref().map(claim).transpose()?;
@@ -62,20 +62,20 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let plans: Vec<Arc<Plan>> = Plan::of(&graph, &options).into_iter().map(Arc::new).collect();
     let mut profile = Profile::new(&plans);
     let turns = measure(&plans, &mut profile, arguments.seconds);
-    let account = Account::new(&graph, &plans, &profile, &turns);
+    let report = CostReport::new(&graph, &plans, &profile, &turns);
     if let Some(svg) = &svg {
-        svg.write(&account.to_svg(&arguments.graph.name()))?;
+        svg.write(&report.to_svg(&arguments.graph.name()))?;
     }
-    say(&if arguments.json {
-        account.to_json()?
+    print(&if arguments.json {
+        report.to_json()?
     } else {
-        account.to_text()
+        report.to_text()
     })
 }
 
 /// Alternates three kinds of runs: plain, with every step timed, and, with several drivers, timed driver by
 /// driver.
-fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
+fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Timings {
     let mut plain = Runner::new(plans);
     let mut plain_round = || {
         let Ok(()) = plain.run_quantum(|_, _| Ok::<(), Infallible>(()));
@@ -90,7 +90,7 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
         profile.run_quantum();
         rounds += 1;
     }
-    let mut turns = Turns::default();
+    let mut turns = Timings::default();
     for number in 0.. {
         let done_s = begun.elapsed().as_secs_f64();
         progress.set_position((1000.0 * done_s) as u64);

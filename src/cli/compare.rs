@@ -4,7 +4,7 @@ mod signal;
 
 use super::import::{NamedColumn, Tables, named_column};
 use super::table::{facts, significant};
-use super::{Failure, say, say_json};
+use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
 use crate::surfaces::metrics::level::{envelope_error_db, excess_kurtosis, levels_db};
 use crate::surfaces::metrics::spectral::Comparison;
@@ -86,7 +86,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let windows = windows(arguments, rate_hz);
     let found = found(arguments, &a, &b, rate_hz, &windows)?;
     if arguments.json {
-        return say_json(&to_json(&found, rate_hz, simulated.is_some()));
+        return print_json(&to_json(&found, rate_hz, simulated.is_some()));
     }
     let mut shown = describe(&found);
     shown.push((
@@ -97,7 +97,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         ),
     ));
     shown.extend(simulated.map(|which| ("simulated", which)));
-    say(&facts(&shown))
+    print(&facts(&shown))
 }
 
 /// The named column, if any, and the import settings of tables.

@@ -1,6 +1,6 @@
 //! `haptograph completions`: completion scripts for shells.
 
-use super::{Failure, program, say};
+use super::{Failure, print, program};
 use crate::engine::registry::Registry;
 use clap_complete::Shell;
 
@@ -18,5 +18,5 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let mut text = Vec::new();
     clap_complete::generate(arguments.shell, &mut program(), "haptograph", &mut text);
-    say(&String::from_utf8_lossy(&text))
+    print(&String::from_utf8_lossy(&text))
 }

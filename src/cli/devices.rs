@@ -1,7 +1,7 @@
 //! `haptograph devices`: the hardware of this machine that a graph can use.
 
 use super::built::{Hardware, MIDI, POINTERS, SERIAL, SOUNDCARDS};
-use super::{Failure, say, say_json};
+use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
 use crate::nodes::network::inputs::midi_ports;
 use crate::nodes::soundcard::{Ability, Listed, SoundcardError, list};
@@ -35,7 +35,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
             .filter(|hardware| !hardware.is_built)
             .map(|hardware| hardware.feature)
             .collect();
-        return say_json(&json!({
+        return print_json(&json!({
             "soundcards": soundcards, "pointers": pointers, "serial": serial, "midi": midi,
             "missing_features": missing,
         }));
@@ -55,7 +55,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         .iter()
         .map(|(hardware, kinds, names)| section(*hardware, kinds, names))
         .collect();
-    say(&text)
+    print(&text)
 }
 
 /// A section of the list: the names of the devices, or one line that says why there are none.

@@ -1,7 +1,7 @@
 //! `haptograph doctor`: checks of this machine for low latency, with advice.
 
 use super::run::folder::dead_in;
-use super::{Failure, say, say_json};
+use super::{Failure, print, print_json};
 use crate::engine::document::Document;
 use crate::engine::graph::{CheckOptions, check};
 use crate::engine::registry::Registry;
@@ -57,7 +57,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     findings.push(timer(registry)?);
     if arguments.json {
         let finding = |finding: &Finding| json!({ "what": finding.what, "found": finding.found, "advice": finding.advice });
-        return say_json(&findings.iter().map(finding).collect::<Vec<_>>());
+        return print_json(&findings.iter().map(finding).collect::<Vec<_>>());
     }
     let lacking = findings.iter().filter(|finding| finding.advice.is_some()).count();
     let text: String = findings.iter().map(shown).collect();
@@ -66,7 +66,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         1 => "found 1 possible improvement\n".to_owned(),
         _ => format!("found {lacking} possible improvements\n"),
     };
-    say(&(text + &end))
+    print(&(text + &end))
 }
 
 fn shown(finding: &Finding) -> String {

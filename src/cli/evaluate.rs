@@ -9,7 +9,7 @@ use super::import::Import;
 use super::output::{Force, Output};
 use super::progress::Progress;
 use super::table::{facts, significant, table};
-use super::{Failure, learn as learning, remark, say, say_json};
+use super::{Failure, eprint, learn as learning, print, print_json};
 use crate::engine::registry::Registry;
 use crate::surfaces::Origin;
 use crate::surfaces::evaluate::{
@@ -94,9 +94,9 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         None => None,
     };
     if arguments.json {
-        return say_json(&to_json(&found, takes.iter().any(is_simulated)));
+        return print_json(&to_json(&found, takes.iter().any(is_simulated)));
     }
-    say(&describe(&found))?;
+    print(&describe(&found))?;
     conclude(&takes, page)
 }
 
@@ -115,25 +115,25 @@ fn run_holdout(arguments: &Arguments, page: Option<&Output>, takes: &[Take]) -> 
         .map(|page| page.write(&crate::report::holdout::page(&title, &found, &contact, simulated)))
         .transpose()?;
     if arguments.json {
-        return say_json(&holdout::to_json(&found, &contact, simulated));
+        return print_json(&holdout::to_json(&found, &contact, simulated));
     }
-    say(&holdout::describe(&found))?;
-    say(&holdout::describe_contact(&contact))?;
+    print(&holdout::describe(&found))?;
+    print(&holdout::describe_contact(&contact))?;
     conclude(takes, page)
 }
 
 /// Prints how many recordings are simulated, and the path of the page.
 fn conclude(takes: &[Take], page: Option<PathBuf>) -> Result<(), Failure> {
     let simulated = takes.iter().filter(|take| is_simulated(take)).count();
-    say_simulated(simulated, takes.len())?;
-    page.map_or(Ok(()), |page| say(&format!("\nlook at {}\n", page.display())))
+    print_simulated(simulated, takes.len())?;
+    page.map_or(Ok(()), |page| print(&format!("\nlook at {}\n", page.display())))
 }
 
 /// Prints how many recordings are simulated, if any.
-pub(super) fn say_simulated(simulated: usize, of: usize) -> Result<(), Failure> {
+pub(super) fn print_simulated(simulated: usize, of: usize) -> Result<(), Failure> {
     match simulated {
         0 => Ok(()),
-        _ => say(&format!("\n{simulated} of {of} recordings are simulated\n")),
+        _ => print(&format!("\n{simulated} of {of} recordings are simulated\n")),
     }
 }
 
@@ -177,7 +177,7 @@ fn write_report(
         let one = learn(material, &recordings, &settings, &|_| ());
         let one = one.map_err(|error| Failure::Message(format!("{material}: {error}")))?;
         for missing in &one.1.missing {
-            remark(&format!("warning: {missing}\n"));
+            eprint(&format!("warning: {missing}\n"));
         }
         learned.push(one);
         progress.at((number + 1) as f64 / found.materials.len() as f64);

@@ -1,7 +1,7 @@
 //! Errors of commands, and printing to standard output as text or JSON.
 
 use super::interrupt::INTERRUPTED;
-use super::remarks::{self, remark};
+use super::stderr::{self, eprint};
 use super::terminal::is_coloured;
 use crate::engine::diagnostic::{Diagnostics, render, to_json};
 use std::io::Write;
@@ -25,7 +25,7 @@ pub enum Failure {
     Message(String),
     /// An error already rendered with its place in a text.
     #[error("{0}")]
-    Shown(String),
+    Rendered(String),
     /// The reader of standard output has gone away.
     #[error("")]
     BrokenPipe,
@@ -53,7 +53,7 @@ impl Failure {
         if !json || matches!(self, Self::BrokenPipe | Self::Interrupted) {
             return self;
         }
-        remark(&self.text());
+        eprint(&self.text());
         Self::Reported
     }
 
@@ -63,9 +63,9 @@ impl Failure {
             refuse_usage(error);
         }
         match form {
-            ErrorForm::Text => remark(&self.text()),
+            ErrorForm::Text => eprint(&self.text()),
             // A failure to print the failure cannot be reported.
-            ErrorForm::Json => drop(self.to_json().map_or(Ok(()), |error| say_json(&error))),
+            ErrorForm::Json => drop(self.to_json().map_or(Ok(()), |error| print_json(&error))),
         }
         match self {
             Self::BrokenPipe => ExitCode::SUCCESS,
@@ -79,7 +79,7 @@ impl Failure {
             Self::Graph(diagnostics) => render(diagnostics, is_coloured(&std::io::stderr())),
             Self::Message(text) => format!("error: {text}\n"),
             Self::Usage(error) => error.to_string(),
-            Self::Shown(text) => text.clone(),
+            Self::Rendered(text) => text.clone(),
             Self::Reported | Self::BrokenPipe | Self::Interrupted => String::new(),
         }
     }
@@ -94,7 +94,7 @@ impl Failure {
                     .map_or("", |finding| finding.message.as_str());
                 Some(serde_json::json!({ "error": first, "findings": findings_json(diagnostics) }))
             }
-            Self::Message(text) | Self::Shown(text) => {
+            Self::Message(text) | Self::Rendered(text) => {
                 let text = text.trim_start_matches("error: ").trim_end();
                 Some(serde_json::json!({ "error": text }))
             }
@@ -109,9 +109,9 @@ pub fn findings_json(findings: &Diagnostics) -> serde_json::Value {
 }
 
 /// Prints to standard output. A closed pipe ends the command without a message.
-pub fn say(text: &str) -> Result<(), Failure> {
+pub fn print(text: &str) -> Result<(), Failure> {
     // Keeps the order of messages if both streams go to one place.
-    remarks::settle();
+    stderr::flush();
     let mut out = std::io::stdout().lock();
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
@@ -122,19 +122,19 @@ pub fn say(text: &str) -> Result<(), Failure> {
 }
 
 /// Prints a value to standard output as one line of JSON.
-pub fn say_json(value: &impl serde::Serialize) -> Result<(), Failure> {
+pub fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(value)
         .map_err(|error| Failure::Message(format!("cannot write the result as JSON: {error}")))?;
-    say(&(text + "\n"))
+    print(&(text + "\n"))
 }
 
 /// Prints usage errors, `--help` and `--version` in clap's words; exits with 2 or 0.
 pub fn refuse_usage(error: &clap::Error) -> ! {
     if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
         let text = error.to_string();
-        let told = serde_json::json!({ "error": text.trim_start_matches("error: ").trim_end() });
+        let object = serde_json::json!({ "error": text.trim_start_matches("error: ").trim_end() });
         // A failure to print the failure cannot be reported.
-        let _ = say_json(&told);
+        let _ = print_json(&object);
         std::process::exit(2);
     }
     error.exit()

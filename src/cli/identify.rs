@@ -2,7 +2,7 @@
 
 use super::import::Import;
 use super::output::{Force, Output};
-use super::{Failure, recording, remark, say};
+use super::{Failure, eprint, print, recording};
 use crate::engine::registry::Registry;
 use crate::engine::settings::Setting;
 use crate::nodes::actuators::identify::{Identified, Known, Sweep, identify};
@@ -87,7 +87,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let (file, findings) =
         load_sweep(&arguments.recording, &import).map_err(|error| recording::failure(&error))?;
     for finding in &findings {
-        remark(&format!(
+        eprint(&format!(
             "warning: {}\n",
             recording::said(&arguments.recording, finding)
         ));
@@ -104,10 +104,10 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let page = page.map(|page| page.write(&show(arguments, &found, simulated)));
     let page = page.transpose()?;
     if arguments.json {
-        return say(&as_json(&found, simulated));
+        return print(&as_json(&found, simulated));
     }
     let looked = page.map_or_else(String::new, |page| format!("look at {}\n", page.display()));
-    say(&(as_text(&found, simulated) + &looked))
+    print(&(as_text(&found, simulated) + &looked))
 }
 
 /// The page, as HTML.

@@ -3,9 +3,9 @@
 use super::screen::Prompt;
 
 /// Maximum length of a line, characters.
-const MOST_LETTERS: usize = 4096;
+const MAX_CHARACTERS: usize = 4096;
 /// Maximum number of lines in the history.
-const MOST_LINES: usize = 1000;
+const MAX_LINES: usize = 1000;
 
 /// A line being edited.
 #[derive(Debug, Default)]
@@ -21,7 +21,7 @@ pub struct Editor {
 
 impl Editor {
     /// Processes a byte from the keyboard; returns the line that it completes.
-    pub fn take(&mut self, byte: u8) -> Option<String> {
+    pub fn feed(&mut self, byte: u8) -> Option<String> {
         if !self.begun.is_empty() || byte == 0x1b || byte >= 0x80 {
             self.begun.push(byte);
             self.go_on();
@@ -103,14 +103,14 @@ impl Editor {
         if !line.trim().is_empty() && self.history.last() != Some(&line) {
             self.history.push(line.clone());
         }
-        if self.history.len() > MOST_LINES {
+        if self.history.len() > MAX_LINES {
             self.history.remove(0);
         }
         line
     }
 
     fn insert(&mut self, letter: char) {
-        if self.line.len() < MOST_LETTERS && !letter.is_control() {
+        if self.line.len() < MAX_CHARACTERS && !letter.is_control() {
             self.line.insert(self.cursor, letter);
             self.cursor += 1;
         }
@@ -221,7 +221,7 @@ mod tests {
     use super::*;
 
     fn typed(editor: &mut Editor, keys: &str) -> Vec<String> {
-        keys.bytes().filter_map(|byte| editor.take(byte)).collect()
+        keys.bytes().filter_map(|byte| editor.feed(byte)).collect()
     }
 
     #[test]
@@ -277,10 +277,10 @@ mod tests {
         let mut editor = Editor::default();
         for round in 0..20_000_u32 {
             let byte = (round.wrapping_mul(2_654_435_761) >> 13) as u8;
-            let _ = editor.take(byte);
+            let _ = editor.feed(byte);
         }
         typed(&mut editor, "\x15");
-        (0..2 * MOST_LETTERS).for_each(|_| assert_eq!(editor.take(b'a'), None));
-        assert!(editor.prompt().text.chars().count() <= MOST_LETTERS);
+        (0..2 * MAX_CHARACTERS).for_each(|_| assert_eq!(editor.feed(b'a'), None));
+        assert!(editor.prompt().text.chars().count() <= MAX_CHARACTERS);
     }
 }

@@ -7,7 +7,7 @@ use super::import::Import;
 use super::output::{Force, Output};
 use super::progress::Progress;
 use super::recording::Loaded;
-use super::{Failure, recording, remark, say, say_json, segment, spare, surface};
+use super::{Failure, eprint, print, print_json, recording, refuse_overwrite, segment, surface};
 use crate::engine::registry::Registry;
 use crate::surfaces::learning::law::LawSettings;
 use crate::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
@@ -205,7 +205,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     }
     at_scale::refuse_of_files(&arguments.folder)?;
     let files = files(arguments);
-    spare(
+    refuse_overwrite(
         files.iter().flat_map(|(path, _)| recording::parts(path)),
         &arguments.output,
     )?;
@@ -245,7 +245,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let missing = report.missing.iter();
     let missing = missing.map(|missing| by_file(&missing.to_string(), &missing.reason, &files, &recordings));
     for said in summary::shortness(&learned, &report).into_iter().chain(missing) {
-        remark(&format!("warning: {said}\n"));
+        eprint(&format!("warning: {said}\n"));
         warnings.push(said);
     }
     let page = page.map(|page| page.write(&crate::report::learning::page(&learned, &report)));
@@ -253,13 +253,13 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     if arguments.json {
         let recordings = recordings.len();
         let coverage = summary::coverage(&learned, &report, is_implausible);
-        return say_json(&json!({
+        return print_json(&json!({
             "written": [output], "page": page, "name": name, "recordings": recordings,
             "coverage": coverage, "warnings": warnings,
         }));
     }
     let looked = page.map_or_else(String::new, |page| format!("look at {}\n", page.display()));
-    say(&(summary::describe(&learned, &report, &output, is_implausible) + &looked))
+    print(&(summary::describe(&learned, &report, &output, is_implausible) + &looked))
 }
 
 /// Replaces `recording N` in a message by the name of that recording's file.
@@ -310,7 +310,7 @@ fn read(path: &Path, gesture: Option<Gesture>, import: &ImportSettings) -> Resul
             own.as_str(),
             gesture.as_str()
         );
-        remark(&format!("warning: {said}\n"));
+        eprint(&format!("warning: {said}\n"));
         loaded.warnings.push(said);
     }
     loaded.recording = loaded.recording.with_gesture(gesture);

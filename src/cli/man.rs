@@ -1,7 +1,7 @@
 //! `haptograph man`: manual pages generated from the help texts.
 
 use super::output::{Force, Output};
-use super::{Failure, program, say};
+use super::{Failure, print, program};
 use crate::engine::registry::Registry;
 use crate::engine::settings::closest;
 use std::fs;
@@ -35,7 +35,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
             }
             Ok(())
         }
-        None => say(&page(find(&all, &arguments.command)?)?),
+        None => print(&page(find(&all, &arguments.command)?)?),
     }
 }
 

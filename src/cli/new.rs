@@ -1,6 +1,6 @@
 //! `haptograph new`: writes a first graph.
 
-use super::{Failure, say, say_json};
+use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
 use serde_json::json;
 use std::io::Write;
@@ -30,10 +30,10 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     file.write_all(STARTER.as_bytes())
         .map_err(|error| Failure::file("write", path, &error))?;
     if arguments.json {
-        return say_json(&json!({ "written": [path] }));
+        return print_json(&json!({ "written": [path] }));
     }
     let shown = path.display();
-    say(&format!(
+    print(&format!(
         "wrote {shown}\n\nrun it:   haptograph run {shown}\ndraw it:  haptograph draw {shown} -o graph.svg\n"
     ))
 }

@@ -1,7 +1,7 @@
 //! `haptograph nodes`: reference of nodes, devices, bridges and templates, from the declarations that graphs
 //! are checked against.
 
-use super::{Failure, say, say_json};
+use super::{Failure, print, print_json};
 use crate::engine::device::Channel;
 use crate::engine::document::library::templates;
 use crate::engine::node::Presence;
@@ -39,17 +39,17 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         words: arguments.find.clone(),
     };
     match &arguments.name {
-        None if arguments.markdown => say(&reference::book(registry)),
-        None if arguments.json => say_json(&kinds(registry, &|name, group, doc, settings| {
+        None if arguments.markdown => print(&reference::book(registry)),
+        None if arguments.json => print_json(&kinds(registry, &|name, group, doc, settings| {
             filter.takes(name, group, doc, settings)
         })),
-        None => say(&listed(registry, &filter)?),
+        None => print(&listed(registry, &filter)?),
         Some(name) => match reference::kind(registry, name) {
             Some(text) if arguments.json => match kinds(registry, &|kind, _, _, _| kind == name).get(0) {
-                Some(named) => say_json(named),
-                None => say_json(&json!({ "name": name, "group": reference::BRIDGES, "doc": text })),
+                Some(named) => print_json(named),
+                None => print_json(&json!({ "name": name, "group": reference::BRIDGES, "doc": text })),
             },
-            Some(text) => say(&text),
+            Some(text) => print(&text),
             None => Err(unknown(registry, name)),
         },
     }

@@ -2,8 +2,8 @@
 //! since, which its hash in `.haptograph.json` beside it shows. Otherwise the command fails before it
 //! computes anything, unless `--force` is given.
 
-use super::written::{Written, free_beside};
-use super::{Failure, folder_of, remark};
+use super::written::{FileManifest, free_beside};
+use super::{Failure, eprint, folder_of};
 use std::fmt::Display;
 use std::fs::{self, File};
 use std::io;
@@ -108,7 +108,7 @@ pub fn place(from: &Path, to: &Path, force: Force) -> Result<PathBuf, Failure> {
         Err(_) => {
             let free = free_beside(to);
             let (to, free_shown) = (to.display(), free.display());
-            remark(&format!(
+            eprint(&format!(
                 "note: {to} was changed since haptograph wrote it and is kept; wrote {free_shown} instead\n"
             ));
             (free.clone(), free)
@@ -131,7 +131,7 @@ pub fn place(from: &Path, to: &Path, force: Force) -> Result<PathBuf, Failure> {
     });
     if let Err(error) = noted {
         let shown = shown.display();
-        remark(&format!(
+        eprint(&format!(
             "note: cannot record that haptograph wrote {shown}; later runs will replace it only with --force: {error}\n"
         ));
     }
@@ -166,16 +166,16 @@ fn is_own(place: &Path) -> bool {
     let (Ok(folder), Some(name)) = (folder_of(place), place.file_name()) else {
         return false;
     };
-    let list = Written::read(&folder.join(LEDGER));
+    let list = FileManifest::read(&folder.join(LEDGER));
     list.is_some_and(|list| list.is_unchanged(folder, Path::new(name)))
 }
 
 /// Changes the entry of a file in the list of its folder.
-fn note(place: &Path, change: impl FnOnce(&mut Written, &Path) -> io::Result<()>) -> io::Result<()> {
+fn note(place: &Path, change: impl FnOnce(&mut FileManifest, &Path) -> io::Result<()>) -> io::Result<()> {
     let folder = folder_of(place).map_err(io::Error::other)?;
     let _lock = lock(folder);
     let ledger = folder.join(LEDGER);
-    let list = Written::read(&ledger);
+    let list = FileManifest::read(&ledger);
     if list.is_none() && fs::symlink_metadata(&ledger).is_ok() {
         return Err(io::Error::other(format!(
             "{} is not a file list of haptograph",

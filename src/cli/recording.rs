@@ -1,7 +1,7 @@
 //! Reading recordings and tables for commands: errors are shown at their place in the file, findings are
 //! printed as warnings.
 
-use super::{Failure, remark, snippet};
+use super::{Failure, eprint, snippet};
 use crate::engine::settings::closest;
 use crate::signal::files::{self, MAX_RECORDING_BYTES};
 use crate::surfaces::Origin;
@@ -36,7 +36,7 @@ pub struct Loaded {
 pub fn load_with(path: &Path, import: &ImportSettings) -> Result<Loaded, Failure> {
     let loaded = try_load(path, import).map_err(|error| failure(&error))?;
     for warning in &loaded.warnings {
-        remark(&format!("warning: {warning}\n"));
+        eprint(&format!("warning: {warning}\n"));
     }
     Ok(loaded)
 }
@@ -75,20 +75,20 @@ pub fn said(path: &Path, finding: &Finding) -> String {
     };
     let names = columns
         .iter()
-        .take(MOST_NAMED)
+        .take(MAX_NAMED)
         .map(|name| match closest(name, COLUMNS) {
             Some(near) => format!("{name:?} (did you mean {near}?)"),
             None => format!("{name:?}"),
         });
     let names = names.collect::<Vec<_>>().join(", ");
-    match columns.len().saturating_sub(MOST_NAMED) {
+    match columns.len().saturating_sub(MAX_NAMED) {
         0 => format!("{}: unused columns: {names}", path.display()),
         more => format!("{}: unused columns: {names}, and {more} more", path.display()),
     }
 }
 
 /// Maximum number of columns in one message.
-const MOST_NAMED: usize = 8;
+const MAX_NAMED: usize = 8;
 
 /// The failure to read a file, shown at its place if the file is text.
 pub fn failure(error: &LoadError) -> Failure {
@@ -171,5 +171,5 @@ fn wrong(path: &Path, bytes: &[u8], error: &ReadError, message: &str) -> Failure
             &message,
         ))
     });
-    shown.map_or_else(|| Failure::Message(message.to_owned()), Failure::Shown)
+    shown.map_or_else(|| Failure::Message(message.to_owned()), Failure::Rendered)
 }

@@ -6,7 +6,7 @@
 
 use super::run::folder::{MARKER, PARTIAL, PROBES};
 use super::run::placing::{MovePlan, resume};
-use super::{Failure, remark, say, say_json};
+use super::{Failure, eprint, print, print_json};
 use crate::engine::registry::Registry;
 use crate::nodes::wav::{Repair, repair};
 use crate::signal::files;
@@ -35,16 +35,16 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         for done in recover(path)? {
             match done {
                 Ok(text) if arguments.json => repaired.push(text),
-                Ok(text) => say(&(text + "\n"))?,
+                Ok(text) => print(&(text + "\n"))?,
                 Err(failure) => {
-                    remark(&format!("error: {failure}\n"));
+                    eprint(&format!("error: {failure}\n"));
                     failed = true;
                 }
             }
         }
     }
     if arguments.json {
-        say_json(&json!({ "done": repaired, "complete": !failed }))?;
+        print_json(&json!({ "done": repaired, "complete": !failed }))?;
     }
     if failed { Err(Failure::Reported) } else { Ok(()) }
 }

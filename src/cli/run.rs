@@ -1,40 +1,40 @@
 //! `haptograph run`: runs a graph offline or in real time and writes a folder with the files of its sinks, a
 //! page and `run.json`.
 
-mod afar;
-mod attended;
 mod console;
 mod driver;
 mod drivers;
 mod endpoints;
 mod facts;
 pub mod folder;
-mod guards;
 mod history;
 mod latency;
 mod live;
 mod loading;
+mod network_value;
 mod outputs;
 pub mod placing;
+mod plotted;
 pub mod present;
+mod protected;
 mod replay;
-mod shown;
 mod silence;
 mod status;
 pub mod summary;
+mod supervisor;
 mod watch;
 
 use super::output::{self, Force};
 use super::terminal::is_animated;
-use super::{Failure, GraphArguments, interrupt, remark, remarks, say};
+use super::{Failure, GraphArguments, eprint, interrupt, print, stderr};
 use crate::engine::graph::{Graph, GraphDevice};
 use crate::engine::registry::Registry;
 use crate::engine::run::{ARRIVALS, FileSinks, Offline, Outcome};
 use crate::report::sound::Sound;
 use folder::RunFolder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+pub use plotted::PlottedSignals;
 use present::Present;
-pub use shown::Shown;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -113,16 +113,16 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     }
     let graph = arguments.graph.load_and_warn(registry, arguments.seed)?;
     lasts_a_frame(&graph, arguments.duration_s)?;
-    let mut made = Making::begin(arguments, &graph)?;
+    let mut setup = RunSetup::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
-    made.kept.folder.begin();
+    setup.completion.folder.begin();
     let duration_s = arguments.duration_s.unwrap_or(DURATION_S);
     let offline =
-        Offline::new(made.outlets, usize::from(arguments.block)).threads(usize::from(arguments.threads));
+        Offline::new(setup.file_sinks, usize::from(arguments.block)).threads(usize::from(arguments.threads));
     let (outcome, took_s) = timed(offline, duration_s, &stop)?;
     let mut summary = Summary::of(arguments, &graph, &outcome, took_s);
     summary.add(Vec::new(), unreached(&graph));
-    let sound = made.kept.complete(arguments, &graph, &summary)?;
+    let sound = setup.completion.complete(arguments, &graph, &summary)?;
     let played = arguments.present.play_sound(sound, &stop);
     played.map_err(|failure| failure.after_facts(arguments.json))
 }
@@ -133,13 +133,10 @@ pub fn unreached(graph: &Graph) -> Vec<String> {
     let warning = |device: &GraphDevice| {
         let reached = match device.entry.is_host() {
             true => "delivers data only in a program that embeds the graph".to_owned(),
-            false => format!(
-                "is a {}, which delivers data only in `run --live`",
-                device.entry.spec.name
-            ),
+            false => format!("({}) delivers data only in `run --live`", device.entry.spec.name),
         };
         format!(
-            "`{}` {reached}: it delivered nothing, and the actuators that depend on it stayed at zero",
+            "`{}` {reached}: here it delivered nothing, and the actuators that depend on it stayed at zero",
             device.name
         )
     };
@@ -181,13 +178,13 @@ const OWN_FILES: [&str; 10] = [
     PAGE,
     DRAWING,
     ARRIVALS,
-    attended::CHANGES,
+    supervisor::CHANGES,
 ];
 const PAGE: &str = "report.html";
 const DRAWING: &str = "graph.svg";
 
 /// Refuses a graph with a sink that writes a file of the run itself.
-pub fn spare_own_files(graph: &Graph, record: bool) -> Result<(), String> {
+pub fn refuse_own_files(graph: &Graph, record: bool) -> Result<(), String> {
     let played = outputs::played_files(graph).into_iter().map(|(_, file)| file);
     let own = OWN_FILES.into_iter().chain(record.then_some(outputs::RECORD));
     let own: Vec<String> = own.map(str::to_owned).chain(played).collect();
@@ -208,24 +205,24 @@ fn has_end(arguments: &Arguments) -> bool {
 }
 
 /// A run before its start: its file sinks, and what completes it afterwards.
-struct Making<'a> {
-    outlets: FileSinks<'a>,
-    kept: Kept,
+struct RunSetup<'a> {
+    file_sinks: FileSinks<'a>,
+    completion: Completion,
 }
 
-struct Kept {
+struct Completion {
     target: PathBuf,
     folder: RunFolder,
     probes: Vec<PathBuf>,
-    shown: Shown,
+    plotted: PlottedSignals,
 }
 
-impl<'a> Making<'a> {
+impl<'a> RunSetup<'a> {
     fn begin(arguments: &Arguments, graph: &'a Graph) -> Result<Self, Failure> {
         let target = target(arguments);
-        spare_own_files(graph, arguments.record).map_err(message)?;
+        refuse_own_files(graph, arguments.record).map_err(message)?;
         for (number, probe) in arguments.probe.iter().enumerate() {
-            arguments.graph.spare_inputs(graph, &probe.file)?;
+            arguments.graph.refuse_inputs(graph, &probe.file)?;
             for file in [probe.file.clone(), outputs::note_of(&probe.file)] {
                 output::replaceable(&file, arguments.force)?;
             }
@@ -240,25 +237,28 @@ impl<'a> Making<'a> {
             }
         }
         let folder = RunFolder::beside(&target)?;
-        let mut outlets = FileSinks::new(graph);
-        outlets.open_files(folder.path()).map_err(message)?;
-        outputs::keep_played(graph, folder.path(), &mut outlets)?;
-        let probes = outputs::open_probes(graph, &arguments.probe, &folder, &mut outlets)?;
+        let mut file_sinks = FileSinks::new(graph);
+        file_sinks.open_files(folder.path()).map_err(message)?;
+        outputs::keep_played(graph, folder.path(), &mut file_sinks)?;
+        let probes = outputs::open_probes(graph, &arguments.probe, &folder, &mut file_sinks)?;
         if arguments.record {
-            outputs::record_all(graph, &folder, &mut outlets)?;
+            outputs::record_all(graph, &folder, &mut file_sinks)?;
         }
-        let shown = Shown::of(graph, &mut outlets);
-        let kept = Kept {
+        let plotted = PlottedSignals::of(graph, &mut file_sinks);
+        let completion = Completion {
             target,
             folder,
             probes,
-            shown,
+            plotted,
         };
-        Ok(Self { outlets, kept })
+        Ok(Self {
+            file_sinks,
+            completion,
+        })
     }
 }
 
-impl Kept {
+impl Completion {
     /// Writes the page and the facts, moves the folder to its place, and prints the summary. Returns the
     /// sound to play.
     fn complete(
@@ -267,10 +267,10 @@ impl Kept {
         graph: &Graph,
         summary: &Summary,
     ) -> Result<Option<Sound>, Failure> {
-        let sound = self.shown.sound();
+        let sound = self.plotted.sound();
         self.folder.write(folder::MARK, &summary.to_json())?;
         self.folder
-            .write(PAGE, &summary.page(graph, &self.shown, sound.as_ref()))?;
+            .write(PAGE, &summary.page(graph, &self.plotted, sound.as_ref()))?;
         self.folder.write(
             DRAWING,
             &crate::report::drawing::standalone_svg(graph, &arguments.graph.name()),
@@ -279,18 +279,18 @@ impl Kept {
         let probes = outputs::place_probes(&self.folder, &self.probes, arguments.force)
             .inspect_err(|_| self.folder.unseal())?;
         for line in outputs::full_scales(&probes)? {
-            remark(&format!("note: {line}\n"));
+            eprint(&format!("note: {line}\n"));
         }
         let placed = self.folder.put_in_place()?;
         placed
             .lines()
             .iter()
-            .for_each(|line| remark(&format!("note: {line}\n")));
+            .for_each(|line| eprint(&format!("note: {line}\n")));
         summary
             .warnings()
             .iter()
-            .for_each(|warning| remark(&format!("warning: {warning}\n")));
-        say(&match arguments.json {
+            .for_each(|warning| eprint(&format!("warning: {warning}\n")));
+        print(&match arguments.json {
             true => summary.to_json(),
             false => summary.sentence(&self.target, graph, sound.as_ref()) + &outputs::beside(&self.probes),
         })?;
@@ -323,7 +323,8 @@ pub fn timed(offline: Offline<'_>, duration_s: f64, stop: &AtomicBool) -> Result
 /// The first ctrl-C ends the run with complete files, the second ends the program.
 pub fn stop_on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
     let stop = interrupt::flag()?;
-    remarks::queue(&stop).map_err(|error| Failure::Message(format!("cannot start a thread: {error}")))?;
+    stderr::start_queue(&stop)
+        .map_err(|error| Failure::Message(format!("cannot start a thread: {error}")))?;
     Ok(stop)
 }
 

@@ -2,7 +2,7 @@
 
 use super::progress::Progress;
 use super::table::{facts, significant, table};
-use super::{Failure, recording, remark, say};
+use super::{Failure, eprint, print, recording};
 use crate::engine::registry::Registry;
 use crate::surfaces::learning::segmentation::{
     GeneticSettings, Segmentation, SegmentationMethod, SegmentationSettings, VarianceEstimate, segment,
@@ -112,14 +112,14 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     drop(progress);
     if arguments.json {
         let Segmentation { breaks, orders, mdl } = &found;
-        return super::say_json(&Json {
+        return super::print_json(&Json {
             breaks,
             orders,
             mdl: *mdl,
             simulated,
         });
     }
-    say(&describe(&found, signal.len(), simulated))
+    print(&describe(&found, signal.len(), simulated))
 }
 
 /// Refuses flags that have no effect on the exact search.
@@ -168,7 +168,7 @@ fn warn_of_offset(signal: &[f64]) {
     let mean = average(&|x| x);
     let deviation = average(&|x| (x - mean) * (x - mean)).sqrt();
     if mean.abs() > deviation {
-        remark(&format!(
+        eprint(&format!(
             "warning: the signal's mean of {} is larger than its deviation of {}; subtract the mean (or filter) first\n",
             significant(mean * largest, 3),
             significant(deviation * largest, 3)

@@ -2,7 +2,7 @@
 
 use super::output::{Force, Output};
 use super::run::{progress_bar, stop_on_interrupt};
-use super::{Failure, remark, say, say_json};
+use super::{Failure, eprint, print, print_json};
 use crate::engine::registry::Registry;
 use crate::nodes::simulated::material::MaterialName;
 use crate::recorder::{RecordError, Session, record};
@@ -92,17 +92,17 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     })?;
     let (output, ()) = output.write_by(|path| save(&recording, path))?;
     if stop.load(Ordering::Relaxed) {
-        remark(&format!(
+        eprint(&format!(
             "warning: stopped after {recorded_s:.3} s of {} s\n",
             session.seconds
         ));
     }
     let (motion, material) = (session.gesture.as_str(), session.material.as_str());
     match arguments.json {
-        true => say_json(
+        true => print_json(
             &json!({ "written": [output], "simulated": true, "motion": motion, "material": material }),
         )?,
-        false => say(&format!(
+        false => print(&format!(
             "wrote {} (simulated: {motion} over {material})\n",
             output.display()
         ))?,

@@ -1,7 +1,7 @@
 //! `haptograph studio`: serves a web page on which a graph runs.
 
 use super::run::stop_on_interrupt;
-use super::{Failure, refuse_repeated, say};
+use super::{Failure, print, refuse_repeated};
 use crate::engine::registry::Registry;
 use haptograph_studio::{Export, Options, Studio, StudioError, export, lan_address};
 use qrcode::render::unicode::Dense1x2;
@@ -60,12 +60,12 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     };
     let studio = Studio::open(&options, registry).map_err(failure)?;
     let stop = stop_on_interrupt()?;
-    say(&format!(
+    print(&format!(
         "the studio is open at\n\n    {}\n\nall devices are simulated: nothing real moves; ctrl-C closes it\n",
         studio.url()
     ))?;
     if let Some(url) = studio.lan_url() {
-        say(&invitation(&url)?)?;
+        print(&invitation(&url)?)?;
     }
     if !arguments.no_open {
         open_page(&studio.url());
@@ -115,7 +115,7 @@ fn write_site(arguments: &Arguments, folder: &Path, registry: &Registry) -> Resu
         folder: folder.to_owned(),
     };
     let exported = export(&options, registry).map_err(failure)?;
-    say(&format!(
+    print(&format!(
         "wrote {} files, {:.1} MB, to {}: serve it with any web server, by HTTPS or on this machine\n",
         exported.files,
         exported.bytes as f64 * 1e-6,

@@ -8,7 +8,7 @@ mod select;
 mod show;
 
 use super::output::{Force, Output};
-use super::{Failure, remark, snippet};
+use super::{Failure, eprint, snippet};
 use crate::engine::registry::Registry;
 use crate::signal::files as bounded;
 use crate::surfaces::{Surface, TextureModel, files};
@@ -63,7 +63,7 @@ pub fn load(path: &Path) -> Result<Surface, Failure> {
                     let text = String::from_utf8_lossy(&bytes);
                     let line = text.lines().nth(place.line - 1).unwrap_or_default();
                     let name = path.display().to_string();
-                    Failure::Shown(snippet::at(
+                    Failure::Rendered(snippet::at(
                         &name,
                         line,
                         place.line,
@@ -88,7 +88,7 @@ pub fn claim(path: &Path, force: Force) -> Result<Output, Failure> {
 pub fn save(surface: &Surface, output: &Output) -> Result<PathBuf, Failure> {
     let (path, left_out) = output.write_by(|path| files::save(surface, path))?;
     if !left_out.is_empty() {
-        remark(&format!(
+        eprint(&format!(
             "warning: the format of {} cannot hold: {}\n",
             path.display(),
             left_out.join(", ")

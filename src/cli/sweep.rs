@@ -5,14 +5,14 @@ use super::output::Force;
 use super::run::folder::RunFolder;
 use super::run::present::Present;
 use super::run::summary::{self, Summary};
-use super::run::{self, Shown, message, timed};
+use super::run::{self, PlottedSignals, message, timed};
 use super::terminal::is_coloured;
-use super::{Failure, GraphArguments, remark, say, warnings};
+use super::{Failure, GraphArguments, eprint, print, warnings};
 use crate::engine::diagnostic::render;
 use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
 use crate::engine::run::{FileSinks, Offline};
-use crate::report::asked::Drawn;
+use crate::report::plot_request::RunTraces;
 use crate::report::record::{Record, friction};
 use crate::report::sweep::{SweepPage, SweptRun};
 use clap::ArgGroup;
@@ -146,12 +146,12 @@ struct Done {
     name: String,
     label: String,
     graph: Graph,
-    shown: Shown,
+    plotted: PlottedSignals,
     summary: Summary,
 }
 
 /// Maximum number of runs; each is kept in memory for the page.
-const MOST_RUNS: usize = 200;
+const MAX_RUNS: usize = 200;
 
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
@@ -163,9 +163,9 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         .over
         .iter()
         .try_fold(1_usize, |count, (_, values)| count.checked_mul(values.len()));
-    if combined.is_none_or(|count| count.saturating_add(arguments.case.len()) > MOST_RUNS) {
+    if combined.is_none_or(|count| count.saturating_add(arguments.case.len()) > MAX_RUNS) {
         return Err(Failure::Message(format!(
-            "these values have more than {MOST_RUNS} combinations; sweep over fewer"
+            "these values have more than {MAX_RUNS} combinations; sweep over fewer"
         )));
     }
     let cases = arguments.cases();
@@ -184,7 +184,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         let text = render(&warnings(graph), is_coloured(&std::io::stderr()));
         // A warning common to all runs is printed once.
         if !warned.contains(&text) {
-            remark(&text);
+            eprint(&text);
             warned.push(text);
         }
     }
@@ -199,10 +199,10 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     for (number, (case, run_arguments, graph)) in graphs.into_iter().enumerate() {
         let place = folder.path().join(format!("{:02}", number + 1));
         fs::create_dir(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
-        let mut outlets = FileSinks::new(&graph);
-        outlets.open_files(&place).map_err(message)?;
-        let mut shown = Shown::of(&graph, &mut outlets);
-        let offline = Offline::new(outlets, usize::from(run_arguments.block));
+        let mut file_sinks = FileSinks::new(&graph);
+        file_sinks.open_files(&place).map_err(message)?;
+        let mut plotted = PlottedSignals::of(&graph, &mut file_sinks);
+        let offline = Offline::new(file_sinks, usize::from(run_arguments.block));
         let (outcome, took_s) = timed(offline, arguments.duration_s, &stop)?;
         let mut summary = Summary::of(&run_arguments, &graph, &outcome, took_s);
         summary.add(Vec::new(), run::unreached(&graph));
@@ -210,17 +210,17 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
             ("run.json", summary.to_json()),
             (
                 "report.html",
-                summary.page(&graph, &shown, shown.sound().as_ref()),
+                summary.page(&graph, &plotted, plotted.sound().as_ref()),
             ),
         ] {
             folder.write(&format!("{:02}/{file}", number + 1), &text)?;
         }
-        shown.forget_sound();
+        plotted.forget_sound();
         done.push(Done {
             name: case.name(short),
             label: case.label(),
             graph,
-            shown,
+            plotted,
             summary,
         });
         if stop.load(Ordering::Relaxed) {
@@ -234,14 +234,14 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     placed
         .lines()
         .iter()
-        .for_each(|line| remark(&format!("note: {line}\n")));
+        .for_each(|line| eprint(&format!("note: {line}\n")));
     if done.len() < planned || stop.load(Ordering::Relaxed) {
-        remark(&format!(
+        eprint(&format!(
             "warning: stopped after {} of {planned} runs; the last one is shorter than --for\n",
             done.len()
         ));
     }
-    say(&match arguments.json {
+    print(&match arguments.json {
         true => facts,
         false => format!(
             "ran {} {}\nlook at {}; each run's own page has its sound\n",
@@ -306,12 +306,12 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
             None => run.label.clone(),
         },
         page: Some(format!("{:02}/report.html", number + 1)),
-        signals: run.shown.records.iter().map(Record::content).collect(),
+        signals: run.plotted.records.iter().map(Record::content).collect(),
         drawn: run
-            .shown
-            .asked
+            .plotted
+            .requests
             .iter()
-            .map(|(_, traces)| Drawn {
+            .map(|(_, traces)| RunTraces {
                 name: &run.label,
                 traces,
             })
@@ -337,7 +337,12 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
         simulation: first.summary.simulation(),
         friction: friction(&first.graph),
         facts,
-        asked: first.shown.asked.iter().map(|(asked, _)| asked).collect(),
+        requests: first
+            .plotted
+            .requests
+            .iter()
+            .map(|(request, _)| request)
+            .collect(),
         runs: runs.collect(),
         textures: textures.collect(),
     }

@@ -13,13 +13,13 @@ use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
 /// Maximum size of a list, bytes; enough for a hundred thousand files.
-const MOST_BYTES: u64 = 16 << 20;
+const MAX_BYTES: u64 = 16 << 20;
 /// Bytes hashed at a time.
 const CHUNK: usize = 1 << 16;
 
 /// File names, relative to the list's folder, and the hash of each.
 #[derive(Debug, Default, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Written {
+pub struct FileManifest {
     haptograph: String,
     sha256: BTreeMap<String, String>,
     /// Files about to be moved to these names: a kill may come before or after the move.
@@ -27,7 +27,7 @@ pub struct Written {
     coming: BTreeMap<String, String>,
 }
 
-impl Written {
+impl FileManifest {
     /// Reads a list; `None` if the file is missing or invalid.
     pub fn read(path: &Path) -> Option<Self> {
         // Links are not followed: their targets may block.
@@ -35,7 +35,7 @@ impl Written {
         if !found.is_file() {
             return None;
         }
-        let text = files::read_text(path, MOST_BYTES).ok()?;
+        let text = files::read_text(path, MAX_BYTES).ok()?;
         serde_json::from_str(&text).ok()
     }
 
@@ -144,24 +144,24 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (list, name) = (folder.path().join("list"), Path::new("a.txt"));
         fs::write(folder.path().join(name), "abc").unwrap();
-        let mut written = Written::default();
+        let mut written = FileManifest::default();
         written.note(folder.path(), name).unwrap();
         written.save(&list).unwrap();
-        let read = Written::read(&list).unwrap();
+        let read = FileManifest::read(&list).unwrap();
         // Hash from FIPS 180-2, B.1.
         assert!(read.sha256["a.txt"].starts_with("ba7816bf"), "{read:?}");
         assert!(read.is_unchanged(folder.path(), name));
         fs::write(folder.path().join(name), "abd").unwrap();
         assert!(!read.is_unchanged(folder.path(), name));
         assert!(!read.is_unchanged(folder.path(), Path::new("b.txt")));
-        assert_eq!(Written::read(&folder.path().join("a.txt")), None);
+        assert_eq!(FileManifest::read(&folder.path().join("a.txt")), None);
     }
 
     #[test]
     fn a_forged_list_does_not_lead_out_of_its_folder() {
         let text =
             r#"{"haptograph": "1", "sha256": {"../a": "", "/b": "", "c/../../d": "", "": "", "e/f": ""}}"#;
-        let written: Written = serde_json::from_str(text).unwrap();
+        let written: FileManifest = serde_json::from_str(text).unwrap();
         assert_eq!(written.names().collect::<Vec<_>>(), [Path::new("e/f")]);
     }
 

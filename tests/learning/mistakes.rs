@@ -45,7 +45,7 @@ fn what_a_user_got_wrong_is_said_before_the_work() {
             &[
                 "surface", "resample", "t1.ron", "--rate", "45", "--method", "spectral", "-o", "x.ron",
             ],
-            "give more than 50 Hz",
+            "give a rate above 50 Hz",
         ),
     ] {
         let error = fail(folder, arguments);

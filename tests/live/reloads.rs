@@ -222,7 +222,10 @@ fn a_saved_graph_of_two_drivers_takes_over_with_other_rings_and_files() {
         &[&common[..], &["--replay", "out", "--out", "replay"]].concat(),
     );
     let told = String::from_utf8_lossy(&replay.stderr);
-    assert!(told.contains("the graph was swapped 2 times during that run"), "{told}");
+    assert!(
+        told.contains("the graph was swapped 2 times during that run"),
+        "{told}"
+    );
     for file in ["crossed.csv", "hand.csv"] {
         let of = |run: &str| fs::read(folder.path().join(run).join(file)).unwrap();
         assert!(

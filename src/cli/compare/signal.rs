@@ -1,7 +1,7 @@
 //! Reads a vibration from a WAV file, a table or a recording.
 
 use crate::cli::recording::{self as recordings, Loaded};
-use crate::cli::{Failure, remark};
+use crate::cli::{Failure, eprint};
 use crate::nodes::wav::{read_channel, read_layout};
 use crate::signal::files;
 use crate::signal::resample::{Quality, resample_whole};
@@ -71,7 +71,7 @@ pub fn warn_of_units(signals: [&Signal; 2]) {
     if let [(a, Some(one)), (b, Some(other))] = signals.map(|signal| (signal.path.display(), &signal.unit))
         && one != other
     {
-        remark(&format!(
+        eprint(&format!(
             "warning: {a} is in {one}, {b} in {other}: levels are not comparable, LSD included\n"
         ));
     }
@@ -89,7 +89,7 @@ pub fn warn_of_units(signals: [&Signal; 2]) {
             // Two columns without units have comparable levels.
             (false, None) => continue,
         };
-        remark(&format!("warning: {path} does not state its unit: {said}\n"));
+        eprint(&format!("warning: {path} does not state its unit: {said}\n"));
     }
 }
 
@@ -133,7 +133,7 @@ fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<R
     let (signal, findings) =
         load_signal(path, column, import).map_err(|error| recordings::failure(&error))?;
     for finding in &findings {
-        remark(&format!("warning: {}\n", recordings::said(path, finding)));
+        eprint(&format!("warning: {}\n", recordings::said(path, finding)));
     }
     let unit = signal.unit.map(str::to_owned);
     Ok((
@@ -146,7 +146,7 @@ fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<R
 
 fn recording(path: &Path, loaded: Loaded) -> Result<Read, Failure> {
     for warning in &loaded.warnings {
-        remark(&format!("warning: {warning}\n"));
+        eprint(&format!("warning: {warning}\n"));
     }
     let recording = loaded.recording;
     let processed =

@@ -1,7 +1,7 @@
 //! Loads the takes in a folder.
 
 use crate::cli::output::LEDGER;
-use crate::cli::{Failure, recording, remark};
+use crate::cli::{Failure, eprint, recording};
 use crate::surfaces::evaluate::{RecordingName, Take};
 use crate::surfaces::recording::{ImportSettings, LoadError, ReadError};
 use std::collections::{BTreeMap, BTreeSet};
@@ -22,7 +22,7 @@ pub fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Fail
         }
         let (loaded, parts) = load(name, path, &files, import)?;
         for warning in &loaded.warnings {
-            remark(&format!("warning: {warning}\n"));
+            eprint(&format!("warning: {warning}\n"));
         }
         joined.extend(parts);
         takes.push(Take {
@@ -114,7 +114,7 @@ fn files(dir: &Path) -> Result<Files, Failure> {
             Some(name) => {
                 files.entry(name).or_insert(path);
             }
-            None => remark(&format!(
+            None => eprint(&format!(
                 "warning: skipped {}: its name is not <material>.<person>.<take>.<extension>\n",
                 path.display()
             )),

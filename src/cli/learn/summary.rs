@@ -119,6 +119,6 @@ fn describe_texture(texture: &TextureModel, report: &TextureReport) -> String {
         });
     let recorded = most(recorded.0, recorded.1);
     format!(
-        "a law of order {order} from {kept} of {all} windows, recorded to {recorded}; it goes on to {known}"
+        "a law of order {order} from {kept} of {all} windows, recorded to {recorded}; extrapolated to {known}"
     )
 }

@@ -25,7 +25,7 @@ impl Driver {
     }
 
     /// Description for the user.
-    pub fn about(&self) -> String {
+    pub fn description(&self) -> String {
         match self {
             Self::Timer(_) => "a timer with 1000 wake-ups a second".to_owned(),
             Self::Card(card, request) => stream(card.got(), request),
@@ -41,7 +41,7 @@ impl Driver {
     }
 
     /// Polls the driver; returns notes for the user.
-    pub fn tend(&mut self) -> Vec<CardNote> {
+    pub fn poll(&mut self) -> Vec<CardNote> {
         match self {
             Self::Timer(_) => Vec::new(),
             Self::Card(card, _) => card.poll(),
@@ -75,7 +75,7 @@ impl Driver {
 
     /// Facts about the finished driver for `run.json`.
     pub fn facts(&self) -> Vec<(&'static str, &'static str, Value)> {
-        let mut facts = vec![("driver", "Driver", json!(self.about()))];
+        let mut facts = vec![("driver", "Driver", json!(self.description()))];
         if let Self::Card(card, _) = self {
             let counts = card.counts();
             facts.extend([
@@ -114,13 +114,13 @@ impl Driver {
 }
 
 /// Description of a soundcard stream.
-pub fn stream(got: &OpenedStream, asked: &Request) -> String {
+pub fn stream(got: &OpenedStream, request: &Request) -> String {
     let frames = got
         .buffer_frames
         .map_or_else(|| "?".to_owned(), |frames| frames.to_string());
     format!(
-        "soundcard {}: {} Hz, {} channels, {}, buffers of {frames} frames ({} asked for)",
-        got.card, got.rate_hz, got.channels, got.format, asked.buffer_frames
+        "soundcard {}: {} Hz, {} channels, {}, buffers of {frames} frames ({} requested)",
+        got.card, got.rate_hz, got.channels, got.format, request.buffer_frames
     )
 }
 

@@ -12,11 +12,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Maximum time between the ends of the drivers of one run, which differ by their last buffers.
-const APART: Duration = Duration::from_secs(1);
+const MAX_END_DELAY: Duration = Duration::from_secs(1);
 /// Maximum duration of a stop. Outputs fall to zero in 10 ms, or more slowly if their slew limits require it.
-const STOPPING: Duration = Duration::from_secs(5);
+const STOP_TIMEOUT: Duration = Duration::from_secs(5);
 /// Polling period of a stop.
-const LOOK: Duration = Duration::from_millis(5);
+const POLL_PERIOD: Duration = Duration::from_millis(5);
 
 /// The drivers of a run with the names of their clocks.
 pub struct Drivers {
@@ -70,7 +70,7 @@ impl Drivers {
     }
 
     /// Why the running streams do not fit another graph; `None` if they do.
-    pub fn lack(&self, wanted: &Wanted) -> Option<&'static str> {
+    pub fn mismatch(&self, wanted: &Wanted) -> Option<&'static str> {
         match () {
             () if self.wanted.output != wanted.output => Some("another soundcard"),
             () if self.wanted.inputs != wanted.inputs => Some("another soundcard input"),
@@ -79,13 +79,13 @@ impl Drivers {
     }
 
     /// Description for the user.
-    pub fn about(&self) -> String {
+    pub fn description(&self) -> String {
         match &self.list[..] {
-            [(_, one)] => one.about(),
+            [(_, one)] => one.description(),
             several => {
                 let each = several
                     .iter()
-                    .map(|(name, one)| format!("{name} by {}", one.about()));
+                    .map(|(name, one)| format!("{name} by {}", one.description()));
                 each.collect::<Vec<_>>().join("; ")
             }
         }
@@ -94,9 +94,9 @@ impl Drivers {
     /// Description of each input stream.
     pub fn listened(&self) -> impl Iterator<Item = String> {
         let streams = self.inputs.streams();
-        streams.map(|(endpoints, asked, got, _)| {
+        streams.map(|(endpoints, request, got, _)| {
             let names: Vec<String> = endpoints.iter().map(|name| format!("`{name}`")).collect();
-            format!("{} by {}", names.join(" and "), driver::stream(got, asked))
+            format!("{} by {}", names.join(" and "), driver::stream(got, request))
         })
     }
 
@@ -122,9 +122,9 @@ impl Drivers {
     }
 
     /// Polls all drivers; returns notes for the user.
-    pub fn tend(&mut self) -> Vec<CardNote> {
+    pub fn poll(&mut self) -> Vec<CardNote> {
         let drivers = self.list.iter_mut();
-        let mut said: Vec<CardNote> = drivers.flat_map(|(_, driver)| driver.tend()).collect();
+        let mut said: Vec<CardNote> = drivers.flat_map(|(_, driver)| driver.poll()).collect();
         said.extend(self.inputs.poll());
         said
     }
@@ -135,11 +135,12 @@ impl Drivers {
     }
 
     /// True if one driver has ended while others still run; they must then be stopped.
-    pub fn is_torn(&mut self) -> bool {
+    pub fn is_partly_finished(&mut self) -> bool {
         if self.first_end.is_none() && self.all().any(|driver| driver.is_finished(false)) {
             self.first_end = Some(Instant::now());
         }
-        self.first_end.is_some_and(|since| since.elapsed() > APART)
+        self.first_end
+            .is_some_and(|since| since.elapsed() > MAX_END_DELAY)
     }
 
     /// Waits for the end of the run.
@@ -152,8 +153,8 @@ impl Drivers {
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
         let since = Instant::now();
-        while !self.is_finished(true) && since.elapsed() < STOPPING {
-            std::thread::sleep(LOOK);
+        while !self.is_finished(true) && since.elapsed() < STOP_TIMEOUT {
+            std::thread::sleep(POLL_PERIOD);
         }
     }
 
@@ -168,12 +169,12 @@ impl Drivers {
 
     /// Facts about the finished drivers for `run.json`.
     pub fn facts(&self) -> Vec<(&'static str, &'static str, Value)> {
-        let mut facts = vec![("driver", "Driver", json!(self.about()))];
+        let mut facts = vec![("driver", "Driver", json!(self.description()))];
         let more = self.all().flat_map(Driver::facts);
         facts.extend(more.filter(|(key, ..)| *key != "driver"));
-        let inputs = self.inputs.streams().map(|(names, asked, got, counts)| {
+        let inputs = self.inputs.streams().map(|(names, request, got, counts)| {
             let kept = json!({
-                "stream": driver::stream(got, asked), "xruns": driver::xruns(&counts),
+                "stream": driver::stream(got, request), "xruns": driver::xruns(&counts),
                 "clipped_samples": counts.clipped, "vanished": counts.vanished,
                 "input_latency_ms": driver::quantiles_ms(&counts.latency),
             });

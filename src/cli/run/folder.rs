@@ -2,7 +2,7 @@
 //! a failure the recorded data stay in a folder `NAME.partial-1` beside the target; a locked marker
 //! distinguishes running runs from crashed ones.
 
-use super::super::{Failure, remark};
+use super::super::{Failure, eprint};
 use super::placing::{self, MOVES, MovePlan, Placed};
 use crate::signal::files;
 use serde_json::{Value, json};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 pub const MARK: &str = "run.json";
 /// Maximum size of `run.json`, bytes.
 pub const MAX_FACTS_BYTES: u64 = 64 << 20;
-/// The list of a run's files and their hashes: see [`Written`](super::super::written::Written).
+/// The list of a run's files and their hashes: see [`FileManifest`](super::super::written::FileManifest).
 pub const MANIFEST: &str = "manifest.json";
 /// Marks the folder of a run that is not in its place. JSON with `target`, `pid` and `haptograph`; locked
 /// during the run.
@@ -59,7 +59,7 @@ impl RunFolder {
                 );
                 return Err(Failure::Message(message));
             }
-            remark(&format!("note: {}\n", about(&leftover)));
+            eprint(&format!("note: {}\n", about(&leftover)));
         }
         Ok(folder)
     }
@@ -151,7 +151,7 @@ fn complete_moves(place: &Path) -> Result<(), Failure> {
         {
             placing::resume(&leftover, place, &plan)?;
             let (leftover, place) = (leftover.display(), place.display());
-            remark(&format!(
+            eprint(&format!(
                 "note: completed the interrupted move of the run in {leftover} to {place}\n"
             ));
         }
@@ -163,7 +163,7 @@ impl Drop for RunFolder {
     fn drop(&mut self) {
         if self.has_begun {
             let (content, target) = (self.content.display(), self.target.display());
-            remark(&format!(
+            eprint(&format!(
                 "note: the run was not moved to {target}; its data are in {content}\n"
             ));
         } else {

@@ -1,7 +1,7 @@
 //! Notes about soundcards and devices, and the history of settings, of a live run.
 
-use super::super::remark;
-use super::attended::shown;
+use super::super::eprint;
+use super::supervisor::settings_text;
 use crate::engine::run::Change;
 use serde_json::{Value, json};
 
@@ -14,7 +14,7 @@ pub struct Notes {
 impl Notes {
     /// Adds a note about a device that was lost or found; it is printed each time.
     pub fn turn(&mut self, note: String) {
-        remark(&format!("note: {note}\n"));
+        eprint(&format!("note: {note}\n"));
         self.count(note);
     }
 
@@ -52,7 +52,7 @@ pub struct History {
 
 impl History {
     /// Maximum number of entries.
-    pub const MOST: usize = 200;
+    pub const MAX: usize = 200;
 
     pub fn note(&mut self, at_s: f64, name: &str, value: &str, by: &str) {
         self.push(format!("{at_s:.2} s {name}={value} ({by})"));
@@ -61,14 +61,14 @@ impl History {
     /// Adds the effect of a saved file.
     pub fn saved(&mut self, at_s: f64, change: Change, set: &[(String, f64)]) {
         let what = match change {
-            Change::Settings(_) => shown(set),
+            Change::Settings(_) => settings_text(set),
             change => change.to_string(),
         };
         self.push(format!("{at_s:.2} s {what} (saved)"));
     }
 
     fn push(&mut self, line: String) {
-        match self.list.len() < Self::MOST {
+        match self.list.len() < Self::MAX {
             true => self.list.push(line),
             false => self.more += 1,
         }

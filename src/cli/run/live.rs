@@ -2,16 +2,16 @@
 //! as an offline run.
 
 use super::super::keys::RawMode;
-use super::super::{Failure, built, fault, remark, remarks, screen, warn};
-use super::attended::{Attended, MOST_ASKED};
-use super::console::{self, Asked, HELP};
+use super::super::{Failure, built, eprint, panic_hook, screen, stderr, warn};
+use super::console::{self, HELP, RunRequest};
 use super::drivers::Drivers;
 use super::facts::{facts_of, packets, warnings_of};
 use super::latency;
 use super::loading::{self, Job, Loader};
 use super::summary::Summary;
-use super::watch::Watch;
-use super::{Arguments, Making, lasts_a_frame, message, stop_on_interrupt};
+use super::supervisor::{MAX_QUEUED, Supervisor};
+use super::watch::FileWatch;
+use super::{Arguments, RunSetup, lasts_a_frame, message, stop_on_interrupt};
 use crate::engine::registry::Registry;
 use crate::engine::run::{LiveOptions, RingReport, Session};
 use crate::nodes::network::{Connections, OscControl};
@@ -46,15 +46,15 @@ fn run_with(
     let (graph, parameters) = (first.result.map_err(Failure::Graph)?.graph, first.parameters);
     warn(&graph);
     // Changes of the files from here on are noticed.
-    let watch = arguments.watch.then(|| Watch::of(&graph));
+    let watch = arguments.watch.then(|| FileWatch::of(&graph));
     lasts_a_frame(&graph, arguments.duration_s)?;
     built::refuse_missing(&graph, arguments.graph.endpoints())?;
     let wanted = wanted(&graph).map_err(message)?;
     let mut network = Connections::default();
     network.connect(&graph).map_err(message)?;
-    let (asking, asked) = sync_channel(MOST_ASKED);
-    let osc = listen_for_settings(&arguments, &asking)?;
-    let mut made = Making::begin(&arguments, &graph)?;
+    let (sender, requests) = sync_channel(MAX_QUEUED);
+    let osc = listen_for_settings(&arguments, &sender)?;
+    let mut setup = RunSetup::begin(&arguments, &graph)?;
     let stop = stopping()?;
     let options = LiveOptions {
         block: usize::from(arguments.block),
@@ -63,24 +63,24 @@ fn run_with(
         stop: Arc::clone(&stop),
         ..LiveOptions::default()
     };
-    let folder = Some(made.kept.folder.path());
-    let (lives, session) = Session::open_all(made.outlets, &options, folder).map_err(message)?;
+    let folder = Some(setup.completion.folder.path());
+    let (lives, session) = Session::open_all(setup.file_sinks, &options, folder).map_err(message)?;
     let unrested: Vec<String> = lives
         .iter()
         .flat_map(|live| live.run().unrested().map(str::to_owned))
         .collect();
     let start = Instant::now();
-    let quiet = fault::Live::begin();
+    let live_guard = panic_hook::LiveGuard::begin();
     let mut driver = Drivers::start(&graph, wanted, lives, &stop)?;
-    made.kept.folder.begin();
+    setup.completion.folder.begin();
     let mut notes = driver.notes();
-    notes.iter().for_each(|note| remark(&format!("note: {note}\n")));
+    notes.iter().for_each(|note| eprint(&format!("note: {note}\n")));
     introduce(&arguments, &driver, &network, osc.as_ref());
-    tell_unrested(&unrested);
+    print_warm_starts(&unrested);
     let keys = RawMode::begin();
-    console::listen(asking.clone(), Arc::clone(&stop), keys.is_some());
-    let folder = made.kept.folder.path();
-    let mut attended = Attended::begin(
+    console::read_commands(sender.clone(), Arc::clone(&stop), keys.is_some());
+    let folder = setup.completion.folder.path();
+    let mut supervisor = Supervisor::begin(
         &arguments,
         &graph,
         folder,
@@ -88,8 +88,8 @@ fn run_with(
         (watch, parameters, loader),
         keys.is_some(),
     );
-    let attending = AssertUnwindSafe(|| attended.attend(&mut driver, &asked, (&stop, each)));
-    let panicked = match catch_unwind(attending) {
+    let supervision = AssertUnwindSafe(|| supervisor.run(&mut driver, &requests, (&stop, each)));
+    let panicked = match catch_unwind(supervision) {
         Ok(said) => {
             notes.extend(said);
             false
@@ -100,41 +100,41 @@ fn run_with(
             true
         }
     };
-    attended.tell_panics();
+    supervisor.report_panics();
     screen::type_in(None);
-    remarks::close();
+    stderr::remove_block();
     drop(keys);
     // This sender kept the channel open, so that a receive waits even without other senders.
-    drop(asking);
+    drop(sender);
     let mut facts = driver.facts();
     notes.extend(driver.warnings());
-    notes.extend(attended.silence.warnings(
+    notes.extend(supervisor.silence.warnings(
         Instant::now(),
-        &attended.session.live_inputs(),
-        &attended.network,
+        &supervisor.session.live_inputs(),
+        &supervisor.network,
     ));
     let heard: Vec<RingReport> = driver.rings().collect();
     let output_latency = driver.output_latency();
     let latencies_at = facts.len();
     let lives = driver.join()?;
     // All devices are idle from here on.
-    drop(quiet);
-    facts.extend(changed(&attended));
+    drop(live_guard);
+    facts.extend(changed(&supervisor));
     facts.push((
         "unrested",
         "Sinks whose actuators began as warm as their limits allow",
         json!(unrested),
     ));
-    facts.extend(packets(&attended.network));
+    facts.extend(packets(&supervisor.network));
     facts.push((
         "silences",
         "Live inputs that fell silent",
-        json!(attended.silence.into_events()),
+        json!(supervisor.silence.into_events()),
     ));
     facts.push((
         "set_while_running",
         "Set while running",
-        attended.history.into_json(),
+        supervisor.history.into_json(),
     ));
     facts.extend(osc.map(|osc| {
         (
@@ -143,8 +143,8 @@ fn run_with(
             json!(osc.malformed()),
         )
     }));
-    drop(attended.network);
-    let mut ended = attended.session.finish_all(lives);
+    drop(supervisor.network);
+    let mut ended = supervisor.session.finish_all(lives);
     ended.outcome.rings.extend(heard);
     let took_s = start.elapsed().as_secs_f64();
     // Computed after the files are complete, since it takes long for a large graph.
@@ -157,21 +157,21 @@ fn run_with(
             latency::to_json(&latencies),
         ),
     );
-    remark(&format!("{}\n", ended.meters));
+    eprint(&format!("{}\n", ended.meters));
     if !latencies.is_empty() {
-        remark(&format!("{}:\n", latency::BY_WHOSE_CLOCK));
+        eprint(&format!("{}:\n", latency::BY_WHOSE_CLOCK));
     }
     for latency in &latencies {
-        remark(&format!("{}\n", latency.shown()));
+        eprint(&format!("{}\n", latency.shown()));
     }
-    let panicked = panicked || ended.panicked || !attended.panics.is_empty();
+    let panicked = panicked || ended.panicked || !supervisor.panics.is_empty();
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome, took_s);
-    summary.set_endpoints(attended.endpoints);
+    summary.set_endpoints(supervisor.endpoints);
     facts.extend(facts_of(&ended));
-    facts.push(("panics", "Panics", json!(attended.panics)));
+    facts.push(("panics", "Panics", json!(supervisor.panics)));
     notes.extend(warnings_of(&ended));
     summary.add(facts, notes);
-    let completed = made.kept.complete(&arguments, &graph, &summary);
+    let completed = setup.completion.complete(&arguments, &graph, &summary);
     match completed {
         Ok(_) | Err(Failure::Interrupted) if panicked => Err(Failure::Message(
             "haptograph panicked during the run, with the message above; the files of the run are complete up to the panic".to_owned(),
@@ -187,27 +187,27 @@ fn introduce(arguments: &Arguments, driver: &Drivers, network: &Connections, osc
         Some(seconds) => format!("for {seconds} s"),
         None => "until ctrl-C".to_owned(),
     };
-    remark(&format!(
+    eprint(&format!(
         "running {} with its {} endpoints {ends}, driven by {}; type {HELP}\n",
         arguments.graph.name(),
         arguments.graph.endpoints(),
-        driver.about()
+        driver.description()
     ));
     for listened in driver.listened() {
-        remark(&format!("listening to {listened}\n"));
+        eprint(&format!("listening to {listened}\n"));
     }
     for (device, place) in network.places() {
-        remark(&format!("listening for `{device}` at {place}\n"));
+        eprint(&format!("listening for `{device}` at {place}\n"));
     }
     if let Some(osc) = osc {
-        remark(&format!("settings by Open Sound Control at {}\n", osc.address()));
+        eprint(&format!("settings by Open Sound Control at {}\n", osc.address()));
     }
 }
 
 /// Prints which sinks start with warm actuators.
-fn tell_unrested(unrested: &[String]) {
+fn print_warm_starts(unrested: &[String]) {
     if !unrested.is_empty() {
-        remark(&format!(
+        eprint(&format!(
             "the actuators of `{}` start as warm as their limits allow, since their temperature is unknown; \
              give --rested if they are cold\n",
             unrested.join("`, `")
@@ -216,29 +216,29 @@ fn tell_unrested(unrested: &[String]) {
 }
 
 /// Facts about graphs that were swapped in.
-fn changed(attended: &Attended) -> [(&'static str, &'static str, serde_json::Value); 3] {
+fn changed(supervisor: &Supervisor) -> [(&'static str, &'static str, serde_json::Value); 3] {
     [
-        ("changes", "Changed while running", json!(attended.changes)),
-        ("swaps", "Graphs swapped in", json!(attended.swaps)),
+        ("changes", "Changed while running", json!(supervisor.changes)),
+        ("swaps", "Graphs swapped in", json!(supervisor.swaps)),
         (
             "saved_while_running",
             "Graphs saved while running",
-            json!(attended.saved),
+            json!(supervisor.saved),
         ),
     ]
 }
 
 fn listen_for_settings(
     arguments: &Arguments,
-    asking: &SyncSender<Asked>,
+    sender: &SyncSender<RunRequest>,
 ) -> Result<Option<OscControl>, Failure> {
     let Some(address) = arguments.osc else {
         return Ok(None);
     };
-    let asking = asking.clone();
-    OscControl::listen(address, move |told| {
+    let sender = sender.clone();
+    OscControl::listen(address, move |setting| {
         // A full queue drops the value: faders repeat theirs. A closed queue belongs to a finished run.
-        let _ = asking.try_send(Asked::Told(told));
+        let _ = sender.try_send(RunRequest::Osc(setting));
     })
     .map(Some)
     .map_err(|error| Failure::Message(format!("cannot listen for settings at {address}: {error}")))
@@ -247,7 +247,7 @@ fn listen_for_settings(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::run::loading::{Loaded, Work};
+    use crate::cli::run::loading::{LoadFn, LoadOutcome};
     use clap::Parser;
     use std::fs;
     use std::sync::atomic::{AtomicU32, Ordering};
@@ -267,7 +267,7 @@ mod tests {
 
     static LOADS: AtomicBool = AtomicBool::new(false);
 
-    fn hang(_: Job, _: &Registry) -> Loaded {
+    fn hang(_: Job, _: &Registry) -> LoadOutcome {
         LOADS.store(true, Ordering::Relaxed);
         loop {
             std::thread::park();
@@ -295,7 +295,7 @@ mod tests {
     }
 
     /// A loader, and a function for every round of the supervisor.
-    type Around = (Work, fn());
+    type Around = (LoadFn, fn());
 
     /// Runs with a loader that does `work` and with `each`, and saves the graph until `until` is true; then
     /// stops the run.

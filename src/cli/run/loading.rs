@@ -2,9 +2,9 @@
 //! caller polls the result and abandons it after a time limit.
 
 use super::super::GraphArguments;
-use super::guards::Guards;
-use super::watch::{Watch, stamp};
-use super::{Arguments, spare_own_files};
+use super::protected::ProtectedSettings;
+use super::watch::{FileWatch, stamp};
+use super::{Arguments, refuse_own_files};
 use crate::engine::diagnostic::Diagnostics;
 use crate::engine::document::{Document, LoadOptions};
 use crate::engine::graph::{CheckOptions, Graph, check};
@@ -19,12 +19,12 @@ use std::time::{Duration, Instant, SystemTime};
 /// Time limit of a load.
 pub const BUDGET: Duration = Duration::from_secs(10);
 /// Maximum number of abandoned threads that still hang; beyond it nothing is loaded.
-const MOST_HANGING: usize = 4;
+const MAX_HANGING: usize = 4;
 /// A file written this shortly before it was read may change again without a newer time stamp.
 const SETTLED: Duration = Duration::from_secs(1);
 
 /// Parameters set by name, each with the default that the file had at that time.
-pub type Typed = Vec<(String, Option<String>)>;
+pub type ParameterDefaults = Vec<(String, Option<String>)>;
 
 /// What to load, and with which parameters.
 #[derive(Clone)]
@@ -34,9 +34,9 @@ pub struct Job {
     pub record: bool,
     /// Set after a save: parameters whose defaults have changed in the file are no longer overridden by typed
     /// values.
-    pub saved: Option<Saved>,
+    pub saved: Option<SavedOverrides>,
     /// The document from the previous load.
-    pub known: Option<Known>,
+    pub known: Option<KnownDocument>,
 }
 
 impl Job {
@@ -54,45 +54,45 @@ impl Job {
 
 /// Parameters that a save may reset.
 #[derive(Clone)]
-pub struct Saved {
+pub struct SavedOverrides {
     pub given: Vec<(String, String)>,
-    pub typed: Typed,
+    pub typed: ParameterDefaults,
 }
 
 /// A document with the time stamps of its files, kept only if a later change would alter them.
 #[derive(Clone)]
-pub struct Known {
+pub struct KnownDocument {
     document: Arc<Document>,
     stamps: Vec<(PathBuf, (SystemTime, u64))>,
 }
 
 /// Result of a load.
-pub struct Loaded {
-    pub result: Result<Ready, Diagnostics>,
+pub struct LoadOutcome {
+    pub result: Result<LoadedGraph, Diagnostics>,
     /// The parameters used for the load, and those of them that were typed.
     pub set: Vec<(String, String)>,
-    pub typed: Option<Typed>,
+    pub typed: Option<ParameterDefaults>,
     /// The parameters of the file, with their defaults.
-    pub parameters: Typed,
-    pub known: Option<Known>,
+    pub parameters: ParameterDefaults,
+    pub known: Option<KnownDocument>,
 }
 
 /// A checked graph with the data that a swap needs.
-pub struct Ready {
+pub struct LoadedGraph {
     pub graph: Graph,
-    pub watch: Watch,
-    pub guards: Guards,
+    pub watch: FileWatch,
+    pub protected: ProtectedSettings,
     pub wanted: Result<Wanted, String>,
     pub own_files: Result<(), String>,
     pub texts: Vec<String>,
 }
 
 /// Function that loads a graph.
-pub type Work = fn(Job, &Registry) -> Loaded;
+pub type LoadFn = fn(Job, &Registry) -> LoadOutcome;
 
 /// Loads graphs, one at a time.
 pub struct Loader {
-    work: Work,
+    load: LoadFn,
     /// The node and device kinds that graphs can use.
     registry: Arc<Registry>,
     /// Counts the running threads; each holds a clone.
@@ -102,13 +102,13 @@ pub struct Loader {
 /// A load in progress.
 pub struct Loading {
     began: Instant,
-    result: Receiver<std::thread::Result<Loaded>>,
+    result: Receiver<std::thread::Result<LoadOutcome>>,
 }
 
 impl Loader {
-    pub fn new(work: Work, registry: &Registry) -> Self {
+    pub fn new(load: LoadFn, registry: &Registry) -> Self {
         Self {
-            work,
+            load,
             registry: Arc::new(registry.clone()),
             working: Arc::default(),
         }
@@ -124,19 +124,19 @@ impl Loader {
     /// # Errors
     /// A message if too many earlier loads hang, or if no thread can be started.
     pub fn begin(&self, job: Job) -> Result<Loading, String> {
-        if Arc::strong_count(&self.working) > MOST_HANGING {
-            return Err(format!("{MOST_HANGING} earlier loads have not finished"));
+        if Arc::strong_count(&self.working) > MAX_HANGING {
+            return Err(format!("{MAX_HANGING} earlier loads have not finished"));
         }
-        let (told, result) = sync_channel(1);
-        let (work, registry) = (self.work, Arc::clone(&self.registry));
+        let (sender, result) = sync_channel(1);
+        let (load, registry) = (self.load, Arc::clone(&self.registry));
         let working = Arc::clone(&self.working);
         std::thread::Builder::new()
             .name("haptograph-loading".to_owned())
             .spawn(move || {
-                let loaded = catch_unwind(AssertUnwindSafe(|| work(job, &registry)));
+                let loaded = catch_unwind(AssertUnwindSafe(|| load(job, &registry)));
                 drop(working);
                 // The load may have been abandoned.
-                let _ = told.send(loaded);
+                let _ = sender.send(loaded);
             })
             .map_err(|error| format!("cannot start a thread to load it: {error}"))?;
         let began = Instant::now();
@@ -146,7 +146,7 @@ impl Loader {
 
 impl Loading {
     /// The result if the load has finished. Resumes a panic of the loading thread.
-    pub fn look(&self) -> Option<Loaded> {
+    pub fn poll(&self) -> Option<LoadOutcome> {
         match self.result.try_recv() {
             Ok(Ok(loaded)) => Some(loaded),
             Ok(Err(panic)) => resume_unwind(panic),
@@ -154,18 +154,18 @@ impl Loading {
         }
     }
 
-    pub fn took(&self) -> Duration {
+    pub fn elapsed(&self) -> Duration {
         self.began.elapsed()
     }
 }
 
 /// Loads and checks a graph and derives the data that a swap needs.
-pub fn load(mut job: Job, registry: &Registry) -> Loaded {
+pub fn load(mut job: Job, registry: &Registry) -> LoadOutcome {
     let document = read(&job.arguments.graph, job.known.take());
     let (document, known) = match document {
         Ok(read) => read,
         Err(wrong) => {
-            return Loaded {
+            return LoadOutcome {
                 result: Err(wrong),
                 set: job.arguments.set,
                 typed: None,
@@ -175,13 +175,13 @@ pub fn load(mut job: Job, registry: &Registry) -> Loaded {
         }
     };
     let parameters = document.parameters();
-    let parameters: Typed = parameters
+    let parameters: ParameterDefaults = parameters
         .map(|(name, text)| (name.to_owned(), Some(text.to_owned())))
         .collect();
     let typed = job
         .saved
         .take()
-        .map(|saved| saved.take_back(&mut job.arguments.set, &parameters));
+        .map(|saved| saved.reset(&mut job.arguments.set, &parameters));
     let options = CheckOptions {
         set: job.arguments.set.clone(),
         endpoints: job.arguments.endpoints().to_owned(),
@@ -189,8 +189,8 @@ pub fn load(mut job: Job, registry: &Registry) -> Loaded {
         ..CheckOptions::default()
     };
     let graph = check(&document, registry, &options);
-    Loaded {
-        result: graph.map(|graph| Ready::of(graph, job.record)),
+    LoadOutcome {
+        result: graph.map(|graph| LoadedGraph::of(graph, job.record)),
         set: job.arguments.set,
         typed,
         parameters,
@@ -200,7 +200,10 @@ pub fn load(mut job: Job, registry: &Registry) -> Loaded {
 
 /// Reads the document, or reuses the known one if its files are unchanged; also returns what the next load
 /// may reuse.
-fn read(path: &Path, known: Option<Known>) -> Result<(Arc<Document>, Option<Known>), Diagnostics> {
+fn read(
+    path: &Path,
+    known: Option<KnownDocument>,
+) -> Result<(Arc<Document>, Option<KnownDocument>), Diagnostics> {
     if let Some(known) = known
         && known.stamps.iter().all(|(path, then)| stamp(path) == Some(*then))
     {
@@ -212,18 +215,18 @@ fn read(path: &Path, known: Option<Known>) -> Result<(Arc<Document>, Option<Know
     let stamps: Option<Vec<_>> = files.map(|path| Some((path.clone(), stamp(&path)?))).collect();
     let settled = |(time, _): (SystemTime, u64)| began.duration_since(time).is_ok_and(|age| age > SETTLED);
     let stamps = stamps.filter(|stamps| stamps.iter().all(|(_, stamp)| settled(*stamp)));
-    let known = stamps.map(|stamps| Known {
+    let known = stamps.map(|stamps| KnownDocument {
         document: Arc::clone(&document),
         stamps,
     });
     Ok((document, known))
 }
 
-impl Saved {
+impl SavedOverrides {
     /// Resets typed parameters whose defaults the file has changed; returns the remaining typed ones.
-    fn take_back(self, set: &mut Vec<(String, String)>, parameters: &Typed) -> Typed {
+    fn reset(self, set: &mut Vec<(String, String)>, parameters: &ParameterDefaults) -> ParameterDefaults {
         let default = |name: &str| parameters.iter().find(|(known, _)| known == name);
-        let (same, other): (Typed, Typed) = self
+        let (same, other): (ParameterDefaults, ParameterDefaults) = self
             .typed
             .into_iter()
             .partition(|(name, then)| default(name).and_then(|(_, now)| now.clone()) == *then);
@@ -235,13 +238,13 @@ impl Saved {
     }
 }
 
-impl Ready {
+impl LoadedGraph {
     fn of(graph: Graph, record: bool) -> Self {
         Self {
-            watch: Watch::of(&graph),
-            guards: Guards::of(&graph),
+            watch: FileWatch::of(&graph),
+            protected: ProtectedSettings::of(&graph),
             wanted: wanted(&graph).map_err(|error| error.to_string()),
-            own_files: spare_own_files(&graph, record),
+            own_files: refuse_own_files(&graph, record),
             texts: texts(&graph),
             graph,
         }

@@ -10,7 +10,7 @@ use crate::engine::settings::closest;
 use crate::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
 use crate::nodes::sinks::wav::{WavSink, WavSinkSettings, open_to_fit};
 use crate::nodes::soundcard::{Played, played};
-use crate::report::record::{Watch, watch};
+use crate::report::record::{WatchedOutput, watch};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -41,7 +41,7 @@ pub fn open_probes(
     graph: &Graph,
     arguments: &[ProbeArgument],
     folder: &RunFolder,
-    outlets: &mut FileSinks<'_>,
+    file_sinks: &mut FileSinks<'_>,
 ) -> Result<Vec<PathBuf>, Failure> {
     for (number, argument) in arguments.iter().enumerate() {
         let watch = find(graph, &argument.output)?;
@@ -52,7 +52,7 @@ pub fn open_probes(
                 .map_err(|error| Failure::file("write", &argument.file, &error))?,
             false => writer(&path, &watch.stream)?,
         };
-        outlets.probe(Probe {
+        file_sinks.probe(Probe {
             node: watch.node,
             output: watch.output,
             writer,
@@ -119,7 +119,7 @@ pub fn note_of(file: &Path) -> PathBuf {
 }
 
 /// Writes every output into `record/`: as WAV if that format can hold it, otherwise as CSV.
-pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut FileSinks<'_>) -> Result<(), Failure> {
+pub fn record_all(graph: &Graph, folder: &RunFolder, file_sinks: &mut FileSinks<'_>) -> Result<(), Failure> {
     let place = folder.path().join(RECORD);
     fs::create_dir_all(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
     let mut names = Vec::new();
@@ -130,7 +130,7 @@ pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut FileSinks<'_>
             Ok(writer) if watch.stream.kind.is_linear() => writer,
             _ => writer(&place.join(format!("{name}.csv")), &watch.stream)?,
         };
-        outlets.probe(Probe {
+        file_sinks.probe(Probe {
             node: watch.node,
             output: watch.output,
             writer,
@@ -140,13 +140,13 @@ pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut FileSinks<'_>
 }
 
 /// Writes the signals of soundcard outputs, in their full scale, as they would be played live.
-pub fn keep_played(graph: &Graph, folder: &Path, outlets: &mut FileSinks<'_>) -> Result<(), Failure> {
+pub fn keep_played(graph: &Graph, folder: &Path, file_sinks: &mut FileSinks<'_>) -> Result<(), Failure> {
     for (played, name) in played_files(graph) {
         let Some(watch) = watch(graph, played.sink, 0) else {
             continue;
         };
         let writer = scaled_writer(&folder.join(name), &watch.stream, played.full_scale)?;
-        outlets.probe(Probe {
+        file_sinks.probe(Probe {
             node: watch.node,
             output: watch.output,
             writer,
@@ -179,7 +179,7 @@ fn unlike(names: &mut Vec<String>, name: &str) -> String {
     free
 }
 
-fn outputs(graph: &Graph) -> impl Iterator<Item = Watch> {
+fn outputs(graph: &Graph) -> impl Iterator<Item = WatchedOutput> {
     let nodes = graph.nodes();
     nodes.ids().flat_map(move |node| {
         (0..nodes[node].outputs.len()).filter_map(move |output| watch(graph, node, output))
@@ -208,7 +208,7 @@ fn scaled_writer(path: &Path, stream: &Stream, full_scale: f64) -> Result<Box<dy
 }
 
 /// The output with this name, as an input would state it.
-fn find(graph: &Graph, name: &str) -> Result<Watch, Failure> {
+fn find(graph: &Graph, name: &str) -> Result<WatchedOutput, Failure> {
     let found = graph.find_output(name).ok();
     let found = found.and_then(|(node, output)| watch(graph, node, output));
     found.ok_or_else(|| {

@@ -6,7 +6,7 @@
 
 use super::super::Failure;
 use super::super::output::{self, Force};
-use super::super::written::{Written, free_beside};
+use super::super::written::{FileManifest, free_beside};
 use super::folder::{MANIFEST, MARK, MARKER, MAX_FACTS_BYTES, PROBES, REPLACED};
 use crate::signal::files;
 use crate::surfaces::files::write_atomically;
@@ -28,7 +28,7 @@ pub struct Placed {
 }
 
 /// Maximum number of files named in one line.
-const MOST_NAMED: usize = 5;
+const MAX_NAMED: usize = 5;
 
 impl Placed {
     /// A line for each kept item.
@@ -44,7 +44,7 @@ impl Placed {
             ));
         }
         if !self.left.is_empty() {
-            let named = self.left.iter().take(MOST_NAMED);
+            let named = self.left.iter().take(MAX_NAMED);
             let named: Vec<String> = named.map(|path| path.display().to_string()).collect();
             let more = self.left.len() - named.len();
             let more = if more > 0 {
@@ -74,7 +74,7 @@ pub fn refuse_foreign(target: &Path, place: &Path) -> Result<(), Failure> {
         Err(error) => return Err(Failure::file("read the folder", target, &error)),
         Ok(mut entries) => entries.all(|entry| entry.is_ok_and(|entry| entry.path().join(MARKER).exists())),
     };
-    if is_empty || Written::read(&place.join(MANIFEST)).is_some() {
+    if is_empty || FileManifest::read(&place.join(MANIFEST)).is_some() {
         return Ok(());
     }
     Err(Failure::Message(format!(
@@ -171,8 +171,8 @@ pub fn place(content: &Path, place: &Path, plan: &MovePlan) -> io::Result<Placed
     let new = files_in(content, &[MARKER, PROBES, REPLACED, MOVES, MANIFEST])?;
     let new_manifest = content.join(MANIFEST);
     // The manifest of an interrupted move also lists the files already moved.
-    if Written::read(&new_manifest).is_none() {
-        let mut manifest = Written::default();
+    if FileManifest::read(&new_manifest).is_none() {
+        let mut manifest = FileManifest::default();
         new.iter().try_for_each(|name| manifest.note(content, name))?;
         manifest.save(&new_manifest)?;
     }
@@ -212,7 +212,7 @@ fn clear(
 ) -> io::Result<Placed> {
     let mut placed = Placed::default();
     let list = place.join(MANIFEST);
-    let old = Written::read(&list).unwrap_or_default();
+    let old = FileManifest::read(&list).unwrap_or_default();
     let mut names: Vec<PathBuf> = old.names().filter(|name| place.join(name).is_file()).collect();
     // Only a file name, since a plan can be forged.
     let kept = plan.earlier.as_ref().and_then(|name| Path::new(name).file_name());
@@ -322,7 +322,7 @@ impl Moves {
             fs::create_dir_all(folder)?;
         }
         if fs::symlink_metadata(to).is_ok() {
-            let message = format!("{} appeared meanwhile", to.display());
+            let message = format!("{} was created during the move", to.display());
             return Err(io::Error::new(io::ErrorKind::AlreadyExists, message));
         }
         step();

@@ -1,7 +1,7 @@
 //! Opens the page and plays the sound after a run, if requested.
 
 use super::super::built::cannot_play;
-use super::super::{Failure, remark};
+use super::super::{Failure, eprint};
 use crate::nodes::soundcard::{play_once, ready_to_play};
 use crate::report::sound::{self, Sound};
 use std::path::Path;
@@ -25,7 +25,7 @@ impl Present {
         if self.open
             && let Err(why) = open(page)
         {
-            remark(&format!("warning: cannot open {}: {why}\n", page.display()));
+            eprint(&format!("warning: cannot open {}: {why}\n", page.display()));
         }
     }
 
@@ -35,11 +35,11 @@ impl Present {
             return Ok(());
         }
         let Some(sound) = sound else {
-            remark("warning: nothing to play: no actuator or file of this graph receives a vibration\n");
+            eprint("warning: nothing to play: no actuator or file of this graph receives a vibration\n");
             return Ok(());
         };
         ready_to_play().map_err(|error| cannot_play(&error))?;
-        remark(&format!(
+        eprint(&format!(
             "playing {:.1} s of {}, its highest peak at {} dBFS; ctrl-C stops it\n",
             sound.duration_s(),
             sound.stream.name,

@@ -3,7 +3,7 @@
 use super::super::Failure;
 use super::folder::MAX_FACTS_BYTES;
 use super::summary::Summary;
-use super::{Arguments, Making, message, progress_bar, stop_on_interrupt};
+use super::{Arguments, RunSetup, message, progress_bar, stop_on_interrupt};
 use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
 use crate::engine::run::{ARRIVALS, Offline, ReplayBounds};
@@ -15,7 +15,7 @@ use std::time::Instant;
 const FACTS: &str = "run.json";
 
 pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<(), Failure> {
-    spare(folder, &super::target(arguments))?;
+    refuse_target(folder, &super::target(arguments))?;
     let graph = arguments.graph.load_and_warn(registry, arguments.seed)?;
     let facts = facts(folder)?;
     let set = arguments.graph.set.iter();
@@ -39,12 +39,12 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
             path.display()
         ))
     })?;
-    let mut made = Making::begin(arguments, &graph)?;
+    let mut setup = RunSetup::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
-    made.kept.folder.begin();
+    setup.completion.folder.begin();
     let bar = progress_bar(facts["seconds"].as_f64().unwrap_or(1.0));
     let start = Instant::now();
-    let offline = Offline::new(made.outlets, usize::from(arguments.block));
+    let offline = Offline::new(setup.file_sinks, usize::from(arguments.block));
     let outcome = offline.replay((folder, &bounds), &stop, &mut |done_s| {
         bar.set_position((done_s * 1e3) as u64)
     });
@@ -55,12 +55,12 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
         vec![("replay", "Repeats", json!(folder.to_string_lossy()))],
         differs(&facts),
     );
-    let sound = made.kept.complete(arguments, &graph, &summary)?;
+    let sound = setup.completion.complete(arguments, &graph, &summary)?;
     arguments.present.play_sound(sound, &stop)
 }
 
 /// Refuses a target that is the repeated run or contains it.
-fn spare(folder: &Path, target: &Path) -> Result<(), Failure> {
+fn refuse_target(folder: &Path, target: &Path) -> Result<(), Failure> {
     match (folder.canonicalize(), target.canonicalize()) {
         (Ok(repeated), Ok(replaced)) if repeated.starts_with(&replaced) => Err(Failure::Message(format!(
             "{} holds the run to repeat and would be replaced; give another folder by --out",
@@ -165,7 +165,7 @@ mod tests {
         assert_eq!(differs(&quiet), Vec::<String>::new());
         let told = differs(&json!({"swaps": 2, "vanished": 1}));
         assert!(
-            told[0].contains("times: 2") && told[1].contains("soundcard"),
+            told[0].contains("swapped 2 times") && told[1].contains("soundcard"),
             "{told:?}"
         );
     }
@@ -221,10 +221,10 @@ mod tests {
         let live = folder.path().join("runs/live");
         fs::create_dir_all(live.join("within")).unwrap();
         for target in [&live, &live.join("within/.."), &folder.path().join("runs")] {
-            assert!(spare(&live, target).is_err(), "{}", target.display());
+            assert!(refuse_target(&live, target).is_err(), "{}", target.display());
         }
         for target in [live.join("within"), folder.path().join("runs/live-replay")] {
-            assert!(spare(&live, &target).is_ok(), "{}", target.display());
+            assert!(refuse_target(&live, &target).is_ok(), "{}", target.display());
         }
     }
 }

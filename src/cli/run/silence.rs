@@ -14,7 +14,7 @@ const PATIENCE: Duration = Duration::from_secs(3);
 const SHORTEST: Duration = Duration::from_millis(150);
 const LONGEST: Duration = Duration::from_secs(1);
 /// Maximum number of silences kept for `run.json`.
-const MOST_EVENTS: usize = 1000;
+const MAX_EVENTS: usize = 1000;
 
 /// Monitors the live inputs of a run.
 #[derive(Debug)]
@@ -91,7 +91,7 @@ impl SilenceMonitor {
             return None;
         }
         known.was_said = true;
-        if self.events.len() < MOST_EVENTS {
+        if self.events.len() < MAX_EVENTS {
             self.events
                 .push(event(input, now.saturating_duration_since(self.start)));
         }
@@ -236,7 +236,7 @@ fn returned(input: &InputStatus, is_again: bool) -> String {
     let each = input.actuators.iter().map(|actuator| {
         let path = &actuator.path;
         match actuator.is_closed {
-            true => format!("actuator `{path}` stays at zero as another input is silent"),
+            true => format!("actuator `{path}` stays at zero because another input is silent"),
             false => format!("actuator `{path}` follows it{again}"),
         }
     });
@@ -296,7 +296,7 @@ mod tests {
         assert_eq!(said(1200, input(Silent, 0.2, true)), "", "it is on its way");
         let late = said(2050, input(Silent, 0.1, true));
         assert!(
-            late.contains("on its way") && late.contains("delivered 0.100 A"),
+            late.contains("still ramping to zero") && late.contains("delivered 0.100 A"),
             "{late}"
         );
         assert_eq!(said(2100, input(Silent, 0.0, true)), "", "said once");
@@ -310,14 +310,14 @@ mod tests {
         assert!(said(4000, input(Heard, 0.0, true)).contains("another input is silent"));
         said(5000, input(Silent, 0.4, false));
         let held = said(5200, input(Silent, 0.4, false));
-        assert!(held.contains("`out` goes on (delivered 0.400 A)"), "{held}");
+        assert!(held.contains("`out` continues (delivered 0.400 A)"), "{held}");
         let end = start + Duration::from_millis(6000);
         let last = [input(Silent, 0.4, false)];
         let [warning] = &monitor.warnings(end, &last, &Connections::default())[..] else {
             panic!("one line a source");
         };
         assert!(
-            warning.contains("`stylus` was silent 3 times, 3.8 s in all, at the end too"),
+            warning.contains("`stylus` was silent 3 times, 3.8 s in all, and still is at the end"),
             "{warning}"
         );
         let events = monitor.into_events();

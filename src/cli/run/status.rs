@@ -1,6 +1,6 @@
 //! Status display of a live run: a line per second, or a block of lines on a terminal.
 
-use super::super::{remark, remarks, screen};
+use super::super::{eprint, screen, stderr};
 use super::drivers::Drivers;
 use super::silence::{SilenceMonitor, received};
 use crate::engine::node::FileProgress;
@@ -66,8 +66,8 @@ impl Status {
         }
         self.shown += every;
         match self.block {
-            true => remarks::show(self.lines(facts)),
-            false => remark(&self.line(facts)),
+            true => stderr::show_block(self.lines(facts)),
+            false => eprint(&self.line(facts)),
         }
     }
 

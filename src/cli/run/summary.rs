@@ -1,7 +1,7 @@
 //! Summary of a run: as JSON, as text, and on its page.
 
 use super::endpoints::Endpoints;
-use super::{Arguments, Shown, has_end};
+use super::{Arguments, PlottedSignals, has_end};
 use crate::engine::graph::Graph;
 use crate::engine::run::Outcome;
 use crate::report::drawing;
@@ -111,7 +111,7 @@ impl Summary {
     }
 
     /// The page as HTML.
-    pub fn page(&self, graph: &Graph, shown: &Shown, sound: Option<&Sound>) -> String {
+    pub fn page(&self, graph: &Graph, plotted: &PlottedSignals, sound: Option<&Sound>) -> String {
         let surfaces = surfaces(graph);
         let textures = surfaces
             .iter()
@@ -136,12 +136,12 @@ impl Summary {
             friction: friction(graph),
             files: facts::files_beside(graph, &[("graph.svg", "the drawing of the graph")]),
             sound,
-            asked: shown
-                .asked
+            requests: plotted
+                .requests
                 .iter()
-                .map(|(asked, traces)| (asked, traces.as_slice()))
+                .map(|(request, traces)| (request, traces.as_slice()))
                 .collect(),
-            signals: shown.records.iter().map(Record::content).collect(),
+            signals: plotted.records.iter().map(Record::content).collect(),
             textures: textures.collect(),
             drawing: drawing::svg(graph, ""),
         }

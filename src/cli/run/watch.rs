@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 /// The files of a graph: its own, included ones, and those named by settings.
-pub struct Watch {
+pub struct FileWatch {
     files: Vec<(PathBuf, Stamp)>,
     /// A change was seen at the last poll; it is reported when the next poll finds no further one, since the
     /// file is then complete.
@@ -16,7 +16,7 @@ pub struct Watch {
 /// Time and length; `None` while the file is missing, since some editors write a new file and rename it.
 pub type Stamp = Option<(SystemTime, u64)>;
 
-impl Watch {
+impl FileWatch {
     pub fn of(graph: &Graph) -> Self {
         let sources = graph.sources().iter().filter(|source| source.is_file);
         let sources = sources.map(|source| source.path.clone());
@@ -89,7 +89,7 @@ mod tests {
         std::fs::write(&path, text).unwrap();
         let document = Document::load(&path, &Default::default()).unwrap();
         let graph = check(&document, &crate::nodes::registry(), &CheckOptions::default()).unwrap();
-        let mut watch = Watch::of(&graph);
+        let mut watch = FileWatch::of(&graph);
         assert!(!watch.has_changed());
         std::fs::remove_file(&path).unwrap();
         assert!(!watch.has_changed() && !watch.has_changed());
@@ -98,11 +98,11 @@ mod tests {
         assert!(watch.has_changed());
         assert!(!watch.has_changed());
         std::fs::write(&path, format!("{text}  ")).unwrap();
-        watch.also(Watch::of(&graph));
+        watch.also(FileWatch::of(&graph));
         assert!(!watch.has_changed());
         assert!(watch.has_changed(), "it was saved before");
         std::fs::write(&path, format!("{text}   ")).unwrap();
-        watch.turn_to(Watch::of(&graph));
+        watch.turn_to(FileWatch::of(&graph));
         assert!(!watch.has_changed());
         assert!(watch.has_changed(), "it was saved while it was loaded");
     }

@@ -2,7 +2,7 @@
 
 use super::{Failure, claim, load, save};
 use crate::cli::output::Force;
-use crate::cli::{say, say_json, spare};
+use crate::cli::{print, print_json, refuse_overwrite};
 use crate::surfaces::files::merge;
 use serde_json::json;
 use std::path::PathBuf;
@@ -25,7 +25,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    spare(&arguments.input, &arguments.output)?;
+    refuse_overwrite(&arguments.input, &arguments.output)?;
     let output = claim(&arguments.output, arguments.force)?;
     let mut surface = None;
     for path in &arguments.input {
@@ -39,7 +39,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Some(surface) = surface else { return Ok(()) };
     let output = save(&surface, &output)?;
     match arguments.json {
-        true => say_json(&json!({ "written": [output] })),
-        false => say(&format!("wrote {}\n", output.display())),
+        true => print_json(&json!({ "written": [output] })),
+        false => print(&format!("wrote {}\n", output.display())),
     }
 }

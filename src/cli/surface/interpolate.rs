@@ -1,7 +1,7 @@
 //! `haptograph surface interpolate`: the filter of a texture at any speed and force.
 
 use super::{Failure, load, texture};
-use crate::cli::{say, snippet};
+use crate::cli::{print, snippet};
 use crate::signal::files;
 use crate::surfaces::files::decimal::{format_thousandfold, parse_thousandth};
 use crate::surfaces::{Coefficients, Interpolator, Spot};
@@ -44,7 +44,7 @@ struct Json<'a> {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surface = load(&arguments.file)?;
     let texture = texture(&surface, &arguments.file)?;
-    let most = Asked {
+    let most = Request {
         speed_mm_s: mm_s(texture.max_speed_m_s()),
         speed_m_s: texture.max_speed_m_s(),
         force_n: texture.max_force_n(),
@@ -68,20 +68,20 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         } else {
             describe(&at, beyond, &spot, &coefficients)
         };
-        say(&(text + "\n"))?;
+        print(&(text + "\n"))?;
     }
     Ok(())
 }
 
 /// A requested speed and force, as given: several values in mm/s can map to one in m/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Asked {
+struct Request {
     speed_mm_s: f64,
     speed_m_s: f64,
     force_n: f64,
 }
 
-impl Asked {
+impl Request {
     /// Clamped to the modelled range; values inside it stay as given.
     fn saturated(&self, most: &Self) -> Self {
         let within = |value: f64, most: f64| if value > 0.0 { value.min(most) } else { 0.0 };
@@ -101,16 +101,16 @@ impl Asked {
 
 /// An error in a line, and the byte at which it begins.
 #[derive(Debug, PartialEq)]
-struct Wrong {
+struct LineError {
     byte: usize,
     message: String,
 }
 
-impl Wrong {
+impl LineError {
     fn at(&self, line: &str, number: usize) -> Failure {
         let column = line[..self.byte].chars().count() + 1;
         let message = format!("line {number}, column {column}: {}", self.message);
-        Failure::Shown(snippet::at(
+        Failure::Rendered(snippet::at(
             "standard input",
             line.trim_end(),
             number,
@@ -121,7 +121,7 @@ impl Wrong {
 }
 
 /// Parses speed and force; `None` for an empty line or a comment.
-fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
+fn parse(line: &str) -> Result<Option<Request>, LineError> {
     if line.trim().is_empty() || line.trim_start().starts_with('#') {
         return Ok(None);
     }
@@ -130,12 +130,12 @@ fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
         .split(|c: char| c.is_whitespace() || c == ',')
         .filter(|word| !word.is_empty());
     let mut number = |what: &str| {
-        let missing = || Wrong {
+        let missing = || LineError {
             byte: line.trim_end().len(),
             message: format!("the {what} is missing; write `speed_mm_s force_n`"),
         };
         let word = words.next().ok_or_else(missing)?;
-        let wrong = || Wrong {
+        let wrong = || LineError {
             byte: start(word),
             message: format!("the {what} {word:?} is not a finite number"),
         };
@@ -146,14 +146,14 @@ fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
     let (speed_mm_s, speed_m_s) = number("speed")?;
     let (force_n, _) = number("force")?;
     match words.next() {
-        None => Ok(Some(Asked {
+        None => Ok(Some(Request {
             speed_mm_s,
             speed_m_s,
             force_n,
         })),
         Some(word) => {
             let message = format!("unexpected {word:?}; write `speed_mm_s force_n`");
-            Err(Wrong {
+            Err(LineError {
                 byte: start(word),
                 message,
             })
@@ -170,8 +170,8 @@ fn mm_s(speed_m_s: f64) -> f64 {
 
 /// `beyond` holds the requested values if they lie outside the modelled range.
 fn json(
-    at: &Asked,
-    beyond: Option<Asked>,
+    at: &Request,
+    beyond: Option<Request>,
     spot: &Spot,
     coefficients: &Coefficients,
 ) -> Result<String, Failure> {
@@ -192,7 +192,7 @@ fn json(
         .map_err(|error| Failure::Message(format!("cannot write the result as JSON: {error}")))
 }
 
-fn describe(at: &Asked, beyond: Option<Asked>, spot: &Spot, coefficients: &Coefficients) -> String {
+fn describe(at: &Request, beyond: Option<Request>, spot: &Spot, coefficients: &Coefficients) -> String {
     let list = |values: &[f64]| {
         values
             .iter()
@@ -229,7 +229,7 @@ mod tests {
     #[test]
     fn lines_are_read_with_exact_thousandths() {
         let asked = |speed_mm_s, speed_m_s, force_n| {
-            Ok(Some(Asked {
+            Ok(Some(Request {
                 speed_mm_s,
                 speed_m_s,
                 force_n,
@@ -248,7 +248,7 @@ mod tests {
 
     #[test]
     fn what_lies_inside_is_echoed_as_it_was_given() {
-        let asked = |speed_mm_s: f64, force_n: f64| Asked {
+        let asked = |speed_mm_s: f64, force_n: f64| Request {
             speed_mm_s,
             speed_m_s: speed_mm_s / 1000.0,
             force_n,

@@ -4,7 +4,7 @@
 use super::{Failure, load, select};
 use crate::cli::progress::Progress;
 use crate::cli::table::table;
-use crate::cli::{say, say_json};
+use crate::cli::{print, print_json};
 use crate::surfaces::evaluate::leave_one_out::{FAR, Mean, PowerExponents};
 use crate::surfaces::evaluate::{LeaveOneOut, MapKind, Prediction, Summary, leave_one_out};
 use crate::surfaces::{Surface, TextureModel};
@@ -48,9 +48,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(|error| Failure::file("compare maps of", &arguments.paths[0], &error))?;
     drop(progress);
     if arguments.json {
-        say_json(&to_json(&found))
+        print_json(&to_json(&found))
     } else {
-        say(&describe(&found))
+        print(&describe(&found))
     }
 }
 

@@ -3,7 +3,7 @@
 use super::{Failure, claim, load, save};
 use crate::cli::output::Force;
 use crate::cli::table::significant;
-use crate::cli::{say, say_json, spare};
+use crate::cli::{print, print_json, refuse_overwrite};
 use crate::surfaces::resampling::{self, resample_surface};
 use clap::ValueEnum;
 use serde::Serialize;
@@ -51,7 +51,7 @@ struct Json {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    spare([&arguments.input], &arguments.output)?;
+    refuse_overwrite([&arguments.input], &arguments.output)?;
     let output = claim(&arguments.output, arguments.force)?;
     let method = match arguments.method {
         Method::Zoh => resampling::Method::Zoh,
@@ -64,7 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let output = save(&surface, &output)?;
     let (worst, vertex) = (resampled.worst, resampled.worst_vertex);
     if arguments.json {
-        return say_json(&Json {
+        return print_json(&Json {
             rate_hz: arguments.rate_hz,
             method: method.name(),
             worst_db: worst.db,
@@ -72,7 +72,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             worst_vertex: vertex,
         });
     }
-    say(&format!(
+    print(&format!(
         "wrote {}: {} Hz by {}\nworst spectral deviation from 20 Hz to {} Hz: {} dB at {} Hz, model {vertex} (from 0)\n",
         output.display(),
         arguments.rate_hz,

@@ -3,7 +3,7 @@
 use super::Failure;
 use crate::cli::progress::Progress;
 use crate::cli::table::{significant, table};
-use crate::cli::{remark, say, say_json};
+use crate::cli::{eprint, print, print_json};
 use crate::surfaces::evaluate::RandomWalk;
 use crate::surfaces::files::{self, merge};
 use crate::surfaces::select::{Features, Selection, features, select};
@@ -47,9 +47,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let selection =
         select(&found, count).map_err(|error| Failure::file("select from", &arguments.dir, &error))?;
     if arguments.json {
-        say_json(&to_json(&found, &selection))
+        print_json(&to_json(&found, &selection))
     } else {
-        say(&describe(&found, &selection))
+        print(&describe(&found, &selection))
     }
 }
 
@@ -61,7 +61,7 @@ fn warn_of_mixed_forces(surfaces: &[Surface]) {
         surfaces.iter().find(has)
     };
     if let (Some(recorded), Some(rendered)) = (with(true), with(false)) {
-        remark(&format!(
+        eprint(&format!(
             "warning: tap responses are not comparable: that of {} is by recorded forces; {} holds none, and its response is \
              by rendered forces\n",
             recorded.name, rendered.name
@@ -81,7 +81,7 @@ pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
             Ok(surface) => surface,
             Err(_) if is_note(&path) => continue,
             Err(error) => {
-                remark(&format!("warning: skipped: {error}\n"));
+                eprint(&format!("warning: skipped: {error}\n"));
                 continue;
             }
         };
@@ -98,7 +98,7 @@ pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
         by_name.insert(name, entry);
     }
     if let Some(example) = clashes.first() {
-        remark(&format!(
+        eprint(&format!(
             "warning: {} surfaces have several files under one name and count as one ({example}); of each part the first \
              file's is used, of textures the one with the highest rate\n",
             clashes.len()

@@ -2,7 +2,7 @@
 
 use super::{Failure, load};
 use crate::cli::table::{facts, significant, table};
-use crate::cli::{say, say_json};
+use crate::cli::{print, print_json};
 use crate::surfaces::files::decimal::format_thousandfold;
 use crate::surfaces::{Provenance, Surface, Taps, TextureModel, VertexKind};
 use serde_json::{Value, json};
@@ -21,9 +21,9 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surface = load(&arguments.file)?;
     if arguments.json {
-        return say_json(&to_json(&surface));
+        return print_json(&to_json(&surface));
     }
-    say(&describe(&surface))
+    print(&describe(&surface))
 }
 
 fn mm_s(speed_m_s: f64) -> f64 {

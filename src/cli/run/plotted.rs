@@ -3,25 +3,25 @@
 use crate::engine::graph::Graph;
 use crate::engine::node::FrameWriter;
 use crate::engine::run::{FileSinks, Probe};
-use crate::report::asked::{Asked, Trace, asked, tracer};
-use crate::report::record::{Record, Watch, recorder, watched};
+use crate::report::plot_request::{PlotRequest, Trace, plot_requests, tracer};
+use crate::report::record::{Record, WatchedOutput, recorder, watched};
 use crate::report::sound::{Clip, ClipRecord, Sound, audible, clip};
 
 /// Recorders of the plots and the sound of a page.
-pub struct Shown {
+pub struct PlottedSignals {
     /// Signals plotted by default.
     pub records: Vec<Record>,
     /// The plots requested by the graph, each with a trace per signal.
-    pub asked: Vec<(Asked, Vec<Trace>)>,
+    pub requests: Vec<(PlotRequest, Vec<Trace>)>,
     /// Beginnings of the signals that may be played, the most suitable first.
     clips: Vec<ClipRecord>,
 }
 
-impl Shown {
+impl PlottedSignals {
     /// Attaches the recorders.
-    pub fn of(graph: &Graph, outlets: &mut FileSinks<'_>) -> Self {
-        let mut probe = |watch: &Watch, writer: Box<dyn FrameWriter>| {
-            outlets.probe(Probe {
+    pub fn of(graph: &Graph, file_sinks: &mut FileSinks<'_>) -> Self {
+        let mut probe = |watch: &WatchedOutput, writer: Box<dyn FrameWriter>| {
+            file_sinks.probe(Probe {
                 node: watch.node,
                 output: watch.output,
                 writer,
@@ -34,14 +34,14 @@ impl Shown {
             records.push(record);
         }
         let mut plots = Vec::new();
-        for asked in asked(graph) {
+        for request in plot_requests(graph) {
             let mut traces = Vec::new();
-            for watch in &asked.signals {
-                let (writer, trace) = tracer(&watch.stream, asked.form);
+            for watch in &request.signals {
+                let (writer, trace) = tracer(&watch.stream, request.form);
                 probe(watch, Box::new(writer));
                 traces.push(trace);
             }
-            plots.push((asked, traces));
+            plots.push((request, traces));
         }
         let mut clips = Vec::new();
         for watch in audible(graph) {
@@ -51,7 +51,7 @@ impl Shown {
         }
         Self {
             records,
-            asked: plots,
+            requests: plots,
             clips,
         }
     }

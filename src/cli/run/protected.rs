@@ -5,13 +5,13 @@ use crate::engine::node::Limit;
 
 /// The protected settings: the limits of all actuators, and the settings of all output devices.
 #[derive(Debug, PartialEq)]
-pub struct Guards {
+pub struct ProtectedSettings {
     /// Path, unit and limit of each sink.
     limits: Vec<(String, String, Limit)>,
     driven: Vec<(String, u64)>,
 }
 
-impl Guards {
+impl ProtectedSettings {
     pub fn of(graph: &Graph) -> Self {
         let unit = |sink: &str| {
             let mut nodes = graph.nodes().iter();

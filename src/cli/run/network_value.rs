@@ -4,13 +4,13 @@
 use std::path::{Component, Path};
 
 /// Characters that RON would parse as more than plain text: quotes, escapes and brackets.
-const WRITTEN: [char; 6] = ['"', '\\', '(', '[', '{', '\''];
+const SYNTAX: [char; 6] = ['"', '\\', '(', '[', '{', '\''];
 
 /// Why a value from the network is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
     #[error("a value from the network must be a number, a boolean or plain text")]
-    Written,
+    NotPlain,
     #[error("a file named from the network must be in the graph's folder, without `..`")]
     Outside,
     #[error("a path from the network must name a file, not a device, a pipe or a folder")]
@@ -20,8 +20,8 @@ pub enum Refusal {
 /// Checks a value that arrived by network. `graph` is the graph's file. Relative paths start at the current
 /// folder, as for typed values.
 pub fn refusal(value: &str, graph: &Path) -> Option<Refusal> {
-    if value.contains(WRITTEN) {
-        return Some(Refusal::Written);
+    if value.contains(SYNTAX) {
+        return Some(Refusal::NotPlain);
     }
     let path = Path::new(value);
     let plain = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
@@ -67,10 +67,10 @@ mod tests {
             ("graphs/surfaces/../../Cargo.toml", Refusal::Outside),
             ("Cargo.toml", Refusal::Outside),
             ("graphs/surfaces", Refusal::NoFile),
-            ("\"/dev/zero\"", Refusal::Written),
-            ("r\"/dev/zero\"", Refusal::Written),
-            ("Param(\"wish\")", Refusal::Written),
-            ("[1]", Refusal::Written),
+            ("\"/dev/zero\"", Refusal::NotPlain),
+            ("r\"/dev/zero\"", Refusal::NotPlain),
+            ("Param(\"wish\")", Refusal::NotPlain),
+            ("[1]", Refusal::NotPlain),
         ] {
             assert_eq!(refusal(value, graph), Some(why), "{value}");
         }

@@ -11,30 +11,30 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// Maximum number of queued messages; further ones are counted and the count is printed.
-const MOST_WAITING: usize = 1024;
+const MAX_QUEUED: usize = 1024;
 /// How long a stopped command waits for a blocked reader.
 const PATIENCE: Duration = Duration::from_millis(500);
-const LOOK: Duration = Duration::from_millis(2);
+const POLL_PERIOD: Duration = Duration::from_millis(2);
 
 static QUEUE: OnceLock<Queue> = OnceLock::new();
 
 #[derive(Debug)]
 struct Queue {
-    remarks: SyncSender<Said>,
+    messages: SyncSender<Message>,
     counts: Arc<Counts>,
     stop: Arc<AtomicBool>,
 }
 
 /// A queued message.
 #[derive(Debug)]
-enum Said {
+enum Message {
     Text(String),
     /// Lines of the status block at the lower end of the terminal; they replace the previous ones.
     Block(Vec<String>),
     /// The line being typed has changed.
-    Typed,
+    InputChanged,
     /// Removes the status block.
-    Close,
+    RemoveBlock,
 }
 
 #[derive(Debug, Default)]
@@ -45,51 +45,51 @@ struct Counts {
 }
 
 /// Prints a message on standard error.
-pub fn remark(text: &str) {
+pub fn eprint(text: &str) {
     match QUEUE.get() {
-        Some(queue) => queue.put(Said::Text(text.to_owned())),
+        Some(queue) => queue.put(Message::Text(text.to_owned())),
         None => write(text),
     }
 }
 
 /// Displays lines at the lower end of the terminal, in place of the previous ones.
-pub fn show(block: Vec<String>) {
-    put(Said::Block(block));
+pub fn show_block(block: Vec<String>) {
+    put(Message::Block(block));
 }
 
 /// Redraws the line being typed.
-pub fn typed() {
-    put(Said::Typed);
+pub fn redraw_input() {
+    put(Message::InputChanged);
 }
 
 /// Removes the lines at the lower end of the terminal.
-pub fn close() {
-    put(Said::Close);
+pub fn remove_block() {
+    put(Message::RemoveBlock);
 }
 
-fn put(said: Said) {
+fn put(message: Message) {
     if let Some(queue) = QUEUE.get() {
-        queue.put(said);
+        queue.put(message);
     }
 }
 
 /// Prints without the queue, even if it blocks: the program may end right after a panic.
-pub fn at_once(text: &str) {
+pub fn write_unqueued(text: &str) {
     write(text);
 }
 
-/// Starts the writing thread. From then on messages are queued; [`settle`] waits for them at the end.
-pub fn queue(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
-    let (remarks, waiting) = sync_channel(MOST_WAITING);
+/// Starts the writing thread. From then on messages are queued; [`flush`] waits for them at the end.
+pub fn start_queue(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
+    let (messages, waiting) = sync_channel(MAX_QUEUED);
     let counts = Arc::new(Counts::default());
-    let theirs = Arc::clone(&counts);
+    let thread_counts = Arc::clone(&counts);
     std::thread::Builder::new()
-        .name("remarks".to_owned())
-        .spawn(move || write_all(&waiting, &theirs))?;
+        .name("stderr".to_owned())
+        .spawn(move || write_all(&waiting, &thread_counts))?;
     let stop = Arc::clone(stop);
     // Tests start several runs in one process; they share the first queue.
     let _ = QUEUE.set(Queue {
-        remarks,
+        messages,
         counts,
         stop,
     });
@@ -98,7 +98,7 @@ pub fn queue(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
 
 /// Waits until all queued messages are written or, after a stop, until the reader is blocked for half a
 /// second.
-pub fn settle() {
+pub fn flush() {
     let Some(Queue { counts, stop, .. }) = QUEUE.get() else {
         return;
     };
@@ -111,55 +111,55 @@ pub fn settle() {
         } else if stop.load(Ordering::Relaxed) && since.elapsed() > PATIENCE {
             return;
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_PERIOD);
     }
 }
 
 impl Queue {
-    fn put(&self, said: Said) {
+    fn put(&self, message: Message) {
         self.counts.taken.fetch_add(1, Ordering::AcqRel);
-        let Err(error) = self.remarks.try_send(said) else {
+        let Err(error) = self.messages.try_send(message) else {
             return;
         };
         self.counts.taken.fetch_sub(1, Ordering::AcqRel);
         match error {
-            TrySendError::Full(Said::Text(_)) => {
+            TrySendError::Full(Message::Text(_)) => {
                 self.counts.lost.fetch_add(1, Ordering::AcqRel);
             }
-            TrySendError::Disconnected(Said::Text(text)) => write(&text),
+            TrySendError::Disconnected(Message::Text(text)) => write(&text),
             // The display is refreshed soon anyway.
             TrySendError::Full(_) | TrySendError::Disconnected(_) => {}
         }
     }
 }
 
-fn write_all(waiting: &Receiver<Said>, counts: &Counts) {
+fn write_all(waiting: &Receiver<Message>, counts: &Counts) {
     let mut screen = None;
-    for said in waiting {
-        write_one(said, &mut screen);
+    for message in waiting {
+        write_one(message, &mut screen);
         let lost = counts.lost.swap(0, Ordering::AcqRel);
         if lost > 0 {
             let text = format!("note: {lost} messages were lost because standard error was blocked\n");
-            write_one(Said::Text(text), &mut screen);
+            write_one(Message::Text(text), &mut screen);
         }
         counts.written.fetch_add(1, Ordering::AcqRel);
     }
 }
 
-fn write_one(said: Said, screen: &mut Option<Screen>) {
+fn write_one(message: Message, screen: &mut Option<Screen>) {
     let mut out = std::io::stderr().lock();
     // A failed write to standard error is ignored: nobody reads it.
-    let _ = match (said, &mut *screen) {
-        (Said::Text(text), None) => out.write_all(text.as_bytes()),
-        (Said::Text(text), Some(screen)) => screen.above(&text, &mut out),
-        (Said::Block(block), screen) => screen.get_or_insert_default().show(block, &mut out),
-        (Said::Typed, Some(screen)) => screen.redraw(&mut out),
-        (Said::Close, Some(shown)) => {
+    let _ = match (message, &mut *screen) {
+        (Message::Text(text), None) => out.write_all(text.as_bytes()),
+        (Message::Text(text), Some(screen)) => screen.above(&text, &mut out),
+        (Message::Block(block), screen) => screen.get_or_insert_default().show(block, &mut out),
+        (Message::InputChanged, Some(screen)) => screen.redraw(&mut out),
+        (Message::RemoveBlock, Some(shown)) => {
             let closed = shown.close(&mut out);
             *screen = None;
             closed
         }
-        (Said::Typed | Said::Close, None) => Ok(()),
+        (Message::InputChanged | Message::RemoveBlock, None) => Ok(()),
     };
 }
 

@@ -1,28 +1,28 @@
 //! Supervision of a live run: typed commands, settings by Open Sound Control, saved files, status and
 //! warnings.
 
-mod change;
+mod swap;
 
-pub use change::shown;
+pub use swap::settings_text;
 
 use super::super::terminal::is_coloured;
-use super::super::{GraphArguments, fault, remark};
+use super::super::{GraphArguments, eprint, panic_hook};
 use super::Arguments;
-use super::afar;
-use super::console::{Asked, HELP, HELP_LINES, Typed};
+use super::console::{ConsoleCommand, HELP, HELP_LINES, RunRequest};
 use super::drivers::Drivers;
 use super::endpoints::Endpoints;
-use super::guards::Guards;
 use super::history::{History, Notes};
-use super::loading::{self, Job, Loader, Loading, Saved, texts};
+use super::loading::{self, Job, Loader, Loading, SavedOverrides, texts};
+use super::network_value;
+use super::protected::ProtectedSettings;
 use super::silence::SilenceMonitor;
 use super::status::{self, Status};
-use super::watch::Watch;
+use super::watch::FileWatch;
 use crate::engine::diagnostic::{Diagnostics, render};
 use crate::engine::graph::Graph;
 use crate::engine::run::Session;
 use crate::engine::settings::closest;
-use crate::nodes::network::{Connections, Told};
+use crate::nodes::network::{Connections, SetRequest};
 use crate::nodes::soundcard::CardNote;
 use serde_json::Value;
 use std::collections::VecDeque;
@@ -34,70 +34,70 @@ use std::time::{Duration, Instant};
 /// Subfolder of the run's folder for graphs saved during the run.
 pub const CHANGES: &str = "changes";
 /// Polling period.
-const PAUSE: Duration = Duration::from_millis(50);
+const PERIOD: Duration = Duration::from_millis(50);
 /// Polling period while a graph loads.
-const LOOK: Duration = Duration::from_millis(5);
+const LOADING_PERIOD: Duration = Duration::from_millis(5);
 
 /// Maximum number of queued requests, and of requests handled between two checks of the stop flag.
-pub const MOST_ASKED: usize = 1024;
-const MOST_HEARD: usize = 64;
+pub const MAX_QUEUED: usize = 1024;
+const MAX_HANDLED: usize = 64;
 
 /// Which messages about a change are printed. A fader is moved a hundred times per second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Says {
-    Nothing,
+enum Verbosity {
+    Silent,
     /// Only the reasons of refusals.
     Refusals,
-    Everything,
+    All,
 }
 
-impl Says {
+impl Verbosity {
     fn refusal(self, text: &str) {
         if self >= Self::Refusals {
-            remark(text);
+            eprint(text);
         }
     }
 
     fn success(self, text: &str) {
-        if self >= Self::Everything {
-            remark(text);
+        if self >= Self::All {
+            eprint(text);
         }
     }
 }
 
 /// Origin of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum By {
+enum Origin {
     Keyboard,
     Osc,
 }
 
 /// A change that needs the graph to be loaded again.
 #[derive(Debug)]
-enum Wish {
+enum PendingChange {
     Set {
         name: String,
         value: String,
-        by: By,
+        origin: Origin,
     },
     /// A file of the graph was saved.
     Saved,
 }
 
 /// Supervisor of a live run.
-pub struct Attended {
+pub struct Supervisor {
     /// The arguments with the present parameters.
     arguments: GraphArguments,
     /// The parameters given on the command line.
     given: Vec<(String, String)>,
     /// The parameters set since.
-    typed: loading::Typed,
+    typed: loading::ParameterDefaults,
     /// The parameters of the running graph, with their defaults.
-    parameters: loading::Typed,
+    parameters: loading::ParameterDefaults,
     seed: Option<u64>,
     record: bool,
     folder: PathBuf,
-    watch: Option<Watch>,
+    watch: Option<FileWatch>,
     pub session: Session,
     pub network: Connections,
     pub silence: SilenceMonitor,
@@ -113,25 +113,25 @@ pub struct Attended {
     pub history: History,
     /// Names whose OSC messages were refused; each is reported once.
     refused: Vec<String>,
-    guards: Guards,
+    protected: ProtectedSettings,
     /// Texts of the running graph's files.
     texts: Vec<String>,
     loader: Loader,
-    loading: Option<(Wish, Loading)>,
-    waiting: VecDeque<Wish>,
-    known: Option<loading::Known>,
+    loading: Option<(PendingChange, Loading)>,
+    waiting: VecDeque<PendingChange>,
+    known: Option<loading::KnownDocument>,
     /// Panics reported so far.
     pub panics: Vec<String>,
 }
 
-impl Attended {
+impl Supervisor {
     /// Starts the supervision of a run of `graph`.
     pub fn begin(
         arguments: &Arguments,
         graph: &Graph,
         folder: &Path,
         (session, network): (Session, Connections),
-        (watch, parameters, loader): (Option<Watch>, loading::Typed, Loader),
+        (watch, parameters, loader): (Option<FileWatch>, loading::ParameterDefaults, Loader),
         keys: bool,
     ) -> Self {
         let progress = graph
@@ -157,7 +157,7 @@ impl Attended {
             saved: Vec::new(),
             history: History::default(),
             refused: Vec::new(),
-            guards: Guards::of(graph),
+            protected: ProtectedSettings::of(graph),
             texts: texts(graph),
             loader,
             loading: None,
@@ -169,19 +169,23 @@ impl Attended {
 
     /// Supervises the run to its end and calls `each` in every round. Returns the counted notes about
     /// soundcards.
-    pub fn attend(
+    pub fn run(
         &mut self,
         driver: &mut Drivers,
-        asked: &Receiver<Asked>,
+        requests: &Receiver<RunRequest>,
         (stop, each): (&AtomicBool, fn()),
     ) -> Vec<String> {
         let (mut stopping, mut notes) = (false, Notes::default());
         while !driver.is_finished(stopping) {
             each();
-            let pause = if self.loading.is_some() { LOOK } else { PAUSE };
-            let first = asked.recv_timeout(pause).ok();
-            self.tell_panics();
-            for note in driver.tend() {
+            let pause = if self.loading.is_some() {
+                LOADING_PERIOD
+            } else {
+                PERIOD
+            };
+            let first = requests.recv_timeout(pause).ok();
+            self.report_panics();
+            for note in driver.poll() {
                 match note {
                     CardNote::Turn(note) => notes.turn(note),
                     CardNote::Complaint(note) => notes.complaint(note),
@@ -190,30 +194,33 @@ impl Attended {
             let inputs = self.session.live_inputs();
             // The final warnings summarise these notes, one line per input.
             for note in self.silence.poll(Instant::now(), &inputs, &self.network) {
-                remark(&format!("note: {note}\n"));
+                eprint(&format!("note: {note}\n"));
             }
             for failed in self.session.failing_files() {
-                remark(&format!(
+                eprint(&format!(
                     "warning: {failed}; the file is complete up to here, and the run continues without it\n"
                 ));
             }
             self.show_status(driver);
-            if driver.is_torn() {
+            if driver.is_partly_finished() {
                 stop.store(true, Ordering::Relaxed);
             }
             stopping = stop.load(Ordering::Relaxed);
-            let room = MOST_HEARD.min(MOST_ASKED.saturating_sub(self.waiting.len()));
-            self.hear(first.into_iter().chain(asked.try_iter().take(room)));
-            if self.watch.as_mut().is_some_and(Watch::has_changed)
-                && !self.waiting.iter().any(|wish| matches!(wish, Wish::Saved))
+            let room = MAX_HANDLED.min(MAX_QUEUED.saturating_sub(self.waiting.len()));
+            self.handle(first.into_iter().chain(requests.try_iter().take(room)));
+            if self.watch.as_mut().is_some_and(FileWatch::has_changed)
+                && !self
+                    .waiting
+                    .iter()
+                    .any(|change| matches!(change, PendingChange::Saved))
             {
-                self.waiting.push_back(Wish::Saved);
+                self.waiting.push_back(PendingChange::Saved);
             }
             if !stopping {
-                self.go_on(driver);
+                self.load_next(driver);
             }
         }
-        self.tell_panics();
+        self.report_panics();
         notes.counted()
     }
 
@@ -230,138 +237,143 @@ impl Attended {
     }
 
     /// Reports panics since the last call.
-    pub fn tell_panics(&mut self) {
-        for text in fault::untold() {
-            remark(&text);
+    pub fn report_panics(&mut self) {
+        for text in panic_hook::take_unreported() {
+            eprint(&text);
             self.panics.push(text);
         }
     }
 
     /// Handles requests: those that need a loaded graph are queued, all others are done at once.
-    fn hear(&mut self, asked: impl Iterator<Item = Asked>) {
-        let mut told = Vec::new();
-        for asked in asked {
-            match asked {
-                Asked::Typed(Typed::Set { name, value }) => self.wish(name, value, By::Keyboard),
-                Asked::Typed(Typed::List) => self.list(),
-                Asked::Typed(Typed::History) => remark(&self.history.lines()),
-                Asked::Typed(Typed::Help) => remark(HELP_LINES),
-                // The reading thread has already set the stop flag.
-                Asked::Typed(Typed::Stop) => {}
-                Asked::Typed(Typed::Unknown(line)) => {
-                    let help = Typed::meant(&line).map_or_else(
-                        || format!("type {HELP}"),
-                        |meant| format!("did you mean `{meant}`?"),
-                    );
-                    remark(&format!("unknown command `{line}`; {help}\n"));
+    fn handle(&mut self, requests: impl Iterator<Item = RunRequest>) {
+        let mut settings = Vec::new();
+        for request in requests {
+            match request {
+                RunRequest::Console(ConsoleCommand::Set { name, value }) => {
+                    self.request_change(name, value, Origin::Keyboard)
                 }
-                Asked::Told(Told { name, value }) => {
+                RunRequest::Console(ConsoleCommand::List) => self.list(),
+                RunRequest::Console(ConsoleCommand::History) => eprint(&self.history.lines()),
+                RunRequest::Console(ConsoleCommand::Help) => eprint(HELP_LINES),
+                // The reading thread has already set the stop flag.
+                RunRequest::Console(ConsoleCommand::Stop) => {}
+                RunRequest::Console(ConsoleCommand::Unknown(line)) => {
+                    let help = ConsoleCommand::suggestion(&line).map_or_else(
+                        || format!("type {HELP}"),
+                        |near| format!("did you mean `{near}`?"),
+                    );
+                    eprint(&format!("unknown command `{line}`; {help}\n"));
+                }
+                RunRequest::Osc(SetRequest { name, value }) => {
                     // Only the latest value of a fader counts.
-                    told.retain(|(known, _)| *known != name);
-                    told.push((name, value));
+                    settings.retain(|(known, _)| *known != name);
+                    settings.push((name, value));
                 }
             }
         }
-        for (name, value) in told {
-            self.wish(name, value, By::Osc);
+        for (name, value) in settings {
+            self.request_change(name, value, Origin::Osc);
         }
     }
 
     /// Sets a live setting of a node at once. A parameter is queued until the graph is loaded with it.
-    fn wish(&mut self, name: String, value: String, by: By) {
-        let says = self.says(&name, by);
+    fn request_change(&mut self, name: String, value: String, origin: Origin) {
+        let verbosity = self.verbosity(&name, origin);
         if name.contains('.') {
-            let was_set = self.set_directly(&name, &value, says);
-            return self.note(was_set, name, &value, by);
+            let was_set = self.set_directly(&name, &value, verbosity);
+            return self.note(was_set, name, &value, origin);
         }
         if !self.parameters.iter().any(|(known, _)| *known == name) {
             let names = self.parameters.iter().map(|(known, _)| known.as_str());
             let help = choices(&name, &names.collect::<Vec<_>>(), "its parameters are");
-            says.refusal(&format!("the graph has no parameter `{name}`{help}\n"));
-            return self.note(false, name, &value, by);
+            verbosity.refusal(&format!("the graph has no parameter `{name}`{help}\n"));
+            return self.note(false, name, &value, origin);
         }
-        if by == By::Osc {
-            if let Some(refusal) = afar::refusal(&value, &self.arguments.graph) {
-                says.refusal(&format!("`{name}` was not changed: {refusal}\n"));
-                return self.note(false, name, &value, by);
+        if origin == Origin::Osc {
+            if let Some(refusal) = network_value::refusal(&value, &self.arguments.graph) {
+                verbosity.refusal(&format!("`{name}` was not changed: {refusal}\n"));
+                return self.note(false, name, &value, origin);
             }
-            let same =
-                |wish: &Wish| matches!(wish, Wish::Set { name: known, by: By::Osc, .. } if *known == name);
-            self.waiting.retain(|wish| !same(wish));
+            let same = |change: &PendingChange| matches!(change, PendingChange::Set { name: known, origin: Origin::Osc, .. } if *known == name);
+            self.waiting.retain(|change| !same(change));
         }
-        self.waiting.push_back(Wish::Set { name, value, by });
+        self.waiting.push_back(PendingChange::Set { name, value, origin });
     }
 
     /// Which messages about a request are printed.
-    fn says(&self, name: &str, by: By) -> Says {
-        let full = self.refused.len() >= History::MOST;
-        match by {
-            By::Keyboard => Says::Everything,
-            By::Osc if full || self.refused.iter().any(|known| known == name) => Says::Nothing,
-            By::Osc => Says::Refusals,
+    fn verbosity(&self, name: &str, origin: Origin) -> Verbosity {
+        let full = self.refused.len() >= History::MAX;
+        match origin {
+            Origin::Keyboard => Verbosity::All,
+            Origin::Osc if full || self.refused.iter().any(|known| known == name) => Verbosity::Silent,
+            Origin::Osc => Verbosity::Refusals,
         }
     }
 
     /// Records the outcome of a request.
-    fn note(&mut self, was_set: bool, name: String, value: &str, by: By) {
+    fn note(&mut self, was_set: bool, name: String, value: &str, origin: Origin) {
         if was_set {
-            let by = if by == By::Keyboard { "typed" } else { "OSC" };
+            let by = if origin == Origin::Keyboard {
+                "typed"
+            } else {
+                "OSC"
+            };
             self.history
                 .note(self.start.elapsed().as_secs_f64(), &name, value, by);
-        } else if self.says(&name, by) == Says::Refusals {
+        } else if self.verbosity(&name, origin) == Verbosity::Refusals {
             self.refused.push(name);
         }
     }
 
     /// Polls the loader; when it is free, starts the next queued change.
-    fn go_on(&mut self, driver: &Drivers) {
-        if let Some((wish, loading)) = self.loading.take() {
-            let says = match &wish {
-                Wish::Set { name, by, .. } => self.says(name, *by),
-                Wish::Saved => Says::Everything,
+    fn load_next(&mut self, driver: &Drivers) {
+        if let Some((change, loading)) = self.loading.take() {
+            let verbosity = match &change {
+                PendingChange::Set { name, origin, .. } => self.verbosity(name, *origin),
+                PendingChange::Saved => Verbosity::All,
             };
-            match loading.look() {
-                Some(loaded) => self.take(driver, wish, loaded, &loading, says),
-                None if loading.took() < loading::BUDGET => {
-                    self.loading = Some((wish, loading));
+            match loading.poll() {
+                Some(loaded) => self.swap_loaded(driver, change, loaded, &loading, verbosity),
+                None if loading.elapsed() < loading::BUDGET => {
+                    self.loading = Some((change, loading));
                     return;
                 }
                 None => {
                     let budget_s = loading::BUDGET.as_secs();
-                    says.refusal(&format!(
+                    verbosity.refusal(&format!(
                         "the running graph is unchanged: the new one did not load within {budget_s} s\n"
                     ));
-                    self.give_up(wish);
+                    self.reject(change);
                 }
             }
         }
-        if let Some(wish) = self.waiting.pop_front() {
-            let job = self.job(&wish);
+        if let Some(change) = self.waiting.pop_front() {
+            let job = self.job(&change);
             match self.loader.begin(job) {
-                Ok(loading) => self.loading = Some((wish, loading)),
+                Ok(loading) => self.loading = Some((change, loading)),
                 Err(why) => {
-                    remark(&format!("the running graph is unchanged: {why}\n"));
-                    self.give_up(wish);
+                    eprint(&format!("the running graph is unchanged: {why}\n"));
+                    self.reject(change);
                 }
             }
         }
     }
 
-    fn give_up(&mut self, wish: Wish) {
-        if let Wish::Set { name, value, by } = wish {
-            self.note(false, name, &value, by);
+    fn reject(&mut self, change: PendingChange) {
+        if let PendingChange::Set { name, value, origin } = change {
+            self.note(false, name, &value, origin);
         }
     }
 
-    fn job(&mut self, wish: &Wish) -> Job {
+    fn job(&mut self, change: &PendingChange) -> Job {
         let mut arguments = self.arguments.clone();
-        let saved = match wish {
-            Wish::Set { name, value, .. } => {
+        let saved = match change {
+            PendingChange::Set { name, value, .. } => {
                 arguments.set.retain(|(known, _)| known != name);
                 arguments.set.push((name.clone(), value.clone()));
                 None
             }
-            Wish::Saved => Some(Saved {
+            PendingChange::Saved => Some(SavedOverrides {
                 given: self.given.clone(),
                 typed: self.typed.clone(),
             }),
@@ -375,14 +387,14 @@ impl Attended {
         }
     }
 
-    fn set_directly(&mut self, name: &str, value: &str, says: Says) -> bool {
+    fn set_directly(&mut self, name: &str, value: &str, verbosity: Verbosity) -> bool {
         let Ok(number) = value.parse::<f64>() else {
-            says.refusal(&format!("`{value}` is not a number\n"));
+            verbosity.refusal(&format!("`{value}` is not a number\n"));
             return false;
         };
         match self.session.set_by_name(name, number) {
             Ok(()) => {
-                says.success(&format!("{name} is {number}\n"));
+                verbosity.success(&format!("{name} is {number}\n"));
                 true
             }
             Err(error) => {
@@ -392,7 +404,7 @@ impl Attended {
                     true => String::new(),
                     false => choices(name, &names, "the live settings are"),
                 };
-                says.refusal(&format!("`{name}` was not changed: {error}{help}\n"));
+                verbosity.refusal(&format!("`{name}` was not changed: {error}{help}\n"));
                 false
             }
         }
@@ -402,10 +414,10 @@ impl Attended {
         for (name, default) in &self.parameters {
             let set = self.arguments.set.iter().find(|(known, _)| known == name);
             let value = set.map(|(_, value)| value).or(default.as_ref());
-            remark(&format!("{name} = {}\n", value.map_or("?", String::as_str)));
+            eprint(&format!("{name} = {}\n", value.map_or("?", String::as_str)));
         }
         for live in self.session.settings() {
-            remark(&format!("{} = {}\n", live.name(), live.value));
+            eprint(&format!("{} = {}\n", live.name(), live.value));
         }
     }
 }
@@ -424,8 +436,8 @@ fn choices(name: &str, known: &[&str], are: &str) -> String {
     }
 }
 
-fn show(findings: &Diagnostics, says: Says) {
+fn show(findings: &Diagnostics, verbosity: Verbosity) {
     if !findings.list.is_empty() {
-        says.refusal(&render(findings, is_coloured(&std::io::stderr())));
+        verbosity.refusal(&render(findings, is_coloured(&std::io::stderr())));
     }
 }

@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 /// Durations of the runs, one per turn, in seconds per round.
 #[derive(Debug, Default)]
-pub struct Turns {
+pub struct Timings {
     pub measured_s: Vec<f64>,
     pub plain_s: Vec<f64>,
     /// Per driver; empty for a single driver.
@@ -27,11 +27,11 @@ pub struct Turns {
 /// The cost of a graph. A load is the processor time per second of the graph's time: the share of one core
 /// that it needs.
 #[derive(Debug)]
-pub struct Account {
+pub struct CostReport {
     /// Load of all drivers together on one core.
     load: f64,
     /// Relative overhead of timing every step.
-    price: f64,
+    overhead: f64,
     timed_rounds: u64,
     every: u64,
     rows: Vec<Row>,
@@ -77,8 +77,8 @@ struct DriverLoad {
     buffer_bytes: usize,
 }
 
-impl Account {
-    pub fn new(graph: &Graph, plans: &[Arc<Plan>], profile: &Profile, turns: &Turns) -> Self {
+impl CostReport {
+    pub fn new(graph: &Graph, plans: &[Arc<Plan>], profile: &Profile, turns: &Timings) -> Self {
         let pairs = turns.measured_s.iter().zip(&turns.plain_s);
         let ratios: Vec<f64> = pairs.map(|(measured, plain)| measured / plain).collect();
         let round_s = profile.runner().quantum_s();
@@ -116,7 +116,7 @@ impl Account {
         });
         Self {
             load,
-            price: median(&ratios) - 1.0,
+            overhead: median(&ratios) - 1.0,
             timed_rounds: profile.timed_quanta(),
             every: profile.every(),
             clocks: clocks.collect(),
@@ -223,7 +223,7 @@ impl Account {
                 ", {} the whole process at its peak",
                 bytes(peak)
             )),
-            100.0 * self.price,
+            100.0 * self.overhead,
             self.every,
             self.timed_rounds,
         );
@@ -274,7 +274,7 @@ impl Account {
             "drivers": drivers,
             "buffer_bytes": self.buffer_bytes(),
             "process_peak_bytes": self.peak_bytes,
-            "measuring": {"cost_percent": 100.0 * self.price, "one_round_in": self.every, "timed_rounds": self.timed_rounds},
+            "measuring": {"cost_percent": 100.0 * self.overhead, "one_round_in": self.every, "timed_rounds": self.timed_rounds},
             "clocks": clocks,
             "steps": steps,
         });
