@@ -233,7 +233,7 @@ fn what_cannot_be_meant_is_refused_before_any_work() {
     for (arguments, told) in [
         (
             &["run", &graph, "--for", "1e-9"][..],
-            "less than a frame of `audio`",
+            "shorter than one frame of `audio`",
         ),
         (&["run", &graph, "--set", "surface="], "the path is empty"),
         (
@@ -431,7 +431,7 @@ fn a_bench_tells_what_each_of_several_drivers_costs() {
     let picture = fs::read_to_string(folder.path().join("cost.svg")).unwrap();
     assert!(picture.contains("audio, ") && picture.contains("servo, "));
     let shown = succeed(folder.path(), &common);
-    for words in ["driver audio", "driver servo", "measuring      cost"] {
+    for words in ["driver audio", "driver servo", "measuring      overhead"] {
         assert!(shown.contains(words), "no `{words}` in {shown}");
     }
     assert_eq!(shown.matches("critical path").count(), 2, "{shown}");

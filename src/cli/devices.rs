@@ -1,7 +1,7 @@
-//! `haptograph devices`: what of this machine a graph can be connected to.
+//! `haptograph devices`: the hardware of this machine that a graph can use.
 
 use super::built::{Hardware, MIDI, POINTERS, SERIAL, SOUNDCARDS};
-use super::{Failure, say, say_json};
+use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
 use crate::nodes::network::inputs::midi_ports;
 use crate::nodes::soundcard::{Ability, Listed, SoundcardError, list};
@@ -12,7 +12,7 @@ use std::path::Path;
 /// List the soundcards, tablets, mice, serial ports and MIDI ports of this machine
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Also say in which forms of samples each plays and listens
+    /// Also list the sample formats of each soundcard for playback and capture
     #[arg(long)]
     formats: bool,
     /// Print the list as JSON
@@ -35,7 +35,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
             .filter(|hardware| !hardware.is_built)
             .map(|hardware| hardware.feature)
             .collect();
-        return say_json(&json!({
+        return print_json(&json!({
             "soundcards": soundcards, "pointers": pointers, "serial": serial, "midi": midi,
             "missing_features": missing,
         }));
@@ -55,10 +55,10 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         .iter()
         .map(|(hardware, kinds, names)| section(*hardware, kinds, names))
         .collect();
-    say(&text)
+    print(&text)
 }
 
-/// What there is of a kind of hardware: its names, or in one line why there are none.
+/// A section of the list: the names of the devices, or one line that says why there are none.
 fn section(hardware: Hardware, kinds: &str, names: &[String]) -> String {
     let Hardware { what, feature, .. } = hardware;
     match (hardware.is_built, names) {
@@ -80,7 +80,7 @@ fn as_json(card: &Listed) -> Value {
     json!({ "name": card.name, "about": card.about, "plays": ability(&card.plays), "listens": ability(&card.listens) })
 }
 
-/// What a folder of device links holds, where there is one.
+/// The entries of a folder of device links whose names end in `ending`; empty if the folder does not exist.
 fn paths(folder: &str, ending: &str) -> Vec<String> {
     let entries = std::fs::read_dir(Path::new(folder))
         .into_iter()

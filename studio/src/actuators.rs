@@ -1,4 +1,4 @@
-//! What the sinks of a graph drive, and what is played of it.
+//! The actuators of a graph, and the sound played by the page.
 
 use super::publish::Delivered;
 use super::scope::Port;
@@ -7,7 +7,7 @@ use haptograph_engine::frame::Kind;
 use haptograph_engine::node::Limit;
 use haptograph_signal::quantity::Quantity;
 
-/// An actuator, and what it was given.
+/// An actuator with the values delivered to it.
 #[derive(Debug)]
 pub struct Actuator {
     pub name: String,
@@ -19,7 +19,7 @@ pub struct Actuator {
     pub delivered: Delivered,
 }
 
-/// What the page plays.
+/// The sound that the page plays.
 #[derive(Debug)]
 pub struct Sound {
     pub port: String,
@@ -28,7 +28,7 @@ pub struct Sound {
 }
 
 impl Stage {
-    /// What the sinks drive, and what is played.
+    /// Finds the actuators and the sound of the graph.
     pub fn describe_actuators(&mut self) {
         let graph = &self.loaded.graph;
         let known: Vec<Actuator> = std::mem::take(&mut self.actuators);

@@ -1,4 +1,4 @@
-//! What runs the graph: a thread against the clock, or whoever holds it, as a page's audio thread.
+//! Driver of the graph: a real-time thread, or the caller, such as a page's audio thread.
 
 use haptograph_engine::host::Player;
 use haptograph_engine::run::LiveState;
@@ -7,14 +7,14 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Between two wake-ups.
+/// Wake-up period of the thread.
 const STEP: Duration = Duration::from_millis(2);
-/// The longest time that is made up for, s; what is later than that is lost.
+/// Maximum delay that the thread catches up, s; a longer delay is dropped.
 const MOST_BEHIND_S: f64 = 0.1;
-/// Later than this a wake-up counts as late, s.
+/// Delay above which a wake-up counts as late, s.
 const LATE_S: f64 = 0.02;
 
-/// What is known of the thread while it runs.
+/// State of the driver during a run.
 #[derive(Debug, Default)]
 pub struct Pace {
     end: AtomicBool,
@@ -28,32 +28,32 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Driver frames so far.
+    /// Number of driver frames.
     pub fn frames(&self) -> u64 {
         self.frames.load(Relaxed)
     }
 
-    /// How late the latest wake-up was, ms.
+    /// Delay of the latest wake-up, ms.
     pub fn behind_ms(&self) -> f64 {
         self.behind_us.load(Relaxed) as f64 * 1e-3
     }
 
-    /// Wake-ups that were too late.
+    /// Number of late wake-ups.
     pub fn late(&self) -> u64 {
         self.late.load(Relaxed)
     }
 
-    /// Ticks so far at which an actuator was asked for NaN or infinity.
+    /// Number of ticks in which an actuator was given NaN or infinity.
     pub fn faults(&self) -> u64 {
         self.faults.load(Relaxed)
     }
 
-    /// Path of the node that was found first to put out NaN or infinity.
+    /// Path of the first node found to output NaN or infinity.
     pub fn origin(&self) -> Option<&str> {
         self.origin.get().map(|origin| &**origin)
     }
 
-    /// Time that the graph took since this was asked last.
+    /// Takes the computing time since the last call.
     pub fn take_busy(&self) -> Duration {
         Duration::from_nanos(self.busy_ns.swap(0, Relaxed))
     }
@@ -67,19 +67,19 @@ impl Pace {
         }
     }
 
-    /// Has the run come to its end?
+    /// True if the run has ended.
     pub fn is_over(&self) -> bool {
         self.is_over.load(Relaxed)
     }
 }
 
-/// A player that is driven.
+/// A driven player.
 pub struct Drive {
     pub pace: Arc<Pace>,
-    /// Held while frames are run.
+    /// Locked while frames are computed.
     gate: Arc<Mutex<()>>,
     runner: Runner,
-    /// Frames when the caller kept time last.
+    /// Number of frames at the last call of [`Drive::keep_time`].
     kept_at: u64,
 }
 
@@ -88,17 +88,17 @@ enum Runner {
     Caller(Box<Player>),
 }
 
-/// Who runs players.
+/// Who drives the player.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DrivenBy {
-    /// A thread of its own, at the rate of the graph's driver.
+    /// A thread of its own, at the rate of the graph's driver clock.
     Thread,
-    /// [`Drive::process`].
+    /// The caller, by [`Drive::process`].
     Caller,
 }
 
 impl Drive {
-    /// Runs a player, at the rate of its driver.
+    /// Starts a player at the rate of its driver clock.
     pub fn start(player: Player, by: DrivenBy, rate_hz: f64) -> std::io::Result<Self> {
         let (pace, gate) = (Arc::new(Pace::default()), Arc::new(Mutex::new(())));
         let runner = match by {
@@ -119,18 +119,18 @@ impl Drive {
         })
     }
 
-    /// Does the caller drive it?
+    /// True if the caller drives the player.
     pub fn is_the_callers(&self) -> bool {
         matches!(self.runner, Runner::Caller(_))
     }
 
-    /// Does something between two frames, and tells it the number of the second.
+    /// Calls `work` between two frames with the number of the second.
     pub fn between_frames<T>(&self, work: impl FnOnce(u64) -> T) -> T {
         let _held = self.gate.lock().unwrap_or_else(PoisonError::into_inner);
         work(self.pace.frames())
     }
 
-    /// Runs so many frames where the caller drives. Real-time code.
+    /// Runs `frames` frames if the caller drives the player. Real-time code.
     pub fn process(&mut self, frames: usize) {
         if let Runner::Caller(player) = &mut self.runner {
             player.process(frames);
@@ -141,7 +141,7 @@ impl Drive {
         }
     }
 
-    /// Where the caller drives: how much time passed since this was called last, and how much of it the graph took.
+    /// Updates the timing if the caller drives: wall-clock time and computing time since the last call.
     pub fn keep_time(&mut self, passed: Duration, busy: Duration, rate_hz: f64) {
         let frames = self.pace.frames();
         let run_s = (frames - self.kept_at) as f64 / rate_hz;
@@ -152,7 +152,7 @@ impl Drive {
         self.pace.busy_ns.fetch_add(busy.as_nanos() as u64, Relaxed);
     }
 
-    /// Waits until the run is over where a thread drives; is it over, or waited for long enough?
+    /// Waits until a run driven by a thread is over; false if `longest` has passed.
     pub fn is_done_within(&self, longest: Duration) -> bool {
         if self.is_the_callers() {
             return self.pace.is_over();
@@ -164,7 +164,7 @@ impl Drive {
         true
     }
 
-    /// Ends the thread; the player comes back unless it panicked.
+    /// Ends the thread; returns the player unless it panicked.
     pub fn join(mut self) -> Option<Player> {
         self.pace.end.store(true, Relaxed);
         match std::mem::replace(&mut self.runner, Runner::Thread(None)) {

@@ -1,4 +1,4 @@
-//! From a text to a graph whose tablets are the page's.
+//! Loading of a graph whose tablets are replaced by pads.
 
 use super::channels::{self, NoPad, PadSpec};
 use haptograph_engine::diagnostic::Diagnostics;
@@ -9,41 +9,41 @@ use haptograph_signal::files::{self, Roots};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What graphs are made of besides their text.
+/// Inputs of a load besides the text.
 #[derive(Debug, Clone)]
 pub struct Source {
     pub path: PathBuf,
     pub registry: Registry,
-    /// Parameters in place of the defaults.
+    /// Parameters that override the defaults.
     pub set: Vec<(String, String)>,
-    /// Folders of surfaces besides the graph's own.
+    /// Folders of surfaces, besides the graph's own.
     pub surfaces: Vec<PathBuf>,
-    /// What a text may name; everything where nobody else writes it.
+    /// Folders whose files a text may name; `None` if only the user writes the text.
     pub roots: Option<Arc<Roots>>,
 }
 
-/// A graph that is sound.
+/// A checked graph.
 pub struct Loaded {
     pub graph: Graph,
     /// Its own text.
     pub text: String,
-    /// The endpoints that pointers move.
+    /// The endpoints represented by pointers.
     pub pads: Vec<PadSpec>,
-    /// Those that nodes read and that no pointer can be.
+    /// The endpoints that nodes read and that no pointer can represent.
     pub others: Vec<NoPad>,
     /// Names, values and defaults, as RON.
     pub parameters: Vec<(String, String, String)>,
 }
 
 impl Loaded {
-    /// Is this endpoint one that pointers move?
+    /// True if pointers represent this endpoint.
     pub fn is_pad(&self, endpoint: &str) -> bool {
         self.pads.iter().any(|pad| pad.endpoint == endpoint)
     }
 }
 
 impl Source {
-    /// Of a graph's file, with these parameters in place of the defaults.
+    /// The source of a graph's file, with parameters that override the defaults.
     pub fn new(path: PathBuf, registry: &Registry, set: Vec<(String, String)>) -> Self {
         Self {
             path,
@@ -54,7 +54,7 @@ impl Source {
         }
     }
 
-    /// Does some work that reads nothing but what a text may name.
+    /// Runs `work` with file access restricted to the folders that a text may name.
     pub fn confined<T>(&self, work: impl FnOnce() -> T) -> T {
         match &self.roots {
             Some(roots) => roots.confine(work),
@@ -62,12 +62,12 @@ impl Source {
         }
     }
 
-    /// The text of the graph's file.
+    /// Reads the text of the graph's file.
     pub fn read(&self) -> std::io::Result<String> {
         files::read_text(&self.path, LoadOptions::default().max_bytes)
     }
 
-    /// The same with another value of a parameter.
+    /// The same source with another value of a parameter.
     pub fn with(&self, name: String, value: String) -> Self {
         let mut with = self.clone();
         with.set.retain(|(known, _)| *known != name);
@@ -75,12 +75,12 @@ impl Source {
         with
     }
 
-    /// The same with these parameters in place of the defaults.
+    /// The same source with other parameters.
     pub fn with_set(&self, set: Vec<(String, String)>) -> Self {
         Self { set, ..self.clone() }
     }
 
-    /// The graph that a text is, as if it stood in the file. Parameters that it does not have are left out.
+    /// Loads a text in place of the file. Parameters that it does not have are ignored.
     pub fn load(&self, text: &str) -> Result<Loaded, Diagnostics> {
         self.confined(|| self.load_confined(text))
     }
@@ -111,7 +111,7 @@ impl Source {
         })
     }
 
-    /// How a document is checked: with the parameters that are set, of those that it has.
+    /// Options to check a document, with those of the parameters that it has.
     pub fn options(&self, document: &Document) -> CheckOptions {
         let set = self.set.iter();
         let set = set.filter(|(name, _)| document.parameters().any(|(known, _)| known == name));
@@ -123,7 +123,8 @@ impl Source {
         }
     }
 
-    /// Values that come from elsewhere name files from the working directory; the page names them as the graph does.
+    /// Paths in override values are relative to the working directory, paths from the page to the graph's
+    /// folder.
     fn resolved(&self, value: &str) -> String {
         let name = value.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
         let path = name
@@ -136,13 +137,13 @@ impl Source {
         )
     }
 
-    /// The name of its file without the ending.
+    /// The name of the file without its extension.
     pub fn name(&self) -> String {
         let stem = self.path.file_stem().unwrap_or_default();
         stem.to_string_lossy().into_owned()
     }
 
-    /// The folder that paths in the graph are relative to.
+    /// The folder to which paths in the graph are relative.
     pub fn folder(&self) -> &Path {
         let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
         folder.unwrap_or(Path::new("."))

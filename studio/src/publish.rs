@@ -1,4 +1,4 @@
-//! What pages are sent while a graph runs: samples, sound and how it goes.
+//! Messages to pages during a run: samples, sound and status.
 
 use super::levels;
 use super::pages::{LineError, Page};
@@ -10,24 +10,24 @@ use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Between two looks.
+/// Period of [`Publisher::publish`].
 pub const STEP: Duration = Duration::from_millis(10);
-/// Looks between two statuses.
+/// Number of periods between two status messages.
 const STATUS: u32 = 10;
 
-/// What was delivered to an actuator since the last status.
+/// Values delivered to an actuator since the last status.
 #[derive(Debug, Clone, Default)]
 pub struct Delivered {
     square: f64,
     count: u64,
     peak: f64,
     peak_ever: f64,
-    /// Weighted mean of the square, as the thermal limit has it.
+    /// Weighted mean square, as in the thermal limit.
     heat: f64,
 }
 
 impl Delivered {
-    /// Takes in frames of an actuator whose thermal window is `window_s`.
+    /// Adds frames of an actuator with the thermal window `window_s`.
     pub fn take(&mut self, scope: &Scope, window_s: f64) {
         let part = 1.0 / (window_s * scope.port.rate_hz);
         for frame in scope.fresh().chunks_exact(scope.lanes()) {
@@ -51,16 +51,16 @@ impl Delivered {
     }
 }
 
-/// Sends pages what came since the last time.
+/// Sends new data to the pages.
 #[derive(Debug, Default)]
 pub struct Publisher {
     looks: u32,
-    /// Since the last status.
+    /// Time since the last status.
     passed: Duration,
 }
 
 impl Publisher {
-    /// To be called about every [`STEP`]; the last time was `passed` ago.
+    /// Call it about every [`STEP`]; `passed` is the time since the last call.
     pub fn publish(&mut self, stage: &mut Stage, passed: Duration) {
         stage.look();
         send_samples(stage);
@@ -82,7 +82,7 @@ impl Publisher {
     }
 }
 
-/// The message that a value is.
+/// A JSON value as a message.
 pub fn text(value: &Value) -> Message {
     Message::Text(value.to_string())
 }
@@ -170,7 +170,7 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
 }
 
 impl Page {
-    /// Sends a message, or counts it where the page does not read.
+    /// Sends a message; one that the page does not read is counted.
     pub fn send(&mut self, message: Message) {
         match self.line.send(message) {
             Ok(()) => {}

@@ -25,7 +25,7 @@ fn what_a_user_got_wrong_is_said_before_the_work() {
         ),
         (
             &["surface", "convert", "t1.ron", "t1.ron"],
-            "would be written over",
+            "would be overwritten",
         ),
         (
             &[
@@ -45,7 +45,7 @@ fn what_a_user_got_wrong_is_said_before_the_work() {
             &[
                 "surface", "resample", "t1.ron", "--rate", "45", "--method", "spectral", "-o", "x.ron",
             ],
-            "give more than 50 Hz",
+            "give a rate above 50 Hz",
         ),
     ] {
         let error = fail(folder, arguments);
@@ -116,7 +116,7 @@ fn what_is_passed_over_or_overruled_is_said() {
     );
     let warned = String::from_utf8_lossy(&forced.stderr);
     assert!(
-        warned.contains("tap.npz says of itself that it is a tap; it is taken as a circle"),
+        warned.contains("tap.npz states that it is a tap; it is read as a circle"),
         "{warned}"
     );
 
@@ -206,7 +206,7 @@ fn comparisons_without_a_number_say_why() {
         said("force.csv")
     );
     assert!(
-        said("plain.csv").contains("plain.csv does not say its unit"),
+        said("plain.csv").contains("plain.csv does not state its unit"),
         "{}",
         said("plain.csv")
     );
@@ -329,7 +329,7 @@ fn a_wav_file_without_a_unit_is_compared_with_a_warning_or_its_full_scale() {
     };
     let (lsd_db, warned) = compare(&[]);
     assert!(
-        lsd_db > 15.0 && warned.contains("a.wav does not say its unit") && warned.contains("--full-scale")
+        lsd_db > 15.0 && warned.contains("a.wav does not state its unit") && warned.contains("--full-scale")
     );
     let (lsd_db, warned) = compare(&["--full-scale", "8"]);
     assert!(lsd_db < 1e-3 && warned.is_empty(), "{lsd_db}: {warned}");

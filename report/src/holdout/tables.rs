@@ -1,21 +1,21 @@
-//! The tables of held-out parts, of which the terminal and the page show the same cells.
+//! Tables of a hold-out evaluation, shared by the terminal and the page.
 
 use haptograph_surfaces::evaluate::Holdout;
 use haptograph_surfaces::evaluate::holdout::{
     BASELINES, Contact, ContactResult, Mean, Method, MethodMean, SplitResult,
 };
 
-/// A table of text: a head, and rows whose first cell is a name.
+/// A table of text: a header, and rows whose first cell is a name.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Table {
-    /// Heads of all columns; the first is that of the names.
+    /// Column headers; the first is that of the names.
     pub head: Vec<String>,
-    /// Rows, each as long as the head.
+    /// Rows, each as long as the header.
     pub rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    /// The columns with these heads.
+    /// The columns with these headers.
     #[must_use]
     pub fn only(&self, heads: &[&str]) -> Self {
         let columns = self.head.iter().enumerate();
@@ -36,7 +36,7 @@ impl Table {
     }
 }
 
-/// Every method with all measures; `*` marks one that loses to a plain baseline.
+/// Every method with all measures; `*` marks one that is worse than a plain baseline.
 pub fn methods(split: &SplitResult) -> Table {
     let head = [
         "",
@@ -100,8 +100,8 @@ fn shown(value: Option<Mean>, digits: usize, signed: bool) -> String {
     error.map_or_else(|| mean.clone(), |error| format!("{mean} ±{error:.digits$}"))
 }
 
-/// Distances material by material; `*` marks a method that loses to a plain baseline on that material. `None` where a
-/// material has no result.
+/// Distances by material; `*` marks a method that is worse than a plain baseline on that material. `None` if
+/// a material has no result.
 pub fn materials(found: &Holdout, split: &SplitResult) -> Option<Table> {
     let complete = |method: &MethodMean| method.lsd_by_material.len() == found.materials.len();
     if !split.methods.iter().all(complete) {
@@ -130,12 +130,12 @@ pub fn materials(found: &Holdout, split: &SplitResult) -> Option<Table> {
     })
 }
 
-/// Neither the floor nor a plain baseline.
+/// True for a method that is neither the floor nor a plain baseline.
 fn is_learned(method: Method) -> bool {
     method != Method::Floor && !BASELINES.contains(&method)
 }
 
-/// The least distance of a plain baseline on one material, dB.
+/// The smallest distance of a plain baseline on one material, dB.
 fn best_plain(split: &SplitResult, material: usize) -> f64 {
     let plain = split.methods.iter().filter(|m| BASELINES.contains(&m.method));
     plain
@@ -143,7 +143,8 @@ fn best_plain(split: &SplitResult, material: usize) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// A table for each quantity of a contact, its splits side by side; `*` marks what loses to a plain alternative.
+/// A table for each quantity of a contact with its splits side by side; `*` marks results worse than a plain
+/// alternative.
 pub fn contacts(found: &[ContactResult]) -> Vec<Table> {
     let of = |contact: Contact| -> Vec<&ContactResult> {
         found.iter().filter(|result| result.contact == contact).collect()
@@ -173,7 +174,7 @@ fn contact(contact: Contact, results: &[&ContactResult]) -> Option<Table> {
     })
 }
 
-/// How far the parts themselves are apart: by chance, and by what force and speed leave unexplained.
+/// Sentences about the distance between the parts themselves: by chance, and unexplained by force and speed.
 pub fn limits(split: &SplitResult) -> String {
     let by_chance = format!(
         "Two stationary takes as long as these parts are {:.2} dB apart, one and the mean over seeds {:.2} dB.",

@@ -4,7 +4,7 @@ use haptograph_surfaces::Provenance;
 use haptograph_surfaces::learning::{LearnSettings, learn};
 use haptograph_surfaces::recording::{AnyRecording, Gesture, Signals};
 
-/// Nine stretches of other speeds and forces.
+/// Nine segments of different speeds and forces.
 pub(crate) fn drag(person: u64, ring: f64) -> AnyRecording {
     let mut noise = Gaussian::new(person);
     let mut y = [0.0; 2];
@@ -62,7 +62,7 @@ fn a_page_has_a_figure_for_each_part_and_says_what_is_simulated() {
 #[test]
 fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
     use haptograph_surfaces::ArmaModel;
-    // The middle of two sharp resonances' coefficients is not stable.
+    // The mean of the coefficients of two sharp resonances is unstable.
     let resonance = |angles: [f64; 2]| {
         let lsf: Vec<f64> = angles
             .iter()
@@ -76,7 +76,7 @@ fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
         resonance([0.5, 2.5]),
     ];
     let models = [&models[0], &models[1], &models[2]];
-    let [coefficients, frequencies] = crate::loci::both_ways(&models)
+    let [coefficients, frequencies] = crate::loci::both_loci(&models)
         .map(|path| path.iter().fold(0.0_f64, |most, (x, y)| most.max(x.hypot(*y))));
     assert!(
         coefficients > 1.0 && frequencies < 1.0,
@@ -85,12 +85,12 @@ fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
 }
 
 #[test]
-fn where_both_ways_give_the_same_poles_a_sentence_says_so() {
+fn where_both_loci_give_the_same_poles_a_sentence_says_so() {
     let (surface, _) = learned("felt", 1.2);
     let mut texture = surface.texture.unwrap();
     let section = crate::loci::section(&texture);
     assert!(section.contains("differ most") || section.contains("apart: both ways give the same filters"));
-    // One model everywhere leaves nothing between models.
+    // A single model leaves nothing to interpolate.
     let first = texture
         .models()
         .iter()
@@ -119,7 +119,7 @@ fn where_both_ways_give_the_same_poles_a_sentence_says_so() {
     );
 }
 
-/// At its poles the filter's denominator is nothing.
+/// The denominator of the filter is zero at its poles.
 #[test]
 fn poles_of_a_warped_model_are_those_of_its_filter() {
     use haptograph_signal::Complex64;

@@ -1,7 +1,7 @@
-//! One vibration from whatever file it is in.
+//! Reads a vibration from a WAV file, a table or a recording.
 
 use crate::cli::recording::{self as recordings, Loaded};
-use crate::cli::{Failure, remark};
+use crate::cli::{Failure, eprint};
 use crate::nodes::wav::{read_channel, read_layout};
 use crate::signal::files;
 use crate::signal::resample::{Quality, resample_whole};
@@ -12,27 +12,27 @@ use crate::surfaces::recording::{ImportSettings, LoadError, ReadError, load_sign
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
-/// The most samples of a WAV file that are compared: two hours at 48 kHz, 3 GB of memory.
+/// Maximum number of samples of a WAV file: two hours at 48 kHz, 3 GB of memory.
 const MAX_SAMPLES: u64 = 400_000_000;
 
-/// A vibration. Its rate is unknown where a CSV file does not say it.
+/// A vibration. Its rate is `None` if the file does not state it.
 #[derive(Debug)]
 pub struct Signal {
     path: PathBuf,
     samples: Vec<f64>,
     rate_hz: Option<f64>,
-    /// Of the samples, where the file says it.
+    /// Unit of the samples, if the file states it.
     unit: Option<String>,
     is_wav: bool,
-    /// Is it known to come from simulated devices?
+    /// True if the file is known to come from simulated devices.
     pub simulated: bool,
 }
 
-/// Samples, their rate, their unit, and whether they are known to be simulated.
+/// Samples, rate, unit, and whether the file is known to be simulated.
 type Read = (Vec<f64>, Option<f64>, Option<String>, bool);
 
 impl Signal {
-    /// The vibration in a file; `column` names the column of a table or the channel of a WAV file.
+    /// Reads the vibration in a file; `column` names a column of a table or a channel of a WAV file.
     pub fn read(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Self, Failure> {
         let is_wav = is_wav(path)?;
         let (samples, rate_hz, unit, simulated) = match is_wav {
@@ -49,7 +49,7 @@ impl Signal {
         })
     }
 
-    /// The samples at this rate.
+    /// The samples at `rate_hz`.
     pub fn at(&self, rate_hz: f64) -> Result<Vec<f64>, Failure> {
         let Some(own_hz) = self.rate_hz.filter(|own| *own != rate_hz) else {
             return Ok(self.samples.clone());
@@ -57,7 +57,7 @@ impl Signal {
         let failed = |error: &dyn std::fmt::Display| Failure::file("resample", &self.path, error);
         if own_hz < rate_hz {
             return Err(failed(&format!(
-                "its rate is {own_hz} Hz; give a --rate of at most that"
+                "its rate is {own_hz} Hz; give a --rate of at most {own_hz}"
             )));
         }
         let rate = |hz: f64| Rate::parse(&hz.to_string()).map_err(|error| failed(&error));
@@ -66,13 +66,13 @@ impl Signal {
     }
 }
 
-/// Says where two vibrations are not known to be alike.
+/// Warns if the units of two vibrations differ or are unknown.
 pub fn warn_of_units(signals: [&Signal; 2]) {
     if let [(a, Some(one)), (b, Some(other))] = signals.map(|signal| (signal.path.display(), &signal.unit))
         && one != other
     {
-        remark(&format!(
-            "warning: {a} is in {one}, {b} in {other}: no level means anything, LSD included\n"
+        eprint(&format!(
+            "warning: {a} is in {one}, {b} in {other}: levels are not comparable, LSD included\n"
         ));
     }
     let known = signals.iter().find_map(|signal| signal.unit.as_deref());
@@ -80,25 +80,26 @@ pub fn warn_of_units(signals: [&Signal; 2]) {
         let path = signal.path.display();
         let said = match (signal.is_wav, known) {
             (true, _) => {
-                "all levels, LSD included, hold only if 1.0 is 1 m/s2; say it by --full-scale".to_owned()
+                "levels, LSD included, assume that 1.0 is 1 m/s2; state the full scale by --full-scale"
+                    .to_owned()
             }
             (false, Some(unit)) => format!(
-                "all levels, LSD included, hold only if it is {unit}, as the other's; say it by --unit accel=g"
+                "levels, LSD included, assume {unit}, the unit of the other file; state the unit by --unit, for example --unit accel=g"
             ),
-            // Of two columns that are alike, levels hold in their own unit.
+            // Two columns without units have comparable levels.
             (false, None) => continue,
         };
-        remark(&format!("warning: {path} does not say its unit: {said}\n"));
+        eprint(&format!("warning: {path} does not state its unit: {said}\n"));
     }
 }
 
-/// The rate that two vibrations are compared at.
+/// The rate at which two vibrations are compared.
 pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f64, Failure> {
     match (asked_hz, signals.map(|signal| signal.rate_hz)) {
         (Some(asked_hz), _) => Ok(asked_hz),
         (None, [Some(a), Some(b)]) if a == b => Ok(a),
         (None, [Some(a), Some(b)]) => Err(Failure::Message(format!(
-            "{} has {a} Hz, {} has {b} Hz; say by --rate what to compare at, {} at most",
+            "the rate of {} is {a} Hz, that of {} is {b} Hz; give the rate to compare at by --rate, at most {}",
             signals[0].path.display(),
             signals[1].path.display(),
             a.min(b)
@@ -111,13 +112,13 @@ pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f6
             };
             let path = unknown.path.display();
             Err(Failure::Message(format!(
-                "{path} does not say its rate; say which column is the time (--column time=… --unit time=ms), or give the rate by --sample-rate (of both files by --rate)"
+                "{path} does not state its rate; name the column of the time (--column time=… --unit time=ms), or give the rate by --sample-rate (of both files by --rate)"
             )))
         }
     }
 }
 
-/// What is in a file that is no WAV file: the acceleration of a recording, or the signal of a table that is none.
+/// Reads a file that is not a WAV file: the acceleration of a recording, or the signal of a plain table.
 fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Read, Failure> {
     if column.is_none() {
         match recordings::try_load(path, import) {
@@ -132,7 +133,7 @@ fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<R
     let (signal, findings) =
         load_signal(path, column, import).map_err(|error| recordings::failure(&error))?;
     for finding in &findings {
-        remark(&format!("warning: {}\n", recordings::said(path, finding)));
+        eprint(&format!("warning: {}\n", recordings::said(path, finding)));
     }
     let unit = signal.unit.map(str::to_owned);
     Ok((
@@ -145,7 +146,7 @@ fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<R
 
 fn recording(path: &Path, loaded: Loaded) -> Result<Read, Failure> {
     for warning in &loaded.warnings {
-        remark(&format!("warning: {warning}\n"));
+        eprint(&format!("warning: {warning}\n"));
     }
     let recording = loaded.recording;
     let processed =
@@ -159,17 +160,17 @@ fn recording(path: &Path, loaded: Loaded) -> Result<Read, Failure> {
     ))
 }
 
-/// The only channel, that of the given number, or three axes combined.
+/// The only channel, the numbered one, or three axes combined.
 fn wav(path: &Path, channel: Option<&str>, import: &ImportSettings) -> Result<Read, Failure> {
     let failed = |error: &dyn std::fmt::Display| Failure::file("read", path, error);
-    // Files of more than 4 GiB are RF64; what is read of them is bounded by the samples.
+    // Files above 4 GiB are RF64; the number of samples bounds what is read.
     let opened = files::open(path, u64::MAX).map_err(|error| failed(&error))?;
     let mut file = opened.as_file();
     let layout = read_layout(&mut file).map_err(|error| failed(&error))?;
     if layout.frames() > MAX_SAMPLES {
         let frames = layout.frames();
         return Err(failed(&format!(
-            "it has {frames} frames, and at most {MAX_SAMPLES} are compared; cut out a part"
+            "it has {frames} frames, the limit is {MAX_SAMPLES}; cut out a part"
         )));
     }
     let (channels, rate_hz) = (usize::from(layout.channels), f64::from(layout.rate_hz));
@@ -189,7 +190,7 @@ fn wav(path: &Path, channel: Option<&str>, import: &ImportSettings) -> Result<Re
             Ok(number) if number < channels => one(number)?,
             _ => {
                 return Err(failed(&format!(
-                    "there is no channel {number}; there are {channels}, counted from 0"
+                    "it has no channel {number}; it has {channels} channels, counted from 0"
                 )));
             }
         },

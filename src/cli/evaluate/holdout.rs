@@ -1,4 +1,4 @@
-//! `evaluate --holdout`: what textures do on parts of recordings that they were not learned from.
+//! `evaluate --holdout`: errors of textures on parts of recordings that they were not learned from.
 
 use crate::cli::Failure;
 use crate::cli::progress::Progress;
@@ -10,28 +10,28 @@ use crate::surfaces::learning::processing::ProcessingSettings;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Holds out parts of all drags, with progress.
+/// Evaluates all drags by hold-out, with a progress bar.
 pub fn found(dir: &Path, takes: &[Take], settings: &HoldoutSettings) -> Result<Holdout, Failure> {
     let progress = Progress::of("holding out");
     hold_out(takes, settings, &|part| progress.at(part))
         .map_err(|error| Failure::file("evaluate", dir, &error))
 }
 
-/// Holds out parts of all taps, circles and presses.
+/// Evaluates all taps, circles and presses by hold-out.
 pub fn contacts(takes: &[Take], processing: &ProcessingSettings) -> Vec<ContactResult> {
     let _progress = Progress::unknown("holding out taps, friction and stiffness");
     hold_out_contact(takes, processing)
 }
 
-/// A table of materials and one of methods for each split, with the measures to read first.
+/// Text: for each split a table of materials and one of methods, with the most informative measures.
 pub fn describe(found: &Holdout) -> String {
     let over = match found.materials.len() {
         1 => "of 1 material".to_owned(),
         several => format!("means over {several} materials ± standard error"),
     };
     let head = format!(
-        "Errors on parts that were not learned from: {over}, {} seeds of noise averaged as powers.\n\
-         LSD: log-spectral distance over third octaves from 20 to 1000 Hz, dB. * loses to a plain baseline.\n\
+        "Errors on held-out parts: {over}, {} seeds of noise averaged as powers.\n\
+         LSD: log-spectral distance over third octaves from 20 to 1000 Hz, dB. * worse than a plain baseline.\n\
          --report draws more measures, --json has all.\n",
         found.seeds
     );
@@ -41,7 +41,7 @@ pub fn describe(found: &Holdout) -> String {
         .fold(head, |text, split| text + &of_split(found, split))
 }
 
-/// The measures of methods to read first, by the heads of their columns.
+/// The most informative measures of a method, by their column headers.
 const FIRST: [&str; 7] = [
     "",
     "LSD",
@@ -68,7 +68,7 @@ fn printed(of: &Table) -> String {
     table(&head, &of.rows)
 }
 
-/// A table of methods for each quantity of a contact.
+/// Text: a table of methods for each quantity of a contact.
 pub fn describe_contact(found: &[ContactResult]) -> String {
     let tables = tables::contacts(found);
     tables

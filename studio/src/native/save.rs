@@ -5,7 +5,7 @@ use crate::stage::{Stage, StageError};
 use crate::talk;
 use std::sync::Mutex;
 
-/// Writes a text to the graph's file, unless somebody else did since it was read.
+/// Writes a text to the graph's file, unless the file has changed since it was read.
 pub fn save(stage: &Mutex<Stage>, text: &str) -> Result<String, StageError> {
     let (source, on_disk) = {
         let stage = lock(stage);
@@ -16,7 +16,7 @@ pub fn save(stage: &Mutex<Stage>, text: &str) -> Result<String, StageError> {
         |error: std::io::Error| StageError::Other(format!("cannot write {}: {error}", path.display()));
     if source.read().map_err(failed)? != on_disk {
         let why = format!(
-            "{} was changed since it was read; nothing is written",
+            "{} was changed since it was read; nothing was written",
             path.display()
         );
         return Err(StageError::Other(why));
@@ -27,7 +27,7 @@ pub fn save(stage: &Mutex<Stage>, text: &str) -> Result<String, StageError> {
         file.as_file().sync_all()?;
         file.as_file()
             .set_permissions(std::fs::metadata(path)?.permissions())?;
-        // A link stays one.
+        // A link stays a link.
         file.persist(path.canonicalize()?).map_err(|error| error.error)
     };
     written().map_err(failed)?;

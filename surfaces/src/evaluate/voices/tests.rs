@@ -27,7 +27,7 @@ fn texture(order: usize, warping: f64) -> TextureModel {
     TextureModel::from_measured(10_000.0, places.map(at).to_vec(), &Hull::default()).unwrap()
 }
 
-/// Of each shape one.
+/// One texture of each shape.
 fn textures() -> Vec<TextureModel> {
     let with_lines = |texture: TextureModel| {
         let powers = texture.models().iter().map(|at| 0.1 * at.speed_m_s * at.force_n);
@@ -62,7 +62,7 @@ fn walk(seed: u64) -> Trajectory {
     .trajectory()
 }
 
-/// Voices of all textures by turns, each along a walk of its own.
+/// Voices of all textures in turn, each along its own walk.
 fn voices<'a>(textures: &'a [TextureModel], walks: &'a [Trajectory]) -> Vec<Voice<'a>> {
     let voice = |(number, trajectory): (usize, &'a Trajectory)| Voice {
         texture: &textures[number % textures.len()],
