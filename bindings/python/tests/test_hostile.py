@@ -328,6 +328,7 @@ def test_a_callback_may_call_the_package_again(canvas, pad):
             inner.append(canvas.render(1.0, 0.1, seconds=0.1))
             inner.append(pad.run(0.1, probes=["out"])["out"].values)
 
-    wanted = canvas.render(1.0, 0.1, seconds=60)
-    assert np.array_equal(canvas.render(1.0, 0.1, seconds=60, progress=again), wanted)
+    # Longer than what passes until it is first called: 50 ms.
+    wanted = canvas.render(1.0, 0.1, seconds=600)
+    assert np.array_equal(canvas.render(1.0, 0.1, seconds=600, progress=again), wanted)
     assert np.array_equal(inner[0], canvas.render(1.0, 0.1, seconds=0.1)) and inner[1].any()
