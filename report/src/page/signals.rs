@@ -13,7 +13,8 @@ use haptograph_engine::node::Stream;
 
 /// How a signal is presented.
 enum Treatment<'a> {
-    RunTraces,
+    /// Shown in a figure of its own.
+    Figure,
     /// Constant, with its value.
     Constant(String),
     /// Shown over time by another plot, under another name if given.
@@ -44,7 +45,7 @@ pub(super) fn section(
                 shown.push(name.clone());
                 plots.extend(figures_of(signal, true, &above, inks));
             }
-            Treatment::RunTraces => plots.extend(figures_of(signal, false, &above, inks)),
+            Treatment::Figure => plots.extend(figures_of(signal, false, &above, inks)),
         }
     }
     figures::explain_once(&mut plots);
@@ -66,7 +67,7 @@ pub(super) fn section(
 fn figures_of(signal: &Recorded, is_above: bool, above: &PlottedSignals<'_>, inks: &mut Inks) -> Vec<Plot> {
     let name = &signal.stream.name;
     let samples = match components(signal) {
-        [lane] => Some(lane),
+        [component] => Some(component),
         _ => None,
     };
     // Components have their own colours, and map positions are drawn elsewhere.
@@ -117,24 +118,27 @@ impl<'a> PlottedSignals<'a> {
             .iter()
             .find(|(of, _)| of.name == signal.stream.name);
         own.map(|(of, _)| of.name.as_str())
-            .or_else(|| self.find(signal, |lane, samples| lane == samples))
+            .or_else(|| self.find(signal, |component, samples| component == samples))
     }
 
     fn nearly(&self, signal: &Recorded) -> Option<&'a str> {
         use std::slice::from_ref;
-        self.find(signal, |lane, samples| {
-            are_nearly_same(from_ref(lane), from_ref(samples))
+        self.find(signal, |component, samples| {
+            are_nearly_same(from_ref(component), from_ref(samples))
         })
     }
 
     /// The first scalar of the signal's quantity whose samples satisfy `fits`.
     fn find(&self, signal: &Recorded, fits: impl Fn(&Envelope, &Envelope) -> bool) -> Option<&'a str> {
-        let [lane] = components(signal) else { return None };
+        let [component] = components(signal) else {
+            return None;
+        };
         let mut alike = self
             .over_time
             .iter()
             .filter(|(of, _)| of.quantity == signal.stream.quantity && of.kind == signal.stream.kind);
-        let found = alike.find(|(_, samples)| samples.as_ref().is_some_and(|samples| fits(lane, samples)));
+        let found =
+            alike.find(|(_, samples)| samples.as_ref().is_some_and(|samples| fits(component, samples)));
         found.map(|(of, _)| of.name.as_str())
     }
 }
@@ -161,7 +165,7 @@ fn place<'a>(signals: &'a [Recorded], number: usize, above: &PlottedSignals<'a>)
         other_hz > own_hz || other_hz == own_hz && other < number
     };
     let leader = (0..signals.len()).find(|other| before(*other) && is_nearly(signal, &signals[*other]));
-    leader.map_or(Treatment::RunTraces, |other| {
+    leader.map_or(Treatment::Figure, |other| {
         Treatment::Nearly(&signals[other].stream.name)
     })
 }
@@ -188,7 +192,7 @@ fn constant_value(signal: &Recorded) -> Option<String> {
     };
     let values = components
         .iter()
-        .map(|lane| lane.constant().map(|value| unit.text(value)));
+        .map(|component| component.constant().map(|value| unit.text(value)));
     let mut values = values.collect::<Option<Vec<String>>>()?;
     values.dedup();
     Some(values.join(", "))
