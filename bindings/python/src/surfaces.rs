@@ -250,7 +250,7 @@ impl Surface {
         let surface = Arc::clone(&self.surface);
         let vibration = apart(py, (progress, false), move |progress| match &surface.texture {
             Some(texture) => {
-                let progress = |part| progress.at_or_end(part);
+                let progress = |part| progress.goes_on(part);
                 synthesise_with(texture, &trajectory, &settings, &progress).map_err(Failure::of)
             }
             None => Ok(Vec::new()),
@@ -335,7 +335,7 @@ pub fn render<'py>(
             })
         });
         let voices: Vec<Voice<'_>> = voices.collect();
-        synthesise_many_with(&voices, threads, &|part| progress.at_or_end(part)).map_err(Failure::of)
+        synthesise_many_with(&voices, threads, &|part| progress.goes_on(part)).map_err(Failure::of)
     })?;
     Ok(PyArray2::from_vec2(py, &vibrations)?)
 }

@@ -7,7 +7,7 @@ use crate::{Coefficients, Interpolator, TextureModel};
 use haptograph_signal::arma::{ArmaError, ArmaFilter, Form, WarpedLattice};
 use haptograph_signal::filter::{SectionsState, butterworth_lowpass, filtfilt};
 use haptograph_signal::noise::{Gaussian, stream_seed};
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 
 /// Settings of the synthesis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -158,6 +158,8 @@ pub enum SynthesisError {
     UpdateRate { update_hz: f64 },
     #[error("the texture has invalid filter coefficients: {0}")]
     Filter(#[from] ArmaError),
+    #[error("the synthesis was stopped")]
+    Stopped,
 }
 
 /// The acceleration, m/s², of `texture` along `trajectory`: white noise with the interpolated variance and
@@ -168,18 +170,18 @@ pub fn synthesise(
     trajectory: &Trajectory,
     settings: &SynthesisSettings,
 ) -> Result<Vec<f64>, SynthesisError> {
-    synthesise_with(texture, trajectory, settings, &|_| ())
+    synthesise_with(texture, trajectory, settings, &|_| ControlFlow::Continue(()))
 }
 
-/// The same; `progress` receives the fraction done, every few seconds of the vibration.
+/// The same; `progress` receives the fraction done, every few seconds of the vibration, and says whether to go on.
 ///
 /// # Errors
-/// As [`synthesise`].
+/// As [`synthesise`]; [`SynthesisError::Stopped`] where `progress` breaks.
 pub fn synthesise_with(
     texture: &TextureModel,
     trajectory: &Trajectory,
     settings: &SynthesisSettings,
-    progress: &dyn Fn(f64),
+    progress: &dyn Fn(f64) -> ControlFlow<()>,
 ) -> Result<Vec<f64>, SynthesisError> {
     check(texture, trajectory, settings)?;
     let Trajectory {
@@ -204,8 +206,8 @@ pub fn synthesise_with(
     let mut excitation = vec![];
     let updates = updates(*rate_hz, settings.update_hz, speed_m_s.len());
     for (number, (place, samples)) in updates.enumerate() {
-        if number % TOLD_EVERY == 0 {
-            progress(place as f64 / speed_m_s.len() as f64);
+        if number % TOLD_EVERY == 0 && progress(place as f64 / speed_m_s.len() as f64).is_break() {
+            return Err(SynthesisError::Stopped);
         }
         let spot = interpolator.interpolate(speed_m_s[place], force_n[place], &mut coefficients);
         let is_warped = coefficients.warping != 0.0;

@@ -6,6 +6,7 @@ use super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, check};
 use crate::TextureModel;
 use group::{Group, LANES};
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A vibration to synthesise: see [`synthesise`](super::synthesise).
@@ -62,17 +63,17 @@ impl Shape {
 /// # Errors
 /// The error that [`synthesise`](super::synthesise) would return for a voice.
 pub fn synthesise_many(voices: &[Voice<'_>], threads: usize) -> Result<Vec<Vec<f64>>, VoiceError> {
-    synthesise_many_with(voices, threads, &|_| ())
+    synthesise_many_with(voices, threads, &|_| ControlFlow::Continue(()))
 }
 
-/// The same; `progress` receives the fraction done, from any thread.
+/// The same; `progress` receives the fraction done, from any thread, and says whether to go on.
 ///
 /// # Errors
-/// As [`synthesise_many`].
+/// As [`synthesise_many`]; [`SynthesisError::Stopped`] where `progress` breaks.
 pub fn synthesise_many_with(
     voices: &[Voice<'_>],
     threads: usize,
-    progress: &(dyn Fn(f64) + Sync),
+    progress: &(dyn Fn(f64) -> ControlFlow<()> + Sync),
 ) -> Result<Vec<Vec<f64>>, VoiceError> {
     let groups = groups(voices)?;
     let samples = |number: &usize| voices[*number].trajectory.speed_m_s.len();
@@ -80,7 +81,7 @@ pub fn synthesise_many_with(
     let (all, done) = (longest.sum::<usize>(), AtomicUsize::new(0));
     let advance = |samples: usize| {
         let done = done.fetch_add(samples, Ordering::Relaxed) + samples;
-        progress(done as f64 / all.max(1) as f64);
+        progress(done as f64 / all.max(1) as f64)
     };
     let next = AtomicUsize::new(0);
     let work = || {
@@ -121,11 +122,11 @@ fn groups(voices: &[Voice<'_>]) -> Result<Vec<Vec<usize>>, VoiceError> {
     Ok(groups.map(<[usize]>::to_vec).collect())
 }
 
-/// The vibrations of a group, by number. `advance` receives the number of further samples done.
+/// The vibrations of a group, by number. `advance` receives the number of further samples done, and says whether to go on.
 fn play(
     voices: &[Voice<'_>],
     numbers: &[usize],
-    advance: &dyn Fn(usize),
+    advance: &dyn Fn(usize) -> ControlFlow<()>,
 ) -> Result<Vec<(usize, Vec<f64>)>, VoiceError> {
     let members: Vec<&Voice<'_>> = numbers.iter().map(|number| &voices[*number]).collect();
     let played = Group::new(&members)

@@ -14,7 +14,7 @@ use haptograph_signal::prediction::PredictionError;
 use haptograph_signal::warped::power_gains;
 use pulp::{Arch, Simd, WithSimd};
 use std::f64::consts::PI;
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 
 /// Maximum number of voices in a group.
 pub const LANES: usize = WarpedBank::GROUP;
@@ -120,8 +120,11 @@ impl<'a> Group<'a> {
     }
 
     /// Computes the vibrations; an error names the voice. `advance` receives the number of further samples
-    /// done.
-    pub fn play(mut self, advance: &dyn Fn(usize)) -> Result<Vec<Vec<f64>>, (usize, SynthesisError)> {
+    /// done, and says whether to go on.
+    pub fn play(
+        mut self,
+        advance: &dyn Fn(usize) -> ControlFlow<()>,
+    ) -> Result<Vec<Vec<f64>>, (usize, SynthesisError)> {
         let first = self.lanes[0].voice;
         let longest = self.lanes.iter().map(|lane| lane.vibration.len()).max();
         let updates = updates(
@@ -136,11 +139,14 @@ impl<'a> Group<'a> {
                 self.run(start..samples.end.min(start + RUN));
             }
             if number % TOLD_EVERY == 0 {
-                advance(samples.end - told);
+                if advance(samples.end - told).is_break() {
+                    return Err((0, SynthesisError::Stopped));
+                }
                 told = samples.end;
             }
         }
-        advance(longest.unwrap_or(0) - told);
+        // It is done.
+        let _ = advance(longest.unwrap_or(0) - told);
         Ok(self.lanes.into_iter().map(|lane| lane.vibration).collect())
     }
 

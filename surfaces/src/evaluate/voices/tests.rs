@@ -115,6 +115,8 @@ fn a_voice_is_what_it_is_by_itself_but_for_rounding() {
 fn the_voice_that_is_refused_is_named() {
     let (textures, walks) = (textures(), (0..3).map(walk).collect::<Vec<_>>());
     let mut voices = voices(&textures, &walks);
+    let stopped = synthesise_many_with(&voices, 2, &|_| std::ops::ControlFlow::Break(()));
+    assert_eq!(stopped.unwrap_err().source, SynthesisError::Stopped);
     voices[2].settings.update_hz = 0.0;
     let refused = synthesise_many(&voices, 2).unwrap_err();
     assert_eq!(refused.voice, 2);
