@@ -1,6 +1,6 @@
 //! Studies of files that other people's loggers wrote.
 
-use super::{fail, haptograph, json, noise};
+use super::{fail, haptograph, json, noise, wav};
 use std::fs;
 use std::path::Path;
 
@@ -86,16 +86,8 @@ fn files_of_one_take_are_one_recording_of_a_study() {
     column("two/brick.me.1.motion.csv", "force_normal_n,speed_mm_s", &motion);
     column("two/brick.me.1.csv", "accel_m_s2", &accel);
     column("half/brick.me.1.csv", "accel_m_s2", &accel);
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: RATE_HZ as u32,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut wav = hound::WavWriter::create(folder.path().join("wav/brick.me.1.wav"), spec).unwrap();
-    rows.iter()
-        .for_each(|row| wav.write_sample((row.0 / 50.0) as f32).unwrap());
-    wav.finalize().unwrap();
+    let samples = rows.iter().map(|row| row.0 / 50.0);
+    wav(&folder.path().join("wav/brick.me.1.wav"), RATE_HZ as u32, samples);
     fs::write(
         folder.path().join("wav/brick.me.1.wav.ron"),
         "Recording(full_scale: 50.0)",
