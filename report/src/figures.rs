@@ -10,6 +10,7 @@ use super::thinning::Envelope;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::Stream;
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units;
 
 pub use super::texture_map::{strokes_on_map, triangulation};
 
@@ -25,19 +26,17 @@ pub struct Unit {
 impl Unit {
     /// The display unit of a quantity.
     pub fn of(quantity: Quantity) -> Self {
-        let (symbol, factor, offset) = match quantity {
-            Quantity::LENGTH => ("mm", 1e3, 0.0),
-            Quantity::SPEED => ("mm/s", 1e3, 0.0),
-            Quantity::TORQUE => ("N mm", 1e3, 0.0),
-            Quantity::STIFFNESS => ("N/mm", 1e-3, 0.0),
-            Quantity::ACCELERATION => ("m/s²", 1.0, 0.0),
-            Quantity::TEMPERATURE => ("°C", 1.0, -273.15),
-            Quantity::NUMBER => ("", 1.0, 0.0),
-            other => (&*other.unit(), 1.0, 0.0),
+        let (symbol, si, offset) = match quantity {
+            Quantity::TEMPERATURE => ("°C".to_owned(), 1.0, -273.15),
+            Quantity::NUMBER => (String::new(), 1.0, 0.0),
+            other => {
+                let (symbol, si) = units::shown(other);
+                (symbol, si, 0.0)
+            }
         };
         Self {
-            symbol: symbol.to_owned(),
-            factor,
+            symbol,
+            factor: 1.0 / si,
             offset,
         }
     }

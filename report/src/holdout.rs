@@ -11,7 +11,7 @@ use super::svg::escape;
 use super::theme::Ink;
 use haptograph_surfaces::evaluate::Holdout;
 use haptograph_surfaces::evaluate::holdout::{ContactResult, Mean, Method, MethodMean, SplitResult};
-use tables::Table;
+use tables::{Measures, Table};
 
 /// The page as HTML.
 pub fn page(title: &str, found: &Holdout, contact: &[ContactResult], simulated: bool) -> String {
@@ -69,7 +69,7 @@ fn section(found: &Holdout, split: &SplitResult) -> String {
     format!(
         "<p>Mean over materials ± standard error. LSD: root mean square over third octaves from 20 to 1000 Hz of the error of power, dB. \
          * worse than a plain baseline.</p>{}{TERMS}<p>{}</p>{materials}{}",
-        html(&tables::methods(split)),
+        html(&tables::methods(split, Measures::All)),
         tables::limits(split).replace('\n', " "),
         figures_of(&[by_band(split), by_material(found, split)])
     )

@@ -22,6 +22,7 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fmt::Debug;
 use std::fs;
+use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -483,9 +484,10 @@ fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
 
 /// The files of a folder by name, without hidden ones.
 fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let entries = fs::read_dir(dir).map_err(|error| Failure::file("read", dir, &error))?;
+    let entries: io::Result<Vec<_>> = files::entries(dir).and_then(Iterator::collect);
+    let entries = entries.map_err(|error| Failure::file("read", dir, &error))?;
     let mut paths: Vec<PathBuf> = entries
-        .flatten()
+        .into_iter()
         .filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'))
         .map(|entry| entry.path())
         .filter(|path| path.is_file() && !path.ends_with(output::LEDGER))

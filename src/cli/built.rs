@@ -84,9 +84,9 @@ pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
     )))
 }
 
-/// Error for a complete run whose sound cannot be played.
-pub fn cannot_play(error: &SoundcardError) -> Failure {
+/// Why the sound of a run cannot be played, what that means for the run, and where the sound can be heard.
+pub fn cannot_play(error: &SoundcardError, run: &str) -> Failure {
     Failure::Message(format!(
-        "--play: {error}; the run is complete, and its page plays the sound in the browser"
+        "--play: {error}; {run}: the player on the run's page needs no soundcard here"
     ))
 }

@@ -5,6 +5,7 @@ use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
 use crate::nodes::network::inputs::midi_ports;
 use crate::nodes::soundcard::{Ability, Listed, SoundcardError, list};
+use crate::signal::files;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::Path;
@@ -82,10 +83,7 @@ fn as_json(card: &Listed) -> Value {
 
 /// The entries of a folder of device links whose names end in `ending`; empty if the folder does not exist.
 fn paths(folder: &str, ending: &str) -> Vec<String> {
-    let entries = std::fs::read_dir(Path::new(folder))
-        .into_iter()
-        .flatten()
-        .flatten();
+    let entries = files::entries(Path::new(folder)).into_iter().flatten().flatten();
     let paths = entries.map(|entry| entry.path().display().to_string());
     let mut paths: Vec<String> = paths.filter(|path| path.ends_with(ending)).collect();
     paths.sort();

@@ -9,7 +9,6 @@ use crate::engine::run::{FileSinks, LiveOptions, Meters, Session, Timer};
 use crate::nodes::soundcard::{SoundcardError, list};
 use crate::signal::files;
 use serde_json::json;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Check this machine for low latency and advise
@@ -134,7 +133,7 @@ fn kernel(version: &str) -> Finding {
 }
 
 fn governors(cpus: &Path) -> Finding {
-    let mut found: Vec<String> = fs::read_dir(cpus)
+    let mut found: Vec<String> = files::entries(cpus)
         .into_iter()
         .flatten()
         .flatten()

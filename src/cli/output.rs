@@ -4,6 +4,8 @@
 
 use super::written::{FileManifest, free_beside};
 use super::{Failure, eprint, folder_of};
+use crate::signal::files;
+use crate::surfaces::files::write_atomically_by;
 use std::fmt::Display;
 use std::fs::{self, File};
 use std::io;
@@ -206,11 +208,8 @@ fn move_file(from: &Path, to: &Path) -> io::Result<()> {
     if fs::rename(from, to).is_ok() {
         return Ok(());
     }
-    let mut near = to.as_os_str().to_owned();
-    near.push(".part");
-    let near = free_beside(Path::new(&near));
-    fs::copy(from, &near)?;
-    fs::rename(&near, to)
+    let mut source = files::open(from, u64::MAX)?;
+    write_atomically_by(to, |target| io::copy(&mut source, target).map(drop))
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ use crate::signal::files;
 use crate::surfaces::recording::assemble;
 use serde_json::json;
 use std::fs::{self, TryLockError};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Repair the files of a crashed run
@@ -111,11 +112,11 @@ fn folder(path: &Path, depth: usize, done: &mut Vec<Done>) {
         done.push(recording(path));
         return;
     }
-    let entries = match fs::read_dir(path) {
+    let entries: io::Result<Vec<_>> = files::entries(path).and_then(Iterator::collect);
+    let mut entries = match entries {
         Ok(entries) => entries,
         Err(error) => return done.push(Err(Failure::file("read", path, &error))),
     };
-    let mut entries: Vec<_> = entries.flatten().collect();
     entries.sort_by_key(fs::DirEntry::file_name);
     for entry in entries {
         let (path, kind) = (entry.path(), entry.file_type());

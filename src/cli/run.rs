@@ -108,6 +108,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     if arguments.live {
         return live::run(arguments, registry);
     }
+    arguments.present.refuse_silent()?;
     if let Some(folder) = &arguments.replay {
         return replay::run(arguments, folder, registry);
     }

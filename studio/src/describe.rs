@@ -13,6 +13,7 @@ use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::SettingSpec;
 use haptograph_report::{drawing, swatch};
 use haptograph_signal::files::{is_file, is_folder, list};
+use haptograph_signal::units;
 use haptograph_surfaces::files;
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
@@ -71,26 +72,10 @@ fn setting(spec: &SettingSpec) -> Value {
 
 /// The unit in which a setting's name ends, for display.
 fn unit_of(name: &str) -> &'static str {
-    const UNITS: [(&str, &str); 16] = [
-        ("_n_per_mm", "N/mm"),
-        ("_n_s_per_m", "N s/m"),
-        ("_n_per_a", "N/A"),
-        ("_mm_s", "mm/s"),
-        ("_m_s2", "m/s²"),
-        ("_m_s", "m/s"),
-        ("_hz", "Hz"),
-        ("_ms", "ms"),
-        ("_mm", "mm"),
-        ("_db", "dB"),
-        ("_deg", "°"),
-        ("_rad", "rad"),
-        ("_n", "N"),
-        ("_a", "A"),
-        ("_m", "m"),
-        ("_s", "s"),
-    ];
-    let found = UNITS.iter().find(|(ending, _)| name.ends_with(ending));
-    found.map_or("", |(_, unit)| unit)
+    match name.ends_with("_db") {
+        true => "dB",
+        false => units::symbol(name).unwrap_or_default(),
+    }
 }
 
 /// The running graph, as far as its page may see it.

@@ -31,22 +31,21 @@ pub struct Move {
 
 /// A pointer event in a file: the last field is omitted for an upright pen.
 #[derive(Clone, Copy, Serialize, Deserialize)]
-#[serde(untagged)]
-enum Written {
-    Tilted(u64, usize, u64, [i64; 2], u64, [i64; 2]),
-    Upright(u64, usize, u64, [i64; 2], u64),
+struct Written(
+    u64,
+    usize,
+    u64,
+    [i64; 2],
+    u64,
+    #[serde(default, skip_serializing_if = "is_upright")] [i64; 2],
+);
+
+fn is_upright(tilt_udeg: &[i64; 2]) -> bool {
+    *tilt_udeg == [0, 0]
 }
 
 impl From<Written> for Move {
-    fn from(written: Written) -> Self {
-        let (frame, pad, due_us, at_nm, force_un, tilt_udeg) = match written {
-            Written::Tilted(frame, pad, due_us, at_nm, force_un, tilt_udeg) => {
-                (frame, pad, due_us, at_nm, force_un, tilt_udeg)
-            }
-            Written::Upright(frame, pad, due_us, at_nm, force_un) => {
-                (frame, pad, due_us, at_nm, force_un, [0; 2])
-            }
-        };
+    fn from(Written(frame, pad, due_us, at_nm, force_un, tilt_udeg): Written) -> Self {
         Self {
             frame,
             pad,
@@ -60,18 +59,14 @@ impl From<Written> for Move {
 
 impl From<Move> for Written {
     fn from(made: Move) -> Self {
-        let Move {
-            frame,
-            pad,
-            due_us,
-            at_nm,
-            force_un,
-            tilt_udeg,
-        } = made;
-        match tilt_udeg {
-            [0, 0] => Self::Upright(frame, pad, due_us, at_nm, force_un),
-            _ => Self::Tilted(frame, pad, due_us, at_nm, force_un, tilt_udeg),
-        }
+        Self(
+            made.frame,
+            made.pad,
+            made.due_us,
+            made.at_nm,
+            made.force_un,
+            made.tilt_udeg,
+        )
     }
 }
 

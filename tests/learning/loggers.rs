@@ -29,16 +29,8 @@ fn table(folder: &Path, name: &str, rows: &[(f64, f64, f64)], offset: f64) {
 
 /// A vibration with an offset, m/s², of which 1.0 in the file is 50.
 fn wav(folder: &Path, name: &str, rows: &[(f64, f64, f64)], offset: f64) {
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: RATE_HZ as u32,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut wav = hound::WavWriter::create(folder.join(name), spec).unwrap();
-    rows.iter()
-        .for_each(|row| wav.write_sample(((row.0 + offset) / 50.0) as f32).unwrap());
-    wav.finalize().unwrap();
+    let samples = rows.iter().map(|row| (row.0 + offset) / 50.0);
+    super::wav(&folder.join(name), RATE_HZ as u32, samples);
     let note = folder.join(format!("{name}.ron"));
     fs::write(note, "Recording(full_scale: 50.0)").unwrap();
 }

@@ -1,6 +1,6 @@
 //! What users got wrong, and what they are told.
 
-use super::{column, fail, haptograph, noise, told_by, workshop};
+use super::{column, fail, haptograph, noise, told_by, wav, workshop};
 use serde_json::Value;
 use std::fs;
 
@@ -211,19 +211,8 @@ fn comparisons_without_a_number_say_why() {
         said("plain.csv")
     );
 
-    let mut whole = std::io::Cursor::new(vec![]);
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: 10_000,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut writer = hound::WavWriter::new(&mut whole, spec).unwrap();
-    signal
-        .iter()
-        .for_each(|&x| writer.write_sample(x as f32).unwrap());
-    writer.finalize().unwrap();
-    let whole = whole.into_inner();
+    wav(&folder.path().join("whole.wav"), 10_000, signal);
+    let whole = fs::read(folder.path().join("whole.wav")).unwrap();
     for (bytes, said) in [(20, "within its header"), (5000, "announces 3000 frames")] {
         fs::write(folder.path().join("short.wav"), &whole[..bytes]).unwrap();
         let error = fail(folder.path(), &["compare", "short.wav", "a.csv"]);
@@ -305,18 +294,12 @@ fn every_command_reads_the_tables_that_learn_reads() {
 #[test]
 fn a_wav_file_without_a_unit_is_compared_with_a_warning_or_its_full_scale() {
     let folder = tempfile::tempdir().unwrap();
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: 10_000,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
     let signal = noise(20_000, 1);
-    let mut writer = hound::WavWriter::create(folder.path().join("a.wav"), spec).unwrap();
-    signal
-        .iter()
-        .for_each(|x| writer.write_sample((x / 8.0) as f32).unwrap());
-    writer.finalize().unwrap();
+    wav(
+        &folder.path().join("a.wav"),
+        10_000,
+        signal.iter().map(|x| x / 8.0),
+    );
     column(&folder.path().join("a.csv"), "accel_m_s2", &signal);
     let compare = |more: &[&str]| {
         let arguments = [&["compare", "a.wav", "a.csv", "--rate", "10000", "--json"], more].concat();

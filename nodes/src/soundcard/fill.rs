@@ -275,12 +275,7 @@ mod tests {
             source: "",
             simulated: true,
             senses: &[],
-            drives: &[Channel {
-                name: "current",
-                kind: Kind::Scalar,
-                quantity: Quantity::CURRENT,
-                doc: "",
-            }],
+            drives: &[Channel::new("current", Kind::Scalar, Quantity::CURRENT, "")],
             example: "",
         };
 

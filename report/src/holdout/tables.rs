@@ -14,49 +14,49 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
-impl Table {
-    /// The columns with these headers.
-    #[must_use]
-    pub fn only(&self, heads: &[&str]) -> Self {
-        let columns = self.head.iter().enumerate();
-        let columns: Vec<usize> = columns
-            .filter(|(_, head)| heads.contains(&head.as_str()))
-            .map(|(column, _)| column)
-            .collect();
-        let chosen = |cells: &Vec<String>| -> Vec<String> {
-            columns
-                .iter()
-                .filter_map(|column| cells.get(*column).cloned())
-                .collect()
-        };
-        Self {
-            head: chosen(&self.head),
-            rows: self.rows.iter().map(chosen).collect(),
-        }
-    }
+/// Which measures of methods a table shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Measures {
+    /// All of them.
+    All,
+    /// Those to read first.
+    First,
 }
 
-/// Every method with all measures; `*` marks one that is worse than a plain baseline.
-pub fn methods(split: &SplitResult) -> Table {
-    let head = [
-        "",
-        "LSD",
-        "over the floor",
-        "over the best plain",
-        "100-500 Hz",
-        "felt",
-        "absolute",
-        "20-40 Hz",
-        "total",
-        "misplaced %",
-        "kurtosis",
-        "envelope (its seeds)",
-        "NSE",
-        "PE",
-    ];
+/// The heads of a method's row, and the tables that show the column.
+const MEASURES: [(&str, Measures); 14] = [
+    ("", Measures::First),
+    ("LSD", Measures::First),
+    ("over the floor", Measures::First),
+    ("over the best plain", Measures::First),
+    ("100-500 Hz", Measures::First),
+    ("felt", Measures::First),
+    ("absolute", Measures::All),
+    ("20-40 Hz", Measures::All),
+    ("total", Measures::First),
+    ("misplaced %", Measures::All),
+    ("kurtosis", Measures::All),
+    ("envelope (its seeds)", Measures::All),
+    ("NSE", Measures::All),
+    ("PE", Measures::All),
+];
+
+/// Every method with these measures; `*` marks one that is worse than a plain baseline.
+pub fn methods(split: &SplitResult, measures: Measures) -> Table {
+    let chosen = |cells: Vec<String>| -> Vec<String> {
+        let cells = cells.into_iter().zip(MEASURES);
+        cells
+            .filter(|(_, (_, of))| measures == Measures::All || *of == measures)
+            .map(|(cell, _)| cell)
+            .collect()
+    };
     Table {
-        head: head.map(str::to_owned).to_vec(),
-        rows: split.methods.iter().map(method_row).collect(),
+        head: chosen(MEASURES.map(|(head, _)| head.to_owned()).to_vec()),
+        rows: split
+            .methods
+            .iter()
+            .map(|method| chosen(method_row(method)))
+            .collect(),
     }
 }
 

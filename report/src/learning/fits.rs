@@ -17,6 +17,16 @@ fn fitted(line: &Line, (from, to): (f64, f64), x_factor: f64, name: String) -> M
     )
 }
 
+/// What a line was fitted to, and what was left out of it, if anything.
+fn dots(names: [&str; 2], weight: Weight, [used, others]: [Vec<(f64, f64)>; 2]) -> Vec<Mark> {
+    let of = |ink, name, points| Mark::Dots(Style::named(ink, name).weight(weight), points);
+    let mut marks = vec![of(Ink::Blue, names[0], used)];
+    if !others.is_empty() {
+        marks.push(of(Ink::Rose, names[1], others));
+    }
+    marks
+}
+
 /// Maximum number of dots, taken evenly.
 const MAX_DOTS: usize = 1500;
 
@@ -36,16 +46,7 @@ pub(super) fn friction(found: &FrictionReport) -> Plot {
         thinned(points.map(|(point, _)| *point))
     };
     let hardest = found.points.iter().fold(0.0_f64, |most, point| most.max(point.0));
-    let mut marks = vec![Mark::Dots(
-        Style::named(Ink::Blue, "moment").weight(Weight::Hair),
-        of(true),
-    )];
-    if found.used.contains(&false) {
-        marks.push(Mark::Dots(
-            Style::named(Ink::Rose, "outlier").weight(Weight::Hair),
-            of(false),
-        ));
-    }
+    let mut marks = dots(["moment", "outlier"], Weight::Hair, [of(true), of(false)]);
     let name = format!("mu = {:.3}, R² = {:.3}", found.line.slope, found.line.r_squared);
     marks.push(fitted(&found.line, (0.0, hardest), 1.0, name));
     Plot {
@@ -71,10 +72,7 @@ pub(super) fn contacts(taps: &Taps, found: &TapReport) -> Plot {
         .contacts
         .iter()
         .fold(0.0_f64, |most, contact| most.max(contact.speed_m_s));
-    let mut marks = vec![Mark::Dots(Style::named(Ink::Blue, "tap"), of(true))];
-    if found.contacts.iter().any(|contact| !contact.used) {
-        marks.push(Mark::Dots(Style::named(Ink::Rose, "not used"), of(false)));
-    }
+    let mut marks = dots(["tap", "not used"], Weight::default(), [of(true), of(false)]);
     if let Some(line) = taps.response() {
         let name = format!("{:.1} N per m/s, R² = {:.3}", line.slope, line.r_squared);
         // Extrapolated to rest the line can be negative, so it is drawn over the range of the taps only.

@@ -3,7 +3,7 @@
 use crate::cli::Failure;
 use crate::cli::progress::Progress;
 use crate::cli::table::table;
-use crate::report::holdout::tables::{self, Table};
+use crate::report::holdout::tables::{self, Measures, Table};
 use crate::surfaces::evaluate::holdout::{ContactResult, Mean, MethodMean, SplitResult, hold_out_contact};
 use crate::surfaces::evaluate::{Holdout, HoldoutSettings, Take, hold_out};
 use crate::surfaces::learning::processing::ProcessingSettings;
@@ -41,19 +41,8 @@ pub fn describe(found: &Holdout) -> String {
         .fold(head, |text, split| text + &of_split(found, split))
 }
 
-/// The most informative measures of a method, by their column headers.
-const FIRST: [&str; 7] = [
-    "",
-    "LSD",
-    "over the floor",
-    "over the best plain",
-    "100-500 Hz",
-    "felt",
-    "total",
-];
-
 fn of_split(found: &Holdout, split: &SplitResult) -> String {
-    let methods = printed(&tables::methods(split).only(&FIRST));
+    let methods = printed(&tables::methods(split, Measures::First));
     let materials = tables::materials(found, split);
     let materials = materials.map_or_else(String::new, |table| printed(&table) + "\n");
     format!(

@@ -2,9 +2,12 @@
 
 use crate::cli::output::LEDGER;
 use crate::cli::{Failure, eprint, recording};
+use crate::signal::files;
 use crate::surfaces::evaluate::{RecordingName, Take};
 use crate::surfaces::recording::{ImportSettings, LoadError, ReadError};
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 type Files = BTreeMap<RecordingName, PathBuf>;
@@ -14,7 +17,7 @@ type Files = BTreeMap<RecordingName, PathBuf>;
 /// quantities is joined with tables whose names extend its own, for example `oak.anna.1.csv` with
 /// `oak.anna.1.motion.csv`.
 pub fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Failure> {
-    let files = files(dir)?;
+    let files = recordings(dir)?;
     let (mut takes, mut joined) = (vec![], BTreeSet::new());
     for (name, path) in &files {
         if joined.contains(name) {
@@ -87,13 +90,13 @@ fn is_part(other: &RecordingName, take: &RecordingName) -> bool {
         && rest.is_some_and(|rest| rest.starts_with(['.', '-', '_']))
 }
 
-/// The files that represent the recordings of a folder. RON files are notes beside recordings and are
-/// skipped.
-fn files(dir: &Path) -> Result<Files, Failure> {
-    let entries = std::fs::read_dir(dir).map_err(|error| Failure::file("read", dir, &error))?;
+/// The files that represent the recordings of a folder. RON files are notes beside recordings and are skipped.
+fn recordings(dir: &Path) -> Result<Files, Failure> {
+    let entries: io::Result<Vec<_>> = files::entries(dir).and_then(Iterator::collect);
+    let entries = entries.map_err(|error| Failure::file("read", dir, &error))?;
     let mut paths: Vec<PathBuf> = entries
-        .flatten()
-        .map(|entry| entry.path())
+        .iter()
+        .map(fs::DirEntry::path)
         .filter(|path| path.is_file() && !path.ends_with(LEDGER) && !is_of(path, "ron"))
         .collect();
     // WAV files first: each also represents the table beside it.

@@ -273,7 +273,7 @@ fn leftovers_of(place: &Path) -> Vec<PathBuf> {
 
 /// All temporary folders of runs in `folder`.
 fn leftovers_in(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let entries = files::entries(folder).into_iter().flatten().flatten();
     let paths = entries.map(|entry| entry.path());
     let mut found: Vec<PathBuf> = paths.filter(|path| path.join(MARKER).is_file()).collect();
     found.sort();

@@ -11,6 +11,7 @@ use crate::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
 use crate::nodes::sinks::wav::{WavSink, WavSinkSettings, open_to_fit};
 use crate::nodes::soundcard::{Played, played};
 use crate::report::record::{WatchedOutput, watch};
+use crate::signal::files;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -100,7 +101,7 @@ pub fn place_probes(folder: &RunFolder, files: &[PathBuf], force: Force) -> Resu
         let entries = file
             .parent()
             .map_or(Ok(()), fs::create_dir_all)
-            .and_then(|()| fs::read_dir(&waiting)?.collect());
+            .and_then(|()| files::entries(&waiting)?.collect());
         let entries: Vec<fs::DirEntry> = entries.map_err(|error| Failure::file("write", file, &error))?;
         for entry in entries {
             let target = file.with_file_name(entry.file_name());

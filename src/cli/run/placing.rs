@@ -64,7 +64,7 @@ impl Placed {
 /// Refuses a place that is not a folder, or a folder with files but without a run's manifest.
 pub fn refuse_foreign(target: &Path, place: &Path) -> Result<(), Failure> {
     let shown = target.display();
-    let is_empty = match fs::read_dir(place) {
+    let is_empty = match files::entries(place) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => true,
         Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
             return Err(Failure::Message(format!(
@@ -258,7 +258,10 @@ fn left(place: &Path, old: &[PathBuf], new: &[PathBuf], moved: &[(PathBuf, PathB
     let folders: BTreeSet<&Path> = old.iter().chain(new).filter_map(|name| name.parent()).collect();
     let mut found = Vec::new();
     for folder in &folders {
-        let entries = fs::read_dir(place.join(folder)).into_iter().flatten().flatten();
+        let entries = files::entries(&place.join(folder))
+            .into_iter()
+            .flatten()
+            .flatten();
         for path in entries.map(|entry| entry.path()) {
             let is_runs = path.join(MARKER).exists() || moved.iter().any(|(_, to)| *to == path);
             let name = path.strip_prefix(place).unwrap_or(&path);
@@ -277,7 +280,7 @@ fn files_in(folder: &Path, but: &[&str]) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(next) = folders.pop() {
-        for entry in fs::read_dir(next)? {
+        for entry in files::entries(&next)? {
             let entry = entry?;
             let path = entry.path();
             let name = path.strip_prefix(folder).unwrap_or(&path);

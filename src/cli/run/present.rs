@@ -20,6 +20,14 @@ pub struct Present {
 }
 
 impl Present {
+    /// Refuses to play where this build or this machine cannot, before anything runs.
+    pub fn refuse_silent(self) -> Result<(), Failure> {
+        match self.play {
+            true => ready_to_play().map_err(|error| cannot_play(&error, "leave it out")),
+            false => Ok(()),
+        }
+    }
+
     /// Opens the page. A failure, for example without a desktop, does not fail the run.
     pub fn open_page(self, page: &Path) {
         if self.open
@@ -38,14 +46,14 @@ impl Present {
             eprint("warning: nothing to play: no actuator or file of this graph receives a vibration\n");
             return Ok(());
         };
-        ready_to_play().map_err(|error| cannot_play(&error))?;
         eprint(&format!(
             "playing {:.1} s of {}, its highest peak at {} dBFS; ctrl-C stops it\n",
             sound.duration_s(),
             sound.stream.name,
             sound::PEAK_DBFS
         ));
-        play_once(sound.samples, sound::RATE_HZ, stop).map_err(|error| cannot_play(&error))
+        play_once(sound.samples, sound::RATE_HZ, stop)
+            .map_err(|error| cannot_play(&error, "the run is complete"))
     }
 }
 

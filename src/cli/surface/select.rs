@@ -4,6 +4,7 @@ use super::Failure;
 use crate::cli::progress::Progress;
 use crate::cli::table::{significant, table};
 use crate::cli::{eprint, print, print_json};
+use crate::signal::files::entries;
 use crate::surfaces::evaluate::RandomWalk;
 use crate::surfaces::files::{self, merge};
 use crate::surfaces::select::{Features, Selection, features, select};
@@ -120,7 +121,7 @@ fn is_note(path: &Path) -> bool {
 }
 
 fn walk(dir: &Path, paths: &mut Vec<PathBuf>) -> std::io::Result<()> {
-    for entry in std::fs::read_dir(dir)? {
+    for entry in entries(dir)? {
         let entry = entry?;
         let path = entry.path();
         if entry.file_type()?.is_dir() {

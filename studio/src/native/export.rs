@@ -143,7 +143,7 @@ fn replace(target: &Path, new: &Path, old: &Path) -> std::io::Result<()> {
 
 /// Refuses a folder that contains anything but a site.
 fn is_free(folder: &Path) -> Result<(), StudioError> {
-    let is_empty = match std::fs::read_dir(folder) {
+    let is_empty = match files::entries(folder) {
         Ok(mut entries) => entries.next().is_none(),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => true,
         Err(error) => return Err(other(format!("cannot export to {}: {error}", folder.display()))),
@@ -178,7 +178,7 @@ fn foreign(folder: &Path) -> Option<OsString> {
         .map(|part| part.as_os_str().to_owned())
         .chain(["files", SITE, MODULE].map(OsString::from))
         .collect();
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let entries = files::entries(folder).into_iter().flatten().flatten();
     entries
         .map(|entry| entry.file_name())
         .find(|name| !own.contains(name))

@@ -1,7 +1,6 @@
 //! Learns a surface from a recording dropped on the page.
 
-use haptograph_signal::files::MAX_RECORDING_BYTES;
-use haptograph_surfaces::files;
+use haptograph_surfaces::files::native;
 use haptograph_surfaces::learning::{LearnSettings, learn};
 use haptograph_surfaces::recording::{ImportSettings, load_with};
 use std::io::Write;
@@ -37,12 +36,10 @@ pub fn surface(name: &str, table: &[u8], folder: &Path) -> Result<Learned, Strin
     if surface.texture.is_none() {
         return Err("cannot learn a texture: the recording holds no drag with force and speed".to_owned());
     }
-    let written = workplace.path().join("surface.ron");
-    files::save(&surface, &written).map_err(|error| shown(&error))?;
     let failed = |error: std::io::Error| format!("cannot write the surface: {error}");
-    let text = haptograph_signal::files::read(&written, MAX_RECORDING_BYTES).map_err(failed)?;
     let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-    file.write_all(&text).map_err(failed)?;
+    file.write_all(native::write(&surface).as_bytes())
+        .map_err(failed)?;
     make_readable(file.as_file()).map_err(failed)?;
     for number in 0..1000 {
         let path = match number {

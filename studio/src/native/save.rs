@@ -3,6 +3,8 @@
 use super::lock;
 use crate::stage::{Stage, StageError};
 use crate::talk;
+use haptograph_surfaces::files::write_atomically_by;
+use std::io::Write;
 use std::sync::Mutex;
 
 /// Writes a text to the graph's file, unless the file has changed since it was read.
@@ -21,16 +23,15 @@ pub fn save(stage: &Mutex<Stage>, text: &str) -> Result<String, StageError> {
         );
         return Err(StageError::Other(why));
     }
-    let written = || {
-        let mut file = tempfile::NamedTempFile::new_in(source.folder())?;
-        std::io::Write::write_all(&mut file, text.as_bytes())?;
-        file.as_file().sync_all()?;
-        file.as_file()
-            .set_permissions(std::fs::metadata(path)?.permissions())?;
-        // A link stays a link.
-        file.persist(path.canonicalize()?).map_err(|error| error.error)
-    };
-    written().map_err(failed)?;
+    // A link stays a link.
+    let written = path.canonicalize().and_then(|path| {
+        let permissions = std::fs::metadata(&path)?.permissions();
+        write_atomically_by(&path, |file| {
+            file.set_permissions(permissions)?;
+            file.write_all(text.as_bytes())
+        })
+    });
+    written.map_err(failed)?;
     let mut stage = lock(stage);
     text.clone_into(&mut stage.on_disk);
     talk::tell_graph(&mut stage);

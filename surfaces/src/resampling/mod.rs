@@ -79,20 +79,7 @@ pub fn resample(texture: &TextureModel, rate_hz: f64, method: Method) -> Result<
         return Err(ResampleError::EmptyBand { rate_hz });
     }
     // Border vertices share the filters of the interior.
-    let mut filters: Vec<&ArmaModel> = Vec::new();
-    let filter_of: Vec<usize> = texture
-        .models()
-        .iter()
-        .map(|at| {
-            filters
-                .iter()
-                .position(|filter| filter.same_filter(&at.model))
-                .unwrap_or_else(|| {
-                    filters.push(&at.model);
-                    filters.len() - 1
-                })
-        })
-        .collect();
+    let (filters, filter_of) = texture.distinct_filters();
     let unit: Vec<ArmaModel> = filters
         .iter()
         .map(|filter| (*filter).clone().with_variance(1.0))
