@@ -217,7 +217,7 @@ fn wav(path: &Path, channel: Option<&str>, import: &ImportSettings) -> Result<Re
                     "{found}, unless nothing may be repaired, as here (--strict)"
                 )));
             }
-            false => remark(&format!("warning: {}: {found}\n", path.display())),
+            false => eprint(&format!("warning: {}: {found}\n", path.display())),
         }
     }
     Ok((chosen, Some(rate_hz), unit, note.simulated))
