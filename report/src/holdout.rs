@@ -1,4 +1,4 @@
-//! The page of a hold-out evaluation: first the result, then the tables that the terminal prints, and two
+//! The page of a hold-out evaluation: first the result, then the tables that the terminal prints, and three
 //! figures for each split.
 
 pub mod tables;
@@ -10,7 +10,9 @@ use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::svg::escape;
 use super::theme::Ink;
 use haptograph_surfaces::evaluate::Holdout;
-use haptograph_surfaces::evaluate::holdout::{ContactResult, Mean, Method, MethodMean, SplitResult};
+use haptograph_surfaces::evaluate::holdout::{
+    BandMean, ContactResult, Mean, Method, MethodMean, SplitResult,
+};
 use tables::{Measures, Table};
 
 /// The page as HTML.
@@ -71,7 +73,11 @@ fn section(found: &Holdout, split: &SplitResult) -> String {
          * worse than a plain baseline.</p>{}{TERMS}<p>{}</p>{materials}{}",
         html(&tables::methods(split, Measures::All)),
         tables::limits(split).replace('\n', " "),
-        figures_of(&[by_band(split), by_material(found, split)])
+        figures_of(&[
+            signed_by_band(split),
+            size_by_band(split),
+            by_material(found, split)
+        ])
     )
 }
 
@@ -117,17 +123,33 @@ fn ink(method: Method) -> Ink {
     }
 }
 
-fn by_band(split: &SplitResult) -> Plot {
-    let line = |method: &MethodMean| {
-        let style = Style::named(ink(method.method), method.method.title());
-        Mark::Line(style, method.signed_db.clone())
-    };
+fn signed_by_band(split: &SplitResult) -> Plot {
     Plot {
         title: "Too loud (+) or too soft, by third octave".into(),
-        x: Axis::of("Frequency (Hz)").log(),
         y: Axis::of("Error of power (dB)"),
+        caption: "A curve at 0 is as loud as what was held out, in every band.".into(),
+        ..by_band(split, |band| band.signed_db)
+    }
+}
+
+fn size_by_band(split: &SplitResult) -> Plot {
+    Plot {
+        title: "Size of the error, by third octave".into(),
+        y: Axis::of("Mean absolute error (dB)"),
+        caption: "Errors of single parts, which cancel in the figure above where they differ in sign.".into(),
+        ..by_band(split, |band| band.absolute_db)
+    }
+}
+
+fn by_band(split: &SplitResult, error: fn(&BandMean) -> f64) -> Plot {
+    let line = |method: &MethodMean| {
+        let style = Style::named(ink(method.method), method.method.title());
+        let points = method.by_band.iter().map(|band| (band.centre_hz, error(band)));
+        Mark::Line(style, points.collect())
+    };
+    Plot {
+        x: Axis::of("Frequency (Hz)").log(),
         marks: split.methods.iter().map(line).collect(),
-        caption: "A curve at 0 is as loud as the held-out part in every band.".into(),
         ..Plot::default()
     }
 }

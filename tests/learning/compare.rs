@@ -143,6 +143,10 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
             let lsd = method["lsd_db"]["mean"].as_f64().unwrap();
             assert!(lsd > 0.0 && lsd < 20.0, "{method}");
             assert_eq!(method["lsd_by_material_db"].as_array().unwrap().len(), 2);
+            for band in method["signed_error_db"].as_array().unwrap() {
+                let db = |name: &str| band[name].as_f64().unwrap();
+                assert!(db("absolute_db") + 1e-9 >= db("db").abs(), "{band}");
+            }
         }
     }
     // Drags alone tell friction, and neither taps nor stiffness.

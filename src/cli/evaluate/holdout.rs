@@ -4,7 +4,9 @@ use crate::cli::Failure;
 use crate::cli::progress::Progress;
 use crate::cli::table::table;
 use crate::report::holdout::tables::{self, Measures, Table};
-use crate::surfaces::evaluate::holdout::{ContactResult, Mean, MethodMean, SplitResult, hold_out_contact};
+use crate::surfaces::evaluate::holdout::{
+    BandMean, ContactResult, Mean, MethodMean, SplitResult, hold_out_contact,
+};
 use crate::surfaces::evaluate::{Holdout, HoldoutSettings, Take, hold_out};
 use crate::surfaces::learning::processing::ProcessingSettings;
 use serde_json::{Value, json};
@@ -126,8 +128,12 @@ fn method_json(method: &MethodMean) -> Value {
         "envelope_between_seeds_db": mean_json(method.envelope_floor_db),
         "nse": mean_json(method.nse),
         "pe": mean_json(method.pe),
-        "signed_error_db": method.signed_db.iter().map(|(hz, db)| json!({ "centre_hz": hz, "db": db })).collect::<Vec<_>>(),
+        "signed_error_db": method.by_band.iter().map(band_json).collect::<Vec<_>>(),
     })
+}
+
+fn band_json(band: &BandMean) -> Value {
+    json!({ "centre_hz": band.centre_hz, "db": band.signed_db, "absolute_db": band.absolute_db })
 }
 
 fn mean_json(mean: Option<Mean>) -> Value {

@@ -21,6 +21,13 @@ pub enum ReadError {
         column: usize,
         message: String,
     },
+    #[error("sheet `{sheet}`{}: {message}", last_read(*after))]
+    Sheet {
+        sheet: String,
+        /// Row and column of the last cell that could be read, from 1.
+        after: Option<(u64, u64)>,
+        message: String,
+    },
     #[error("missing columns: {}. The file has: {}. {}", missing.join(", "), listed(columns), advice(missing, hints))]
     Missing {
         missing: Vec<String>,
@@ -45,6 +52,12 @@ pub enum ReadError {
     },
     #[error(transparent)]
     Recording(#[from] RecordingError),
+}
+
+fn last_read(after: Option<(u64, u64)>) -> String {
+    after.map_or_else(String::new, |(row, column)| {
+        format!(", after row {row}, column {column}")
+    })
 }
 
 /// Advice on how to name missing columns.

@@ -35,6 +35,17 @@ impl Mean {
     }
 }
 
+/// Error of one third octave over all materials.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BandMean {
+    /// Its centre, Hz.
+    pub centre_hz: f64,
+    /// Signed error of its power, dB.
+    pub signed_db: f64,
+    /// Mean size of the error in each fold, dB.
+    pub absolute_db: f64,
+}
+
 /// The means of a method over all materials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MethodMean {
@@ -73,9 +84,8 @@ pub struct MethodMean {
     pub nse: Option<Mean>,
     /// Power error.
     pub pe: Option<Mean>,
-    /// Signed error by band, dB: centre in Hz and mean over materials; empty if the bands of the materials
-    /// differ.
-    pub signed_db: Vec<(f64, f64)>,
+    /// Errors by band, means over materials, where all materials have the same bands.
+    pub by_band: Vec<BandMean>,
     /// True if this is not a plain baseline and its mean over materials is worse than that of one.
     pub loses: bool,
 }
@@ -200,24 +210,29 @@ impl Holdout {
             envelope_floor_db: maybe(&|m| m.envelope_floor_db),
             nse: maybe(&|m| m.nse_pe.map(|(nse, _)| nse)),
             pe: maybe(&|m| m.nse_pe.map(|(_, pe)| pe)),
-            signed_db: self.signed(folds, method),
+            by_band: self.by_band(folds, method),
             loses: matches!(method, Method::Default | Method::Thesis) && above_baseline_db.mean > 0.0,
         }
     }
 
-    fn signed(&self, folds: &[&FoldResult], method: Method) -> Vec<(f64, f64)> {
+    fn by_band(&self, folds: &[&FoldResult], method: Method) -> Vec<BandMean> {
         let bands = &folds[0].of(method).bands.bands;
         if folds.iter().any(|fold| fold.of(method).bands.bands != *bands) {
             return vec![];
         }
-        let band = |number: usize| {
-            let values = self.over_materials(folds, &|fold| Some(fold.of(method).bands.signed_db[number]));
-            (
-                bands.as_slice()[number].centre_hz,
-                mean(&values.unwrap_or_default()),
-            )
+        let of = |number: usize, size: fn(f64) -> f64| {
+            let error = |fold: &FoldResult| Some(size(fold.of(method).bands.signed_db[number]));
+            mean(&self.over_materials(folds, &error).unwrap_or_default())
         };
-        (0..bands.len()).map(band).collect()
+        let centres = bands.as_slice().iter().map(|band| band.centre_hz);
+        centres
+            .enumerate()
+            .map(|(number, centre_hz)| BandMean {
+                centre_hz,
+                signed_db: of(number, |db| db),
+                absolute_db: of(number, f64::abs),
+            })
+            .collect()
     }
 }
 

@@ -79,6 +79,26 @@ fn a_method_that_knows_the_process_comes_near_the_floor_and_a_plain_one_is_shown
         assert_eq!(floor.above_floor_db.mean, 0.0);
         assert!(law.lsd_db.mean < floor.lsd_db.mean + 0.5, "{law:?}");
         assert!((law.lsd_by_material.iter().sum::<f64>() / 2.0 - law.lsd_db.mean).abs() < 1e-12);
+        // The mean of sizes is at least the size of the mean, and over all bands it is the one of the table.
+        let (bands, sizes): (Vec<_>, Vec<_>) =
+            law.by_band.iter().map(|b| (b.signed_db, b.absolute_db)).unzip();
+        assert!(
+            bands
+                .iter()
+                .zip(&sizes)
+                .all(|(signed, size)| signed.abs() <= *size + 1e-12)
+        );
+        assert!(
+            bands
+                .iter()
+                .zip(&sizes)
+                .any(|(signed, size)| signed.abs() + 0.01 < *size)
+        );
+        let over_all = sizes.iter().sum::<f64>() / sizes.len() as f64;
+        assert!(
+            (over_all - law.absolute_db.mean).abs() < 1e-9,
+            "{over_all} {law:?}"
+        );
         assert!(law.total_db.mean.abs() < 1.0 && law.kurtosis.mean.abs() < 1.0);
         // Here levels follow force and speed, up to the estimation error of 500 samples.
         assert!(split.unexplained_level_db.unwrap().mean < 1.5);

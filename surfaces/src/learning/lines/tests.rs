@@ -113,7 +113,7 @@ fn noise_has_no_lines_and_one_speed_tells_of_none() {
 #[test]
 #[ignore = "forty seeds, to be read and not only passed"]
 #[expect(clippy::print_stdout, reason = "it is there to be read")]
-fn of_forty_recordings_without_lines_two_at_most_have_one() {
+fn of_forty_recordings_without_lines_one_at_most_has_one() {
     for fixed_hz in [&[][..], &[120.0], &[35.0]] {
         let with_lines = (0..40).filter(|seed| {
             let lines = found(&made(100 + seed, 4.0, &[], fixed_hz));
@@ -124,7 +124,8 @@ fn of_forty_recordings_without_lines_two_at_most_have_one() {
         });
         let count = with_lines.count();
         println!("beside {fixed_hz:?} Hz: {count} of 40");
-        assert!(count <= 2);
+        // Under 5 %.
+        assert!(count <= 1);
     }
 }
 

@@ -3,7 +3,7 @@
 use super::super::csv::{Cells, ColumnSelection, Table, is_unit, is_wanted, number_of};
 use super::super::rows::{HEADER_WITHIN, header_of, is_without_numbers, listed};
 use super::super::{ImportSettings, ReadError};
-use calamine::{Cell, Data, DataRef, Range, Reader, Xlsx};
+use calamine::{Cell, Data, DataRef, Range, Reader, Xlsx, XlsxError};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek, copy, sink};
 use zip::ZipArchive;
@@ -14,12 +14,9 @@ pub(in crate::recording) fn spreadsheet(
     import: &ImportSettings,
     wanted: ColumnSelection<'_>,
 ) -> Result<Table, ReadError> {
-    let sheet = bounded(bytes, MOST_INFLATED).and_then(|()| {
-        let mut book =
-            Xlsx::new(Cursor::new(bytes)).map_err(|e| format!("the spreadsheet is damaged: {e}"))?;
-        first_sheet(&mut book).map_err(|why| format!("the first sheet cannot be read: {why}"))
-    });
-    let sheet = sheet.map_err(ReadError::Io)?;
+    bounded(bytes, MOST_INFLATED).map_err(ReadError::Io)?;
+    let mut book = Xlsx::new(Cursor::new(bytes)).map_err(|error| ReadError::Io(unopened(&error)))?;
+    let sheet = first_sheet(&mut book)?;
     let first_row = sheet.start().map_or(0, |(row, _)| u64::from(row)) + 1;
     let texts = |row: &[Data]| -> Vec<String> {
         row.iter()
@@ -93,12 +90,16 @@ const MOST_INFLATED: u64 = 1 << 29;
 
 /// Inflates the whole archive and discards it, because the length in an archive's header may be wrong.
 fn bounded(bytes: &[u8], most: u64) -> Result<(), String> {
-    let damaged = |e: &dyn std::fmt::Display| format!("the spreadsheet is damaged: {e}");
-    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| damaged(&e))?;
+    let mut archive = ZipArchive::new(Cursor::new(bytes))
+        .map_err(|_| format!("the spreadsheet is damaged or incomplete; {AGAIN}"))?;
     let mut left = most;
-    for member in 0..archive.len() {
-        let member = archive.by_index(member).map_err(|e| damaged(&e))?;
-        let inflated = copy(&mut member.take(left + 1), &mut sink()).map_err(|e| damaged(&e))?;
+    for number in 0..archive.len() {
+        let damaged = match archive.name_for_index(number) {
+            Some(Ok(name)) => format!("`{name}` in the spreadsheet is damaged; {AGAIN}"),
+            _ => format!("the spreadsheet is damaged; {AGAIN}"),
+        };
+        let member = archive.by_index(number).map_err(|_| damaged.clone())?;
+        let inflated = copy(&mut member.take(left + 1), &mut sink()).map_err(|_| damaged)?;
         let room = left.checked_sub(inflated);
         left = room
             .ok_or_else(|| format!("the spreadsheet inflates to more than {most} bytes; save it as CSV"))?;
@@ -111,12 +112,40 @@ const MOST_CELLS: usize = 1 << 24;
 /// Limits of a sheet's extent, per cell, besides and in total: every position within the extent takes memory.
 const MOST_PLACES: [u64; 3] = [64, 1 << 20, 1 << 25];
 
+/// What to do about a damaged workbook.
+const AGAIN: &str = "open it and save it again, or save it as CSV";
+
+/// Why a workbook cannot be opened.
+fn unopened(error: &XlsxError) -> String {
+    match error {
+        XlsxError::Password => "the spreadsheet has a password; save it without".to_owned(),
+        XlsxError::FileNotFound(name) => format!("the spreadsheet has no `{name}`; {AGAIN}"),
+        _ => {
+            format!("the list of the sheets, the styles or the texts of the spreadsheet is damaged; {AGAIN}")
+        }
+    }
+}
+
 /// The cells of the first sheet, bounded before memory is taken for its extent.
-fn first_sheet(book: &mut Xlsx<impl Read + Seek>) -> Result<Range<Data>, String> {
-    let name = book.sheet_names().into_iter().next().ok_or("there is no sheet")?;
-    let mut reader = book.worksheet_cells_reader(&name).map_err(|e| e.to_string())?;
+fn first_sheet(book: &mut Xlsx<impl Read + Seek>) -> Result<Range<Data>, ReadError> {
+    let sheets = book.sheet_names();
+    let name = sheets
+        .first()
+        .ok_or_else(|| ReadError::Io("the spreadsheet has no sheet".to_owned()))?;
+    let wrong = |last: Option<(u32, u32)>, message: String| ReadError::Sheet {
+        sheet: name.clone(),
+        after: last.map(|(row, column)| (u64::from(row) + 1, u64::from(column) + 1)),
+        message,
+    };
+    let damaged = |last| wrong(last, format!("the sheet is damaged; {AGAIN}"));
+    let mut reader = book.worksheet_cells_reader(name).map_err(|error| match error {
+        XlsxError::NotAWorksheet(_) => wrong(None, "it has no cells; put the table first".to_owned()),
+        _ => damaged(None),
+    })?;
     let (mut cells, mut rows, mut columns) = (vec![], 0, 0);
-    while let Some(cell) = reader.next_cell().map_err(|e| e.to_string())? {
+    let mut last = None;
+    while let Some(cell) = reader.next_cell().map_err(|_| damaged(last))? {
+        last = Some(cell.get_position());
         if matches!(cell.get_value(), DataRef::Empty) {
             continue;
         }
@@ -124,15 +153,16 @@ fn first_sheet(book: &mut Xlsx<impl Read + Seek>) -> Result<Range<Data>, String>
         (rows, columns) = (rows.max(u64::from(row) + 1), columns.max(u64::from(column) + 1));
         cells.push(Cell::new((row, column), Data::from(cell.get_value().clone())));
         if cells.len() > MOST_CELLS {
-            return Err(format!("it has more than {MOST_CELLS} cells"));
+            return Err(wrong(last, format!("it has more than {MOST_CELLS} cells")));
         }
     }
     let [of_each, besides, at_all] = MOST_PLACES;
     if rows * columns > (of_each * cells.len() as u64 + besides).min(at_all) {
-        return Err(format!(
+        let message = format!(
             "its {} cells lie in {rows} rows and {columns} columns",
             cells.len()
-        ));
+        );
+        return Err(wrong(None, message));
     }
     Ok(Range::from_sparse(cells))
 }

@@ -71,7 +71,6 @@ fn matlab_variables_are_columns() {
     assert_eq!(error.matches("7.3").count(), 1, "{error}");
 }
 
-#[cfg(feature = "spreadsheets")]
 #[test]
 fn variables_of_other_lengths_are_named_and_have_no_lines() {
     let folder = Folder::new();
@@ -107,95 +106,125 @@ fn variables_of_other_lengths_are_named_and_have_no_lines() {
     assert!(error.contains("not text") && error.len() < 300, "{error}");
 }
 
+/// A workbook whose last cell of acceleration is `last`, with `more` rows.
+#[cfg(feature = "spreadsheets")]
+fn workbook(last: &str, more: &str) -> Vec<u8> {
+    let cells = |row: usize, cells: &[String]| {
+        let cells: String = cells.concat();
+        format!("<row r=\"{row}\">{cells}</row>")
+    };
+    let text = |at: &str, text: &str| format!("<c r=\"{at}\" t=\"inlineStr\"><is><t>{text}</t></is></c>");
+    let number = |at: String, x: f64| format!("<c r=\"{at}\"><v>{x}</v></c>");
+    let mut sheet = cells(1, &[text("A1", "# rate_hz: 1000")]);
+    sheet += &cells(
+        2,
+        &[
+            text("A2", "accel_m_s2"),
+            text("B2", "force_normal_n"),
+            text("C2", "speed_mm_s"),
+        ],
+    );
+    for (i, (_, a, f, v)) in rows(30).enumerate() {
+        let row = i + 3;
+        sheet += &cells(
+            row,
+            &[
+                number(format!("A{row}"), a),
+                number(format!("B{row}"), f),
+                number(format!("C{row}"), v),
+            ],
+        );
+    }
+    sheet += &cells(
+        33,
+        &[
+            text("A33", last),
+            number("B33".into(), 1.0),
+            number("C33".into(), 80.0),
+        ],
+    );
+    let main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main";
+    let relations = "http://schemas.openxmlformats.org/officeDocument/2006/relationships";
+    let package = "http://schemas.openxmlformats.org/package/2006";
+    let members = [
+        (
+            "[Content_Types].xml",
+            format!("<Types xmlns=\"{package}/content-types\"/>"),
+        ),
+        (
+            "_rels/.rels",
+            format!(
+                "<Relationships xmlns=\"{package}/relationships\"><Relationship Id=\"rId1\" Type=\"{relations}/officeDocument\" Target=\"xl/workbook.xml\"/></Relationships>"
+            ),
+        ),
+        (
+            "xl/workbook.xml",
+            format!(
+                "<workbook xmlns=\"{main}\" xmlns:r=\"{relations}\"><sheets><sheet name=\"s\" sheetId=\"1\" r:id=\"rId1\"/></sheets></workbook>"
+            ),
+        ),
+        (
+            "xl/_rels/workbook.xml.rels",
+            format!(
+                "<Relationships xmlns=\"{package}/relationships\"><Relationship Id=\"rId1\" Type=\"{relations}/worksheet\" Target=\"worksheets/sheet1.xml\"/></Relationships>"
+            ),
+        ),
+        (
+            "xl/worksheets/sheet1.xml",
+            format!("<worksheet xmlns=\"{main}\"><sheetData>{sheet}{more}</sheetData></worksheet>"),
+        ),
+    ];
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(vec![]));
+    for (name, text) in members {
+        let stored =
+            zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+        archive.start_file(name, stored).expect("memory");
+        archive.write_all(text.as_bytes()).expect("memory");
+    }
+    archive.finish().expect("memory").into_inner()
+}
+
+#[cfg(feature = "spreadsheets")]
 #[test]
 fn a_spreadsheet_is_a_table_and_its_errors_name_the_cell() {
-    let workbook = |last: &str| {
-        let cells = |row: usize, cells: &[String]| {
-            let cells: String = cells.concat();
-            format!("<row r=\"{row}\">{cells}</row>")
-        };
-        let text = |at: &str, text: &str| format!("<c r=\"{at}\" t=\"inlineStr\"><is><t>{text}</t></is></c>");
-        let number = |at: String, x: f64| format!("<c r=\"{at}\"><v>{x}</v></c>");
-        let mut sheet = cells(1, &[text("A1", "# rate_hz: 1000")]);
-        sheet += &cells(
-            2,
-            &[
-                text("A2", "accel_m_s2"),
-                text("B2", "force_normal_n"),
-                text("C2", "speed_mm_s"),
-            ],
-        );
-        for (i, (_, a, f, v)) in rows(30).enumerate() {
-            let row = i + 3;
-            sheet += &cells(
-                row,
-                &[
-                    number(format!("A{row}"), a),
-                    number(format!("B{row}"), f),
-                    number(format!("C{row}"), v),
-                ],
-            );
-        }
-        sheet += &cells(
-            33,
-            &[
-                text("A33", last),
-                number("B33".into(), 1.0),
-                number("C33".into(), 80.0),
-            ],
-        );
-        let main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main";
-        let relations = "http://schemas.openxmlformats.org/officeDocument/2006/relationships";
-        let package = "http://schemas.openxmlformats.org/package/2006";
-        let members = [
-            (
-                "[Content_Types].xml",
-                format!("<Types xmlns=\"{package}/content-types\"/>"),
-            ),
-            (
-                "_rels/.rels",
-                format!(
-                    "<Relationships xmlns=\"{package}/relationships\"><Relationship Id=\"rId1\" Type=\"{relations}/officeDocument\" Target=\"xl/workbook.xml\"/></Relationships>"
-                ),
-            ),
-            (
-                "xl/workbook.xml",
-                format!(
-                    "<workbook xmlns=\"{main}\" xmlns:r=\"{relations}\"><sheets><sheet name=\"s\" sheetId=\"1\" r:id=\"rId1\"/></sheets></workbook>"
-                ),
-            ),
-            (
-                "xl/_rels/workbook.xml.rels",
-                format!(
-                    "<Relationships xmlns=\"{package}/relationships\"><Relationship Id=\"rId1\" Type=\"{relations}/worksheet\" Target=\"worksheets/sheet1.xml\"/></Relationships>"
-                ),
-            ),
-            (
-                "xl/worksheets/sheet1.xml",
-                format!("<worksheet xmlns=\"{main}\"><sheetData>{sheet}</sheetData></worksheet>"),
-            ),
-        ];
-        let mut archive = zip::ZipWriter::new(std::io::Cursor::new(vec![]));
-        for (name, text) in members {
-            let stored =
-                zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
-            archive.start_file(name, stored).expect("memory");
-            archive.write_all(text.as_bytes()).expect("memory");
-        }
-        archive.finish().expect("memory").into_inner()
-    };
     let folder = Folder::new();
-    let path = folder.with("x.xlsx", workbook("0.5"));
+    let path = folder.with("x.xlsx", workbook("0.5", ""));
     let (recording, _) = read(&[path], &ImportSettings::default()).expect("a recording");
     let expected: Vec<f64> = rows(30).map(|row| row.1).chain([0.5]).collect();
     assert_eq!(
         (recording.rate_hz(), &recording.signals().acceleration_m_s2),
         (1000.0, &expected)
     );
-    let path = folder.with("y.xlsx", workbook("broken"));
+    let path = folder.with("y.xlsx", workbook("broken", ""));
     assert_eq!(
         line_of(read(&[path], &ImportSettings::strict()).expect_err("no number")),
         (33, 1)
+    );
+}
+
+#[cfg(feature = "spreadsheets")]
+#[test]
+fn a_damaged_spreadsheet_is_refused_at_the_last_cell_that_was_read() {
+    let folder = Folder::new();
+    let unknown = "<row r=\"34\"><c r=\"A34\"><v>1</v></c><c r=\"B34\" t=\"tea\"><v>1</v></c></row>";
+    let path = folder.with("x.xlsx", workbook("0.5", unknown));
+    let Err(LoadError::Read {
+        source: ReadError::Sheet { sheet, after, .. },
+        ..
+    }) = read(&[path], &ImportSettings::default())
+    else {
+        panic!("the sheet is damaged");
+    };
+    assert_eq!((sheet.as_str(), after), ("s", Some((34, 1))));
+    // A member that is not what its checksum says.
+    let mut bytes = workbook("0.5", "");
+    let at = bytes.windows(4).position(|four| four == b"<row").expect("a row");
+    bytes[at] = b' ';
+    let path = folder.with("y.xlsx", bytes);
+    let error = read(&[path], &ImportSettings::default()).expect_err("damaged");
+    assert!(
+        error.to_string().contains("`xl/worksheets/sheet1.xml`"),
+        "{error}"
     );
 }
 
