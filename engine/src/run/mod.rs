@@ -40,7 +40,7 @@ pub use async_resampler::{
 pub use control::{Control, ControlError};
 pub use fault::Faults;
 pub use file_sinks::{FileSinks, Probe, WriteError};
-pub use live::{FADE_S, Live, LiveState, live};
+pub use live::{Driven, FADE_S, Live, LiveState, live};
 pub use meter::{Meters, Wake};
 pub use offline::{Offline, OfflineError, Outcome, RingReport};
 pub use profile::{Profile, StepCost};
