@@ -12,8 +12,9 @@ use std::time::Duration;
 
 /// Open a page on which a graph is stroked, heard, seen and changed while it runs
 ///
-/// Pointers on the page are the graph's tablets; every other endpoint is simulated, so that nothing real moves. The page
-/// plays what the first actuator is given, behind its limits.
+/// Pointers on the page are the graph's tablets; every other endpoint is simulated, so that nothing real moves, unless --live or
+/// --endpoints names another set: then its actuators are opened, and get zeros until they are armed on the page. The page plays
+/// what the first actuator is given, behind its limits.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The graph file; of a site that is exported several
@@ -22,6 +23,12 @@ pub struct Arguments {
     /// Give a parameter of the graph another value; can be repeated
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = super::assignment)]
     set: Vec<(String, String)>,
+    /// Use the endpoints of the set `live`: its actuators stay at zero until they are armed on the page
+    #[arg(long, conflicts_with = "endpoints")]
+    live: bool,
+    /// Use the endpoints of this set in place of `simulated`
+    #[arg(long, value_name = "SET")]
+    endpoints: Option<String>,
     /// The port of this machine that the page is served at; a free one where it is 0
     #[arg(long, default_value_t = 0)]
     port: u16,
@@ -36,7 +43,7 @@ pub struct Arguments {
     #[arg(long)]
     no_open: bool,
     /// Write the page as a static site with the engine in it, which any web server can serve
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open", "surfaces", "lan"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open", "surfaces", "lan", "live", "endpoints"])]
     export: Option<PathBuf>,
 }
 
@@ -52,6 +59,10 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let options = Options {
         graph: graph.clone(),
         set: arguments.set.clone(),
+        endpoints: arguments
+            .live
+            .then(|| "live".to_owned())
+            .or(arguments.endpoints.clone()),
         port: arguments.port,
         out: PathBuf::from("out"),
         surfaces: arguments.surfaces.clone(),
@@ -59,8 +70,15 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     };
     let studio = Studio::open(&options, registry).map_err(failure)?;
     let stop = stop_on_interrupt()?;
+    let moves = match studio.driven() {
+        driven if driven.is_empty() => "nothing real moves (simulated devices)".to_owned(),
+        driven => format!(
+            "`{}` can move, and get zeros until they are armed on the page",
+            driven.join("`, `")
+        ),
+    };
     say(&format!(
-        "the studio is open at\n\n    {}\n\nnothing real moves (simulated devices); ctrl-C closes it\n",
+        "the studio is open at\n\n    {}\n\n{moves}; ctrl-C closes it\n",
         studio.url()
     ))?;
     if let Some(url) = studio.lan_url() {

@@ -73,13 +73,23 @@ pub struct NoPad {
     pub lacks: Vec<&'static str>,
 }
 
-/// The endpoints of a graph whose endpoints are all the caller's: those that a pointer can be, and the others. `simulated`
-/// is the same graph with its own endpoints, which say what their hands touch; it is asked for where that counts.
-pub fn sort(hosted: &Graph, simulated: impl FnOnce() -> Option<Graph>) -> (Vec<PadSpec>, Vec<NoPad>) {
+/// The endpoints of a graph whose endpoints are all the caller's: those that a pointer can be, and the others, among them
+/// those that stay what they are. `simulated` is the same graph with its own endpoints, which say what their hands touch; it is
+/// asked for where that counts.
+pub fn sort(
+    hosted: &Graph,
+    stays: impl Fn(&str) -> bool,
+    simulated: impl FnOnce() -> Option<Graph>,
+) -> (Vec<PadSpec>, Vec<NoPad>) {
     let (mut pads, mut others) = (Vec::new(), Vec::new());
     let mut touched = None;
     let mut simulated = Some(simulated);
     for (endpoint, channels) in endpoints(hosted) {
+        if stays(&endpoint) {
+            let lacks = Vec::new();
+            others.push(NoPad { endpoint, lacks });
+            continue;
+        }
         let given = |(name, kind): &(&'static str, Kind)| Some((*name, Gives::of(name, *kind)?));
         let known: Vec<(&'static str, Gives)> = channels.iter().filter_map(given).collect();
         let gets = |gives: Gives| known.iter().any(|(_, each)| *each == gives);

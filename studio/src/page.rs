@@ -22,6 +22,7 @@ pub(crate) const HOST: Host = Host {
     driven_by: DrivenBy::Caller,
     can_save: false,
     can_learn: false,
+    can_drive: false,
 };
 /// Room for what is played in one call without allocating, samples.
 const ROOM: usize = 1 << 14;

@@ -100,7 +100,8 @@ fn act(stage: &mut Stage, page: u64, said: Said) -> Next {
         Said::Levels { on } => stage.page_of(page, |page| page.sees_levels = on),
         // Whoever sees that something goes wrong may stop it.
         Said::Stop => stage.halt(),
-        Said::Own => stage.owner = Some(page),
+        Said::Own => stage.give_to(page),
+        Said::Disarm => stage.disarm(),
         Said::Check { request, text } => return done_later(request, Work::Check(text)),
         said if stage.owner == Some(page) => return act_as_owner(stage, page, said),
         said => return refused_because(&said, NOT_OWNER),
@@ -116,7 +117,7 @@ const NOT_OWNER: &str = "another page owns the pads and the graph; take over fir
 
 /// What others could send who listen to the network: the pad and the settings, and nothing that lasts.
 const NOT_HERE: &str = "a page that comes over the network moves the pad and the settings only; edit, save, record, \
-                        learn and resume on a page of the machine that runs the studio";
+                        learn, arm and resume on a page of the machine that runs the studio";
 
 fn refused_because(said: &Said, why: &str) -> Next {
     match said.request() {
@@ -143,6 +144,13 @@ fn act_as_owner(stage: &mut Stage, page: u64, said: Said) -> Next {
             Ok(()) => tell_graph(stage),
             Err(error) => return refused(&error),
         },
+        Said::Gain { gain } => stage.switch.set_gain(gain),
+        Said::Arm => {
+            if let Err(error) = stage.arm() {
+                return refused(&error);
+            }
+        }
+        Said::Hold => stage.switch.hold(),
         Said::Set { name, value } => {
             if let Err(error) = stage.set(&name, value) {
                 return refused(&format_args!("`{name}` stays: {error}"));

@@ -83,12 +83,21 @@ pub enum Said {
     },
     Stop,
     Resume,
+    /// Real actuators may move, a little at first.
+    Arm,
+    /// While they do, they get this part of what their limits let through.
+    Gain {
+        gain: f64,
+    },
+    /// Somebody is still there: they stay armed.
+    Hold,
+    Disarm,
     /// This page wants to be the owner.
     Own,
 }
 
 impl Said {
-    /// Is it about files, about another graph, or an end of a STOP? Pages elsewhere do not ask for that.
+    /// Is it about files, about another graph, an end of a STOP, or something real that moves? Pages elsewhere do not ask for that.
     pub fn is_for_machine(&self) -> bool {
         matches!(
             self,
@@ -99,6 +108,9 @@ impl Said {
                 | Self::Record { .. }
                 | Self::Replay { .. }
                 | Self::Resume
+                | Self::Arm
+                | Self::Gain { .. }
+                | Self::Hold
         )
     }
 
@@ -184,7 +196,7 @@ pub fn said(text: &str) -> Result<Option<Said>, WireError> {
     struct Kind {
         r#type: String,
     }
-    const KINDS: [&str; 14] = [
+    const KINDS: [&str; 18] = [
         "learn",
         "record",
         "replay",
@@ -199,6 +211,10 @@ pub fn said(text: &str) -> Result<Option<Said>, WireError> {
         "stop",
         "resume",
         "own",
+        "arm",
+        "gain",
+        "hold",
+        "disarm",
     ];
     if text.len() > MOST_BYTES && !LONG.iter().any(|long| text.starts_with(long)) {
         return Err(WireError::Long(text.len()));

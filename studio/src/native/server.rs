@@ -39,6 +39,7 @@ const HOST: Host = Host {
     driven_by: DrivenBy::Thread,
     can_save: true,
     can_learn: true,
+    can_drive: true,
 };
 /// What the page may load and call besides the WebSocket of its own server: its own files only.
 const POLICY: &str = "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; \
@@ -63,6 +64,8 @@ pub struct Options {
     pub graph: PathBuf,
     /// Parameters in place of its defaults.
     pub set: Vec<(String, String)>,
+    /// The set of endpoints whose devices are opened; none: `simulated`.
+    pub endpoints: Option<String>,
     /// The port of the loopback address; 0 is a free one.
     pub port: u16,
     /// Where the folders of recorded runs are made.
@@ -174,6 +177,13 @@ impl Studio {
         self.address
     }
 
+    /// The real devices that the graph drives once they are armed.
+    pub fn driven(&self) -> Vec<String> {
+        let stage = lock(&self.stage);
+        let driven = crate::actuators::driven(&stage.loaded.graph).into_iter();
+        driven.map(|(name, _)| name.to_owned()).collect()
+    }
+
     /// What has to be given to get in.
     pub fn token(&self) -> &str {
         &self.token
@@ -205,7 +215,10 @@ impl Drop for Studio {
 /// named.
 fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> {
     let opened = || {
-        let source = Source::new(options.graph.clone(), registry, options.set.clone());
+        let mut source = Source::new(options.graph.clone(), registry, options.set.clone());
+        if let Some(endpoints) = &options.endpoints {
+            source.endpoints.clone_from(endpoints);
+        }
         let stage = Stage::open(source, HOST)?;
         let confirmed = Confirmed::of(&stage.source, &stage.loaded.text).map_err(StudioError::Graph)?;
         Ok::<_, StudioError>((stage, confirmed))
