@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let moves = match studio.driven() {
         driven if driven.is_empty() => "nothing real moves (simulated devices)".to_owned(),
         driven => format!(
-            "`{}` can move, and get zeros until they are armed on the page",
+            "real, and at zero until armed on the page: `{}`",
             driven.join("`, `")
         ),
     };

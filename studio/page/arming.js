@@ -5,6 +5,7 @@ const HOLD_MS = 50;
 const FIRST_DB = -20;
 
 const gainOf = (db) => 10 ** (db / 20);
+const decibels = (gain) => `${(20 * Math.log10(gain)).toFixed(0).replace("-", "−")} dB`;
 const isArmed = (studio) => studio.connection.open && studio.status?.armed_gain > 0;
 
 export function mountArming(studio) {
@@ -31,7 +32,7 @@ function show(studio, level) {
     if (!armed) level.value = String(FIRST_DB);
     const mayArm = mayBeArmed(studio);
     level.disabled = !armed || !mayArm;
-    setText(find("arm-level-text"), armed ? `${(20 * Math.log10(studio.status.armed_gain)).toFixed(0)} dB` : "off");
+    setText(find("arm-level-text"), armed ? decibels(studio.status.armed_gain) : "off");
     find("real").dataset.armed = String(armed);
     find("arm").disabled = !armed && !mayArm;
     setText(find("arm"), armed ? "Disarm" : "Arm");
