@@ -12,8 +12,9 @@ use std::time::Duration;
 
 /// Open a web page to stroke, hear, see and change a graph while it runs
 ///
-/// Pointers on the page replace the graph's tablets; all other endpoints are simulated, so that nothing real
-/// moves. The page plays the signal of the first actuator, after its limits.
+/// Pointers on the page replace the graph's tablets. All other endpoints are simulated, so that nothing real
+/// moves, unless --live or --endpoints names another set: then its actuators are opened, and receive zeros
+/// until they are armed on the page. The page plays the signal of the first actuator, after its limits.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The graph file; several for a site (--export)
@@ -22,6 +23,12 @@ pub struct Arguments {
     /// Override a parameter of the graph; can be repeated
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = super::assignment)]
     set: Vec<(String, String)>,
+    /// Use the endpoints of the set `live`: its actuators stay at zero until they are armed on the page
+    #[arg(long, conflicts_with = "endpoints")]
+    live: bool,
+    /// Use the endpoints of this set in place of `simulated`
+    #[arg(long, value_name = "SET")]
+    endpoints: Option<String>,
     /// The port of this machine to serve the page at; 0 for a free one
     #[arg(long, default_value_t = 0)]
     port: u16,
@@ -37,7 +44,7 @@ pub struct Arguments {
     #[arg(long)]
     no_open: bool,
     /// Write the page as a static site that includes the engine, for any web server
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open", "surfaces", "lan"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open", "surfaces", "lan", "live", "endpoints"])]
     export: Option<PathBuf>,
 }
 
@@ -53,6 +60,10 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let options = Options {
         graph: graph.clone(),
         set: arguments.set.clone(),
+        endpoints: arguments
+            .live
+            .then(|| "live".to_owned())
+            .or(arguments.endpoints.clone()),
         port: arguments.port,
         out: PathBuf::from("out"),
         surfaces: arguments.surfaces.clone(),
@@ -60,8 +71,15 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     };
     let studio = Studio::open(&options, registry).map_err(failure)?;
     let stop = stop_on_interrupt()?;
+    let moves = match studio.driven() {
+        driven if driven.is_empty() => "nothing real moves (simulated devices)".to_owned(),
+        driven => format!(
+            "real, and at zero until armed on the page: `{}`",
+            driven.join("`, `")
+        ),
+    };
     print(&format!(
-        "the studio is open at\n\n    {}\n\nall devices are simulated: nothing real moves; ctrl-C closes it\n",
+        "the studio is open at\n\n    {}\n\n{moves}; ctrl-C closes it\n",
         studio.url()
     ))?;
     if let Some(url) = studio.lan_url() {

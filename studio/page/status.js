@@ -100,7 +100,8 @@ function ownerSays(studio) {
 }
 
 function engineSays(studio, counts, recent) {
-    const { behind_ms, cost, silent, actuators } = studio.status;
+    const { behind_ms, cost, silent, actuators, note } = studio.status;
+    if (note) return { level: "warn", text: note };
     if (recent("faults"))
         return {
             level: "bad",

@@ -73,13 +73,23 @@ pub struct NoPad {
     pub lacks: Vec<&'static str>,
 }
 
-/// Divides the endpoints of a hosted graph into pads and others. `simulated` loads the same graph with its
-/// own endpoints, which state what their hands touch; it is called only if needed.
-pub fn sort(hosted: &Graph, simulated: impl FnOnce() -> Option<Graph>) -> (Vec<PadSpec>, Vec<NoPad>) {
+/// Divides the endpoints of a hosted graph into pads and others; an endpoint that `stays` is no pad.
+/// `simulated` loads the same graph with its own endpoints, which state what their hands touch; it is called
+/// only if needed.
+pub fn sort(
+    hosted: &Graph,
+    stays: impl Fn(&str) -> bool,
+    simulated: impl FnOnce() -> Option<Graph>,
+) -> (Vec<PadSpec>, Vec<NoPad>) {
     let (mut pads, mut others) = (Vec::new(), Vec::new());
     let mut touched = None;
     let mut simulated = Some(simulated);
     for (endpoint, channels) in endpoints(hosted) {
+        if stays(&endpoint) {
+            let lacks = Vec::new();
+            others.push(NoPad { endpoint, lacks });
+            continue;
+        }
         let given = |(name, kind): &(&'static str, Kind)| Some((*name, Gives::of(name, *kind)?));
         let known: Vec<(&'static str, Gives)> = channels.iter().filter_map(given).collect();
         let gets = |gives: Gives| known.iter().any(|(_, each)| *each == gives);

@@ -55,7 +55,7 @@ pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
         "from": if is_here { "machine" } else { "network" },
         "can": {
             "edit": is_here, "save": host.can_save && is_here, "record": is_here,
-            "surfaces": host.can_learn && is_here, "parameters": true,
+            "surfaces": host.can_learn && is_here, "parameters": true, "arm": host.can_drive && is_here,
         },
         "kinds": nodes.chain(devices).collect::<Vec<_>>(),
     })
@@ -89,7 +89,7 @@ fn shown(stage: &Stage) -> Value {
     let actuators = stage.actuators.iter().map(|actuator| {
         json!({
             "name": actuator.name, "unit": actuator.unit, "peak": actuator.peak,
-            "continuous": actuator.continuous, "rate_hz": actuator.rate_hz,
+            "continuous": actuator.continuous, "rate_hz": actuator.rate_hz, "endpoint": actuator.endpoint,
         })
     });
     let ports = scope::ports(graph);
@@ -98,7 +98,9 @@ fn shown(stage: &Stage) -> Value {
     let devices = devices.filter(|device| !stage.loaded.is_pad(&device.name));
     let devices = devices.map(|device| {
         let spec = device.entry.spec;
-        json!({ "name": device.name, "kind": spec.name, "simulated": spec.simulated })
+        json!({
+            "name": device.name, "kind": spec.name, "simulated": spec.simulated, "at": stage.place_of(&device.name),
+        })
     });
     json!({
         "type": "graph",

@@ -1,18 +1,43 @@
 //! Driver of the graph: a real-time thread, or the caller, such as a page's audio thread.
 
+use haptograph_engine::device::Device;
 use haptograph_engine::host::Player;
-use haptograph_engine::run::LiveState;
+use haptograph_engine::run::{Driven, LiveState, Timer, Wake};
+use haptograph_nodes::soundcard::{CardDriver, CardNote, Request, SoundcardError};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Wake-up period of the thread.
+/// Polling period while a run ends.
 const STEP: Duration = Duration::from_millis(2);
-/// Maximum delay that the thread catches up, s; a longer delay is dropped.
-const MOST_BEHIND_S: f64 = 0.1;
 /// Delay above which a wake-up counts as late, s.
 const LATE_S: f64 = 0.02;
+
+/// How a thread keeps time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Timing {
+    /// Wake-up period.
+    step: Duration,
+    /// Maximum delay that is caught up; a longer delay is dropped.
+    most_behind: Duration,
+    is_real_time: bool,
+}
+
+impl Timing {
+    /// For a run that only pages wait for.
+    pub const EASY: Self = Self {
+        step: Duration::from_millis(2),
+        most_behind: Duration::from_millis(100),
+        is_real_time: false,
+    };
+    /// For real devices: like the timer of a live run, without a burst after a stall.
+    pub const STRICT: Self = Self {
+        step: Duration::from_millis(1),
+        most_behind: Duration::from_millis(20),
+        is_real_time: true,
+    };
+}
 
 /// State of the driver during a run.
 #[derive(Debug, Default)]
@@ -86,6 +111,40 @@ pub struct Drive {
 enum Runner {
     Thread(Option<JoinHandle<Player>>),
     Caller(Box<Player>),
+    Card(Box<CardDriver<Paced>>),
+}
+
+/// A player that a soundcard drives, and what is known of it. Its callback waits for nobody: what is done between two frames
+/// is done about then.
+struct Paced {
+    player: Player,
+    pace: Arc<Pace>,
+}
+
+impl Driven for Paced {
+    fn run_frames(&mut self, frames: usize) {
+        self.player.process(frames);
+        self.pace.update(&self.player);
+    }
+    fn block(&self) -> usize {
+        Driven::block(&self.player)
+    }
+    fn is_idle(&self) -> bool {
+        self.player.is_idle()
+    }
+    fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)> {
+        self.player.devices_mut()
+    }
+    fn report(&mut self, wake: Wake) {
+        self.pace.behind_us.store(wake.late_ns / 1000, Relaxed);
+        let is_late = wake.late_ns as f64 > LATE_S * 1e9;
+        self.pace.late.fetch_add(u64::from(is_late), Relaxed);
+        self.pace.busy_ns.fetch_add(wake.work_ns, Relaxed);
+        self.player.report(wake);
+    }
+    fn resume(&mut self) {
+        self.player.resume();
+    }
 }
 
 /// Who drives the player.
@@ -99,7 +158,7 @@ pub enum DrivenBy {
 
 impl Drive {
     /// Starts a player at the rate of its driver clock.
-    pub fn start(player: Player, by: DrivenBy, rate_hz: f64) -> std::io::Result<Self> {
+    pub fn start(player: Player, by: DrivenBy, (rate_hz, timing): (f64, Timing)) -> std::io::Result<Self> {
         let (pace, gate) = (Arc::new(Pace::default()), Arc::new(Mutex::new(())));
         let runner = match by {
             DrivenBy::Caller => Runner::Caller(Box::new(player)),
@@ -107,7 +166,7 @@ impl Drive {
                 let theirs = (Arc::clone(&pace), Arc::clone(&gate));
                 let thread = std::thread::Builder::new().name("studio driver".to_owned());
                 Runner::Thread(Some(
-                    thread.spawn(move || run(player, rate_hz, (&theirs.0, &theirs.1)))?,
+                    thread.spawn(move || run(player, (rate_hz, timing), (&theirs.0, &theirs.1)))?,
                 ))
             }
         };
@@ -117,6 +176,43 @@ impl Drive {
             runner,
             kept_at: 0,
         })
+    }
+
+    /// Opens a soundcard, whose callback runs the player.
+    ///
+    /// # Errors
+    /// [`SoundcardError`]: there is no such card.
+    pub fn start_by_card(player: Player, request: Request) -> Result<Self, SoundcardError> {
+        let pace = Arc::new(Pace::default());
+        let paced = Paced {
+            player,
+            pace: Arc::clone(&pace),
+        };
+        Ok(Self {
+            pace,
+            gate: Arc::default(),
+            runner: Runner::Card(Box::new(CardDriver::start(request, paced)?)),
+            kept_at: 0,
+        })
+    }
+
+    /// Polls the soundcard that drives the player; returns its notes.
+    pub fn poll(&mut self) -> Vec<CardNote> {
+        let Runner::Card(card) = &mut self.runner else {
+            return Vec::new();
+        };
+        let notes = card.poll();
+        // What it plays until then is played.
+        self.pace.is_over.store(card.is_finished(), Relaxed);
+        notes
+    }
+
+    /// The soundcard that drives it, as it calls itself.
+    pub fn card(&self) -> Option<&str> {
+        match &self.runner {
+            Runner::Card(card) => Some(&card.got().card),
+            _ => None,
+        }
     }
 
     /// True if the caller drives the player.
@@ -152,14 +248,19 @@ impl Drive {
         self.pace.busy_ns.fetch_add(busy.as_nanos() as u64, Relaxed);
     }
 
-    /// Waits until a run driven by a thread is over; false if `longest` has passed.
-    pub fn is_done_within(&self, longest: Duration) -> bool {
+    /// Waits until a run driven by a thread or a soundcard is over; false if `longest` has passed.
+    pub fn is_done_within(&mut self, longest: Duration) -> bool {
         if self.is_the_callers() {
             return self.pace.is_over();
         }
         let asked = Instant::now();
         while !self.pace.is_over() && asked.elapsed() < longest {
+            // A card that is gone ends nothing.
+            if matches!(&self.runner, Runner::Card(card) if card.is_waiting()) {
+                break;
+            }
             std::thread::sleep(STEP);
+            self.poll();
         }
         true
     }
@@ -170,6 +271,7 @@ impl Drive {
         match std::mem::replace(&mut self.runner, Runner::Thread(None)) {
             Runner::Thread(thread) => thread?.join().ok(),
             Runner::Caller(player) => Some(*player),
+            Runner::Card(card) => Some(card.join()?.player),
         }
     }
 }
@@ -180,13 +282,17 @@ impl Drop for Drive {
     }
 }
 
-fn run(mut player: Player, rate_hz: f64, (pace, gate): (&Pace, &Mutex<()>)) -> Player {
-    let most = (MOST_BEHIND_S * rate_hz) as u64;
+fn run(mut player: Player, (rate_hz, timing): (f64, Timing), (pace, gate): (&Pace, &Mutex<()>)) -> Player {
+    if timing.is_real_time {
+        // What the system refuses costs evenness only.
+        let _ = Timer::default().prepare_thread();
+    }
+    let most = (timing.most_behind.as_secs_f64() * rate_hz) as u64;
     let (mut origin, mut done) = (Instant::now(), 0_u64);
-    while !pace.end.load(Relaxed) && player.state() == LiveState::Running {
+    while !pace.end.load(Relaxed) && !player.is_idle() {
         let due = (origin.elapsed().as_secs_f64() * rate_hz) as u64;
         let mut behind = due.saturating_sub(done);
-        let late_s = behind as f64 / rate_hz - STEP.as_secs_f64();
+        let late_s = behind as f64 / rate_hz - timing.step.as_secs_f64();
         pace.behind_us.store((late_s.max(0.0) * 1e6) as u64, Relaxed);
         pace.late.fetch_add(u64::from(late_s > LATE_S), Relaxed);
         if behind > most {
@@ -200,7 +306,7 @@ fn run(mut player: Player, rate_hz: f64, (pace, gate): (&Pace, &Mutex<()>)) -> P
         pace.busy_ns.fetch_add(begun.elapsed().as_nanos() as u64, Relaxed);
         pace.update(&player);
         drop(held);
-        std::thread::sleep(STEP);
+        std::thread::sleep(timing.step);
     }
     pace.is_over.store(true, Relaxed);
     player

@@ -1,15 +1,17 @@
 //! The studio: a web page on which a person strokes a surface, and hears, sees and changes its rendering.
 //!
 //! [`Studio::open`] serves the page and runs the graph behind it; [`page`] is the same engine for
-//! WebAssembly, driven by the page's own audio thread. Pointers on the page replace the graph's tablets; all
-//! other endpoints stay simulated, so that nothing real moves, and the page plays the delivered signal of a
-//! sink, after its limits. Both use the protocol of `docs/studio-protocol.md`.
+//! WebAssembly, driven by the page's own audio thread. Pointers on the page replace the graph's tablets. All
+//! other endpoints are simulated unless the server is asked for another set; real devices of that set receive
+//! zeros until they are armed from the page. The page plays the delivered signal of a sink, after its limits.
+//! Both use the protocol of `docs/studio-protocol.md`.
 
 // A page does not use all code shared by both hosts.
 #![cfg_attr(target_family = "wasm", allow(dead_code))]
 
 mod actuators;
 mod again;
+mod arming;
 mod channels;
 mod describe;
 mod drive;

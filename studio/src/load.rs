@@ -3,11 +3,14 @@
 use super::channels::{self, NoPad, PadSpec};
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
-use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check};
+use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check, declared_devices};
 use haptograph_engine::registry::Registry;
 use haptograph_signal::files::{self, Roots};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// The set of endpoints that is used unless another is named.
+pub const SIMULATED: &str = "simulated";
 
 /// Inputs of a load besides the text.
 #[derive(Debug, Clone)]
@@ -16,6 +19,8 @@ pub struct Source {
     pub registry: Registry,
     /// Parameters that override the defaults.
     pub set: Vec<(String, String)>,
+    /// The set of endpoints that supplies the devices other than pads.
+    pub endpoints: String,
     /// Folders of surfaces, besides the graph's own.
     pub surfaces: Vec<PathBuf>,
     /// Folders whose files a text may name; `None` if only the user writes the text.
@@ -49,6 +54,7 @@ impl Source {
             path,
             registry: registry.clone(),
             set,
+            endpoints: SIMULATED.to_owned(),
             surfaces: Vec::new(),
             roots: None,
         }
@@ -91,7 +97,18 @@ impl Source {
         options.hosted = Hosted::All;
         let hosted = check(&document, &self.registry, &options)?;
         options.hosted = Hosted::AsWritten;
-        let (pads, others) = channels::sort(&hosted, || check(&document, &self.registry, &options).ok());
+        let real = declared_devices(&document, &self.registry, &options).into_iter();
+        let real: Vec<String> = real
+            .filter(|device| !device.is_simulated && !device.is_host)
+            .map(|device| device.endpoint)
+            .collect();
+        // What drives a hand that is real cannot drive a pointer.
+        let stays = |endpoint: &str| {
+            real.iter().any(|real| real == endpoint)
+                && hosted.driven_devices().any(|driven| driven.name == endpoint)
+        };
+        let (pads, others) =
+            channels::sort(&hosted, stays, || check(&document, &self.registry, &options).ok());
         options.hosted = Hosted::Also(pads.iter().map(|pad| pad.endpoint.clone()).collect());
         let value = |name: &str, default: &str| {
             let set = self.set.iter().rev().find(|(known, _)| known == name);
@@ -119,6 +136,7 @@ impl Source {
             set: set
                 .map(|(name, value)| (name.clone(), self.resolved(value)))
                 .collect(),
+            endpoints: self.endpoints.clone(),
             ..CheckOptions::default()
         }
     }

@@ -22,6 +22,7 @@ pub(crate) const HOST: Host = Host {
     driven_by: DrivenBy::Caller,
     can_save: false,
     can_learn: false,
+    can_drive: false,
 };
 /// Buffer size for the samples played in one call without allocation.
 const ROOM: usize = 1 << 14;

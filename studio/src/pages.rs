@@ -69,7 +69,15 @@ impl Stage {
     pub fn leave(&mut self, page: u64) {
         self.pages.retain(|known| known.id != page);
         if self.owner == Some(page) {
+            self.disarm();
             self.owner = self.pages.first().map(|known| known.id);
+        }
+    }
+
+    /// Another page becomes the owner. What it did not arm is not armed.
+    pub fn give_to(&mut self, page: u64) {
+        if self.owner.replace(page) != Some(page) {
+            self.disarm();
         }
     }
 

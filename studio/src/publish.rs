@@ -40,11 +40,11 @@ impl Delivered {
         self.peak_ever = self.peak_ever.max(self.peak);
     }
 
-    fn status(&mut self, name: &str, continuous: f64) -> Value {
+    fn status(&mut self, name: &str, continuous: f64, (is_real, is_armed): (bool, bool)) -> Value {
         let rms = (self.square / self.count.max(1) as f64).sqrt();
         let status = json!({
             "name": name, "rms": rms, "peak": self.peak, "delivered_peak": self.peak_ever,
-            "heat": self.heat / (continuous * continuous),
+            "heat": self.heat / (continuous * continuous), "simulated": !is_real, "armed": is_real && is_armed,
         });
         (self.square, self.count, self.peak) = (0.0, 0, 0.0);
         status
@@ -118,6 +118,7 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
     let recording_s = stage.recorder.as_ref().map(|_| time_s);
     let frame = stage.drive.as_ref().map_or(0, |drive| drive.pace.frames());
     let replay = stage.replay.as_ref().map(|replay| replay.part(frame));
+    let (gain, note) = (stage.switch.gain(), stage.note.clone());
     let Stage {
         actuators,
         drive,
@@ -129,7 +130,8 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
     } = stage;
     let each = actuators.iter_mut().map(|actuator| {
         let continuous = actuator.continuous;
-        actuator.delivered.status(&actuator.name, continuous)
+        let armed = (actuator.is_real, gain > 0.0);
+        actuator.delivered.status(&actuator.name, continuous, armed)
     });
     let actuators: Vec<Value> = each.collect();
     let inputs = session
@@ -163,6 +165,8 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
         "late": pace.as_ref().map_or(0, |pace| pace.late()),
         "silent": quiet,
         "actuators": actuators,
+        "armed_gain": gain,
+        "note": note,
         "faults": pace.as_ref().map_or(0, |pace| pace.faults()),
         "cost": busy / passed.as_secs_f64().max(1e-9),
         "pointer": pointer,

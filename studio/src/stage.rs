@@ -1,8 +1,8 @@
 //! A running graph with its connected pages, and the actions that these may take.
 
-use super::actuators::{Actuator, Sound};
+use super::actuators::{Actuator, Sound, driven};
 use super::again::After;
-use super::drive::{Drive, DrivenBy};
+use super::drive::{Drive, DrivenBy, Timing};
 use super::envelope::Confirmed;
 use super::levels::Costs;
 use super::load::{Loaded, Source};
@@ -15,7 +15,9 @@ use super::scope::{self, Port, Scope};
 use super::wire::Pointer;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::host::{PlayOptions, Player};
-use haptograph_engine::run::Session;
+use haptograph_engine::run::{ArmSwitch, Session};
+use haptograph_nodes::network::Connections;
+use haptograph_nodes::soundcard::{CardNote, Inputs, Wanted, wanted};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -42,6 +44,8 @@ pub struct Host {
     pub driven_by: DrivenBy,
     pub can_save: bool,
     pub can_learn: bool,
+    /// Real devices, where the graph has them.
+    pub can_drive: bool,
 }
 
 /// Error of an edit or a start.
@@ -84,6 +88,14 @@ pub struct Stage {
     pub state: State,
     pub session: Option<Session>,
     pub drive: Option<Drive>,
+    /// Arms the real actuators of this run.
+    pub switch: Arc<ArmSwitch>,
+    /// The real devices of other programs, the soundcards that are listened to, and what was asked of soundcards.
+    pub network: Connections,
+    pub inputs: Inputs,
+    wanted: Option<Wanted>,
+    /// What became of a soundcard.
+    pub note: Option<String>,
     pub pads: Vec<Pad>,
     pub scopes: Vec<Scope>,
     pub costs: Costs,
@@ -129,6 +141,11 @@ impl Stage {
             state: State::Stopped,
             session: None,
             drive: None,
+            switch: Arc::default(),
+            network: Connections::default(),
+            inputs: Inputs::default(),
+            wanted: None,
+            note: None,
             pads: Vec::new(),
             scopes: Vec::new(),
             costs: Costs::default(),
@@ -163,6 +180,14 @@ impl Stage {
         if self.state == State::Running {
             return Ok(());
         }
+        let begun = self.begin(how);
+        if begun.is_err() {
+            self.release();
+        }
+        begun
+    }
+
+    fn begin(&mut self, how: After) -> Result<(), StageError> {
         // The queues of endpoints serve one run only.
         self.loaded = self.source.load(&self.loaded.text)?;
         let graph = &self.loaded.graph;
@@ -181,7 +206,19 @@ impl Stage {
         let mut devices = graph.devices().iter();
         options.live.rested =
             devices.all(|device| device.entry.spec.simulated || self.loaded.is_pad(&device.name));
+        // Whoever armed the run before did not arm this one.
+        self.switch = Arc::default();
+        options.live.arm = Some(Arc::clone(&self.switch));
+        let is_live = self.host.can_drive && !matches!(how, After::Replay(_));
+        if self.host.can_drive {
+            self.wanted = Some(wanted(graph).map_err(other)?);
+            self.network.connect(graph).map_err(other)?;
+        }
         let (mut player, session) = Player::open(graph, &options).map_err(other)?;
+        if is_live {
+            let live = std::slice::from_mut(player.live_mut());
+            self.inputs = Inputs::open(graph, live).map_err(other)?;
+        }
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.pads = pads.collect::<Result<_, _>>().map_err(other)?;
         let scope = |port: Port| player.any_probe(&port.name).map(|frames| Scope::of(port, frames));
@@ -195,6 +232,10 @@ impl Stage {
             .first()
             .map(|driver| graph.clocks()[*driver].rate.hz());
         self.rate_hz = driver.unwrap_or(1.0);
+        let timing = match self.host.can_drive && !driven(graph).is_empty() {
+            true => Timing::STRICT,
+            false => Timing::EASY,
+        };
         let driven_by = match how {
             After::Replay(_) => DrivenBy::Caller,
             _ => self.host.driven_by,
@@ -211,7 +252,11 @@ impl Stage {
             After::Replay(recording) => self.replay = Some(Replay::of(*recording)),
             After::Nothing | After::Live => {}
         }
-        self.drive = Some(Drive::start(player, driven_by, self.rate_hz).map_err(other)?);
+        let card = self.wanted.as_ref().filter(|_| is_live);
+        self.drive = Some(match card.and_then(|wanted| wanted.output.clone()) {
+            Some(request) => Drive::start_by_card(player, request).map_err(other)?,
+            None => Drive::start(player, driven_by, (self.rate_hz, timing)).map_err(other)?,
+        });
         self.session = Some(session);
         self.state = State::Running;
         self.describe_actuators();
@@ -220,7 +265,8 @@ impl Stage {
 
     /// Lets the outputs fall to zero and stops; if the caller drives, within its next frames.
     pub fn stop(&mut self) {
-        let (Some(session), Some(drive)) = (&self.session, &self.drive) else {
+        self.disarm();
+        let (Some(session), Some(drive)) = (&self.session, &mut self.drive) else {
             return;
         };
         session.stop();
@@ -241,7 +287,9 @@ impl Stage {
         let (Some(session), Some(drive)) = (self.session.take(), self.drive.take()) else {
             return;
         };
+        self.disarm();
         let ended = drive.join().map(|player| player.finish(session));
+        self.release();
         // The last frames: what begins next has scopes of its own.
         self.look_at_scopes(now_s);
         send_samples(self);
@@ -256,6 +304,11 @@ impl Stage {
         self.pads.clear();
         self.silent.clear();
         self.go_on();
+    }
+
+    /// Lets go of the real devices; each is told a last zero.
+    fn release(&mut self) {
+        (self.network, self.inputs, self.note) = (Connections::default(), Inputs::default(), None);
     }
 
     /// Time of the run, s.
@@ -279,6 +332,14 @@ impl Stage {
     /// Collects the new data of the run.
     pub fn look(&mut self) {
         let now_s = self.now_s();
+        let notes = self.drive.as_mut().map(Drive::poll).unwrap_or_default();
+        for note in notes.into_iter().chain(self.inputs.poll()) {
+            if let CardNote::Turn(note) = note {
+                // What is plugged in anew is not what was armed.
+                self.disarm();
+                self.note = Some(note);
+            }
+        }
         if let Some(session) = &mut self.session {
             session.poll();
         }
@@ -389,12 +450,22 @@ impl Stage {
         }
         let ports = scope::ports(&next.graph);
         let names: Vec<String> = ports.iter().map(|port| port.name.clone()).collect();
+        let connected = match self.host.can_drive {
+            true => Some(self.network.connect(&next.graph).map_err(other)?),
+            false => None,
+        };
+        self.disarm_unless_same(&next);
         let Some(session) = self.session.as_mut() else {
             return Err(other("the run is stopped"));
         };
-        let (changed, mut probes) = session
-            .change_and_probe(&next.graph, None, &names)
-            .map_err(other)?;
+        let changed = session.change_and_probe(&next.graph, None, &names);
+        let (changed, mut probes) = changed.map_err(|error| {
+            connected
+                .into_iter()
+                .for_each(|before| self.network.let_go(before));
+            other(error)
+        })?;
+        self.network.follow(&next.graph);
         self.scopes.retain(|scope| ports.contains(&scope.port));
         for port in ports {
             if !self.scopes.iter().any(|scope| scope.port == port) {
@@ -415,6 +486,9 @@ impl Stage {
     fn obstacle(&self, next: &Loaded) -> Option<String> {
         if self.recorder.is_some() || self.replay.is_some() {
             return Some("a recording is of one graph: end it first".to_owned());
+        }
+        if self.wanted.is_some() && self.wanted != wanted(&next.graph).ok() {
+            return Some("it asks for another soundcard: stop, apply, and go on".to_owned());
         }
         let channels = |loaded: &Loaded| -> Vec<String> {
             let channels = loaded.graph.host_inputs().chain(loaded.graph.host_outputs());

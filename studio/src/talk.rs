@@ -100,7 +100,8 @@ fn act(stage: &mut Stage, page: u64, message: ClientMessage) -> Response {
         ClientMessage::Levels { on } => stage.page_of(page, |page| page.sees_levels = on),
         // Any page may stop the run.
         ClientMessage::Stop => stage.halt(),
-        ClientMessage::Own => stage.owner = Some(page),
+        ClientMessage::Own => stage.give_to(page),
+        ClientMessage::Disarm => stage.disarm(),
         ClientMessage::Check { request, text } => return done_later(request, Work::Check(text)),
         message if stage.owner == Some(page) => return act_as_owner(stage, page, message),
         message => return refused_because(&message, NOT_OWNER),
@@ -117,7 +118,7 @@ const NOT_OWNER: &str = "another page owns the pads and the graph; take over fir
 /// Pages over the network cannot be authenticated against eavesdroppers, so they get only the pad and the
 /// settings.
 const NOT_HERE: &str = "a page on the network controls the pad and the settings only; edit, save, record, \
-                        learn and resume on the machine that runs the studio";
+                        learn, arm and resume on the machine that runs the studio";
 
 fn refused_because(message: &ClientMessage, why: &str) -> Response {
     match message.request() {
@@ -144,6 +145,13 @@ fn act_as_owner(stage: &mut Stage, page: u64, message: ClientMessage) -> Respons
             Ok(()) => tell_graph(stage),
             Err(error) => return refused(&error),
         },
+        ClientMessage::Gain { gain } => stage.switch.set_gain(gain),
+        ClientMessage::Arm => {
+            if let Err(error) = stage.arm() {
+                return refused(&error);
+            }
+        }
+        ClientMessage::Hold => stage.switch.hold(),
         ClientMessage::Set { name, value } => {
             if let Err(error) = stage.set(&name, value) {
                 return refused(&format_args!("`{name}` was not changed: {error}"));

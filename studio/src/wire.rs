@@ -83,13 +83,22 @@ pub enum ClientMessage {
     },
     Stop,
     Resume,
+    /// Arms the real actuators, at a low gain.
+    Arm,
+    /// Sets the gain behind the limits while armed, 0 to 1.
+    Gain {
+        gain: f64,
+    },
+    /// Keeps the actuators armed.
+    Hold,
+    Disarm,
     /// Make this page the owner.
     Own,
 }
 
 impl ClientMessage {
-    /// True for messages about files, other graphs, or the end of a STOP, which pages on the network must not
-    /// send.
+    /// True for messages about files, other graphs, the end of a STOP, or real actuators, which pages on the
+    /// network must not send.
     pub fn is_for_machine(&self) -> bool {
         matches!(
             self,
@@ -100,6 +109,9 @@ impl ClientMessage {
                 | Self::Record { .. }
                 | Self::Replay { .. }
                 | Self::Resume
+                | Self::Arm
+                | Self::Gain { .. }
+                | Self::Hold
         )
     }
 
@@ -185,7 +197,7 @@ pub fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError> {
     struct Kind {
         r#type: String,
     }
-    const KINDS: [&str; 14] = [
+    const KINDS: [&str; 18] = [
         "learn",
         "record",
         "replay",
@@ -200,6 +212,10 @@ pub fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError> {
         "stop",
         "resume",
         "own",
+        "arm",
+        "gain",
+        "hold",
+        "disarm",
     ];
     if text.len() > MOST_BYTES && !LONG.iter().any(|long| text.starts_with(long)) {
         return Err(WireError::Long(text.len()));

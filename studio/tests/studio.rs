@@ -23,6 +23,7 @@ fn open_with(graph: &Path, out: &Path) -> Studio {
     let options = Options {
         graph: graph.to_owned(),
         set: Vec::new(),
+        endpoints: None,
         port: 0,
         out: out.to_owned(),
         surfaces: Vec::new(),

@@ -39,6 +39,7 @@ const HOST: Host = Host {
     driven_by: DrivenBy::Thread,
     can_save: true,
     can_learn: true,
+    can_drive: true,
 };
 /// Content security policy of the page: its own files only, besides the WebSocket of its own server.
 const POLICY: &str = "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; \
@@ -64,6 +65,8 @@ pub struct Options {
     pub graph: PathBuf,
     /// Parameters that override the defaults.
     pub set: Vec<(String, String)>,
+    /// The set of endpoints to open; `simulated` if `None`.
+    pub endpoints: Option<String>,
     /// The port of the loopback address; 0 selects a free one.
     pub port: u16,
     /// Folder in which recorded runs are created.
@@ -175,6 +178,13 @@ impl Studio {
         self.address
     }
 
+    /// The real devices that the graph drives once they are armed.
+    pub fn driven(&self) -> Vec<String> {
+        let stage = lock(&self.stage);
+        let driven = crate::actuators::driven(&stage.loaded.graph).into_iter();
+        driven.map(|(name, _)| name.to_owned()).collect()
+    }
+
     /// The access token.
     pub fn token(&self) -> &str {
         &self.token
@@ -206,7 +216,10 @@ impl Drop for Studio {
 /// that can be named.
 fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> {
     let opened = || {
-        let source = Source::new(options.graph.clone(), registry, options.set.clone());
+        let mut source = Source::new(options.graph.clone(), registry, options.set.clone());
+        if let Some(endpoints) = &options.endpoints {
+            source.endpoints.clone_from(endpoints);
+        }
         let stage = Stage::open(source, HOST)?;
         let confirmed = Confirmed::of(&stage.source, &stage.loaded.text).map_err(StudioError::Graph)?;
         Ok::<_, StudioError>((stage, confirmed))
