@@ -233,3 +233,44 @@ fn every_form_of_samples_is_heard_calibrated() {
         );
     }
 }
+
+/// Nobody arms it: a card that the studio drives plays zeros, whatever the graph asks for.
+#[test]
+fn a_card_of_the_studio_is_silent_until_it_is_armed() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) }, nodes: {
+        "one": Constant(clock: "audio", value: 0.5, quantity: "current"),
+        "out": ActuatorSink(current: "one", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
+    }, endpoints: { "live": { "coil": Soundcard(amperes_full_scale: 1.0, buffer_frames: 64) } })"#;
+    fs::write(folder.path().join("g.ron"), graph).unwrap();
+    let (said, warned) = (folder.path().join("said"), folder.path().join("warned"));
+    let mut child = command(folder.path(), &["studio", "g.ron", "--live", "--no-open"])
+        .env("ALSA_CONFIG_PATH", config(folder.path()))
+        .stdout(fs::File::create(&said).unwrap())
+        .stderr(fs::File::create(&warned).unwrap())
+        .spawn()
+        .unwrap();
+    let raw = folder.path().join("heard.raw");
+    let start = Instant::now();
+    // A second of two channels at least.
+    while fs::metadata(&raw).map_or(0, |raw| raw.len()) < 400_000 {
+        if child.try_wait().unwrap().is_some() {
+            let told = fs::read_to_string(&warned).unwrap();
+            assert!(
+                told.contains("there is no soundcard") || told.contains("Unknown PCM"),
+                "{told}"
+            );
+            return skip(&format!("ALSA's file plug-in is not there: {told}"));
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "it plays nothing");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(
+        fs::read_to_string(&said)
+            .unwrap()
+            .contains("until armed on the page: `coil`")
+    );
+    assert!(fs::read(&raw).unwrap().iter().all(|byte| *byte == 0));
+}
