@@ -24,19 +24,23 @@ pub struct Signal {
     /// Of the samples, where the file says it.
     unit: Option<String>,
     is_wav: bool,
+    /// Speed in m/s and force in N, sample by sample, where the file is a recording that has them.
+    motion: Motion,
     /// Is it known to come from simulated devices?
     pub simulated: bool,
 }
 
 /// Samples, their rate, their unit, and whether they are known to be simulated.
 type Read = (Vec<f64>, Option<f64>, Option<String>, bool);
+/// Speed and force of a recording.
+type Motion = Option<[Vec<f64>; 2]>;
 
 impl Signal {
     /// The vibration in a file; `column` names the column of a table or the channel of a WAV file.
     pub fn read(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Self, Failure> {
         let is_wav = is_wav(path)?;
-        let (samples, rate_hz, unit, simulated) = match is_wav {
-            true => wav(path, column, import.full_scale_m_s2)?,
+        let ((samples, rate_hz, unit, simulated), motion) = match is_wav {
+            true => (wav(path, column, import.full_scale_m_s2)?, None),
             false => other(path, column, import)?,
         };
         Ok(Self {
@@ -45,14 +49,28 @@ impl Signal {
             rate_hz,
             unit,
             is_wav,
+            motion,
             simulated,
         })
     }
 
     /// The samples at this rate.
     pub fn at(&self, rate_hz: f64) -> Result<Vec<f64>, Failure> {
+        self.resampled(&self.samples, rate_hz)
+    }
+
+    /// Speed and force at this rate, where there are any.
+    pub fn motion_at(&self, rate_hz: f64) -> Result<Motion, Failure> {
+        let Some([speed_m_s, force_n]) = &self.motion else {
+            return Ok(None);
+        };
+        let at = |values| self.resampled(values, rate_hz);
+        Ok(Some([at(speed_m_s)?, at(force_n)?]))
+    }
+
+    fn resampled(&self, samples: &[f64], rate_hz: f64) -> Result<Vec<f64>, Failure> {
         let Some(own_hz) = self.rate_hz.filter(|own| *own != rate_hz) else {
-            return Ok(self.samples.clone());
+            return Ok(samples.to_vec());
         };
         let failed = |error: &dyn std::fmt::Display| Failure::file("resample", &self.path, error);
         if own_hz < rate_hz {
@@ -61,8 +79,7 @@ impl Signal {
             )));
         }
         let rate = |hz: f64| Rate::parse(&hz.to_string()).map_err(|error| failed(&error));
-        resample_whole(&self.samples, rate(own_hz)?, rate(rate_hz)?, Quality::FINE)
-            .map_err(|error| failed(&error))
+        resample_whole(samples, rate(own_hz)?, rate(rate_hz)?, Quality::FINE).map_err(|error| failed(&error))
     }
 }
 
@@ -118,7 +135,7 @@ pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f6
 }
 
 /// What is in a file that is no WAV file: the acceleration of a recording, or the signal of a table that is none.
-fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Read, Failure> {
+fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<(Read, Motion), Failure> {
     if column.is_none() {
         match recordings::try_load(path, import) {
             Err(LoadError::Read {
@@ -135,15 +152,11 @@ fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<R
         remark(&format!("warning: {}\n", recordings::said(path, finding)));
     }
     let unit = signal.unit.map(str::to_owned);
-    Ok((
-        signal.values,
-        signal.rate_hz,
-        unit,
-        recordings::is_simulated(path)?,
-    ))
+    let simulated = recordings::is_simulated(path)?;
+    Ok(((signal.values, signal.rate_hz, unit, simulated), None))
 }
 
-fn recording(path: &Path, loaded: Loaded) -> Result<Read, Failure> {
+fn recording(path: &Path, loaded: Loaded) -> Result<(Read, Motion), Failure> {
     for warning in &loaded.warnings {
         remark(&format!("warning: {warning}\n"));
     }
@@ -151,12 +164,14 @@ fn recording(path: &Path, loaded: Loaded) -> Result<Read, Failure> {
     let processed =
         processed(&recording, &Default::default()).map_err(|error| Failure::file("process", path, &error))?;
     let signals = processed.signals();
-    Ok((
+    let read = (
         signals.acceleration_m_s2.clone(),
         Some(signals.rate_hz),
         Some("m/s2".to_owned()),
         recording.provenance().origin == Origin::Simulated,
-    ))
+    );
+    let motion = [signals.speed_m_s.clone(), signals.force_normal_n.clone()];
+    Ok((read, Some(motion)))
 }
 
 /// The only channel, that of the given number, or three axes combined.
