@@ -162,7 +162,14 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
         for method in methods {
             let lsd = method["lsd_db"]["mean"].as_f64().unwrap();
             assert!(lsd > 0.0 && lsd < 20.0, "{method}");
-            assert_eq!(method["lsd_by_material_db"].as_array().unwrap().len(), 2);
+            for measure in [
+                "lsd_by_material_db",
+                "lsd_100_500_by_material_db",
+                "error_20_40_by_material_db",
+                "error_total_by_material_db",
+            ] {
+                assert_eq!(method[measure].as_array().unwrap().len(), 2, "{measure}");
+            }
             for band in method["signed_error_db"].as_array().unwrap() {
                 let db = |name: &str| band[name].as_f64().unwrap();
                 assert!(db("absolute_db") + 1e-9 >= db("db").abs(), "{band}");
@@ -179,6 +186,31 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
             assert!(error > 0.0 && error < 100.0, "{result}");
         }
     }
+    let text = succeed(folder, &["evaluate", "study", "--holdout"]);
+    for shown in [
+        "over the best plain",
+        "100-500 Hz",
+        "20-40 Hz",
+        "total",
+        "felt",
+        "absolute",
+        "misplaced %",
+        "kurtosis",
+        "envelope (its seeds)",
+        "NSE",
+        "PE",
+        "100-500 Hz, dB",
+        "20-40 Hz, dB",
+        "total, dB",
+    ] {
+        let heads = text.lines().filter(|line| line.contains(shown));
+        assert!(heads.count() >= 3, "{shown} of each split");
+    }
+    let tables = text.lines().filter(|line| line.starts_with("  "));
+    assert!(
+        tables.map(|line| line.chars().count()).max() <= Some(100),
+        "{text}"
+    );
     let page = fs::read_to_string(folder.join("held-out/report.html")).unwrap();
     for shown in [
         "simulated",
