@@ -1,6 +1,7 @@
-//! The command `haptograph`: arguments in, one library call, a result or one clear message out.
+//! The command line of haptograph. Each command parses its arguments, makes one library call, and prints a
+//! result or an error.
 //!
-//! [`main`] gives any program all of it, with the kinds of nodes and devices that the program registers.
+//! A program with its own nodes calls [`main`] with its registry and gets every command.
 
 mod at_scale;
 mod batch;
@@ -14,7 +15,6 @@ mod doctor;
 mod draw;
 mod evaluate;
 mod failure;
-mod fault;
 mod identify;
 mod import;
 mod interrupt;
@@ -25,15 +25,16 @@ mod man;
 mod new;
 mod nodes;
 mod output;
+mod panic_hook;
 mod progress;
 mod recording;
 mod recover;
-mod remarks;
 mod run;
 mod screen;
 mod segment;
 mod simulate_recording;
 mod snippet;
+mod stderr;
 mod studio;
 mod surface;
 mod sweep;
@@ -48,18 +49,18 @@ use crate::engine::registry::Registry;
 use crate::signal::files;
 use clap::{ArgMatches, Args};
 use failure::{ErrorForm, refuse_usage};
-pub(crate) use failure::{Failure, say, say_json};
-pub(crate) use remarks::remark;
+pub(crate) use failure::{Failure, print, print_json};
 use std::collections::HashSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+pub(crate) use stderr::eprint;
 use terminal::is_coloured;
 
-/// The whole command for graphs of these kinds of nodes and devices: reads the arguments of the process, does what they
-/// say, and gives the code to exit with.
+/// Runs the command line for the node and device kinds in `registry`: parses the arguments of the process,
+/// runs the command, and returns the exit code.
 ///
-/// A panic is from here on told as a fault to report: this sets the panic hook of the process.
+/// Installs a panic hook for the process that prints a panic as a bug to report.
 ///
 /// ```no_run
 /// fn main() -> std::process::ExitCode {
@@ -69,7 +70,7 @@ use terminal::is_coloured;
 /// }
 /// ```
 pub fn main(registry: &Registry) -> ExitCode {
-    fault::listen();
+    panic_hook::install();
     interrupt::listen();
     let matches = program()
         .try_get_matches_from(with_plain_help(std::env::args_os().collect()))
@@ -86,11 +87,11 @@ pub fn main(registry: &Registry) -> ExitCode {
         false => ErrorForm::Text,
     };
     let code = result.map_or_else(|failure| failure.report(form), |()| ExitCode::SUCCESS);
-    remarks::settle();
+    stderr::flush();
     code
 }
 
-/// The command line: all commands with their arguments and examples.
+/// The clap command with all subcommands, arguments and examples.
 fn program() -> clap::Command {
     let all = clap::Command::new("haptograph")
         .version(env!("CARGO_PKG_VERSION"))
@@ -112,7 +113,7 @@ fn program() -> clap::Command {
     with_negative_numbers(all)
 }
 
-/// Calls of haptograph as the help shows them.
+/// Example calls, formatted for the help text.
 fn listed(examples: &[&str]) -> String {
     let lines: Vec<String> = examples
         .iter()
@@ -121,7 +122,7 @@ fn listed(examples: &[&str]) -> String {
     format!("Examples:\n{}", lines.join("\n"))
 }
 
-/// What somebody does first.
+/// Examples at the end of `haptograph --help`.
 const FIRST_STEPS: &[&str] = &[
     "run graphs/texturepad.ron --open",
     "new my-graph.ron",
@@ -129,7 +130,7 @@ const FIRST_STEPS: &[&str] = &[
     "nodes --find filter",
 ];
 
-/// `help --help` and `help run --help` are `help` and `help run`.
+/// Rewrites `help --help` to `help` and `help run --help` to `help run`.
 fn with_plain_help(mut arguments: Vec<OsString>) -> Vec<OsString> {
     let is_help = arguments.get(1).is_some_and(|word| word == "help");
     let asks = arguments.len() > 2
@@ -142,18 +143,18 @@ fn with_plain_help(mut arguments: Vec<OsString>) -> Vec<OsString> {
     arguments
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done, also a live run without --for that ctrl-C ended; 1 failed, as said on \
-    standard error; 2 wrong arguments; 130 cut short by ctrl-C.\n\
-    With --json a failure is said as an object on standard output. NO_COLOR and TERM=dumb turn colours off.";
+const EXIT_CODES: &str = "Exit codes: 0 success, including a live run without --for that ctrl-C ended; 1 failure, explained on \
+    standard error; 2 wrong arguments; 130 interrupted by ctrl-C.\n\
+    With --json a failure is printed as a JSON object on standard output. NO_COLOR and TERM=dumb turn colours off.";
 
-/// Was `--json` given to the command, or to a command of it?
+/// True if `--json` was given to the command or to one of its subcommands.
 fn wants_json(matches: &ArgMatches) -> bool {
     let own = matches.try_get_one::<bool>("json").ok().flatten();
     let inner = matches.subcommand().is_some_and(|(_, inner)| wants_json(inner));
     own.copied().unwrap_or(false) || inner
 }
 
-/// All commands, in the order of the help.
+/// All commands, in the order in which the help lists them.
 fn commands() -> Vec<Command> {
     vec![
         Command::new("run", run::run)
@@ -207,7 +208,7 @@ fn commands() -> Vec<Command> {
 
 type Run = dyn Fn(&ArgMatches, &Registry) -> Result<(), Failure>;
 
-/// A command: its name, its arguments, what it does, and calls of it.
+/// A command: its name, its arguments, its function, and example calls.
 struct Command {
     name: &'static str,
     arguments: fn(clap::Command) -> clap::Command,
@@ -235,23 +236,23 @@ impl Command {
     }
 }
 
-/// `--seconds -5` is a number that is out of range, not a flag called `-5`.
+/// Lets clap read `--seconds -5` as a negative number and not as a flag `-5`.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command
         .allow_negative_numbers(true)
         .mut_subcommands(with_negative_numbers)
 }
 
-/// Which graph, and with what in place of its defaults.
+/// The graph file and the values that override its defaults.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct GraphArguments {
     /// The graph file
     pub graph: PathBuf,
-    /// Give a parameter of the graph another value; can be repeated
+    /// Override a parameter of the graph; can be repeated
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<(String, String)>,
-    /// The set of endpoints that the graph's devices are taken from: `simulated` where it is not given, or for
-    /// `run --live` `live` where the graph has that
+    /// The set of endpoints to bind the devices to. Default: `simulated`; for `run --live`, `live` if the
+    /// graph has it
     #[arg(long, value_name = "SET")]
     pub endpoints: Option<String>,
 }
@@ -264,7 +265,7 @@ fn assignment(text: &str) -> Result<(String, String), String> {
     Ok((name.to_owned(), value.to_owned()))
 }
 
-/// Refuses to be told a thing twice: one of the two would be meant.
+/// Refuses a name that is given twice: the two values contradict each other.
 pub(crate) fn refuse_repeated<'a>(
     flag: &str,
     names: impl IntoIterator<Item = &'a str>,
@@ -279,12 +280,12 @@ pub(crate) fn refuse_repeated<'a>(
 }
 
 impl GraphArguments {
-    /// Refuses a parameter that is set twice.
+    /// Refuses a parameter that `--set` gives twice.
     pub(crate) fn refuse_repeated(&self) -> Result<(), Failure> {
         refuse_repeated("--set", self.set.iter().map(|(name, _)| name.as_str()))
     }
 
-    /// The graph, proved sound.
+    /// Loads and checks the graph.
     pub(crate) fn load(&self, registry: &Registry, seed: Option<u64>) -> Result<Graph, Diagnostics> {
         let document = Document::load(&self.graph, &LoadOptions::default())?;
         let options = CheckOptions {
@@ -301,7 +302,8 @@ impl GraphArguments {
         self.endpoints.as_deref().unwrap_or("simulated")
     }
 
-    /// The same for a live run: with the live endpoints, where the graph has them and no others were asked for.
+    /// A copy for a live run: it binds to the `live` endpoints if the graph has them and no other set was
+    /// given.
     pub(crate) fn for_live(&self) -> Result<Self, Failure> {
         let mut live = self.clone();
         if live.endpoints.is_none() {
@@ -311,20 +313,20 @@ impl GraphArguments {
         Ok(live)
     }
 
-    /// The graph, its warnings said on standard error.
+    /// Loads and checks the graph, and prints its warnings on standard error.
     pub(crate) fn load_and_warn(&self, registry: &Registry, seed: Option<u64>) -> Result<Graph, Failure> {
         let graph = self.load(registry, seed).map_err(Failure::Graph)?;
         warn(&graph);
         Ok(graph)
     }
 
-    /// Refuses to write over a file that the graph is read from.
-    pub(crate) fn spare_inputs(&self, graph: &Graph, output: &Path) -> Result<(), Failure> {
+    /// Refuses an output that would overwrite a file the graph reads.
+    pub(crate) fn refuse_inputs(&self, graph: &Graph, output: &Path) -> Result<(), Failure> {
         let read = graph.nodes().iter().flat_map(|node| &node.files);
-        spare(read.chain([&self.graph]), output)
+        refuse_overwrite(read.chain([&self.graph]), output)
     }
 
-    /// The file's name without its extension.
+    /// The file name without its extension.
     pub(crate) fn name(&self) -> String {
         self.graph
             .file_stem()
@@ -332,14 +334,14 @@ impl GraphArguments {
     }
 }
 
-/// Says what a sound graph is warned about.
+/// Prints the warnings of a checked graph on standard error.
 pub(crate) fn warn(graph: &Graph) {
     if !graph.warnings().is_empty() {
-        remark(&render(&warnings(graph), is_coloured(&std::io::stderr())));
+        eprint(&render(&warnings(graph), is_coloured(&std::io::stderr())));
     }
 }
 
-/// What a sound graph was warned about.
+/// The warnings of a checked graph.
 pub(crate) fn warnings(graph: &Graph) -> Diagnostics {
     Diagnostics {
         sources: graph.sources().clone(),
@@ -347,14 +349,17 @@ pub(crate) fn warnings(graph: &Graph) -> Diagnostics {
     }
 }
 
-/// All bytes of a file.
+/// Reads a whole file.
 pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     files::read(path, files::MAX_RECORDING_BYTES).map_err(|error| Failure::file("read", path, &error))
 }
 
-/// Refuses an output that is one of the inputs.
-pub(crate) fn spare(inputs: impl IntoIterator<Item: AsRef<Path>>, output: &Path) -> Result<(), Failure> {
-    // What cannot be resolved does not exist yet.
+/// Refuses an output path that is also an input.
+pub(crate) fn refuse_overwrite(
+    inputs: impl IntoIterator<Item: AsRef<Path>>,
+    output: &Path,
+) -> Result<(), Failure> {
+    // A path that cannot be resolved does not exist yet.
     let Ok(target) = output.canonicalize() else {
         return Ok(());
     };
@@ -362,13 +367,13 @@ pub(crate) fn spare(inputs: impl IntoIterator<Item: AsRef<Path>>, output: &Path)
     match inputs.into_iter().any(|input| is_target(input.as_ref())) {
         false => Ok(()),
         true => Err(Failure::Message(format!(
-            "{} is read by this command and would be written over; give another file",
+            "{} is an input of this command and would be overwritten; give another output file",
             output.display()
         ))),
     }
 }
 
-/// The folder of a file that is to be written: before the work, so that none is lost for a name.
+/// The existing folder of an output file. Commands check it before they compute anything.
 pub(crate) fn folder_of(path: &Path) -> Result<&Path, Failure> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -379,7 +384,7 @@ pub(crate) fn folder_of(path: &Path) -> Result<&Path, Failure> {
     }
     let (file, folder) = (path.display(), folder.display());
     Err(Failure::Message(format!(
-        "cannot write {file}: there is no folder {folder}; make it first"
+        "cannot write {file}: the folder {folder} does not exist; create it first"
     )))
 }
 
@@ -392,7 +397,7 @@ mod tests {
         for command in commands() {
             assert!(!command.examples.is_empty(), "{}", command.name);
             for example in &command.examples {
-                // What the shell does is not the program's.
+                // The shell redirects standard input; clap does not see that part.
                 let call = example.split(" < ").next().unwrap_or_default();
                 let words = std::iter::once("haptograph").chain(call.split(' '));
                 let read = program().try_get_matches_from(words);

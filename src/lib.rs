@@ -1,6 +1,7 @@
 //! haptograph: a dataflow signal-processing graph engine that renders the feel of real surfaces.
 //!
-//! This crate is the face of the workspace; the work is done in the rooms below it.
+//! Facade of the workspace: it re-exports the engine, the nodes, the reports, the signal library and the
+//! surfaces, and holds the command line.
 
 pub mod cli;
 pub mod recorder;
@@ -18,8 +19,8 @@ use std::path::Path;
 
 /// Reads and checks a graph file with all node and device kinds that haptograph has.
 ///
-/// A program that embeds it gives [`CheckOptions::hosted`], and then feeds and hears the graph's endpoints itself: see
-/// [`engine::host`].
+/// An embedding program passes [`CheckOptions::hosted`] and then reads and writes the graph's endpoints
+/// itself: see [`engine::host`].
 ///
 /// ```
 /// use haptograph::engine::graph::CheckOptions;
@@ -38,7 +39,7 @@ use std::path::Path;
 /// ```
 ///
 /// # Errors
-/// All that is wrong with the file and those that it includes.
+/// [`Diagnostics`] with every error in the file and in the files it includes.
 pub fn open(path: impl AsRef<Path>, options: &CheckOptions) -> Result<Graph, Diagnostics> {
     let document = Document::load(path.as_ref(), &LoadOptions::default())?;
     check(&document, &nodes::registry(), options)

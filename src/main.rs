@@ -1,4 +1,4 @@
-//! The `haptograph` command with the kinds of nodes and devices that come with it.
+//! The `haptograph` command with the built-in kinds of nodes and devices.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! Simulated recordings of surfaces: the graph `graphs/recorder.ron`, run in one call.
+//! Simulated recordings of surfaces, rendered by the graph `graphs/recorder.ron`.
 
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::Document;
@@ -8,49 +8,50 @@ use haptograph_nodes::simulated::material::MaterialName;
 use haptograph_surfaces::recording::{AnyRecording, Gesture, LoadError, load};
 use std::sync::atomic::AtomicBool;
 
-/// The graph that is run, as shipped.
+/// Source text of the recording graph.
 pub const GRAPH: &str = include_str!("../graphs/recorder.ron");
-/// The file that its sink writes.
+/// File that the graph's sink writes.
 const FILE: &str = "recording.npz";
 
-/// What is recorded.
+/// Settings of a simulated recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Session {
     /// The simulated material.
     pub material: MaterialName,
-    /// What is done with the tool.
+    /// Movement of the tool.
     pub gesture: Gesture,
-    /// Who does it: another number is another hand, posture and habit.
+    /// Number of the simulated person; each number has its own hand, posture and habits.
     pub person: u64,
-    /// Length, s.
+    /// Duration, s.
     pub seconds: f64,
-    /// The piece of the material and the attempt.
+    /// Seed of the material sample and of the take.
     pub seed: u64,
 }
 
-/// Why there is no recording.
+/// Error of [`record`].
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
-    /// The graph is not sound.
+    /// The graph failed its checks.
     #[error("{0}")]
     Graph(#[from] Diagnostics),
-    /// The graph did not run to its end.
+    /// The graph did not run to the end.
     #[error(transparent)]
     Run(#[from] OfflineError),
-    /// There was no place for the sink's file.
+    /// The temporary folder for the sink's file could not be created.
     #[error("cannot make a temporary folder: {0}")]
     Folder(#[from] std::io::Error),
-    /// The sink's file is no recording.
+    /// The sink's file is not a readable recording.
     #[error(transparent)]
     Load(#[from] LoadError),
 }
 
-/// Records a session. Everything in it is simulated, and the recording says so. The same session gives the same bits.
+/// Simulates a recording and marks it as simulated. Equal sessions give equal bits.
 ///
-/// It ends early, its recording complete, when `stop` is set; `progress` is told the seconds done.
+/// Setting `stop` ends the recording early; the part recorded so far is complete. `progress` receives the
+/// seconds done.
 ///
 /// # Errors
-/// [`RecordError`]; a session of less than a hundredth of a second is too short for a recording.
+/// [`RecordError`]; a session shorter than 0.01 s is too short for a recording.
 pub fn record(
     session: &Session,
     stop: &AtomicBool,
@@ -75,8 +76,8 @@ pub fn record(
     let document = Document::parse("recorder.ron", GRAPH)?;
     let graph = check(&document, &haptograph_nodes::registry(), &options)?;
     let folder = tempfile::tempdir()?;
-    let mut outlets = FileSinks::new(&graph);
-    outlets.open_files(folder.path()).map_err(OfflineError::from)?;
-    Offline::new(outlets, 0).run(session.seconds, stop, progress)?;
+    let mut file_sinks = FileSinks::new(&graph);
+    file_sinks.open_files(folder.path()).map_err(OfflineError::from)?;
+    Offline::new(file_sinks, 0).run(session.seconds, stop, progress)?;
     Ok(load(&folder.path().join(FILE))?)
 }

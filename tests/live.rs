@@ -338,7 +338,7 @@ fn a_device_that_never_spoke_is_told_of_live_and_offline() {
     for (way, words) in [
         (
             &["--endpoints", "live"][..],
-            "`tool` is UdpDevice, which is reached by",
+            "`tool` (UdpDevice) delivers data only in",
         ),
         (&["--live"][..], "sent nothing in this run"),
     ] {

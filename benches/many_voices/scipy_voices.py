@@ -57,7 +57,8 @@ def polynomials(frequencies):
             longer[:, 2:] += product
             product = longer
         halves.append(np.pad(product, ((0, 0), (0, 1))) + sign * np.pad(product, ((0, 0), (1, 0))))
-    return 0.5 * (halves[0] + halves[1])
+    # The last coefficients of both cancel.
+    return 0.5 * (halves[0] + halves[1])[:, :-1]
 
 
 def written(name):
@@ -72,7 +73,7 @@ class Texture:
         self.rate = surface.rate
         self.depth, self.crackle_s = written("depth"), 1e-3 * written("time_constant_ms")
         self.highpass_hz = written("highpass_hz")
-        self.places = np.array(surface.places())
+        self.places = surface.places
         models = [surface.at(force=force, speed=speed) for speed, force in self.places]
         self.warping = models[0].warping
         self.lsf = np.array([lsf(model.ar) for model in models])
@@ -165,12 +166,22 @@ def walks(rate):
     return draw(0.005, 0.17), draw(0.1, 2.8)
 
 
+def lines(places):
+    """Speeds and forces on the lines of the grid of models: between them it is open which diagonal a triangulation takes."""
+    random = np.random.default_rng(3)
+    speeds, forces = np.unique(places[:, 0])[1:], np.unique(places[:, 1])[1:]
+    along_speed = np.array([random.uniform(speeds[0], speeds[-1], 20), random.choice(forces, 20)])
+    along_force = np.array([random.choice(speeds, 20), random.uniform(forces[0], forces[-1], 20)])
+    return np.concatenate([along_speed, along_force], axis=1)
+
+
 def main():
     surface = hg.Surface.load(SURFACE)
     texture = Texture(surface)
     speed, force = walks(surface.rate)
-    ar, deviation = texture.at(speed[0, ::997], force[0, ::997])
-    for row, v, f, sigma in zip(ar, speed[0, ::997], force[0, ::997], deviation):
+    at_speed, at_force = lines(texture.places)
+    ar, deviation = texture.at(at_speed, at_force)
+    for row, v, f, sigma in zip(ar, at_speed, at_force, deviation):
         model = surface.at(force=f, speed=v)
         assert np.allclose(row[1:], model.ar, atol=1e-6), "the coefficients differ"
         assert np.isclose(sigma**2, model.variance, rtol=1e-6), "the levels differ"

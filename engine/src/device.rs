@@ -45,6 +45,18 @@ pub struct Channel {
     pub doc: &'static str,
 }
 
+impl Channel {
+    /// Makes a channel.
+    pub const fn new(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> Self {
+        Self {
+            name,
+            kind,
+            quantity,
+            doc,
+        }
+    }
+}
+
 /// The state of a device. All methods run in ticks, like [`Processor::process`](crate::node::Processor::process).
 pub trait Device: CloneDevice + Send + Sync {
     /// Sets the channels that nodes use. Called once, by the check, for host devices ([`DeviceEntry::host`]) only. A

@@ -9,8 +9,8 @@ use haptograph_engine::registry::Registry;
 use haptograph_engine::run::{ARRIVALS, FileSinks, LiveOptions, Offline, ReplayBounds, Session};
 use haptograph_nodes::actuators::identify::{Known, Sweep, identify};
 use haptograph_nodes::contact::mesh::{MeshFormat, TriangleMesh};
+use haptograph_nodes::network::parse_settings;
 use haptograph_nodes::network::protocol::{Command, State};
-use haptograph_nodes::network::understand;
 use haptograph_nodes::wav::{self, Repair};
 use haptograph_surfaces::files::{native, read_surface};
 use haptograph_surfaces::recording::{self, AnyRecording, ImportSettings};
@@ -246,7 +246,7 @@ pub fn mesh(bytes: &[u8]) -> bool {
 
 /// Any packet is settings that can be shown on one line, news of a device or a command; or none of these.
 pub fn packet(bytes: &[u8]) -> bool {
-    let told = understand(bytes);
+    let told = parse_settings(bytes);
     for told in told.iter().flatten() {
         assert!(!told.name.is_empty());
         for text in [&told.name, &told.value] {

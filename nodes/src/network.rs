@@ -14,7 +14,7 @@ pub mod protocol;
 mod remote;
 mod socket;
 
-pub use control::{OscControl, Told, understand};
+pub use control::{OscControl, SetRequest, parse_settings};
 pub use evdev::{EvdevDevice, EvdevDeviceSettings};
 pub use link::Counts;
 pub use osc::{OscDevice, OscDeviceSettings};

@@ -81,6 +81,22 @@ fn size_chunk(sizes: Option<[u64; 3]>) -> Vec<u8> {
     bytes
 }
 
+/// A file of one channel, by another writer than this one.
+#[cfg(test)]
+pub(crate) fn write_mono(path: &std::path::Path, rate_hz: u32, samples: impl IntoIterator<Item = f64>) {
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: rate_hz,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut writer = hound::WavWriter::create(path, spec).unwrap();
+    for sample in samples {
+        writer.write_sample(sample as f32).unwrap();
+    }
+    writer.finalize().unwrap();
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

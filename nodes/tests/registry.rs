@@ -10,9 +10,11 @@ use haptograph_engine::frame::{Coefficients, Kind};
 use haptograph_engine::node::NodeEntry;
 use haptograph_engine::testing::{Bench, MAX_FRAMES, device_from_example};
 use haptograph_nodes::registry;
+use haptograph_nodes::wav::{Format, WavWriter};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use realtime::allocations;
+use std::fs::File;
 use std::path::Path;
 use std::time::Instant;
 
@@ -67,15 +69,15 @@ fn folder() -> tempfile::TempDir {
     let wedge = "solid wedge\nfacet normal 0 0 1\nouter loop\nvertex -50 -50 0\nvertex 50 -50 0\nvertex 0 50 0\n\
                  endloop\nendfacet\nendsolid wedge\n";
     std::fs::write(folder.path().join("shapes/wedge.stl"), wedge).unwrap();
-    let spec = hound::WavSpec {
+    let format = Format {
         channels: 1,
-        sample_rate: RATE_HZ as u32,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
+        rate_hz: RATE_HZ as u32,
     };
-    let mut wav = hound::WavWriter::create(folder.path().join("recordings/felt.wav"), spec).unwrap();
-    (0..3000).for_each(|k| wav.write_sample((0.1 * k as f32).sin()).unwrap());
-    wav.finalize().unwrap();
+    let felt = File::create(folder.path().join("recordings/felt.wav")).unwrap();
+    let mut felt = WavWriter::new(felt, format).unwrap();
+    let samples: Vec<f32> = (0..3000).map(|k| (0.1 * k as f32).sin()).collect();
+    felt.write(&samples).unwrap();
+    felt.finish().unwrap();
     folder
 }
 

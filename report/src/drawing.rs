@@ -1,5 +1,5 @@
-//! The drawing of a graph: data flows from left to right, clocks are coloured regions, units and bridges are written
-//! on the wires, templates are frames, and bodies close their loops around below.
+//! Drawing of a graph. Data flow from left to right, clocks are coloured regions, wires carry units and
+//! bridges, templates are frames, and loops through bodies run below.
 
 mod paint;
 mod sketch;
@@ -10,12 +10,12 @@ use super::theme;
 use haptograph_engine::graph::Graph;
 use sketch::{NodeBox, Role, Sketch};
 
-/// The drawing of `graph` as a picture of its own.
+/// The drawing of `graph` as a standalone SVG file.
 pub fn standalone_svg(graph: &Graph, title: &str) -> String {
     draw(&Sketch::of(graph), title, &theme::css())
 }
 
-/// The drawing of `graph` for a page that has the style sheet.
+/// The drawing of `graph` for a page with the style sheet.
 pub fn svg(graph: &Graph, title: &str) -> String {
     draw(&Sketch::of(graph), title, "")
 }
@@ -26,36 +26,36 @@ fn draw(sketch: &Sketch, title: &str, style: &str) -> String {
     paint::paint(sketch, &scene, title, style)
 }
 
-/// Where everything of a sketch, or of one group of it, stands.
+/// Positions of all boxes and wires of a sketch or of one of its groups.
 #[derive(Debug, Default)]
 struct Scene {
     size: (f64, f64),
     boxes: Vec<(usize, Rect)>,
     groups: Vec<(String, Rect)>,
-    /// Parts of wires, a wire that enters a group having several.
+    /// Parts of wires; a wire that enters a group has several.
     routes: Vec<(usize, Route)>,
-    /// Heights at which wires cross the frame: (wire, height), on the left and on the right.
+    /// Heights at which wires cross the frame, (wire, height), on the left and on the right.
     entering: Vec<(usize, f64)>,
     leaving: Vec<(usize, f64)>,
 }
 
 const HEADER: f64 = 36.0;
 const PORT: f64 = 16.0;
-/// What a row of boxes may have, so that a page of 840 pixels shows it legibly.
+/// Maximum width of a row of boxes, so that it is legible on a page of 840 pixels.
 const WIDEST: f64 = 800.0;
-/// Heights of a line of settings, and of what divides them from the ports.
+/// Heights of a line of settings, and of the divider between ports and settings.
 const SETTING: f64 = 12.0;
 const DIVIDER: f64 = 6.0;
 const FRAME: f64 = 16.0;
 const FRAME_TITLE: f64 = 18.0;
 
-/// A child of a group: a node or a group of its own.
+/// A child of a group: a node or a nested group.
 enum Child {
     Node(usize),
     Group(String, Scene),
 }
 
-/// Lays out the boxes `members`, all of them in the group whose path is `prefix`: groups in it first, each a block.
+/// Lays out the boxes `members` of the group with the path `prefix`: nested groups first, each as one block.
 fn arrange(sketch: &Sketch, members: &[usize], prefix: &str) -> Scene {
     let mut children: Vec<Child> = Vec::new();
     let mut child_of = vec![None; sketch.boxes.len()];
@@ -101,8 +101,8 @@ fn arrange(sketch: &Sketch, members: &[usize], prefix: &str) -> Scene {
     collect(sketch, children, placed, &wires, &pins, prefix)
 }
 
-/// Wires as links between children; a wire from or to the outside gets a pin, a block without size.
-/// Returns the links, the wire of each, and the pins: (block, wire, is it on the left).
+/// Turns wires into links between children; a wire to or from the outside gets a pin, a block without size.
+/// Returns the links, the wire of each link, and the pins: (block, wire, true on the left).
 #[allow(clippy::type_complexity)]
 fn connect(
     sketch: &Sketch,
@@ -143,7 +143,7 @@ fn connect(
         };
         let start = end(from, port_height(wire.from.1), |scene| &scene.leaving).unwrap_or_else(|| pin(true));
         let finish = end(to, port_height(wire.to.1), |scene| &scene.entering).unwrap_or_else(|| pin(false));
-        // Words are written where a wire begins and ends, not where it crosses a frame.
+        // Labels stand at the ends of a wire, not where it crosses a frame.
         let at_node = |child: Option<usize>| child.is_some_and(|c| matches!(children[c], Child::Node(_)));
         let written = |word: &str, room: f64| {
             if word.is_empty() {
@@ -176,7 +176,7 @@ fn connect(
     (links, wires, pins)
 }
 
-/// Puts what was laid out, children's insides included, into one scene with a frame around it.
+/// Joins the layout of a group and of its children into one scene with a frame.
 fn collect(
     sketch: &Sketch,
     children: Vec<Child>,
@@ -258,7 +258,7 @@ fn collect(
             scene.leaving.push(crossing)
         }
     }
-    // Without pins on a side nothing keeps the frame away from the boxes there.
+    // Without pins on a side the frame needs a margin there.
     let slack = |pinned: bool| if framed && !pinned { FRAME } else { 0.0 };
     let left = slack(!scene.entering.is_empty());
     scene.shift(left);
@@ -275,7 +275,7 @@ impl Scene {
     }
 }
 
-/// The height of port number `i` below the top of its box.
+/// Height of port `i` below the top of its box.
 fn port_height(i: usize) -> f64 {
     HEADER + PORT * (i as f64 + 0.5) + 2.0
 }
@@ -294,7 +294,7 @@ fn box_size(node: &NodeBox) -> (f64, f64) {
     (width, settings_top(node) + lines_height(node))
 }
 
-/// Below the ports of a box: where its settings begin.
+/// Height below the ports of a box at which its settings begin.
 fn settings_top(node: &NodeBox) -> f64 {
     let rows = node.inputs.len().max(node.outputs.len());
     let bottom = if rows == 0 { 2.0 } else { 8.0 };

@@ -1,4 +1,5 @@
-//! The page that an evaluation leaves behind: the tables and the map of thesis section 2.5, and what each surface was learned from.
+//! The page of an evaluation: the tables and the map of thesis section 2.5, and the data that each surface
+//! was learned from.
 
 use super::headlines::{Headline, cards};
 use super::page::{Sheet, figures_of};
@@ -15,7 +16,7 @@ use haptograph_surfaces::metrics::Pooling;
 use haptograph_surfaces::metrics::responsiveness::{VariationLoss, responsiveness_differences};
 use std::collections::BTreeMap;
 
-/// The page of an evaluation, with the surface of each material and how it was learned.
+/// The page of an evaluation, with the surface of each material and its learning report.
 pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport)]) -> String {
     let mut sections = vec![
         ("", cards(&headlines(found))),
@@ -43,7 +44,8 @@ pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport
     .to_html()
 }
 
-/// How many textures are nearest to what they were learned from, and how well the map tells materials apart.
+/// Headlines: how many textures are nearest to their own material, and how well the map separates the
+/// materials.
 fn headlines(found: &Evaluation) -> Vec<Headline> {
     let table = &found.materials_table;
     let textures = table.rows.len().min(table.columns.len());
@@ -71,7 +73,7 @@ fn headlines(found: &Evaluation) -> Vec<Headline> {
     list
 }
 
-/// Table 2.1 with deviations pooled in either way, the chosen one first.
+/// Table 2.1 with the deviations pooled in both ways, the chosen one first.
 fn materials(found: &Evaluation) -> String {
     let chosen = &found.materials_table;
     let mut poolings = [Pooling::All, Pooling::Pair];
@@ -89,12 +91,12 @@ fn materials(found: &Evaluation) -> String {
         })
         .concat();
     format!(
-        "<p>Spectral difference of what the virtual textures (rows) play along the test recordings (columns), and these recordings, averaged \
-         over a column's recordings. Framed: a texture's own material. Bold: least of its row and its column.</p>{tables}"
+        "<p>Spectral difference between the virtual textures (rows), rendered along the test recordings (columns), and these recordings, averaged \
+         over a column's recordings. Framed: a texture's own material. Bold: smallest of its row and its column.</p>{tables}"
     )
 }
 
-/// The cells tinted by their values, the diagonal framed.
+/// The cells are tinted by their values, the diagonal is framed.
 fn materials_table(table: &DifferenceTable) -> String {
     let values = || table.differences.iter().flatten().flatten().copied();
     let (least, most) = values().fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
@@ -161,7 +163,7 @@ fn people_table(table: &DifferenceTable) -> String {
         },
     );
     format!(
-        "<p>Spectral difference of each person's textures and the same recordings of their own material.</p>\
+        "<p>Spectral difference between each person's textures and the same recordings of their own material.</p>\
          <div class=\"scroll\"><table class=\"grid\"><tr><th></th>{}<th>mean</th><th>sd</th></tr>{}</table></div>",
         head(&table.columns),
         rows.collect::<String>()
@@ -172,7 +174,7 @@ fn map_section(map: &PerceptualMap) -> String {
     let angle = map.angle_deg.map_or_else(String::new, |angle| {
         format!(" The directions in which roughness and fineness grow are {angle:.0} degrees apart.")
     });
-    // With a group for each texture there is nothing to group.
+    // With a group per texture there is no grouping.
     let groups = match map_figures::has_groups(map) {
         true => format!(
             " Of the textures, {:.0} % lie in a k-means group (outlined) of mostly their own material, {:.0} % in such a group of the tree.",
@@ -207,12 +209,12 @@ fn scree(map: &PerceptualMap) -> Plot {
             Mark::Dots(Style::of(Ink::Blue).weight(Weight::Bold), points),
         ],
         size: (0.0, 200.0),
-        caption: "Where the curve is flat, more dimensions place the textures no better.".to_owned(),
+        caption: "Where the curve is flat, more dimensions do not improve the map.".to_owned(),
         ..Plot::default()
     }
 }
 
-/// What the conditions lose, and SD_x of each surface (Eq. 4.5.4).
+/// Losses of the reduced conditions, and SD_x of each surface (Eq. 4.5.4).
 fn conditions(learned: &[(Surface, LearningReport)]) -> String {
     let mut by_condition: BTreeMap<&str, Vec<(String, VariationLoss)>> = BTreeMap::new();
     for (surface, _) in learned {
@@ -250,13 +252,13 @@ fn conditions(learned: &[(Surface, LearningReport)]) -> String {
         return rows;
     }
     format!(
-        "<p>What a texture loses when it responds to force only (F), to speed only (S), or to neither (ϕ): variation over time of the windowed \
+        "<p>Loss of a texture that responds to force only (F), to speed only (S), or to neither (ϕ): variation over time of the windowed \
          power and spectral centroid, and both together in units of their deviation over the surfaces (SD).</p>\
          <div class=\"scroll\"><table class=\"grid\"><tr><th>surface</th><th>condition</th><th>power ((m/s²)²)</th><th>centroid (Hz)</th><th>SD</th></tr>{rows}</table></div>"
     )
 }
 
-/// Each surface folded away under its name.
+/// Each surface as a folded section under its name.
 fn surfaces(learned: &[(Surface, LearningReport)]) -> String {
     let one = |(number, (surface, report)): (usize, &(Surface, LearningReport))| {
         let sections: String = learning::sections(surface, report)

@@ -1,4 +1,4 @@
-//! The facts of a run: those of `run.json`, of its page, and its warnings, whichever program made the run.
+//! The facts and warnings of a run, for `run.json` and its page.
 
 use super::headlines::Headline;
 use haptograph_engine::graph::Graph;
@@ -9,10 +9,10 @@ use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
-/// The file with the facts, in the folder of a run.
+/// Name of the file with the facts, in the folder of a run.
 pub const FILE: &str = "run.json";
 
-/// A fact: its key in `run.json`, its name on the page, and its value.
+/// A fact: key in `run.json`, name on the page, value.
 pub type Fact = (&'static str, &'static str, Value);
 
 /// The facts and the warnings of a run.
@@ -24,7 +24,8 @@ pub struct Facts {
 }
 
 impl Facts {
-    /// Of a run of the graph in the file at `path`, with these parameters `set` and this set of endpoints.
+    /// Facts of a run of the graph in the file at `path`, with the parameters `set` and this set of
+    /// endpoints.
     pub fn of<'s>(
         graph: &Graph,
         outcome: &Outcome,
@@ -73,7 +74,7 @@ impl Facts {
         }
     }
 
-    /// Adds facts; one of a key that is there already replaces it.
+    /// Adds facts; a fact replaces an earlier one with the same key.
     pub fn extend(&mut self, facts: impl IntoIterator<Item = Fact>) {
         let facts: Vec<Fact> = facts.into_iter().collect();
         self.facts
@@ -91,7 +92,7 @@ impl Facts {
         format!("{:#}\n", Value::Object(object))
     }
 
-    /// For the page: key, name and text of each fact that says something.
+    /// For the page: key, name and text of each fact that is not empty.
     pub fn listed(&self) -> impl Iterator<Item = (&'static str, &'static str, String)> {
         let facts = self.facts.iter();
         let facts = facts.filter(|(_, _, value)| !matches!(value, Value::Array(list) if list.is_empty()));
@@ -99,7 +100,7 @@ impl Facts {
     }
 }
 
-/// For how much of the time each actuator's limits held its signal back.
+/// Share of the time for which each actuator's limits reduced its signal.
 pub fn limited(outcome: &Outcome) -> Vec<Headline> {
     let limited = |actuator: &ActuatorReport| {
         let ClipCounts {
@@ -116,7 +117,7 @@ pub fn limited(outcome: &Outcome) -> Vec<Headline> {
             _ => format!("{part:.2} %"),
         };
         Headline::new(
-            "Held back by limits",
+            "Reduced by limits",
             part,
             format!("of the time of {}", actuator.path),
         )
@@ -124,7 +125,7 @@ pub fn limited(outcome: &Outcome) -> Vec<Headline> {
     outcome.actuators.iter().map(limited).collect()
 }
 
-/// The files that a run leaves beside its page, and what each holds; `own` are those that no sink writes.
+/// The files beside a run's page with their contents; `own` are those that no sink writes.
 pub fn files_beside(graph: &Graph, own: &[(&str, &str)]) -> Vec<(String, String)> {
     let written = graph.written_files().filter_map(|(node, file)| {
         let node = &graph.nodes()[node];
@@ -156,7 +157,8 @@ fn ring(report: &RingReport) -> (String, Value) {
     (report.name.clone(), facts)
 }
 
-/// The number of ticks in which actuators received NaN or infinity, and the node where it began; an empty list for none.
+/// The number of ticks in which actuators received NaN or infinity, and the node of origin; an empty list for
+/// none.
 fn faults(outcome: &Outcome) -> Value {
     match &outcome.faults {
         faults if faults.ticks == 0 => json!([]),
@@ -164,7 +166,7 @@ fn faults(outcome: &Outcome) -> Value {
     }
 }
 
-/// What followed where the data of sources ended within the run.
+/// Warnings about sources whose data ended during the run.
 fn ended_data(graph: &Graph, outcome: &Outcome) -> Vec<String> {
     let driver = &graph.clocks()[graph.drivers()[0]];
     let mut list = Vec::new();
@@ -173,13 +175,13 @@ fn ended_data(graph: &Graph, outcome: &Outcome) -> Vec<String> {
         let (path, seconds) = (source.path, source.seconds());
         list.extend(match source.end.then {
             AfterData::Stop if outcome.driver_frames == data_frames && !outcome.stopped => Some(format!(
-                "the data of `{path}` ended after {seconds:.3} s, and the run with them; `at_end: Hold`, `Silence` or `Loop` goes on"
+                "the data of `{path}` ended after {seconds:.3} s, which ended the run; to continue, set `at_end` to `Hold`, `Silence` or `Loop`"
             )),
             AfterData::Hold if outcome.driver_frames > data_frames => Some(format!(
-                "the data of `{path}` ended after {seconds:.3} s; from there on it held its last value"
+                "the data of `{path}` ended after {seconds:.3} s; it held its last value from then on"
             )),
             AfterData::Silence if outcome.driver_frames > data_frames => {
-                Some(format!("the data of `{path}` ended after {seconds:.3} s; from there on it was zero"))
+                Some(format!("the data of `{path}` ended after {seconds:.3} s; it was zero from then on"))
             }
             _ => None,
         });
@@ -212,7 +214,7 @@ fn warnings(outcome: &Outcome) -> Vec<String> {
         ] {
             if count > 0 {
                 list.push(format!(
-                    "{}: the {limit} limit held back {count} of {ticks} ticks; lower the signal, or raise that limit \
+                    "{}: the {limit} limit reduced {count} of {ticks} ticks; lower the signal, or raise that limit \
                      if the actuator allows it",
                     actuator.path
                 ));
@@ -230,7 +232,7 @@ fn warnings(outcome: &Outcome) -> Vec<String> {
     list
 }
 
-/// A value as a person reads it.
+/// Formats a value for readers.
 pub fn plain(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),

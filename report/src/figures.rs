@@ -1,4 +1,4 @@
-//! From what was recorded to plots: each kind of signal in the form in which it is read at a glance.
+//! Plots of recorded signals, each kind in a suitable form.
 
 use super::plot::{Axis, Image, Mark, Plot, Style, Weight};
 use super::raster::Grid;
@@ -10,10 +10,11 @@ use super::thinning::Envelope;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::Stream;
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units;
 
 pub use super::texture_map::{strokes_on_map, triangulation};
 
-/// The unit that a quantity is shown in: millimetres and degrees Celsius where the field uses them.
+/// Display unit of a quantity: for example millimetres and degrees Celsius.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unit {
     /// Its symbol; empty for plain numbers.
@@ -23,31 +24,29 @@ pub struct Unit {
 }
 
 impl Unit {
-    /// The unit of a quantity.
+    /// The display unit of a quantity.
     pub fn of(quantity: Quantity) -> Self {
-        let (symbol, factor, offset) = match quantity {
-            Quantity::LENGTH => ("mm", 1e3, 0.0),
-            Quantity::SPEED => ("mm/s", 1e3, 0.0),
-            Quantity::TORQUE => ("N mm", 1e3, 0.0),
-            Quantity::STIFFNESS => ("N/mm", 1e-3, 0.0),
-            Quantity::ACCELERATION => ("m/s²", 1.0, 0.0),
-            Quantity::TEMPERATURE => ("°C", 1.0, -273.15),
-            Quantity::NUMBER => ("", 1.0, 0.0),
-            other => (&*other.unit(), 1.0, 0.0),
+        let (symbol, si, offset) = match quantity {
+            Quantity::TEMPERATURE => ("°C".to_owned(), 1.0, -273.15),
+            Quantity::NUMBER => (String::new(), 1.0, 0.0),
+            other => {
+                let (symbol, si) = units::shown(other);
+                (symbol, si, 0.0)
+            }
         };
         Self {
-            symbol: symbol.to_owned(),
-            factor,
+            symbol,
+            factor: 1.0 / si,
             offset,
         }
     }
 
-    /// An SI value in this unit.
+    /// Converts an SI value to this unit.
     pub fn show(&self, si: f64) -> f64 {
         si * self.factor + self.offset
     }
 
-    /// An SI value in this unit, with three digits and the symbol.
+    /// Formats an SI value in this unit with three digits and the symbol.
     pub(super) fn text(&self, si: f64) -> String {
         let value = plain(self.show(si));
         match self.symbol.as_str() {
@@ -57,7 +56,7 @@ impl Unit {
     }
 }
 
-/// The name of a quantity: `Force`.
+/// Name of a quantity: `Force`.
 pub(super) fn quantity_name(quantity: Quantity) -> String {
     let name = match quantity {
         Quantity::NUMBER => "value",
@@ -66,7 +65,7 @@ pub(super) fn quantity_name(quantity: Quantity) -> String {
     capitalised(name)
 }
 
-/// What an axis shows of a signal: `Force (N)`, `Position (mm)`; of a plain number its own name, `Trim (1)`.
+/// Axis label of a signal: `Force (N)`, `Position (mm)`; of a plain number its own name, `Trim (1)`.
 pub(super) fn axis_label(stream: &Stream) -> String {
     match (stream.quantity, stream.kind) {
         (Quantity::NUMBER, _) => format!("{} (1)", capitalised(&stream.name)),
@@ -82,12 +81,12 @@ fn with_unit(name: &str, quantity: Quantity) -> String {
     }
 }
 
-/// The same of a number that is 0 or 1 all the time.
+/// Axis label of a number that is always 0 or 1.
 pub(super) fn switch_label(name: &str) -> String {
     format!("{} (0 or 1)", capitalised(name))
 }
 
-/// A text with a capital first letter.
+/// The text with a capital first letter.
 pub(super) fn capitalised(text: &str) -> String {
     let mut letters = text.chars();
     letters
@@ -95,7 +94,7 @@ pub(super) fn capitalised(text: &str) -> String {
         .map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// The unit of a power spectral density of a quantity: `A²/Hz`, `(m/s²)²/Hz`.
+/// Unit of the power spectral density of a quantity: `A²/Hz`, `(m/s²)²/Hz`.
 fn density_unit(quantity: Quantity) -> String {
     let unit = quantity.unit().replace("s2", "s²");
     match unit.chars().all(char::is_alphabetic) {
@@ -113,11 +112,11 @@ fn note(recorded: &Recorded) -> String {
     format!("{simulated}{}", recorded.stream.rate)
 }
 
-/// The plots of one signal over time, `ink` telling it from its neighbours.
+/// The plots of one signal over time, in the colour `ink`.
 pub fn over_time(recorded: &Recorded, ink: Ink) -> Vec<Plot> {
     match &recorded.content {
-        Content::Lanes(lanes, spectra) => {
-            let mut plots = components(recorded, lanes, ink);
+        Content::Components(envelopes, spectra) => {
+            let mut plots = components(recorded, envelopes, ink);
             if let Some(spectra) = spectra {
                 let mut spectra = spectra.as_ref().clone();
                 spectra.finish();
@@ -129,7 +128,7 @@ pub fn over_time(recorded: &Recorded, ink: Ink) -> Vec<Plot> {
             title: format!("{}, penetration", recorded.stream.name),
             y: Axis::of("Penetration (mm)"),
             marks: vec![Mark::signal(Style::of(ink), depth, |metres| 1e3 * metres)],
-            caption: "How deep the tip is in the surface; 0 in the air.".to_owned(),
+            caption: "Depth of the tip in the surface; 0 in the air.".to_owned(),
             ..frame(recorded)
         }],
         Content::Events(points, count) => vec![events(recorded, points.kept(), *count, ink)],
@@ -146,7 +145,7 @@ fn frame(recorded: &Recorded) -> Plot {
     }
 }
 
-/// How many of the plots of a signal over time show its values: the first ones.
+/// Number of leading plots, among those of a signal over time, that show its values.
 pub(super) fn components_of(recorded: &Recorded) -> usize {
     match recorded.stream.kind {
         Kind::Wrench => 2,
@@ -154,8 +153,8 @@ pub(super) fn components_of(recorded: &Recorded) -> usize {
     }
 }
 
-/// A plot of each group of components that has a quantity of its own.
-fn components(recorded: &Recorded, lanes: &[Envelope], ink: Ink) -> Vec<Plot> {
+/// A plot for each group of components with a common quantity.
+fn components(recorded: &Recorded, envelopes: &[Envelope], ink: Ink) -> Vec<Plot> {
     let quantity = recorded.stream.quantity;
     let groups: &[(&str, std::ops::Range<usize>, Quantity)] = match recorded.stream.kind {
         Kind::Wrench => &[
@@ -167,17 +166,20 @@ fn components(recorded: &Recorded, lanes: &[Envelope], ink: Ink) -> Vec<Plot> {
     };
     let plot = |(suffix, range, quantity): &(&str, std::ops::Range<usize>, Quantity)| {
         let unit = Unit::of(*quantity);
-        let lanes: Vec<&Envelope> = range.clone().filter_map(|lane| lanes.get(lane)).collect();
+        let envelopes: Vec<&Envelope> = range
+            .clone()
+            .filter_map(|envelope| envelopes.get(envelope))
+            .collect();
         let inks = [Ink::Blue, Ink::Orange, Ink::Teal];
-        let styles: Vec<Style> = match lanes.len() {
+        let styles: Vec<Style> = match envelopes.len() {
             1 => vec![Style::of(ink)],
             _ => (["x", "y", "z"].into_iter().zip(inks))
                 .map(|(axis, ink)| Style::named(ink, axis))
                 .collect(),
         };
-        let marks = lanes.iter().zip(styles);
-        let label = match lanes.as_slice() {
-            [lane] if lane.is_switch() => switch_label(&recorded.stream.name),
+        let marks = envelopes.iter().zip(styles);
+        let label = match envelopes.as_slice() {
+            [envelope] if envelope.is_switch() => switch_label(&recorded.stream.name),
             _ => axis_label(&Stream {
                 quantity: *quantity,
                 ..recorded.stream.clone()
@@ -187,48 +189,52 @@ fn components(recorded: &Recorded, lanes: &[Envelope], ink: Ink) -> Vec<Plot> {
             title: format!("{}{suffix}", recorded.stream.name),
             y: Axis::of(label),
             marks: marks
-                .map(|(lane, style)| Mark::signal(style, lane, |si| unit.show(si)))
+                .map(|(envelope, style)| Mark::signal(style, envelope, |si| unit.show(si)))
                 .collect(),
-            caption: levels(recorded, &lanes, &unit),
+            caption: levels(recorded, &envelopes, &unit),
             ..frame(recorded)
         }
     };
     groups.iter().map(plot).collect()
 }
 
-/// What is read of a signal first, as a sentence.
-fn levels(recorded: &Recorded, lanes: &[&Envelope], unit: &Unit) -> String {
-    let [lane] = lanes else {
-        let most = lanes.iter().map(|lane| lane.peak()).fold(0.0, f64::max);
+/// The most informative level of a signal, as a sentence.
+fn levels(recorded: &Recorded, envelopes: &[&Envelope], unit: &Unit) -> String {
+    let [envelope] = envelopes else {
+        let most = envelopes
+            .iter()
+            .map(|envelope| envelope.peak())
+            .fold(0.0, f64::max);
         return format!("Largest component {}.", unit.text(most));
     };
-    level(&recorded.stream, lane).map_or_else(
+    level(&recorded.stream, envelope).map_or_else(
         || "All of its samples are NaN or infinite.".to_owned(),
         |level| format!("{}.", capitalised(&level)),
     )
 }
 
-/// How large a signal is: the part of the time that a switch is on, the end of what only rises, else its range with the root
-/// mean square of one that goes both ways, the mean of another. `None` where no sample is finite.
-pub(super) fn level(stream: &Stream, lane: &Envelope) -> Option<String> {
+/// Level of a signal: of a switch the share of time that it is on, of a signal that only rises its end,
+/// otherwise the range, with the RMS of a bipolar signal or the mean of another. `None` if no sample is
+/// finite.
+pub(super) fn level(stream: &Stream, envelope: &Envelope) -> Option<String> {
     let unit = Unit::of(stream.quantity);
-    let (low, high) = lane.range()?;
-    if lane.is_switch() {
-        return Some(format!("1 for {} % of the time", percent(lane.presence())));
+    let (low, high) = envelope.range()?;
+    if envelope.is_switch() {
+        return Some(format!("1 for {} % of the time", percent(envelope.presence())));
     }
-    if let Some((first, last)) = lane.rises() {
+    if let Some((first, last)) = envelope.rises() {
         let first = plain(unit.show(first));
         return Some(format!("rises from {first} to {}", unit.text(last)));
     }
     let range = format!("from {} to {}", plain(unit.show(low)), unit.text(high));
-    let heating = heating(stream, lane);
+    let heating = heating(stream, envelope);
     Some(match low < 0.0 && high > 0.0 {
-        true => format!("RMS {}, {range}{heating}", unit.text(lane.rms())),
-        false => format!("mean {}, {range}{heating}", unit.text(lane.mean())),
+        true => format!("RMS {}, {range}{heating}", unit.text(envelope.rms())),
+        false => format!("mean {}, {range}{heating}", unit.text(envelope.mean())),
     })
 }
 
-/// A part of the time, in whole percent where that is not nothing.
+/// Share of the time in percent, as a whole number unless that would be 0.
 fn percent(part: f64) -> String {
     match 100.0 * part {
         little if little < 1.0 => plain(little),
@@ -236,20 +242,20 @@ fn percent(part: f64) -> String {
     }
 }
 
-/// Parts of the RMS of a current above which its mean is worth a word.
+/// Share of the RMS of a current above which its mean is mentioned.
 const LARGE_MEAN: f64 = 0.3;
 
-/// The mean of a current that is to be felt as a vibration, A, where it is a large part of it.
-pub(super) fn constant_current(stream: &Stream, lane: &Envelope) -> Option<f64> {
+/// Mean of a current that drives a vibration, A, if it is a large part of it.
+pub(super) fn constant_current(stream: &Stream, envelope: &Envelope) -> Option<f64> {
     let vibrates = stream.quantity == Quantity::CURRENT
         && stream.kind == Kind::Scalar
         && stream.rate.hz() >= SPECTRAL_RATE_HZ;
-    (vibrates && lane.mean().abs() > LARGE_MEAN * lane.rms()).then(|| lane.mean())
+    (vibrates && envelope.mean().abs() > LARGE_MEAN * envelope.rms()).then(|| envelope.mean())
 }
 
-/// What a large mean of a current does, to be added to a sentence.
-pub(super) fn heating(stream: &Stream, lane: &Envelope) -> String {
-    constant_current(stream, lane).map_or_else(String::new, |mean| {
+/// Note about a large mean current, to append to a sentence.
+pub(super) fn heating(stream: &Stream, envelope: &Envelope) -> String {
+    constant_current(stream, envelope).map_or_else(String::new, |mean| {
         let mean = Unit::of(Quantity::CURRENT).text(mean);
         format!("; its mean of {mean} heats the coil and is not felt")
     })
@@ -274,21 +280,21 @@ fn events(recorded: &Recorded, kept: &[(f64, f64)], count: u64, ink: Ink) -> Plo
     }
 }
 
-/// Touch ends near 1 kHz; what lies above twice that is left out of spectrograms.
+/// Tactile sensitivity ends near 1 kHz; spectrograms end at twice that.
 const HIGHEST_SHOWN_HZ: f64 = 2000.0;
-/// Decibels below the loudest that are still told apart.
+/// Dynamic range of a spectrogram below the maximum, dB.
 const DEPTH_DB: f64 = 60.0;
-/// The loudest colour is at a multiple of this many decibels.
+/// The brightest colour is at a multiple of this many decibels.
 const ROUND_DB: f64 = 5.0;
 
-/// What spectrograms and mean spectra show, each said once on a page.
+/// Explanations of spectrograms and mean spectra, shown once per page.
 pub(super) const EXPLAINED: [&str; 2] = [
-    "How strong each frequency is at each time: a tap is an upright line, a resonance a level band; what follows the hand \
-     grows brighter where it is faster or harder.",
-    "The skin is most sensitive to vibration near 250 Hz, and hardly senses it above 1 kHz.",
+    "Strength of each frequency over time: a tap is a vertical line, a resonance a horizontal band; a vibration that follows the hand \
+     is brighter where the hand is faster or presses harder.",
+    "The skin is most sensitive to vibration near 250 Hz, and hardly sensitive above 1 kHz.",
 ];
 
-/// Leaves each of the sentences [`EXPLAINED`] in the first caption that has it only.
+/// Keeps each of the sentences [`EXPLAINED`] only in the first caption that contains it.
 pub(super) fn explain_once(plots: &mut [Plot]) {
     for sentence in EXPLAINED {
         let explained = plots.iter_mut().filter(|plot| plot.caption.contains(sentence));
@@ -324,7 +330,7 @@ fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
                 height: bins,
                 values,
             },
-            // Half a segment at either end has no column of its own.
+            // The first and last half segments have no column of their own.
             x: (0.0, recorded.duration_s()),
             y: (-0.5 * bin_hz, (bins as f64 - 0.5) * bin_hz),
             colours: (loudest - DEPTH_DB, loudest),
@@ -336,9 +342,9 @@ fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
     })
 }
 
-/// The mean spectrum of a signal that has one.
+/// The mean spectrum of a signal, if it has one.
 pub fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
-    let Content::Lanes(_, Some(spectra)) = &recorded.content else {
+    let Content::Components(_, Some(spectra)) = &recorded.content else {
         return None;
     };
     let mut spectra = spectra.as_ref().clone();
@@ -363,7 +369,7 @@ pub fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
     })
 }
 
-/// Where the proxy went while it touched, seen from above.
+/// Path of the proxy during contact, seen from above.
 pub fn contact_path(recorded: &Recorded) -> Option<Plot> {
     let Content::Contact(_, path) = &recorded.content else {
         return None;

@@ -1,4 +1,4 @@
-//! The numbers that a page begins with.
+//! Headlines: the most important numbers of a page.
 
 use super::figures::{self, Unit, quantity_name};
 use super::record::{Content, Friction, Recorded, SPECTRAL_RATE_HZ};
@@ -9,19 +9,19 @@ use super::thinning::Envelope;
 use haptograph_engine::frame::Kind;
 use haptograph_signal::quantity::Quantity;
 
-/// A number to read first.
+/// A number with its label.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Headline {
-    /// What it is.
+    /// Label.
     pub label: String,
-    /// With its unit.
+    /// Value with its unit.
     pub value: String,
-    /// Of what.
+    /// What the value refers to.
     pub of: String,
 }
 
 impl Headline {
-    /// A number, of what.
+    /// A headline from label, value and reference.
     pub fn new(label: &str, value: impl Into<String>, of: impl Into<String>) -> Self {
         Self {
             label: label.to_owned(),
@@ -31,8 +31,8 @@ impl Headline {
     }
 }
 
-/// Of the vibration: its level, its peak, where it is strongest, and the part of a current that is not felt; then the
-/// friction, how hard and how fast the hand was.
+/// Headlines of the vibration (level, peak, strongest frequency, constant current), then friction, force and
+/// speed.
 pub(super) fn of_signals(
     sound: Option<&Sound>,
     signals: &[Recorded],
@@ -57,22 +57,22 @@ pub(super) fn of_signals(
     found
 }
 
-fn lanes(signal: &Recorded) -> &[Envelope] {
+fn components(signal: &Recorded) -> &[Envelope] {
     match &signal.content {
-        Content::Lanes(lanes, _) => lanes,
+        Content::Components(components, _) => components,
         _ => &[],
     }
 }
 
-/// The signal that is felt as a vibration: an acceleration where there is one, else what is heard, else what else changes
-/// fast.
+/// The signal felt as a vibration: an acceleration if there is one, otherwise the sound, otherwise another
+/// fast signal.
 fn vibrating<'a>(sound: Option<&Sound>, signals: &'a [Recorded]) -> Option<&'a Recorded> {
     let is_heard = |signal: &Recorded| sound.is_some_and(|sound| sound.stream.name == signal.stream.name);
-    let changes = |lane: &Envelope| lane.range().is_some_and(|(low, high)| low < high);
+    let changes = |component: &Envelope| component.range().is_some_and(|(low, high)| low < high);
     let vibrates = |signal: &&Recorded| {
         matches!(signal.stream.kind, Kind::Scalar | Kind::Vector)
             && signal.stream.rate.hz() >= SPECTRAL_RATE_HZ
-            && lanes(signal).iter().any(changes)
+            && components(signal).iter().any(changes)
     };
     let fast: Vec<&Recorded> = signals.iter().filter(vibrates).collect();
     let heard = fast.iter().copied().find(|signal| is_heard(signal));
@@ -99,25 +99,26 @@ fn vibration(signal: &Recorded) -> Vec<Headline> {
         (Quantity::CURRENT, Some(actuator)) => format!("Current to {actuator}"),
         (quantity, _) => quantity_name(quantity),
     };
-    // A sensor of three axes measures gravity too, of which a turning hand makes a slow motion.
+    // A three-axis sensor also measures gravity, which varies slowly when the hand turns.
     let first = match (signal.stream.quantity, signal.stream.kind) {
         (Quantity::ACCELERATION, Kind::Vector) => {
-            let about_mean = |lane: &Envelope| (lane.rms().powi(2) - lane.mean().powi(2)).max(0.0);
-            let level = lanes(signal).iter().map(about_mean).sum::<f64>().sqrt();
-            let of = format!("{name}, with what turning adds of gravity");
+            let about_mean =
+                |component: &Envelope| (component.rms().powi(2) - component.mean().powi(2)).max(0.0);
+            let level = components(signal).iter().map(about_mean).sum::<f64>().sqrt();
+            let of = format!("{name}, including gravity as the sensor turns");
             Headline::new("Acceleration about its mean, RMS", unit.text(level), of)
         }
-        _ => Headline::new(&format!("{what}, RMS"), unit.text(rms(lanes(signal))), name),
+        _ => Headline::new(&format!("{what}, RMS"), unit.text(rms(components(signal))), name),
     };
     let mut found = vec![first];
-    if let [lane] = lanes(signal) {
+    if let [component] = components(signal) {
         found.push(Headline::new(
             &format!("{what}, peak"),
-            unit.text(lane.peak()),
+            unit.text(component.peak()),
             name,
         ));
     }
-    if let Content::Lanes(_, Some(spectra)) = &signal.content {
+    if let Content::Components(_, Some(spectra)) = &signal.content {
         let mut spectra = spectra.as_ref().clone();
         spectra.finish();
         let strongest = spectra.strongest_hz();
@@ -126,13 +127,17 @@ fn vibration(signal: &Recorded) -> Vec<Headline> {
     found
 }
 
-/// Of all components together.
-fn rms(lanes: &[Envelope]) -> f64 {
-    lanes.iter().map(|lane| lane.rms().powi(2)).sum::<f64>().sqrt()
+/// RMS over all components.
+fn rms(components: &[Envelope]) -> f64 {
+    components
+        .iter()
+        .map(|component| component.rms().powi(2))
+        .sum::<f64>()
+        .sqrt()
 }
 
 fn constant_current(signal: &Recorded) -> Option<Headline> {
-    let mean = figures::constant_current(&signal.stream, lanes(signal).first()?)?;
+    let mean = figures::constant_current(&signal.stream, components(signal).first()?)?;
     Some(Headline::new(
         "Constant current",
         Unit::of(Quantity::CURRENT).text(mean),
@@ -140,32 +145,35 @@ fn constant_current(signal: &Recorded) -> Option<Headline> {
     ))
 }
 
-/// The friction coefficient of a run, and what it is of.
+/// The friction coefficient of a run, and its source.
 pub(super) fn coefficient(signals: &[Recorded], friction: Option<&Friction>) -> Option<(f64, String)> {
     let find = |name: &str| signals.iter().find(|signal| signal.stream.name == name);
     let (mu, of) = match friction? {
         Friction::Measured(name) => {
-            let lane = lanes(find(name)?).first()?;
-            (lane.mean_size(), format!("mean of {name}{}", meanwhile(lane)))
+            let component = components(find(name)?).first()?;
+            (
+                component.mean_size(),
+                format!("mean of {name}{}", meanwhile(component)),
+            )
         }
         Friction::Forces { tangential, normal } => {
-            let (across, along) = (rms(lanes(find(tangential)?)), rms(lanes(find(normal)?)));
+            let (across, along) = (rms(components(find(tangential)?)), rms(components(find(normal)?)));
             (across / along, format!("{tangential} by {normal}, RMS by RMS"))
         }
     };
     (mu.is_finite() && mu > 0.0).then_some((mu, of))
 }
 
-/// In which time a mean is taken: that in which there is something.
-fn meanwhile(lane: &Envelope) -> String {
-    match 100.0 * lane.presence() {
+/// Note about the share of time over which a mean is taken.
+fn meanwhile(component: &Envelope) -> String {
+    match 100.0 * component.presence() {
         percent if percent > 99.95 => String::new(),
         percent => format!(" while it is not 0, {} % of the time", plain(percent)),
     }
 }
 
-/// How large a quantity is: of its first slow scalar, else of another scalar, the mean size while there is any and the
-/// largest; else of a vector or wrench the root mean square.
+/// Headlines of a quantity: of its first slow scalar, or else of another scalar, the mean magnitude while it
+/// is not zero and the maximum; otherwise of a vector or wrench the RMS.
 fn sizes(signals: &[&Recorded], quantity: Quantity, mean: &str, largest: Option<&str>) -> Vec<Headline> {
     let unit = Unit::of(quantity);
     let of_kind = |kind: Kind| {
@@ -176,19 +184,23 @@ fn sizes(signals: &[&Recorded], quantity: Quantity, mean: &str, largest: Option<
             };
             signal.stream.kind == kind && of == quantity
         });
-        fitting.filter(|signal| lanes(signal).iter().any(|lane| lane.presence() > 0.0))
+        fitting.filter(|signal| {
+            components(signal)
+                .iter()
+                .any(|component| component.presence() > 0.0)
+        })
     };
     let slow = of_kind(Kind::Scalar).find(|signal| signal.stream.rate.hz() < SPECTRAL_RATE_HZ);
     if let Some(signal) = slow.or_else(|| of_kind(Kind::Scalar).next())
-        && let [lane] = lanes(signal)
+        && let [component] = components(signal)
     {
         let name = &signal.stream.name;
-        let of = match lane.range() {
-            Some((low, _)) if low < 0.0 => format!("size of {name}{}", meanwhile(lane)),
-            _ => format!("{name}{}", meanwhile(lane)),
+        let of = match component.range() {
+            Some((low, _)) if low < 0.0 => format!("size of {name}{}", meanwhile(component)),
+            _ => format!("{name}{}", meanwhile(component)),
         };
-        let mean = Headline::new(mean, unit.text(lane.mean_size()), of);
-        let largest = largest.map(|label| Headline::new(label, unit.text(lane.peak()), name.as_str()));
+        let mean = Headline::new(mean, unit.text(component.mean_size()), of);
+        let largest = largest.map(|label| Headline::new(label, unit.text(component.peak()), name.as_str()));
         return std::iter::once(mean).chain(largest).collect();
     }
     let vector = of_kind(Kind::Vector)
@@ -196,13 +208,13 @@ fn sizes(signals: &[&Recorded], quantity: Quantity, mean: &str, largest: Option<
         .or_else(|| of_kind(Kind::Wrench).next());
     let of_vector = |signal: &Recorded| {
         let label = format!("{}, RMS", quantity_name(quantity));
-        let size = rms(lanes(signal).get(..3).unwrap_or_default());
+        let size = rms(components(signal).get(..3).unwrap_or_default());
         Headline::new(&label, unit.text(size), signal.stream.name.as_str())
     };
     vector.map(of_vector).into_iter().collect()
 }
 
-/// The numbers as a row of cards.
+/// The headlines as a row of cards.
 pub(super) fn cards(headlines: &[Headline]) -> String {
     let card = |headline: &Headline| {
         format!(
@@ -223,7 +235,7 @@ pub(super) fn cards(headlines: &[Headline]) -> String {
     }
 }
 
-/// Columns, this many at most, in which the last row of so many cards has the fewest gaps, and more than one card.
+/// Number of columns, at most `most`, whose last row has the fewest gaps and more than one card.
 fn columns(cards: usize, most: usize) -> usize {
     let gaps = |columns: &usize| (columns - cards % columns) % columns;
     let is_alone = |columns: &usize| cards > *columns && cards % columns == 1;
@@ -235,7 +247,7 @@ fn columns(cards: usize, most: usize) -> usize {
         .unwrap_or(1)
 }
 
-/// Names of signals may break behind the slashes and dots in them: `texture/filter.acceleration`.
+/// Allows line breaks after slashes and dots in the names of signals: `texture/filter.acceleration`.
 fn breakable(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     let mut letters = text.chars().peekable();

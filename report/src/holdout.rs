@@ -1,5 +1,5 @@
-//! The page of textures on parts of recordings that they were not learned from: the result first, then the tables that
-//! the terminal prints, and three figures for each split.
+//! The page of a hold-out evaluation: first the result, then the tables that the terminal prints, and three
+//! figures for each split.
 
 pub mod tables;
 
@@ -15,7 +15,7 @@ use haptograph_surfaces::evaluate::holdout::{
 };
 use tables::{Measures, Table};
 
-/// The page.
+/// The page as HTML.
 pub fn page(title: &str, found: &Holdout, contact: &[ContactResult], simulated: bool) -> String {
     let splits = found.splits();
     let mut sections = vec![("", splits.first().map_or_else(String::new, result))];
@@ -29,7 +29,7 @@ pub fn page(title: &str, found: &Holdout, contact: &[ContactResult], simulated: 
         sections.push(("Taps, friction and stiffness", format!("{CONTACTS}{contacts}")));
     }
     let about = format!(
-        "What is learned from one part of a recording against another part, {} materials, powers of {} seeds of noise averaged.",
+        "Textures learned from one part of a recording, tested on another part; {} materials, powers averaged over {} seeds of noise.",
         found.materials.len(),
         found.seeds
     );
@@ -43,14 +43,14 @@ pub fn page(title: &str, found: &Holdout, contact: &[ContactResult], simulated: 
     .to_html()
 }
 
-/// What the first split comes to: the default method between the floor and the better plain baseline.
+/// Headlines of the first split: the default method, the floor, and the better plain baseline.
 fn result(split: &SplitResult) -> String {
     let of = |label: &str, method: Method| {
         let found = split.methods.iter().find(|found| found.method == method)?;
         let Mean { mean, error } = found.lsd_db;
         let error = error.map_or_else(String::new, |error| format!(" ± {error:.2}"));
         let title = match method {
-            Method::Default => "log-spectral distance to what was held out",
+            Method::Default => "log-spectral distance to the held-out part",
             other => other.title(),
         };
         let of = format!("{title}, {}", split.split.as_str());
@@ -68,7 +68,7 @@ fn section(found: &Holdout, split: &SplitResult) -> String {
     let materials: String = tables::materials(found, split).iter().map(html).collect();
     format!(
         "<p>Mean over materials ± standard error. LSD: root mean square over third octaves from 20 to 1000 Hz of the error of power, dB. \
-         * loses to a plain baseline.</p>{}{TERMS}<p>{}</p>{materials}{}",
+         * worse than a plain baseline.</p>{}{TERMS}<p>{}</p>{materials}{}",
         html(&tables::methods(split, Measures::All)),
         tables::limits(split).replace('\n', " "),
         figures_of(&[
@@ -79,17 +79,17 @@ fn section(found: &Holdout, split: &SplitResult) -> String {
     )
 }
 
-/// What the heads of the first table mean.
-const TERMS: &str = "<p class=\"remark\"><b>floor</b>: the training part's own spectrum, which no method that knows the material \
-    alone can be expected to beat by much; <b>over the floor</b>, <b>over the best plain</b>: LSD less that of the floor, of the better \
-    plain baseline. <b>20-40 Hz</b> and <b>total</b>: error of the power there and of all of it, dB, positive where too loud. \
+/// Explanation of the column headers.
+const TERMS: &str = "<p class=\"remark\"><b>floor</b>: the spectrum of the training part itself; a method that uses nothing but the material \
+    is not expected to beat it by much; <b>over the floor</b>, <b>over the best plain</b>: LSD minus that of the floor, or of the better \
+    plain baseline. <b>20-40 Hz</b> and <b>total</b>: error of the power there and of all of it, dB, positive if too loud. \
     <b>felt</b>: LSD from 40 to 250 Hz, where skin is most sensitive to vibration. <b>absolute</b>: mean size of \
     the error over bands, dB. \
     <b>misplaced</b>: energy in the wrong one of nine bands. <b>kurtosis</b>: error of the excess kurtosis. <b>envelope</b>: error of the \
-    levels over 50 ms, dB, and in brackets what two noises of one texture differ by. <b>NSE</b>, <b>PE</b>: normalized spectral error and \
+    levels over 50 ms, dB, and in brackets the difference between two seeds of one texture. <b>NSE</b>, <b>PE</b>: normalized spectral error and \
     power error.</p>";
 
-const CONTACTS: &str = "<p>Errors at speeds and forces that were not learned from; in brackets how many materials. * loses to a plain \
+const CONTACTS: &str = "<p>Errors at held-out speeds and forces; in brackets the number of materials. * worse than a plain \
     alternative.</p>";
 
 fn html(table: &Table) -> String {
@@ -169,7 +169,7 @@ fn by_material(found: &Holdout, split: &SplitResult) -> Plot {
             .named(names.map(|(at, name)| (at as f64, name.clone()))),
         y: Axis::of("LSD (dB)").over(0.0, 1.1 * most),
         marks: split.methods.iter().map(dots).collect(),
-        caption: "The lower a dot, the more what is played is like what was held out.".into(),
+        caption: "The lower a dot, the more the rendered vibration resembles the held-out part.".into(),
         ..Plot::default()
     }
 }

@@ -1,4 +1,4 @@
-//! The page of an actuator that was identified: how it answers a current, and what the fit leaves.
+//! The page of an identified actuator: its frequency response and the residual of the fit.
 
 use super::headlines::{Headline, cards};
 use super::page::{Sheet, Simulation, facts, figures_of};
@@ -7,13 +7,13 @@ use super::scale::{fixed, plain};
 use super::theme::Ink;
 use haptograph_nodes::actuators::identify::{BandAnswer, Identified};
 
-/// The page as HTML; `recording` names what was recorded.
+/// The page as HTML; `recording` names the recorded file.
 pub fn page(recording: &str, found: &Identified, simulation: &Simulation) -> String {
     let headlines = cards(&headlines(found)) + &simulation.remark();
     Sheet {
         title: "An actuator, identified",
         about: &format!(
-            "From {recording}: the acceleration that a current gives, and the fit of two masses on springs."
+            "From {recording}: the response of acceleration to current, and the fit of two masses on springs."
         ),
         badge: simulation.badge(),
         warnings: &[],
@@ -25,11 +25,11 @@ pub fn page(recording: &str, found: &Identified, simulation: &Simulation) -> Str
     .to_html()
 }
 
-/// The answer itself: masses, springs and dampers.
+/// The fitted masses, springs and dampers.
 fn parameters(found: &Identified) -> String {
     let Some(p) = found.parameters else {
         return "<p>With <code>--magnet-g</code> and <code>--body-g</code> (or <code>--force-n-per-a</code>) the masses, springs and \
-                dampers are told apart.</p>"
+                dampers are determined too.</p>"
             .to_owned();
     };
     let value = |name: &str, value: f64, unit: &str| (name.to_owned(), format!("{} {unit}", plain(value)));
@@ -78,7 +78,7 @@ fn plots(bands: &[BandAnswer]) -> Vec<Plot> {
     };
     let frequency = || {
         let ends = [bands.first(), bands.last()].map(|band| band.map_or(1.0, |band| band.frequency_hz));
-        // With room for the dots at both ends.
+        // Margin for the dots at both ends.
         Axis::of("Frequency (Hz)")
             .log()
             .over(ends[0] / 1.03, ends[1] * 1.03)
@@ -103,14 +103,14 @@ fn plots(bands: &[BandAnswer]) -> Vec<Plot> {
         Plot {
             title: "Magnitude".into(),
             x: frequency(),
-            // With room above the peak.
+            // Margin above the peak.
             y: Axis::of("Acceleration by current (m/s² per A)")
                 .over(low / 1.3, 1.6 * high)
                 .log(),
             marks: both(curve(&|b| b.measured.norm()), curve(&|b| b.fitted.norm())),
             size: (0.0, 320.0),
-            caption: "A peak is a resonance. Dots that leave the line at one end of the band tell of a sensor or a hold that the \
-                      model lacks."
+            caption: "A peak is a resonance. Dots that leave the line at one end of the band indicate a sensor or a hold that the \
+                      model does not include."
                 .into(),
             ..Plot::default()
         },
@@ -121,7 +121,7 @@ fn plots(bands: &[BandAnswer]) -> Vec<Plot> {
             y: Axis::of("Phase (degrees)").over(low_deg, high_deg).named(right_angles),
             marks: both(measured_deg, fitted_deg),
             size: (0.0, 260.0),
-            caption: "It falls by 180° through each resonance, the more suddenly the higher its quality.".into(),
+            caption: "The phase falls by 180° through each resonance, more steeply for a higher quality.".into(),
             ..Plot::default()
         },
         Plot {
@@ -132,13 +132,13 @@ fn plots(bands: &[BandAnswer]) -> Vec<Plot> {
                 Style::of(Ink::Blue),
                 curve(&|b| 100.0 * (b.measured - b.fitted).norm() / b.measured.norm()),
             )],
-            caption: "Level and low: noise. A hump: something that the model has not, such as a second mode of the tool.".into(),
+            caption: "A low, flat residual is noise. A peak indicates an effect outside the model, such as a second mode of the tool.".into(),
             ..Plot::default()
         },
     ]
 }
 
-/// Phases in degrees without jumps, from the first on.
+/// Unwraps phases in degrees, starting from the first.
 fn unwrapped(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     let (mut turns, mut last): (f64, Option<f64>) = (0.0, None);
     let unwrap = |(hz, deg): (f64, f64)| {
@@ -151,7 +151,7 @@ fn unwrapped(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     points.into_iter().map(unwrap).collect()
 }
 
-/// A phase near another one: whole turns are taken off.
+/// Shifts phases by whole turns towards `to`.
 fn near(points: Vec<(f64, f64)>, to: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let pairs = points.into_iter().zip(to);
     pairs
@@ -159,7 +159,7 @@ fn near(points: Vec<(f64, f64)>, to: &[(f64, f64)]) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Multiples of 90 degrees around all of these.
+/// Multiples of 90 degrees that enclose all points.
 fn quarters<'a>(points: impl Iterator<Item = &'a (f64, f64)>) -> (f64, f64) {
     let (low, high) = points.fold((0.0_f64, 0.0_f64), |(low, high), (_, deg)| {
         (low.min(*deg), high.max(*deg))

@@ -1,17 +1,18 @@
-//! One colour for each signal of a page.
+//! Assignment of one colour per signal of a page.
 
 use super::theme::Ink;
 use super::thinning::Envelope;
 
-/// The colours of signals, in the order in which these appear. Signals of one name share theirs, and so do those of the same
-/// samples.
+/// The colours of signals, in the order of their appearance. Signals with equal names or equal samples share
+/// a colour.
 #[derive(Debug, Default)]
 pub struct Inks {
     known: Vec<(String, Option<Envelope>, Ink)>,
 }
 
 impl Inks {
-    /// The colour of a signal in a frame in which `beside` are taken: its own, unless another signal there has the same.
+    /// The colour of a signal in a frame that already uses the colours `beside`: its own, unless another
+    /// signal there has the same.
     pub fn of(&mut self, name: &str, samples: Option<&Envelope>, beside: &[Ink]) -> Ink {
         let is_it = |(known, of, _): &&(String, Option<Envelope>, Ink)| {
             known == name || samples.is_some() && of.as_ref() == samples
@@ -22,7 +23,7 @@ impl Inks {
         }
         let uses = |ink: &Ink| self.known.iter().filter(|(.., of)| of == ink).count();
         let free = Ink::CYCLE.into_iter().filter(|ink| !beside.contains(ink));
-        // The first of those least used.
+        // The first of the least used colours.
         let ink = free.min_by_key(uses).unwrap_or(Ink::number(beside.len()));
         if known.is_none() {
             self.known.push((name.to_owned(), samples.cloned(), ink));

@@ -1,6 +1,6 @@
-//! Where the blocks of a drawing stand and how its links run: a layered layout in the manner of Sugiyama, left to
-//! right. Layers by longest path, order within a layer by barycentres and exchanges of neighbours, heights by least
-//! squares under the order. Links that run backwards are led around below; what is too wide is broken into rows.
+//! Layered layout of a drawing from left to right, after Sugiyama: layers by longest path, order within a
+//! layer by barycentres and exchanges of neighbours, heights by constrained least squares. Backward links run
+//! below; a layout that is too wide is broken into rows.
 
 mod heights;
 mod order;
@@ -9,7 +9,7 @@ mod rows;
 pub(crate) use rows::in_rows;
 use std::collections::VecDeque;
 
-/// A rectangle to be placed.
+/// A rectangle to place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Block {
     pub width: f64,
@@ -17,10 +17,10 @@ pub(crate) struct Block {
     pub side: Side,
 }
 
-/// Where a block may stand.
+/// Allowed side of a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Side {
-    /// Anywhere.
+    /// Any position.
     Free,
     /// Left of all others.
     Left,
@@ -36,17 +36,17 @@ pub(crate) struct Link {
     pub from_y: f64,
     pub to: usize,
     pub to_y: f64,
-    /// Room for what is written at its start and at its end.
+    /// Width of the labels at its start and at its end.
     pub room: (f64, f64),
-    /// Does it close a loop, so that it rather than another should run backwards?
+    /// True if the link closes a loop and should be the backward link of it.
     pub closes_loop: bool,
 }
 
-/// The result: the top left corner of every block, the course of every link, the size of it all.
+/// The result: top left corners of the blocks, courses of the links, and total size.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Layout {
     pub corners: Vec<(f64, f64)>,
-    /// (link, course), the parts of a link in any order.
+    /// (link, course); the parts of a link are in any order.
     pub routes: Vec<(usize, Route)>,
     pub size: (f64, f64),
 }
@@ -54,18 +54,18 @@ pub(crate) struct Layout {
 /// The course of a link.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Route {
-    /// Points to be joined by curves that leave and arrive horizontally.
+    /// Points joined by curves that start and end horizontally.
     Forward(Vec<(f64, f64)>),
-    /// Corners of a course of horizontal and vertical stretches.
+    /// Corners of a course of horizontal and vertical segments.
     Around(Vec<(f64, f64)>),
 }
 
-/// A block, or a place where a long link passes a layer.
+/// A block, or a point at which a long link passes a layer.
 #[derive(Debug, Clone, Copy)]
 struct Item {
     layer: usize,
     height: f64,
-    /// Is there a block, rather than a link passing?
+    /// True for a block, false for a passing link.
     solid: bool,
 }
 
@@ -81,7 +81,7 @@ struct Segment {
 const LAYER_GAP: f64 = 34.0;
 const LANE: f64 = 11.0;
 
-/// Places everything.
+/// Computes the layout.
 pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
     let backward = backward_links(blocks.len(), links);
     let layers = layers(blocks, links, &backward);
@@ -112,7 +112,7 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
                 layers[link.from].max(layers[link.to]),
             );
             let within = (0..items.len()).filter(|i| (span.0..=span.1).contains(&items[*i].layer));
-            // A block's own loop stays close to it.
+            // A self-loop stays close to its block.
             let floor = if link.from == link.to {
                 bottom(link.from) - 12.0
             } else {
@@ -125,7 +125,7 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
         } else {
             let mut points = vec![start];
             let edge = |layer: usize| (columns[layer].0, columns[layer].0 + columns[layer].1);
-            // Straight past what is written beside the layer, so that no link crosses it.
+            // Straight past the labels beside the layer, so that no link crosses them.
             let (from, to) = (layers[link.from], layers[link.to]);
             points.push((edge(from).1 + rooms[from].0, start.1));
             for item in &chains[number] {
@@ -152,7 +152,7 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
 }
 
 impl Layout {
-    /// Moves everything so that it begins at (0, 0), and measures it.
+    /// Moves everything to the origin and computes the size.
     fn settle(&mut self, blocks: &[Block]) {
         let ends = self
             .corners
@@ -191,7 +191,7 @@ impl Route {
     }
 }
 
-/// Which links run against the layers: those that say they close a loop where they do, then whatever else does.
+/// Finds backward links: preferably those that close a loop, then any others.
 fn backward_links(blocks: usize, links: &[Link]) -> Vec<bool> {
     let mut backward: Vec<bool> = links
         .iter()
@@ -230,7 +230,8 @@ fn backward_links(blocks: usize, links: &[Link]) -> Vec<bool> {
     backward
 }
 
-/// The layer of every block: as far left as its inputs allow, those without inputs as far right as their readers do.
+/// Layer of every block: as far left as its inputs allow; blocks without inputs as far right as their readers
+/// allow.
 fn layers(blocks: &[Block], links: &[Link], backward: &[bool]) -> Vec<usize> {
     let forward: Vec<&Link> = links
         .iter()
@@ -285,7 +286,7 @@ fn layers(blocks: &[Block], links: &[Link], backward: &[bool]) -> Vec<usize> {
 
 type Subdivision = (Vec<Item>, Vec<Segment>, Vec<Vec<usize>>);
 
-/// Cuts links into segments between neighbouring layers; the items added for a link are its chain.
+/// Splits links into segments between neighbouring layers; the items added for a link form its chain.
 fn subdivide(blocks: &[Block], links: &[Link], backward: &[bool], layers: &[usize]) -> Subdivision {
     let mut items: Vec<Item> = blocks
         .iter()
@@ -326,11 +327,11 @@ fn subdivide(blocks: &[Block], links: &[Link], backward: &[bool], layers: &[usiz
     (items, segments, chains)
 }
 
-/// Where the layers stand.
+/// Horizontal positions of the layers.
 struct Columns {
     /// Left edge and width of every layer.
     columns: Vec<(f64, f64)>,
-    /// Room right and left of it for what is written on the links.
+    /// Width to the right and left of every layer for labels.
     rooms: Vec<(f64, f64)>,
 }
 
@@ -342,7 +343,7 @@ impl Columns {
             width[*layer] = width[*layer].max(block.width);
         }
         let mut rooms = vec![(0.0_f64, 0.0_f64); count];
-        // A link that goes around takes a lane of its own.
+        // A link that runs around needs its own lane.
         let mut lanes = vec![(0.0, 0.0); count];
         for (link, backward) in links.iter().zip(backward) {
             let (from, to) = (layers[link.from], layers[link.to]);
@@ -368,7 +369,7 @@ impl Columns {
     }
 }
 
-/// Lanes below the blocks that links running backwards have taken.
+/// Lanes below the blocks for backward links.
 #[derive(Default)]
 struct Lanes {
     /// (first layer, last layer, height).

@@ -1,8 +1,6 @@
-//! Everything a person looks at: plots, drawings of graphs, and the page a run leaves behind. All of it is SVG and
-//! HTML that needs no network and no font of its own, is whole without its script, and follows the reader's light or dark
-//! theme.
+//! Plots, drawings of graphs, and pages of runs, as SVG and HTML. They load nothing from the network, need no
+//! font of their own, are complete without their script, and follow the reader's light or dark theme.
 
-pub mod asked;
 pub mod drawing;
 pub mod evaluation;
 pub mod facts;
@@ -18,6 +16,7 @@ mod map_figures;
 pub mod page;
 mod player;
 pub mod plot;
+pub mod plot_request;
 mod raster;
 pub mod record;
 pub mod reference;

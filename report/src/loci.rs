@@ -1,4 +1,5 @@
-//! Where the poles of interpolated models go (Fig. 2.9): by coefficients they may leave the unit circle, by line spectral frequencies not.
+//! Loci of the poles of interpolated models (Fig. 2.9): with coefficients they may leave the unit circle,
+//! with line spectral frequencies they cannot.
 
 use super::page::figures_of;
 use super::plot::{Axis, Mark, Plot, Style, Weight};
@@ -12,13 +13,13 @@ use std::f64::consts::TAU;
 /// Steps along each side of the triangle.
 const STEPS: usize = 24;
 
-/// Both loci around the triangle in which they differ most; a sentence where they do not.
+/// Both loci around the triangle in which they differ most, or a sentence if they do not differ.
 pub(super) fn section(texture: &TextureModel) -> String {
     let models = |triangle: &[u32; 3]| triangle.map(|vertex| &texture.models()[vertex as usize]);
     let inside = |triangle: &&[u32; 3]| models(triangle).iter().all(|at| at.kind != VertexKind::Edge);
     let of = |triangle: &[u32; 3]| {
         let models = models(triangle).map(|at| &at.model);
-        let paths = both_ways(&models);
+        let paths = both_loci(&models);
         (apart(&paths, models[0].ar().len()), models, paths)
     };
     let loci = texture.triangles().iter().filter(inside).map(of);
@@ -44,22 +45,22 @@ pub(super) fn section(texture: &TextureModel) -> String {
     let axis = match texture.warping() {
         0.0 => String::new(),
         warping => format!(
-            " The models' frequency axis is warped by {warping:.3}; shown are the poles of the filters that they are, on the plain \
+            " The models' frequency axis is warped by {warping:.3}; the plotted poles are those of the filters on the unwarped \
              axis."
         ),
     };
     format!(
-        "<p>Poles along the sides of the triangle of the map in which the two ways differ most (by {}), the corners being models: \
+        "<p>Poles along the sides of the triangle in which the two methods differ most (by {}); the corners are models. They are \
          interpolated by their coefficients, which may leave the circle, and by their line spectral frequencies, which never do.{axis}</p>\
          <div class=\"pair\">{figures}</div>",
         plain(apart)
     )
 }
 
-/// Poles that are no farther apart look the same in a plot.
+/// Smallest visible distance between poles.
 const SEEN: f64 = 0.02;
 
-/// How far a pole of one way is at most from the nearest of the other at the same place of the triangle.
+/// Largest distance of a pole of one method from the nearest pole of the other at the same position.
 fn apart([a, b]: &[Vec<(f64, f64)>; 2], order: usize) -> f64 {
     let nearest = |(x, y): (f64, f64), others: &[(f64, f64)]| {
         let distances = others.iter().map(|other| (x - other.0).hypot(y - other.1));
@@ -73,33 +74,33 @@ fn apart([a, b]: &[Vec<(f64, f64)>; 2], order: usize) -> f64 {
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Way {
+enum Interpolation {
     Coefficients,
     Frequencies,
 }
 
 /// Poles around the triangle by coefficients and by line spectral frequencies.
-pub(super) fn both_ways(models: &[&ArmaModel; 3]) -> [Vec<(f64, f64)>; 2] {
-    [Way::Coefficients, Way::Frequencies].map(|way| around(models, way))
+pub(super) fn both_loci(models: &[&ArmaModel; 3]) -> [Vec<(f64, f64)>; 2] {
+    [Interpolation::Coefficients, Interpolation::Frequencies].map(|by| around(models, by))
 }
 
-/// Poles of all mixes along the three sides.
-fn around(models: &[&ArmaModel; 3], way: Way) -> Vec<(f64, f64)> {
+/// Poles of the interpolated models along the three sides.
+fn around(models: &[&ArmaModel; 3], by: Interpolation) -> Vec<(f64, f64)> {
     let mixes = (0..3).flat_map(|side| (0..STEPS).map(move |step| (side, step as f64 / STEPS as f64)));
     mixes
         .flat_map(|(side, part)| {
-            let mixed = mix(models[side], models[(side + 1) % 3], part, way);
+            let mixed = mix(models[side], models[(side + 1) % 3], part, by);
             places(&mixed, models[side].warping())
         })
         .collect()
 }
 
-fn mix(a: &ArmaModel, b: &ArmaModel, part: f64, way: Way) -> Vec<f64> {
+fn mix(a: &ArmaModel, b: &ArmaModel, part: f64, by: Interpolation) -> Vec<f64> {
     let between =
         |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a + part * (b - a)).collect() };
-    match way {
-        Way::Coefficients => between(a.ar(), b.ar()),
-        Way::Frequencies => {
+    match by {
+        Interpolation::Coefficients => between(a.ar(), b.ar()),
+        Interpolation::Frequencies => {
             let mut ar = vec![0.0; a.ar().len()];
             lsf_to_ar(&between(a.ar_lsf(), b.ar_lsf()), &mut ar);
             ar
@@ -107,7 +108,7 @@ fn mix(a: &ArmaModel, b: &ArmaModel, part: f64, way: Way) -> Vec<f64> {
     }
 }
 
-/// The poles in z of `1 / A(D(z))`: a root zeta of A is there where the all-pass is 1 / zeta, at (zeta + l) / (1 + l zeta).
+/// The poles of `1 / A(D(z))` in z: the all-pass maps a root zeta of A to (zeta + l) / (1 + l zeta).
 pub(super) fn places(ar: &[f64], warping: f64) -> Vec<(f64, f64)> {
     poles(ar)
         .unwrap_or_default()
@@ -140,6 +141,6 @@ fn plot(title: &str, path: &[(f64, f64)], own: &[(f64, f64)]) -> Plot {
         ],
         size: (384.0, 378.0),
         aspect: Some(1.0),
-        caption: "A pole outside of the circle is a filter that runs away.".to_owned(),
+        caption: "A pole outside of the circle makes the filter unstable.".to_owned(),
     }
 }

@@ -1,20 +1,21 @@
-//! Textures as places on a map (Fig. 2.11), and the tree of those that are alike.
+//! The perceptual map of textures (Fig. 2.11), and the tree of their clusters.
 
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::theme::Ink;
 use haptograph_surfaces::evaluate::PerceptualMap;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Frame of the map in pixels, less its margins: one unit is as long on both axes.
+/// Width of the map's frame by its height, without margins: both axes have one scale.
 const ASPECT: f64 = 676.0 / 412.0;
 
-/// Are there fewer k-means groups than textures?
+/// True if there are fewer k-means groups than textures.
 pub(super) fn has_groups(map: &PerceptualMap) -> bool {
     let groups: BTreeSet<usize> = map.k_means.iter().copied().collect();
     groups.len() < map.names.len()
 }
 
-/// The first two dimensions of the map, k-means groups outlined, with the directions of roughness and fineness.
+/// The first two dimensions of the map, with outlined k-means groups and the directions of roughness and
+/// fineness.
 pub(super) fn places(map: &PerceptualMap) -> Plot {
     let place = |i: usize| {
         let place = &map.scaling.places[i];
@@ -68,7 +69,7 @@ pub(super) fn places(map: &PerceptualMap) -> Plot {
         marks,
         size: (0.0, 520.0),
         aspect: Some(ASPECT),
-        caption: "Textures that lie close to each other differ little. The axes have no meaning of their own; the arrows say where \
+        caption: "Textures that lie close to each other differ little. The axes have no meaning of their own; the arrows point to where \
                   power and spectral centroid grow."
             .to_owned(),
         ..Plot::default()
@@ -82,7 +83,8 @@ fn materials(map: &PerceptualMap) -> Vec<&String> {
     materials
 }
 
-/// A line through the middle of the map with a head where the property is greatest; none if it grows nowhere.
+/// An arrow through the centre of the map towards the largest value of the property; `None` if it grows
+/// nowhere.
 fn arrow(direction: &[f64], half: f64) -> Option<Vec<[(f64, f64); 2]>> {
     let (x, y) = (*direction.first()?, *direction.get(1)?);
     let length = x.hypot(y);
@@ -99,7 +101,7 @@ fn arrow(direction: &[f64], half: f64) -> Option<Vec<[(f64, f64); 2]>> {
     ])
 }
 
-/// The convex hull of points (Andrew's monotone chain), `margin` wider all around.
+/// The convex hull of points (Andrew's monotone chain), widened by `margin`.
 fn outline(points: Vec<(f64, f64)>, margin: f64) -> Vec<(f64, f64)> {
     let mut around: Vec<(f64, f64)> = points
         .iter()
@@ -126,11 +128,11 @@ fn outline(points: Vec<(f64, f64)>, margin: f64) -> Vec<(f64, f64)> {
     hull
 }
 
-/// The tree in which the nearest textures join first.
+/// The dendrogram: the nearest textures join first.
 pub(super) fn tree(map: &PerceptualMap) -> Plot {
     let count = map.names.len();
     let order = leaves(map);
-    // Where each group is drawn: its distance, and its row.
+    // Position of each group: distance and row.
     let mut at = vec![(0.0, 0.0); count];
     order
         .iter()
@@ -170,7 +172,7 @@ pub(super) fn tree(map: &PerceptualMap) -> Plot {
     }
 }
 
-/// Textures in an order in which no lines of the tree cross.
+/// An order of the textures in which no lines of the tree cross.
 fn leaves(map: &PerceptualMap) -> Vec<usize> {
     let count = map.names.len();
     let mut groups: Vec<Vec<usize>> = (0..count).map(|i| vec![i]).collect();

@@ -1,13 +1,13 @@
-//! The page that a run leaves behind: one HTML file, everything in it, nothing fetched.
+//! The page of a run: one HTML file without external resources.
 
 pub(super) mod signals;
 
-use super::asked::{Asked, Drawn, Trace};
 use super::figures;
 use super::headlines::{Headline, cards, of_signals};
 use super::inks::Inks;
 use super::player;
 use super::plot::Plot;
+use super::plot_request::{PlotRequest, RunTraces, Trace};
 use super::record::{Friction, Recorded};
 use super::sound::Sound;
 use super::svg::escape;
@@ -17,53 +17,53 @@ use base64::engine::general_purpose::STANDARD;
 use haptograph_surfaces::TextureModel;
 use sha2::{Digest, Sha256};
 
-/// What a page shows.
+/// Content of a page.
 #[derive(Debug, Default)]
 pub struct Page<'a> {
     /// Name of the graph.
     pub title: String,
-    /// What the graph is about, as its file tells it.
+    /// The description in the graph's file.
     pub about: String,
-    /// What of it comes from simulated devices.
+    /// Which part of the run is simulated.
     pub simulation: Simulation,
-    /// The numbers to read first, before those of the sound.
+    /// Headlines, shown before those of the sound.
     pub headlines: Vec<Headline>,
-    /// What tells the friction, of the signals.
+    /// The signals that yield the friction coefficient.
     pub friction: Option<Friction>,
-    /// What is to be known of the run: names and values.
+    /// The facts of the run: names and values.
     pub facts: Vec<(String, String)>,
-    /// What the reader should be warned of: limits that held back, faults, a run cut short.
+    /// Warnings: active limits, NaN or infinity, an interrupted run.
     pub warnings: Vec<String>,
-    /// The files beside the page: names, and what they hold.
+    /// The files beside the page: names and contents.
     pub files: Vec<(String, String)>,
-    /// What there is to hear.
+    /// The sound to play.
     pub sound: Option<&'a Sound>,
-    /// The plots that the graph asks for, each with a trace for each of its signals.
-    pub asked: Vec<(&'a Asked, &'a [Trace])>,
+    /// The plots requested by the graph, each with a trace per signal.
+    pub requests: Vec<(&'a PlotRequest, &'a [Trace])>,
     /// The signals.
     pub signals: Vec<Recorded>,
-    /// The texture that a signal on a map belongs to, by the signal's name.
+    /// The texture of a signal on a map, by the signal's name.
     pub textures: Vec<(String, &'a TextureModel)>,
     /// The drawing of the graph.
     pub drawing: String,
 }
 
-/// What of a run comes from simulated devices.
+/// Which part of a run is simulated.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum Simulation {
     /// Nothing.
     #[default]
     None,
-    /// All of its devices are.
+    /// All devices.
     All,
-    /// Some of its devices: which, in whole sentences.
+    /// Some devices, named in whole sentences.
     Some(String),
-    /// All that it is of, in whole sentences.
+    /// All data, described in whole sentences.
     Whole(String),
 }
 
 impl Simulation {
-    /// Beside the title.
+    /// Badge beside the title.
     pub(super) fn badge(&self) -> &'static str {
         match self {
             Self::None => "",
@@ -72,7 +72,7 @@ impl Simulation {
         }
     }
 
-    /// Below the facts, as HTML.
+    /// Remark below the facts, as HTML.
     pub(super) fn remark(&self) -> String {
         let text = match self {
             Self::None => return String::new(),
@@ -83,8 +83,8 @@ impl Simulation {
     }
 }
 
-/// What is said where all devices are simulated.
-const ALL_SIMULATED: &str = "All devices in this run were simulated: what is shown is what the models of them did, not a \
+/// Remark if all devices are simulated.
+const ALL_SIMULATED: &str = "All devices in this run were simulated: the results show the behaviour of their models, not a \
     measurement.";
 
 impl Page<'_> {
@@ -95,13 +95,13 @@ impl Page<'_> {
         let heads = cards(&headlines) + &self.simulation.remark();
         let mut inks = Inks::default();
         let mut main: Vec<Plot> = Vec::new();
-        for (asked, traces) in &self.asked {
-            let run = Drawn { name: "", traces };
-            main.extend(asked.plots(&[run], &mut inks));
+        for (request, traces) in &self.requests {
+            let run = RunTraces { name: "", traces };
+            main.extend(request.plots(&[run], &mut inks));
         }
         main.extend(self.maps());
         line_up(&mut main, &self.signals);
-        let signals = signals::section(&self.signals, &self.asked, &mut inks);
+        let signals = signals::section(&self.signals, &self.requests, &mut inks);
         let drawing = match self.drawing.as_str() {
             "" => String::new(),
             drawing => format!("<figure class=\"wide\">{drawing}</figure>"),
@@ -148,7 +148,7 @@ impl Page<'_> {
     }
 }
 
-/// Lets plots over time show the whole run, so that moments lie under one another.
+/// Extends plots over time to the whole run, so that equal times are aligned.
 pub(super) fn line_up<'a>(plots: &mut [Plot], signals: impl IntoIterator<Item = &'a Recorded>) {
     let end_s = signals.into_iter().map(Recorded::duration_s).fold(0.0, f64::max);
     for plot in plots.iter_mut().filter(|plot| plot.x.is_time && end_s > 0.0) {
@@ -156,7 +156,7 @@ pub(super) fn line_up<'a>(plots: &mut [Plot], signals: impl IntoIterator<Item = 
     }
 }
 
-/// Names and values.
+/// A list of names and values.
 pub(super) fn facts(facts: &[(String, String)]) -> String {
     let fact =
         |(name, value): &(String, String)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(value));
@@ -166,27 +166,27 @@ pub(super) fn facts(facts: &[(String, String)]) -> String {
     }
 }
 
-/// A file's name as an address relative to the page: whatever has a meaning there is written as its bytes.
+/// A file name as a URL relative to the page; reserved characters are percent-encoded.
 pub(super) fn address(name: &str) -> String {
     let letter = |byte: u8| match byte {
         b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b'/' => char::from(byte).to_string(),
         other => format!("%{other:02X}"),
     };
     let address: String = name.bytes().map(letter).collect();
-    // A first part with a colon would be a scheme; here it cannot, and no name begins with a slash.
+    // The prefix keeps a name with a colon from being read as a scheme.
     format!("./{}", address.trim_start_matches('/'))
 }
 
-/// Plots as figures of a sheet.
+/// Plots as figures of a page.
 pub(super) fn figures_of(plots: &[Plot]) -> String {
     plots.iter().map(Plot::to_figure).collect()
 }
 
-/// An HTML file: a head, and sections of a heading and HTML; empty ones are left out.
+/// An HTML file with a header and titled sections; empty sections are omitted.
 pub(super) struct Sheet<'a> {
     pub title: &'a str,
     pub about: &'a str,
-    /// Beside the title; nothing where it is empty.
+    /// Badge beside the title; omitted if empty.
     pub badge: &'a str,
     pub warnings: &'a [String],
     pub sections: &'a [(&'a str, String)],
@@ -219,7 +219,7 @@ impl Sheet<'_> {
              <meta name=\"viewport\" content=\"width=device-width\">\n<meta name=\"color-scheme\" content=\"light dark\">\n\
              <title>{title}</title>\n<style>{}{}{}{STYLE}</style>\n</head>\n<body>\n<main>\n\
              <header><h1>{title} {badge}</h1>{}</header>\n{warnings}\n\
-             <div class=\"tools\" hidden=\"\"><span class=\"fine\">Drag over a plot to zoom, double-click for the whole.</span></div>\n\
+             <div class=\"tools\" hidden=\"\"><span class=\"fine\">Drag over a plot to zoom, double-click to reset.</span></div>\n\
              {sections}<footer>Made by haptograph {}</footer>\n</main>\n<script>{SCRIPT}</script>\n</body>\n</html>\n",
             policy(),
             theme::css(),
@@ -239,7 +239,7 @@ fn paragraphs(text: &str) -> String {
 const STYLE: &str = include_str!("page/style.css");
 const SCRIPT: &str = include_str!("page/script.js");
 
-/// What a browser may do with a page: show what is in it and run its own script, and fetch nothing.
+/// Content security policy of a page: its own content and script only, no requests.
 fn policy() -> String {
     let hash = STANDARD.encode(Sha256::digest(SCRIPT));
     format!(

@@ -1,4 +1,4 @@
-//! The player of a page: the sound itself, what it is, and its strongest moment up close.
+//! The sound player of a page, with a description and a close-up of the strongest moment.
 
 use super::figures::axis_label;
 use super::plot::{Axis, Mark, Plot, Style};
@@ -10,7 +10,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use haptograph_signal::quantity::Quantity;
 
-/// How much of the sound is shown up close, s.
+/// Length of the close-up, s.
 const CLOSE_UP_S: f64 = 0.05;
 
 pub(super) fn section(sound: &Sound) -> String {
@@ -23,7 +23,7 @@ pub(super) fn section(sound: &Sound) -> String {
     )
 }
 
-/// What is heard, and what was done to it.
+/// Description of the sound and its processing.
 fn about(sound: &Sound) -> String {
     let stream = &sound.stream;
     let simulated = if stream.simulated { ", simulated" } else { "" };
@@ -37,14 +37,14 @@ fn about(sound: &Sound) -> String {
         false => format!("resampled from {} to {RATE_HZ} Hz, ", stream.rate),
     };
     format!(
-        "{extent} {}{simulated}: {resampled}without its mean, its highest peak set to {} dB of full scale, so that its \
-         loudness says nothing of its strength.",
+        "{extent} {}{simulated}: {resampled}without its mean, normalised to a peak of {} dB of full scale, so that its \
+         loudness does not show its strength.",
         stream.name,
         plain(PEAK_DBFS),
     )
 }
 
-/// The samples around the strongest one.
+/// Plot of the samples around the strongest one.
 fn close_up(sound: &Sound) -> String {
     let rate_hz = f64::from(RATE_HZ);
     let count = ((CLOSE_UP_S * rate_hz) as usize).min(sound.samples.len());
@@ -66,8 +66,7 @@ fn close_up(sound: &Sound) -> String {
             Style::of(Ink::Blue),
             (0..count).map(|i| (at(i), value(i))).collect(),
         )],
-        caption: "Around the highest peak; a click on a plot over time shows what is there instead."
-            .to_owned(),
+        caption: "The highest peak; click on a plot over time to show another moment.".to_owned(),
         ..Plot::default()
     }
     .to_close_up(rate_hz, sound.full_scale)

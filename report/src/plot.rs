@@ -1,4 +1,4 @@
-//! Plots: a frame with two axes and marks in it. A plot is data; [`Plot::to_figure`] draws it for a page.
+//! Plots: a frame with two axes and marks. A plot is data; [`Plot::to_figure`] renders it for a page.
 
 mod figure;
 mod marks;
@@ -18,92 +18,92 @@ pub use super::scale::Spread;
 /// A plot.
 #[derive(Debug, Clone, Default)]
 pub struct Plot {
-    /// What is seen, above the frame.
+    /// Title above the frame.
     pub title: String,
-    /// A remark beside the title; `simulated` goes here.
+    /// Remark beside the title, for example `simulated`.
     pub note: String,
     /// The horizontal axis.
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// What is drawn, the first at the bottom.
+    /// The marks, drawn in this order.
     pub marks: Vec<Mark>,
-    /// Width and height in pixels; 0: the usual. On a page the width is that of the page.
+    /// Width and height in pixels; 0 selects the default. On a page the width is that of the page.
     pub size: (f64, f64),
-    /// Width of the frame by its height, on a page, where both axes have one scale.
+    /// Width of the frame by its height, on a page, for plots with one scale on both axes.
     pub aspect: Option<f64>,
-    /// What is to be seen in it, below the frame on a page.
+    /// Caption below the frame on a page.
     pub caption: String,
 }
 
 /// An axis.
 #[derive(Debug, Clone, Default)]
 pub struct Axis {
-    /// What it shows, with its unit: `Force (N)`.
+    /// Label with unit: `Force (N)`.
     pub label: String,
-    /// Smallest and largest value; `None`: as the marks need.
+    /// Smallest and largest value; `None` fits the marks.
     pub range: Option<(f64, f64)>,
     /// Linear or logarithmic.
     pub spread: Spread,
     /// Names at values, in place of numbers.
     pub names: Vec<(f64, String)>,
-    /// Is it the time of the run?
+    /// True for the time of the run.
     pub is_time: bool,
 }
 
-/// Something drawn in the frame.
+/// A drawn element.
 #[derive(Debug, Clone)]
 pub enum Mark {
-    /// A curve through points; a point that is not finite interrupts it.
+    /// A curve through points, interrupted at points that are not finite.
     Line(Style, Vec<(f64, f64)>),
     /// The area between two curves: (x, low, high).
     Band(Style, Vec<(f64, f64, f64)>),
     /// A dot at each point.
     Dots(Style, Vec<(f64, f64)>),
-    /// A bar from zero at each point, this wide in units of x.
+    /// A bar from zero at each point, with this width in units of x.
     Bars(Style, Vec<(f64, f64)>, f64),
     /// Separate straight lines.
     Segments(Style, Vec<[(f64, f64); 2]>),
     /// Closed shapes, filled with the tint.
     Areas(Style, Vec<Vec<(f64, f64)>>),
-    /// A picture of cells over (x from, x to), (y from, y to), with a scale of colours beside the frame.
+    /// An image of cells with a colour scale beside the frame.
     Image(Image),
-    /// A word at each point.
+    /// A text at each point.
     Words(Vec<(f64, f64, String)>),
 }
 
-/// Cells as colours.
+/// Cells shown as colours.
 #[derive(Debug, Clone)]
 pub struct Image {
     /// The values.
     pub cells: Cells,
-    /// What they span horizontally.
+    /// Horizontal range.
     pub x: (f64, f64),
-    /// What they span vertically.
+    /// Vertical range.
     pub y: (f64, f64),
     /// Values of the darkest and the brightest colour.
     pub colours: (f64, f64),
-    /// What the values are, with their unit.
+    /// Label of the values, with unit.
     pub label: String,
 }
 
-/// How a mark looks.
+/// Style of a mark.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Style {
     /// Its colour.
     pub ink: Ink,
-    /// Its name in the legend; empty: not in it.
+    /// Name in the legend; empty to omit it.
     pub name: String,
     /// Its weight.
     pub weight: Weight,
 }
 
-/// How strongly a mark shows.
+/// Line weight or dot size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Weight {
     /// Thin or small.
     Hair,
-    /// The usual.
+    /// Default.
     #[default]
     Normal,
     /// Thick or large.
@@ -113,7 +113,7 @@ pub enum Weight {
 }
 
 impl Style {
-    /// A nameless mark.
+    /// A mark without a name.
     pub fn of(ink: Ink) -> Self {
         Self {
             ink,
@@ -121,14 +121,14 @@ impl Style {
             weight: Weight::Normal,
         }
     }
-    /// A mark with its name in the legend.
+    /// A mark with a name in the legend.
     pub fn named(ink: Ink, name: impl Into<String>) -> Self {
         Self {
             name: name.into(),
             ..Self::of(ink)
         }
     }
-    /// The same with another weight.
+    /// Sets the weight.
     #[must_use]
     pub fn weight(self, weight: Weight) -> Self {
         Self { weight, ..self }
@@ -146,14 +146,14 @@ impl Style {
 }
 
 impl Axis {
-    /// An axis as wide as the marks need.
+    /// An axis that fits the marks.
     pub fn of(label: impl Into<String>) -> Self {
         Self {
             label: label.into(),
             ..Self::default()
         }
     }
-    /// The same over a fixed range.
+    /// Sets a fixed range.
     #[must_use]
     pub fn over(self, low: f64, high: f64) -> Self {
         Self {
@@ -161,7 +161,7 @@ impl Axis {
             ..self
         }
     }
-    /// The same with a logarithmic spread.
+    /// Makes the axis logarithmic.
     #[must_use]
     pub fn log(self) -> Self {
         Self {
@@ -169,7 +169,7 @@ impl Axis {
             ..self
         }
     }
-    /// The same with names in place of numbers.
+    /// Sets names in place of numbers.
     #[must_use]
     pub fn named(self, names: impl IntoIterator<Item = (f64, String)>) -> Self {
         Self {
@@ -180,8 +180,8 @@ impl Axis {
 }
 
 impl Mark {
-    /// A signal over time: its samples where it is short, the area between its extremes where it is long. `show` leads
-    /// from SI to the axis.
+    /// A signal over time: its samples if it is short, the area between its extremes if it is long. `show`
+    /// converts SI values to the axis.
     pub fn signal(style: Style, envelope: &Envelope, show: impl Fn(f64) -> f64) -> Self {
         let points = envelope.points();
         if envelope.is_exact() {
@@ -191,7 +191,7 @@ impl Mark {
         }
     }
 
-    /// The same of samples at a rate.
+    /// The same for samples at a rate.
     pub fn samples(style: Style, rate_hz: f64, samples: &[f64], factor: f64) -> Self {
         let mut envelope = Envelope::new(rate_hz);
         envelope.extend(samples.iter().copied());
@@ -206,7 +206,7 @@ impl Mark {
         }
     }
 
-    /// The points that the axes have to hold.
+    /// The points that the axes must contain.
     fn extent(&self) -> Box<dyn Iterator<Item = (f64, f64)> + '_> {
         match self {
             Self::Line(_, points) | Self::Dots(_, points) => Box::new(points.iter().copied()),
@@ -230,7 +230,7 @@ impl Mark {
 const USUAL_SIZE: (f64, f64) = (760.0, 210.0);
 
 impl Plot {
-    /// The plot as a picture of its own.
+    /// The plot as a standalone SVG file.
     pub fn to_standalone_svg(&self) -> String {
         self.draw(&(theme::css() + theme::DOTS))
     }
@@ -248,7 +248,7 @@ impl Plot {
         });
         let right = if image.is_some() { 86.0 } else { 18.0 };
         let bottom = if self.x.label.is_empty() { 26.0 } else { 44.0 };
-        // How high the frame is has little to do with how wide the names at its side are.
+        // The height of the frame hardly depends on the width of the labels beside it.
         let room = size.0 - self.left_margin(size.1 - 34.0 - bottom) - right;
         let crowded = heading_width(&self.title, &self.note) + self.legend_width() > room;
         let top = match (self.title.is_empty(), crowded) {
@@ -286,14 +286,14 @@ impl Plot {
         svg.finish(size, &self.title, style)
     }
 
-    /// Room for the vertical axis: its longest tick and its label.
+    /// Width of the vertical axis: its longest tick and its label.
     fn left_margin(&self, height: f64) -> f64 {
         let label = if self.y.label.is_empty() { 0.0 } else { 20.0 };
-        // Plots under one another share their left edge unless a number needs more.
+        // Plots below each other share their left edge unless a tick label is wider.
         (self.widest_tick(height) + 12.0 + label).max(if self.y.label.is_empty() { 40.0 } else { 66.0 })
     }
 
-    /// The width of the longest number or name at the vertical axis.
+    /// Width of the longest tick label of the vertical axis.
     fn widest_tick(&self, height: f64) -> f64 {
         let (low, high) = self.range(&self.y, 1);
         let scale = Scale {
@@ -321,7 +321,7 @@ impl Plot {
             .flat_map(Mark::extent)
             .map(|p| if which == 0 { p.0 } else { p.1 });
         if which == 0 && axis.spread == Spread::Linear {
-            // Time and the like fill the frame to its edges.
+            // Time and similar quantities fill the frame to its edges.
             let (low, high) = values
                 .filter(|v| v.is_finite())
                 .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
@@ -358,7 +358,7 @@ impl Plot {
         if !axis.names.is_empty() {
             return axis.names.clone();
         }
-        // The horizontal axis runs with the pixels, the vertical one against them.
+        // The horizontal axis has the direction of the pixels, the vertical one the opposite.
         let room = if scale.from < scale.to { 80.0 } else { 28.0 };
         let most = ((pixels / room) as usize).clamp(2, 12);
         scale
@@ -368,7 +368,7 @@ impl Plot {
             .collect()
     }
 
-    /// The marks that have a name.
+    /// The marks with a name.
     fn named(&self) -> impl DoubleEndedIterator<Item = (&Mark, &Style)> {
         let named = |mark| Some((mark, Mark::style(mark)?)).filter(|(_, style)| !style.name.is_empty());
         self.marks.iter().filter_map(named)
@@ -380,7 +380,7 @@ impl Plot {
             .sum()
     }
 
-    /// The heading, and the legend beside it, or under it where both do not fit in a line.
+    /// The title with the legend beside it, or below it if both do not fit in a line.
     fn draw_head(&self, svg: &mut Svg, frame: Rect) {
         svg.heading((frame.x, 18.0), &self.title, &self.note);
         let line = (frame.y - 16.0).max(14.0);

@@ -1,4 +1,4 @@
-//! Pictures of many cells as PNG inside the SVG: a spectrogram as rectangles would be a hundred times larger.
+//! Images of many cells as PNG inside SVG: rectangles would take a hundred times the space.
 
 use super::theme::heat;
 
@@ -9,18 +9,18 @@ pub struct Grid {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// `height` rows of `width` values each, the bottom one first; not-a-number shows as the lowest colour.
+    /// `height` rows of `width` values each, the bottom one first; NaN is drawn in the lowest colour.
     pub values: Vec<f64>,
 }
 
 impl Grid {
-    /// Its PNG as a `data:` address, `low` in the darkest colour and `high` in the brightest.
+    /// The PNG as a `data:` URL, with `low` in the darkest colour and `high` in the brightest.
     pub(crate) fn to_address(&self, low: f64, high: f64) -> String {
         let palette = (0..=255u8).flat_map(|level| heat(f64::from(level) / 255.0));
         self.address((low, high), palette.collect())
     }
 
-    /// The same in light greys, on which other things can be seen.
+    /// The same in light greys, as a background.
     pub(crate) fn to_grey_address(&self, low: f64, high: f64) -> String {
         let grey = |level: u8| 120 + (u16::from(level) * 120 / 255) as u8;
         self.address(

@@ -1,5 +1,5 @@
-//! What a page keeps of a run: which signals of a graph a person wants to see, and as much of each as can be seen.
-//! A recording takes the same space for an hour as for ten seconds.
+//! Recording of signals for a page: selects the signals of a graph and reduces them to what can be displayed.
+//! The size of a recording does not depend on the length of the run.
 
 use super::spectra::Spectra;
 use super::thinning::{Decimated, Envelope};
@@ -10,23 +10,23 @@ use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_signal::quantity::Quantity;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// An output to be recorded.
+/// An output to record.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Watch {
+pub struct WatchedOutput {
     /// The node.
     pub node: NodeId,
     /// Index among its outputs.
     pub output: usize,
-    /// What it carries.
+    /// Clock, kind and quantity of the signal.
     pub stream: Stream,
 }
 
-/// Signals on a page are at most this many.
-const MOST_WATCHED: usize = 24;
+/// Maximum number of signals on a page.
+const MAX_WATCHED: usize = 24;
 
-/// The outputs of a graph that its page shows: what sources sense, what sinks are given, what actuators deliver, and
-/// what is rendered from: the place on a texture's map with the force and speed it was found for.
-pub fn watched(graph: &Graph) -> Vec<Watch> {
+/// The outputs of a graph that its page shows: signals of sources, inputs of sinks, outputs of actuators, and
+/// the positions on texture maps with their force and speed.
+pub fn watched(graph: &Graph) -> Vec<WatchedOutput> {
     let nodes = graph.nodes();
     let mut wanted: Vec<(NodeId, usize)> = Vec::new();
     let mut want = |port: (NodeId, usize)| {
@@ -59,17 +59,17 @@ pub fn watched(graph: &Graph) -> Vec<Watch> {
             }
         }
     }
-    wanted.truncate(MOST_WATCHED);
+    wanted.truncate(MAX_WATCHED);
     wanted
         .into_iter()
         .filter_map(|(node, output)| watch(graph, node, output))
         .collect()
 }
 
-/// What tells the friction of a run.
+/// The signals that yield the friction coefficient of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Friction {
-    /// A signal that is the coefficient.
+    /// Name of a signal that is the coefficient.
     Measured(String),
     /// Signals of the tangential and the normal force.
     Forces {
@@ -80,8 +80,8 @@ pub enum Friction {
     },
 }
 
-/// What tells the friction of a run: the first port that declares itself a friction coefficient; else the force that ports
-/// named `friction` read by the one that ports named `load` read, where there is one of each.
+/// The friction signals of a graph: the first output that declares itself a friction coefficient; otherwise
+/// the inputs of ports named `friction` and `load`, if there is one of each.
 pub fn friction(graph: &Graph) -> Option<Friction> {
     let nodes = graph.nodes();
     let mut outputs = nodes
@@ -114,7 +114,7 @@ pub fn friction(graph: &Graph) -> Option<Friction> {
     })
 }
 
-/// Ports say what they are in their description; the quantity is a plain number.
+/// Outputs are identified by their description; their quantity is a plain number.
 fn is_friction_coefficient(node: &Node, output: usize) -> bool {
     let Some(port) = node.outputs.get(output) else {
         return false;
@@ -124,8 +124,8 @@ fn is_friction_coefficient(node: &Node, output: usize) -> bool {
         && declared.is_some_and(|spec| spec.doc.starts_with("Friction coefficient"))
 }
 
-/// An output of a graph as something to be recorded; `None` where there is none, or no clock.
-pub fn watch(graph: &Graph, node: NodeId, output: usize) -> Option<Watch> {
+/// An output of a graph for recording; `None` if it does not exist or has no clock.
+pub fn watch(graph: &Graph, node: NodeId, output: usize) -> Option<WatchedOutput> {
     let source = graph.nodes().get(node)?;
     let port = source.outputs.get(output)?;
     let stream = Stream {
@@ -135,48 +135,48 @@ pub fn watch(graph: &Graph, node: NodeId, output: usize) -> Option<Watch> {
         rate: graph.clocks().get(source.clock?)?.rate,
         simulated: source.simulated,
     };
-    Some(Watch { node, output, stream })
+    Some(WatchedOutput { node, output, stream })
 }
 
-/// What was kept of one signal.
+/// The recording of one signal.
 #[derive(Debug, Clone)]
 pub struct Recorded {
-    /// What it is.
+    /// Clock, kind and quantity of the signal.
     pub stream: Stream,
-    /// What its kind makes worth keeping.
+    /// The recorded data.
     pub content: Content,
-    /// Frames seen.
+    /// Number of frames.
     pub frames: u64,
 }
 
-/// What is kept of a signal of each kind.
+/// Recorded data by kind of signal.
 #[derive(Debug, Clone)]
 pub enum Content {
-    /// Scalars, vectors and wrenches: extremes of each lane; of fast scalars also how their spectrum changes.
-    Lanes(Vec<Envelope>, Option<Box<Spectra>>),
-    /// Places on a texture's map: (speed in m/s, force in N).
+    /// Scalars, vectors and wrenches: extremes of each component; for fast scalars also spectra over time.
+    Components(Vec<Envelope>, Option<Box<Spectra>>),
+    /// Positions on a texture's map: (speed in m/s, force in N).
     Map(Decimated<(f64, f64)>),
-    /// Contacts: penetration in m, and where the proxy was while touching.
+    /// Contacts: penetration in m, and positions of the proxy during contact.
     Contact(Envelope, Decimated<[f64; 3]>),
-    /// Events: (time in s, value), and how many there were.
+    /// Events: (time in s, value), and their number.
     Events(Decimated<(f64, f64)>, u64),
-    /// Kinds that are not shown.
+    /// Kinds that are not displayed.
     Nothing,
 }
 
-/// Frames on their way into a page.
+/// Writer that records a signal.
 #[derive(Debug)]
 pub struct Recorder {
     shared: Arc<Mutex<Recorded>>,
 }
 
-/// Where a [`Recorder`] leaves what it kept.
+/// Access to what a [`Recorder`] keeps.
 #[derive(Debug)]
 pub struct Record {
     shared: Arc<Mutex<Recorded>>,
 }
 
-/// A recorder for a signal, and where its content will be.
+/// A recorder for a signal, and the access to its recording.
 pub fn recorder(stream: Stream) -> (Recorder, Record) {
     let recorded = Recorded {
         content: Content::of(&stream),
@@ -193,7 +193,7 @@ pub fn recorder(stream: Stream) -> (Recorder, Record) {
 }
 
 impl Record {
-    /// What was kept so far.
+    /// The recording so far.
     pub fn content(&self) -> Recorded {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -213,8 +213,8 @@ impl FrameWriter for Recorder {
     }
 }
 
-/// Points of a path or cloud that are kept at most.
-const MOST_POINTS: usize = 3000;
+/// Maximum number of points of a path or scatter plot.
+const MAX_POINTS: usize = 3000;
 /// Scalars at this rate or above get a spectrogram.
 pub(super) const SPECTRAL_RATE_HZ: f64 = 2000.0;
 
@@ -233,26 +233,26 @@ impl Content {
                     && rate_hz >= SPECTRAL_RATE_HZ
                     && vibrates.contains(&stream.quantity);
                 let spectra = spectral.then(|| Box::new(Spectra::new(rate_hz)));
-                Self::Lanes(vec![Envelope::new(rate_hz); stream.kind.width()], spectra)
+                Self::Components(vec![Envelope::new(rate_hz); stream.kind.width()], spectra)
             }
-            Kind::Weights => Self::Map(Decimated::new(MOST_POINTS)),
-            Kind::Contact => Self::Contact(Envelope::new(rate_hz), Decimated::new(MOST_POINTS)),
-            Kind::Event => Self::Events(Decimated::new(MOST_POINTS), 0),
+            Kind::Weights => Self::Map(Decimated::new(MAX_POINTS)),
+            Kind::Contact => Self::Contact(Envelope::new(rate_hz), Decimated::new(MAX_POINTS)),
+            Kind::Event => Self::Events(Decimated::new(MAX_POINTS), 0),
             Kind::Coefficients => Self::Nothing,
         }
     }
 }
 
 impl Recorded {
-    /// Takes the next frames, lane by lane.
+    /// Adds frames.
     pub fn extend(&mut self, frames: &[f64]) {
         let width = self.stream.kind.width();
         let first = self.frames;
         self.frames += (frames.len() / width) as u64;
         match &mut self.content {
-            Content::Lanes(lanes, spectra) => {
-                for (lane, envelope) in lanes.iter_mut().enumerate() {
-                    envelope.extend(frames.iter().skip(lane).step_by(width).copied());
+            Content::Components(components, spectra) => {
+                for (component, envelope) in components.iter_mut().enumerate() {
+                    envelope.extend(frames.iter().skip(component).step_by(width).copied());
                 }
                 if let Some(spectra) = spectra {
                     spectra.extend(frames);
@@ -283,7 +283,7 @@ impl Recorded {
         }
     }
 
-    /// Seconds seen.
+    /// Duration, s.
     pub fn duration_s(&self) -> f64 {
         self.frames as f64 * self.stream.rate.period_s()
     }
@@ -313,11 +313,11 @@ mod tests {
         for block in tone.chunks(777) {
             recorder.write(0, block).unwrap();
         }
-        let Content::Lanes(lanes, Some(mut spectra)) = record.content().content else {
+        let Content::Components(components, Some(mut spectra)) = record.content().content else {
             panic!()
         };
         spectra.finish();
-        assert!((lanes[0].rms() - 0.5f64.sqrt()).abs() < 1e-3);
+        assert!((components[0].rms() - 0.5f64.sqrt()).abs() < 1e-3);
         assert!((spectra.strongest_hz().unwrap() - 500.0).abs() < 0.5);
     }
 

@@ -1,5 +1,4 @@
-//! The reference of node and device kinds, from the declarations that graphs are checked against, so that it cannot
-//! be out of date.
+//! Reference of node and device kinds, generated from the declarations that graphs are checked against.
 
 use haptograph_engine::device::{Channel, DeviceEntry};
 use haptograph_engine::document::library::{LibraryTemplate, templates};
@@ -8,22 +7,22 @@ use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::SettingSpec;
 use std::fmt::Write as _;
 
-/// Which kinds are listed.
+/// Selection of kinds.
 #[derive(Debug, Clone, Default)]
 pub struct Filter {
-    /// Those of this group; `devices` and `bridges` are groups of their own.
+    /// Group; `devices`, `bridges` and `templates` are groups too.
     pub group: Option<String>,
-    /// Those with all of these words in their name, group, description or settings.
+    /// Words that must all occur in the name, group, description or settings.
     pub words: Vec<String>,
 }
 
 /// The group of the devices.
 pub const DEVICES: &str = "devices";
 
-/// The group of the bridges, which stand around a connection and are no nodes.
+/// The group of the bridges, which are written around a connection.
 pub const BRIDGES: &str = "bridges";
 
-/// The bridges and what each does.
+/// The bridges with their descriptions.
 const BRIDGE_KINDS: [(&str, &str); 6] = [
     (
         "Hold",
@@ -51,7 +50,7 @@ const BRIDGE_KINDS: [(&str, &str); 6] = [
     ),
 ];
 
-/// The group of the templates, which are used as kinds of nodes are, once their file is included.
+/// The group of the templates, which are used like kinds of nodes once their file is included.
 pub const TEMPLATES: &str = "templates";
 
 /// Names of the bridges.
@@ -60,7 +59,7 @@ pub fn bridges() -> impl Iterator<Item = &'static str> {
 }
 
 impl Filter {
-    /// Is a kind of this name, group and description, with these settings, listed?
+    /// True if a kind with this name, group, description and settings is selected.
     pub fn takes(&self, name: &str, group: &str, doc: &str, settings: &[SettingSpec]) -> bool {
         let mut text = format!("{name} {group} {doc}");
         if !self.words.is_empty() {
@@ -73,7 +72,7 @@ impl Filter {
     }
 }
 
-/// Does a word of the text begin so? A name in camel case is several words: `LowPass`.
+/// True if a word of the text begins with `beginning`. A name in camel case has several words: `LowPass`.
 fn has_word(text: &str, beginning: &str) -> bool {
     let text: Vec<char> = text.chars().collect();
     let wanted: Vec<char> = beginning.to_lowercase().chars().collect();
@@ -87,7 +86,7 @@ fn has_word(text: &str, beginning: &str) -> bool {
     })
 }
 
-/// Adds names and descriptions of settings to a text that is searched.
+/// Appends names and descriptions of settings to a searched text.
 fn add_words(text: &mut String, settings: &[SettingSpec]) {
     for setting in settings {
         *text += &format!(" {} {}", setting.name, setting.doc);
@@ -98,7 +97,7 @@ fn add_words(text: &mut String, settings: &[SettingSpec]) {
     }
 }
 
-/// A line a kind, by group, wrapped at this width in characters; empty where nothing fits the filter.
+/// A line per kind, by group, wrapped at `width` characters; empty if the filter selects nothing.
 pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
     let entries = registry.nodes().iter().map(|entry| {
         (
@@ -155,7 +154,7 @@ pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
     text
 }
 
-/// Lines of at most so many characters; a longer word has a line of its own.
+/// Lines of at most `width` characters; a longer word has its own line.
 fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines: Vec<String> = vec![String::new()];
     for word in text.split(' ') {
@@ -171,13 +170,13 @@ fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// The groups of nodes in the order of the reference, then the templates, the devices and the bridges.
+/// The groups of nodes in the order of the reference, then templates, devices and bridges.
 pub fn all_groups(registry: &Registry) -> Vec<&'static str> {
     let nodes = groups(registry).into_iter();
     nodes.chain([TEMPLATES, DEVICES, BRIDGES]).collect()
 }
 
-/// All about the node, template, device or bridge of this name.
+/// The description of the node, template, device or bridge of this name.
 pub fn kind(registry: &Registry, name: &str) -> Option<String> {
     let node = registry.node(name).map(|entry| node_text(&entry));
     node.or_else(|| registry.device(name).map(|entry| device_text(&entry)))
@@ -193,7 +192,7 @@ fn template_text(registry: &Registry, name: &str) -> Option<String> {
 
 fn body_of_template(template: &LibraryTemplate) -> String {
     let mut text = format!(
-        "{} A template of the library: it is there with `include: [\"{}\"]`.\n",
+        "{} A template of the library, available by `include: [\"{}\"]`.\n",
         one_line(&template.about),
         template.file
     );
@@ -228,7 +227,7 @@ fn bridge_text(name: &str) -> Option<String> {
     ))
 }
 
-/// The settings that choose from a list with this name in it, each as the kind that has it and the setting.
+/// The settings with a choice of this name, each with its kind.
 pub fn choosing(registry: &Registry, name: &str) -> Vec<(&'static str, &'static str)> {
     let nodes = registry
         .nodes()
@@ -249,7 +248,7 @@ pub fn choosing(registry: &Registry, name: &str) -> Vec<(&'static str, &'static 
     found
 }
 
-/// The whole reference, a chapter of the book.
+/// The whole reference in Markdown.
 pub fn book(registry: &Registry) -> String {
     let mut text =
         "# Nodes and devices\n\nMade by `haptograph nodes --markdown` from the code that runs them.\n"
@@ -395,7 +394,7 @@ fn fields(text: &mut String, list: &[SettingSpec], depth: usize) {
     }
 }
 
-/// A number in the fewest signs: `16`, `0.01`, `1e6`.
+/// A number in the fewest characters: `16`, `0.01`, `1e6`.
 fn shortly(number: f64) -> String {
     let (plain, short) = (number.to_string(), format!("{number:e}"));
     match short.len() < plain.len() && !(1e-3..1e6).contains(&number.abs()) {
@@ -410,7 +409,7 @@ fn example(text: &mut String, example: &str) {
     }
 }
 
-/// What a port takes or gives, in words.
+/// The signal kind of a port, in words.
 pub fn kind_rule(rule: KindRule) -> String {
     match rule {
         KindRule::Is(kind) => kind.to_string(),

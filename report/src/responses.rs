@@ -1,4 +1,5 @@
-//! What a surface answers: vibration to force and speed in the four conditions (Fig. 4.9), transients to taps (Fig. 4.3).
+//! Responses of a surface: vibration to force and speed in the four conditions (Fig. 4.9), transients to taps
+//! (Fig. 4.3).
 
 use super::page::figures_of;
 use super::plot::{Axis, Mark, Plot, Style, Weight};
@@ -42,7 +43,7 @@ impl Responses {
         Ok(Self { hand, centre, played })
     }
 
-    /// What the conditions other than the control lose (Eq. 4.5.1 and 4.5.3), over windows of 32 ms.
+    /// Losses of the conditions other than the control (Eq. 4.5.1 and 4.5.3), over windows of 32 ms.
     pub fn losses(&self) -> Vec<(Condition, VariationLoss)> {
         let windows = WindowSettings {
             samples: (0.032 * self.hand.rate_hz).round() as usize,
@@ -112,8 +113,8 @@ fn plots(texture: &TextureModel, responses: &Responses) -> Vec<Plot> {
         y: Axis::of("Normal force (N)").over(-0.02 * force, 1.02 * force),
         marks,
         size: (0.0, 330.0),
-        caption: "Each condition plays the models along its line: the less of the map a line crosses, the less the vibration follows \
-                  the hand."
+        caption: "Each condition plays the models along its line: a line that crosses less of the map gives a vibration that follows \
+                  the hand less."
             .to_owned(),
         ..Plot::default()
     }];
@@ -147,11 +148,11 @@ fn what(condition: Condition) -> &'static str {
     }
 }
 
-/// A few taps from the slowest to the fastest, with their inks.
+/// A few taps from the slowest to the fastest, with their colours.
 fn chosen(taps: &Taps) -> Vec<(&Tap, Ink)> {
-    const MOST: usize = 4;
+    const MAX: usize = 4;
     let last = taps.taps().len() - 1;
-    let count = MOST.min(last + 1);
+    let count = MAX.min(last + 1);
     let number = |i: usize| if count > 1 { i * last / (count - 1) } else { 0 };
     (0..count)
         .map(|i| (&taps.taps()[number(i)], Ink::number(i)))
@@ -176,10 +177,10 @@ pub(super) fn tap_waves(taps: &Taps) -> Plot {
         note: format!("{} taps", taps.taps().len()),
         x: Axis::of("Time after contact (ms)"),
         y: Axis::of("Acceleration (m/s²)"),
-        // The fastest is the loudest: it goes below the others.
+        // The fastest tap is the loudest and is drawn first.
         marks: chosen(taps).into_iter().rev().map(wave).collect(),
         size: (0.0, 240.0),
-        caption: "What is played at a contact: the faster the tip comes, the stronger.".to_owned(),
+        caption: "The transient played at a contact is stronger for a faster tip.".to_owned(),
         ..Plot::default()
     }
 }

@@ -1,12 +1,12 @@
-//! Axes: from values to pixels, and round numbers to write beside them.
+//! Axes: mapping of values to pixels, and tick labels.
 
-/// How values spread along an axis.
+/// Spacing of values along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Spread {
     /// Evenly.
     #[default]
     Linear,
-    /// By their logarithm; values at or below zero are not shown.
+    /// Logarithmic; values at or below zero are not shown.
     Log,
 }
 
@@ -20,7 +20,7 @@ pub(crate) struct Scale {
     pub spread: Spread,
 }
 
-/// A mark on an axis; minor ones have no text.
+/// A tick of an axis; minor ticks have no text.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tick {
     pub value: f64,
@@ -36,7 +36,7 @@ impl Scale {
         self.from + part * (self.to - self.from)
     }
 
-    /// Round values, about `most` of them with a text; two at least, as one alone gives no scale.
+    /// Round values, about `most` of them with a text, at least two.
     pub fn ticks(&self, most: usize) -> Vec<Tick> {
         let of = |most| match self.spread {
             Spread::Linear => linear_ticks(self.low, self.high, most),
@@ -50,7 +50,7 @@ impl Scale {
     }
 }
 
-/// A range that holds all values, is not empty, and has a little air around it.
+/// A range that contains all values, is not empty, and has a margin.
 pub(crate) fn padded(values: impl Iterator<Item = f64>, spread: Spread) -> (f64, f64) {
     let usable = values.filter(|v| v.is_finite() && (spread == Spread::Linear || *v > 0.0));
     let (low, high) = usable.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
@@ -66,7 +66,7 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, spread: Spread) -> (f64,
     match spread {
         Spread::Log if low == high => (low / 2.0, high * 2.0),
         Spread::Log => {
-            // Not more than what leaves the ratio of both a number.
+            // Bounded, so that both limits stay finite.
             let air = (0.04 * (high.ln() - low.ln())).min(1.0).exp();
             (low / air, high * air)
         }
@@ -76,7 +76,7 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, spread: Spread) -> (f64,
         }
         Spread::Linear => {
             let air = (high - low) * 0.06;
-            // A quantity that does not go below zero keeps its zero.
+            // A quantity that is not negative keeps zero in its range.
             let bottom = if low >= 0.0 && low < 0.4 * high {
                 0.0
             } else {
@@ -92,7 +92,7 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, spread: Spread) -> (f64,
     }
 }
 
-/// A number in a sentence, with three digits that count.
+/// A number in a sentence, with three significant digits.
 pub fn plain(value: f64) -> String {
     let magnitude = value.abs().log10().floor();
     if value == 0.0 || !magnitude.is_finite() {
@@ -110,10 +110,10 @@ pub fn plain(value: f64) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// A number with so many decimals and a true minus sign.
+/// A number with `decimals` decimals and a typographic minus sign.
 pub(crate) fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
-    // What rounds to nothing has no sign.
+    // A value that rounds to zero has no sign.
     match text.strip_prefix('-') {
         Some(size) if !size.contains(|digit: char| ('1'..='9').contains(&digit)) => size.to_owned(),
         Some(size) => format!("\u{2212}{size}"),
@@ -172,7 +172,7 @@ fn log_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
     ticks
 }
 
-/// `value` with the digits that a step of `step` needs, in powers of ten where the largest is far from one.
+/// `value` with the digits that a step of `step` needs, in powers of ten if the largest is far from one.
 fn format_value(value: f64, step: f64, largest: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();

@@ -1,7 +1,6 @@
-//! The vibration of a run as a sound: what reaches an actuator, at a safe level, to be played in the page or on a
-//! soundcard.
+//! The vibration of a run as a sound: the signal of an actuator at a safe level, for the page or a soundcard.
 
-use super::record::{Watch, watch};
+use super::record::{WatchedOutput, watch};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::node::{FrameWriter, Stream};
@@ -11,22 +10,22 @@ use haptograph_signal::resample::{Quality, resample_whole};
 use haptograph_signal::time::Rate;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Rate of every sound, Hz: one that all soundcards and browsers have.
+/// Sampling rate of every sound, Hz, supported by all soundcards and browsers.
 pub const RATE_HZ: u32 = 48_000;
-/// Longest sound, s.
+/// Maximum length of a sound, s.
 pub const LONGEST_S: f64 = 10.0;
-/// Highest peak of every sound, dB below full scale.
+/// Peak level of every sound, dBFS.
 pub const PEAK_DBFS: f64 = -12.0;
-/// A signal below this rate holds no more than the lowest of what is heard.
+/// Minimum rate of a signal, Hz: a slower one contains only the lowest audible frequencies.
 const SLOWEST_HZ: f64 = 2000.0;
-/// Fade at both ends, s: without it they would click.
+/// Fade at both ends, s, which avoids clicks.
 const FADE_S: f64 = 0.005;
-/// Signals that are kept until it is known which are silent.
-const MOST_CANDIDATES: usize = 4;
+/// Maximum number of candidate signals kept until the silent ones are known.
+const MAX_CANDIDATES: usize = 4;
 
-/// The outputs of a graph that its sound may be made of, the best first: what actuators deliver, then the vibrations that
-/// are written to files or plotted.
-pub fn audible(graph: &Graph) -> Vec<Watch> {
+/// Candidate outputs for the sound of a graph, the most suitable first: outputs of actuators, then vibrations
+/// that are written to files or plotted.
+pub fn audible(graph: &Graph) -> Vec<WatchedOutput> {
     let nodes = graph.nodes();
     let actuators = nodes.ids().filter(|index| nodes[*index].entry.is_actuator());
     let delivered = actuators.filter_map(|index| watch(graph, index, 0));
@@ -37,7 +36,7 @@ pub fn audible(graph: &Graph) -> Vec<Watch> {
     let written = files
         .flat_map(|index| nodes.incoming(index))
         .filter_map(|edge| watch(graph, edge.from, edge.edge.output));
-    let mut found: Vec<Watch> = Vec::new();
+    let mut found: Vec<WatchedOutput> = Vec::new();
     for candidate in delivered.chain(written) {
         let stream = &candidate.stream;
         let is_vibration = [
@@ -52,29 +51,29 @@ pub fn audible(graph: &Graph) -> Vec<Watch> {
             found.push(candidate);
         }
     }
-    found.truncate(MOST_CANDIDATES);
+    found.truncate(MAX_CANDIDATES);
     found
 }
 
-/// The beginning of a signal, as it was.
+/// The beginning of a signal, unprocessed.
 #[derive(Debug, Clone)]
 pub struct Clip {
-    /// What it is.
+    /// Clock, kind and quantity of the signal.
     pub stream: Stream,
     samples: Vec<f32>,
     most: usize,
     frames: u64,
 }
 
-/// A signal on its way into a [`Clip`].
+/// Writer of a [`Clip`].
 #[derive(Debug)]
 pub struct ClipWriter(Arc<Mutex<Clip>>);
 
-/// Where a [`ClipWriter`] leaves what it kept.
+/// Access to the clip of a [`ClipWriter`].
 #[derive(Debug)]
 pub struct ClipRecord(Arc<Mutex<Clip>>);
 
-/// A writer that keeps the first [`LONGEST_S`] of a scalar, and where they will be.
+/// A writer that keeps the first [`LONGEST_S`] of a scalar, and the access to its clip.
 pub fn clip(stream: Stream) -> (ClipWriter, ClipRecord) {
     let most = (LONGEST_S * stream.rate.hz()) as usize;
     let shared = Arc::new(Mutex::new(Clip {
@@ -102,29 +101,29 @@ impl FrameWriter for ClipWriter {
 }
 
 impl ClipRecord {
-    /// What was kept so far.
+    /// The clip so far.
     pub fn content(&self) -> Clip {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
-/// A sound: one channel at [`RATE_HZ`], its highest peak at [`PEAK_DBFS`].
+/// A sound: one channel at [`RATE_HZ`], with its peak at [`PEAK_DBFS`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sound {
-    /// What it was.
+    /// Clock, kind and quantity of the signal.
     pub stream: Stream,
-    /// In parts of full scale.
+    /// Samples relative to full scale.
     pub samples: Vec<f32>,
-    /// The signal's own peak about its mean, in its SI unit.
+    /// Peak of the signal about its mean, SI.
     pub peak: f64,
-    /// What a sample of 1 stands for, in the same unit.
+    /// Value of a sample of 1, SI.
     pub full_scale: f64,
-    /// How long the whole signal was, s.
+    /// Duration of the whole signal, s.
     pub of_s: f64,
 }
 
 impl Sound {
-    /// The sound of the first of these that is not silent; `None` where all are.
+    /// The sound of the first clip that is not silent; `None` if all are.
     pub fn of<'a>(clips: impl IntoIterator<Item = &'a Clip>) -> Option<Self> {
         clips.into_iter().find_map(Self::of_one)
     }
@@ -138,7 +137,7 @@ impl Sound {
             .iter()
             .chain([&mean])
             .fold(0.0, |most: f64, x| most.max(x.abs()));
-        // What is left of a constant after its mean is taken away is rounding.
+        // The remainder of a constant after subtraction of its mean is rounding error.
         if count == 0.0 || peak <= 1e-6 * level {
             return None;
         }
@@ -155,19 +154,19 @@ impl Sound {
         })
     }
 
-    /// Seconds of it.
+    /// Duration, s.
     pub fn duration_s(&self) -> f64 {
         self.samples.len() as f64 / f64::from(RATE_HZ)
     }
 
-    /// A WAV file of 16-bit samples.
+    /// A WAV file with 16-bit samples.
     pub fn to_wav(&self) -> Vec<u8> {
         let bytes = 2 * self.samples.len() as u32;
         let mut wav = Vec::with_capacity(44 + bytes as usize);
         wav.extend(b"RIFF");
         wav.extend((36 + bytes).to_le_bytes());
         wav.extend(b"WAVEfmt ");
-        // PCM, one channel, bytes a second, bytes a frame, bits a sample.
+        // PCM, one channel, bytes per second, bytes per frame, bits per sample.
         wav.extend(16_u32.to_le_bytes());
         wav.extend(1_u16.to_le_bytes());
         wav.extend(1_u16.to_le_bytes());
@@ -183,7 +182,7 @@ impl Sound {
     }
 }
 
-/// The samples in parts of full scale, faded at both ends.
+/// Samples relative to full scale, faded at both ends.
 fn levelled(samples: &[f64], full_scale: f64) -> Vec<f32> {
     let (last, fade) = (samples.len().saturating_sub(1), FADE_S * f64::from(RATE_HZ));
     let envelope = |i: usize| (i.min(last - i) as f64 / fade).min(1.0);

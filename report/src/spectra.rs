@@ -1,19 +1,21 @@
-//! The spectrum of a signal of any length: how it changes, and its mean.
+//! Spectra of a signal of any length: over time, and their mean.
 
 use haptograph_signal::spectrum::Spectrogram;
 use haptograph_signal::window::Window;
 
-/// Frequencies of mean spectra on pages, Hz: below there is motion rather than vibration, above nothing that is felt.
+/// Frequency range of mean spectra on pages, Hz: motion lies below, and frequencies above are not felt.
 pub const SHOWN_HZ: (f64, f64) = (20.0, 5000.0);
 
-/// Hertz between the bins of a spectrogram, about: enough to tell resonances apart, short enough to see strokes.
+/// Approximate bin width of a spectrogram, Hz: separates resonances, and the segments are short enough for
+/// strokes.
 const COARSE_HZ: f64 = 20.0;
-/// The same of a mean spectrum, which shows no time.
+/// Bin width of a mean spectrum, Hz.
 const FINE_HZ: f64 = 5.0;
-/// Most columns of a spectrogram; at least half as many are left after joining.
-const MOST_COLUMNS: usize = 720;
+/// Maximum number of columns of a spectrogram; joining leaves at least half as many.
+const MAX_COLUMNS: usize = 720;
 
-/// Columns of spectral density, neighbours averaged when there are too many, and the mean at a finer resolution.
+/// Columns of spectral density, of which neighbours are averaged if there are too many, and the mean at a
+/// finer resolution.
 #[derive(Debug, Clone)]
 pub struct Spectra {
     coarse: Segments,
@@ -32,7 +34,7 @@ pub struct Spectra {
 struct Segments {
     rate_hz: f64,
     samples: usize,
-    /// Samples that no complete segment has used up.
+    /// Samples not yet used by a complete segment.
     waiting: Vec<f64>,
 }
 
@@ -51,8 +53,8 @@ impl Segments {
         self.rate_hz / self.samples as f64
     }
 
-    /// Takes samples; `row` gets the densities of each segment in whole batches, for which windows and transforms are
-    /// prepared once.
+    /// Adds samples; `row` receives the densities of each segment. Segments are processed in batches, which
+    /// share the windows and transforms.
     fn extend(&mut self, samples: &[f64], row: impl FnMut(&[f64])) {
         // One NaN or infinite sample would spoil a whole segment.
         let finite = samples.iter().map(|x| if x.is_finite() { *x } else { 0.0 });
@@ -76,7 +78,7 @@ impl Segments {
 }
 
 impl Spectra {
-    /// Of a signal of `rate_hz` samples a second.
+    /// Spectra of a signal with `rate_hz` samples per second.
     pub(super) fn new(rate_hz: f64) -> Self {
         Self {
             coarse: Segments::new(rate_hz, COARSE_HZ),
@@ -90,7 +92,7 @@ impl Spectra {
         }
     }
 
-    /// Takes the next samples.
+    /// Adds samples.
     pub(super) fn extend(&mut self, samples: &[f64]) {
         let mut rows: Vec<Vec<f64>> = Vec::new();
         self.coarse.extend(samples, |row| rows.push(row.to_vec()));
@@ -108,7 +110,7 @@ impl Spectra {
         self.columns
             .push(self.open.drain(..).map(|sum| sum * scale).collect());
         self.in_open = 0;
-        if self.columns.len() == MOST_COLUMNS {
+        if self.columns.len() == MAX_COLUMNS {
             let mean = |pair: &[Vec<f64>]| match pair {
                 [a, b] => a.iter().zip(b).map(|(x, y)| (x + y) / 2.0).collect(),
                 other => other.concat(),
@@ -118,7 +120,7 @@ impl Spectra {
         }
     }
 
-    /// Uses up what is waiting; call it when the signal has ended.
+    /// Uses the remaining samples; call it at the end of the signal.
     pub fn finish(&mut self) {
         let mut rows: Vec<Vec<f64>> = Vec::new();
         let waiting = self.coarse.waiting.len();
@@ -129,23 +131,23 @@ impl Spectra {
         self.fine.take(waiting, |row| add(sum, count, row));
     }
 
-    /// Hertz between the bins of the columns.
+    /// Bin width of the columns, Hz.
     pub fn bin_hz(&self) -> f64 {
         self.coarse.bin_hz()
     }
 
-    /// Densities from 0 Hz on, in the signal's unit squared per hertz, a column a stretch of time.
+    /// Densities from 0 Hz on, in the signal's unit squared per hertz; one column per time step.
     pub fn columns(&self) -> &[Vec<f64>] {
         &self.columns
     }
 
-    /// Seconds that all columns span.
+    /// Duration of all columns, s.
     pub fn duration_s(&self) -> f64 {
         (self.columns.len() * self.every * self.coarse.samples / 2) as f64 / self.coarse.rate_hz
     }
 
-    /// Welch's estimate over the whole signal: (frequency in Hz, density), without 0 Hz. Of a signal shorter than a fine
-    /// segment, the mean of the columns; empty where there are none.
+    /// Welch's estimate over the whole signal: (frequency in Hz, density), without 0 Hz. For a signal shorter
+    /// than a fine segment, the mean of the columns; empty if there are none.
     pub fn mean(&self) -> Vec<(f64, f64)> {
         let (bin_hz, sum, count) = match self.fine_count {
             0 => {
@@ -161,7 +163,7 @@ impl Spectra {
         sum.into_iter().enumerate().skip(1).map(point).collect()
     }
 
-    /// The mean spectrum over [`SHOWN_HZ`], from the bin that holds its lower end.
+    /// The mean spectrum over [`SHOWN_HZ`], from the bin that contains its lower end.
     pub fn shown(&self) -> Vec<(f64, f64)> {
         let mut points = self.mean();
         let lowest = shown_from(&points);
@@ -170,8 +172,8 @@ impl Spectra {
         points
     }
 
-    /// Where [`Self::shown`] is strongest, in Hz: the top of a parabola through the levels of the strongest bin and its
-    /// neighbours. `None` for silence.
+    /// Frequency of the maximum of [`Self::shown`], Hz, interpolated by a parabola through the levels of the
+    /// strongest bin and its neighbours. `None` for silence.
     pub fn strongest_hz(&self) -> Option<f64> {
         let points = self.mean();
         let shown = points.iter().enumerate().skip(shown_from(&points));
@@ -196,7 +198,7 @@ impl Spectra {
     }
 }
 
-/// The first of these points of a spectrum whose bin reaches into [`SHOWN_HZ`].
+/// Index of the first point whose bin reaches into [`SHOWN_HZ`].
 fn shown_from(points: &[(f64, f64)]) -> usize {
     let half_hz = points.first().map_or(0.0, |(bin_hz, _)| 0.5 * bin_hz);
     points.partition_point(|(hz, _)| hz + half_hz <= SHOWN_HZ.0)
@@ -228,7 +230,7 @@ mod tests {
     #[test]
     fn a_tone_stands_at_its_frequency_for_the_whole_run() {
         let spectra = tone(500.0, 10_000, 60);
-        assert!(spectra.columns().len() <= MOST_COLUMNS);
+        assert!(spectra.columns().len() <= MAX_COLUMNS);
         assert!(
             (spectra.duration_s() - 60.0).abs() < 1.0,
             "{}",

@@ -1,14 +1,14 @@
-//! A writer of SVG: elements with their numbers rounded and their text escaped, nothing more.
+//! A writer of SVG elements that rounds numbers and escapes text.
 
 use std::fmt::Write as _;
 
-/// An SVG fragment that grows.
+/// An SVG fragment.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Svg {
     out: String,
 }
 
-/// Where a text is anchored.
+/// Horizontal anchor of a text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Anchor {
     Start,
@@ -32,7 +32,7 @@ impl Rect {
     pub fn bottom(&self) -> f64 {
         self.y + self.height
     }
-    /// The same, `by` larger on every side.
+    /// The rectangle enlarged by `by` on every side.
     pub fn inflated(&self, by: f64) -> Self {
         Self {
             x: self.x - by,
@@ -44,7 +44,7 @@ impl Rect {
 }
 
 impl Svg {
-    /// A drawing of this width and height on a ground of its own.
+    /// A drawing of this width and height with a background.
     pub fn on_paper((width, height): (f64, f64)) -> Self {
         let mut svg = Self::default();
         let (x, y) = (0.0, 0.0);
@@ -52,26 +52,27 @@ impl Svg {
         svg
     }
 
-    /// What was written.
+    /// The text written so far.
     pub fn into_text(self) -> String {
         self.out
     }
 
-    /// Writes formatted text as it is.
+    /// Writes formatted text without escaping.
     pub fn raw(&mut self, text: std::fmt::Arguments<'_>) {
         // Writing into a string cannot fail.
         let _ = self.out.write_fmt(text);
         self.out.push('\n');
     }
 
-    /// Everything that `draw` writes, in a group with these classes; names and values say to a program what it is.
+    /// Writes the output of `draw` as a group with these classes; names and values become data attributes for
+    /// programs.
     pub fn group_of(&mut self, class: &str, what: &[(&str, &str)], draw: impl FnOnce(&mut Self)) {
         self.raw(format_args!("<g class=\"{class}\"{}>", attributes(what)));
         draw(self);
         self.raw(format_args!("</g>"));
     }
 
-    /// Everything that `draw` writes, cut off outside of `to`; coordinates stay those of the outside.
+    /// Writes the output of `draw` clipped to `to`, in the outer coordinates.
     pub fn clipped(&mut self, to: Rect, draw: impl FnOnce(&mut Self)) {
         let (x, y, w, h) = (num(to.x), num(to.y), num(to.width), num(to.height));
         self.raw(format_args!(
@@ -108,7 +109,7 @@ impl Svg {
         self.path_of(class, &[], path);
     }
 
-    /// The same; names and values say to a program what it is.
+    /// A path with data attributes for programs.
     pub fn path_of(&mut self, class: &str, what: &[(&str, &str)], path: &Path) {
         self.raw(format_args!(
             "<path class=\"{class}\"{} d=\"{}\"/>",
@@ -127,7 +128,7 @@ impl Svg {
         ));
     }
 
-    /// A title with a remark after it.
+    /// A title followed by a remark.
     pub fn heading(&mut self, (x, y): (f64, f64), title: &str, remark: &str) {
         let (x, y) = (num(x), num(y));
         let remark = match remark {
@@ -143,7 +144,7 @@ impl Svg {
         ));
     }
 
-    /// Text that reads upwards, centred on a point.
+    /// Text rotated upwards, centred on a point.
     pub fn text_upwards(&mut self, class: &str, (x, y): (f64, f64), text: &str) {
         let (x, y) = (num(x), num(y));
         self.raw(format_args!(
@@ -152,7 +153,7 @@ impl Svg {
         ));
     }
 
-    /// A picture by its address (here: its data), stretched over `at`.
+    /// An image by its URL (here a data URL), stretched over `at`.
     pub fn image(&mut self, at: Rect, address: &str) {
         let (x, y, w, h) = (num(at.x), num(at.y), num(at.width), num(at.height));
         self.raw(format_args!(
@@ -160,13 +161,13 @@ impl Svg {
         ));
     }
 
-    /// What a pointer that rests on the enclosing group shows.
+    /// Tooltip of the enclosing group.
     pub fn tooltip(&mut self, text: &str) {
         self.raw(format_args!("<title>{}</title>", escape(text)));
     }
 
-    /// The fragment as an SVG element of this size. `title` is read to people who cannot see it; `style` is CSS that
-    /// a picture on its own needs and one in a page does not.
+    /// The fragment as an SVG element of this size. `title` is the accessible name; `style` is CSS for a
+    /// standalone file and empty within a page.
     pub fn finish(self, (width, height): (f64, f64), title: &str, style: &str) -> String {
         let (w, h) = (num(width), num(height));
         let style = if style.is_empty() {
@@ -193,7 +194,7 @@ impl Anchor {
     }
 }
 
-/// The `d` of a path.
+/// The `d` attribute of a path.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Path {
     d: String,
@@ -221,7 +222,7 @@ impl Path {
     pub fn append(&mut self, other: &Self) {
         self.d.push_str(&other.d);
     }
-    /// A line of no length at each point: a round end makes it a dot.
+    /// A line of zero length at each point, which a round cap renders as a dot.
     pub fn dots(points: impl Iterator<Item = (f64, f64)>) -> Self {
         let mut path = Self::default();
         for point in points {
@@ -230,7 +231,7 @@ impl Path {
         }
         path
     }
-    /// The same as [`Self::through`] in fewer letters: what follows a move are lines.
+    /// Like [`Self::through`] in fewer characters: points after a move are lines.
     pub fn polyline(points: &[(f64, f64)]) -> Self {
         let mut path = Self::default();
         if !points.is_empty() {
@@ -252,7 +253,7 @@ impl Path {
     }
 }
 
-/// A coordinate with at most two decimals: a hundredth of a pixel is not seen.
+/// A coordinate with at most two decimals.
 pub(crate) fn num(x: f64) -> String {
     if !x.is_finite() {
         return "0".to_owned();
@@ -271,7 +272,7 @@ fn attributes(what: &[(&str, &str)]) -> String {
     what.iter().map(one).collect()
 }
 
-/// Text for XML and HTML: characters with a meaning are escaped, control characters dropped.
+/// Escapes text for XML and HTML and drops control characters.
 pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -288,7 +289,7 @@ pub(crate) fn escape(text: &str) -> String {
     out
 }
 
-/// The width of text in a proportional font, by classes of letters: near enough to make room for it.
+/// Approximate width of text in a proportional font, by classes of letters.
 pub(crate) fn text_width(text: &str, size_px: f64) -> f64 {
     let em = |c: char| match c {
         'i' | 'j' | 'l' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | ' ' => 0.32,

@@ -1,22 +1,22 @@
-//! What a texture would look like if what is felt of it were seen: its vibration over the way, as a relief.
+//! Image of a texture: its vibration over the stroke path, drawn as a relief.
 
 use super::raster::Grid;
 use haptograph_surfaces::TextureModel;
 use haptograph_surfaces::evaluate::{SynthesisError, SynthesisSettings, Trajectory, synthesise};
 
-/// Cells of the picture, and the way that each of them is, mm.
+/// Cells of the image, and the length of each on the surface, mm.
 const CELLS: [usize; 2] = [120, 75];
 const CELL_MM: f64 = 1.0 / 3.0;
-/// The stroke that is shown.
+/// Speed and force of the stroke.
 const SPEED_M_S: f64 = 0.1;
 const FORCE_N: f64 = 1.0;
-/// How much of a row goes on in the next: relief has no stripes.
+/// Correlation between successive rows, so that the relief has no stripes.
 const ALONG: f64 = 0.8;
 
-/// A grey picture of 40 by 25 mm, as SVG: what strokes of 100 mm/s at 1 N would make vibrate, in rows.
+/// A grey image of 40 by 25 mm as SVG: rows of the vibration of strokes at 100 mm/s and 1 N.
 ///
 /// # Errors
-/// [`SynthesisError`] where the texture cannot be rendered.
+/// [`SynthesisError`] if the texture cannot be rendered.
 pub fn swatch(texture: &TextureModel) -> Result<String, SynthesisError> {
     let [width, height] = CELLS;
     let rate_hz = texture.rate_hz();

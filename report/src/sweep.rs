@@ -1,12 +1,12 @@
-//! The page of several runs of one graph, laid over each other.
+//! The page of a sweep: several runs of one graph in common plots.
 
-use super::asked::{Asked, Drawn};
 use super::figures::{self, Unit};
 use super::headlines::coefficient;
 use super::inks::Inks;
 use super::page::signals::is_same;
 use super::page::{Sheet, Simulation, address, facts, figures_of, line_up};
 use super::plot::{Mark, Plot, Style};
+use super::plot_request::{PlotRequest, RunTraces};
 use super::record::{Content, Friction, Recorded};
 use super::scale::plain;
 use super::svg::escape;
@@ -16,40 +16,40 @@ use haptograph_surfaces::TextureModel;
 /// One run of a sweep.
 #[derive(Debug)]
 pub struct SweptRun<'a> {
-    /// What was set for it.
+    /// Its settings, as a name.
     pub name: String,
-    /// The head of its column: the value alone where the runs differ in one parameter.
+    /// Header of its column: only the value if the runs differ in one parameter.
     pub head: String,
-    /// Its own page, from the folder of this one.
+    /// URL of its own page, relative to this one.
     pub page: Option<String>,
     /// Its signals, the same in every run.
     pub signals: Vec<Recorded>,
-    /// What it left for each plot that the graph asks for.
-    pub drawn: Vec<Drawn<'a>>,
-    /// What the reader should be warned of.
+    /// Its traces for each plot that the graph requests.
+    pub drawn: Vec<RunTraces<'a>>,
+    /// Warnings.
     pub warnings: Vec<String>,
 }
 
-/// What the page of a sweep shows.
+/// Content of the page of a sweep.
 #[derive(Debug)]
 pub struct SweepPage<'a> {
     /// Name of the graph.
     pub title: String,
-    /// What the graph is about, as its file tells it.
+    /// The description in the graph's file.
     pub about: String,
-    /// The parameter in which the runs differ, if it is one.
+    /// The parameter in which the runs differ, if there is only one.
     pub over: Option<String>,
-    /// What of it comes from simulated devices.
+    /// Which part of the runs is simulated.
     pub simulation: Simulation,
-    /// What tells the friction, of the signals.
+    /// The signals that yield the friction coefficient.
     pub friction: Option<Friction>,
-    /// What is to be known of all runs: names and values.
+    /// The facts common to all runs: names and values.
     pub facts: Vec<(String, String)>,
-    /// The plots that the graph asks for.
-    pub asked: Vec<&'a Asked>,
+    /// The plots requested by the graph.
+    pub requests: Vec<&'a PlotRequest>,
     /// The runs.
     pub runs: Vec<SweptRun<'a>>,
-    /// The texture that a signal on a map belongs to, by the signal's name.
+    /// The texture of a signal on a map, by the signal's name.
     pub textures: Vec<(String, &'a TextureModel)>,
 }
 
@@ -88,7 +88,7 @@ impl SweepPage<'_> {
         .to_html()
     }
 
-    /// Every warning once, with the runs that it is about.
+    /// Every warning once, with the runs to which it applies.
     fn warnings(&self) -> Vec<String> {
         let mut found: Vec<(&str, Vec<&str>)> = Vec::new();
         for run in &self.runs {
@@ -106,27 +106,27 @@ impl SweepPage<'_> {
         found.into_iter().map(shown).collect()
     }
 
-    /// The plots that the graph asks for and the maps: those that differ between runs, and the others.
+    /// The requested plots and the maps: those that differ between runs, and the others.
     fn plots(&self) -> (Vec<Plot>, Vec<Plot>) {
         let (mut differing, mut same) = (Vec::new(), Vec::new());
         let mut inks = Inks::default();
-        for (i, asked) in self.asked.iter().enumerate() {
-            let runs: Vec<Drawn<'_>> = self
+        for (i, request) in self.requests.iter().enumerate() {
+            let runs: Vec<RunTraces<'_>> = self
                 .runs
                 .iter()
                 .filter_map(|run| {
-                    Some(Drawn {
+                    Some(RunTraces {
                         name: &run.name,
                         traces: run.drawn.get(i)?.traces,
                     })
                 })
                 .collect();
-            let into = if asked.is_same(&runs) {
+            let into = if request.is_same(&runs) {
                 &mut same
             } else {
                 &mut differing
             };
-            into.extend(asked.plots(&runs, &mut inks));
+            into.extend(request.plots(&runs, &mut inks));
         }
         for signal in 0..self.signals() {
             let strokes = self.across(signal);
@@ -139,7 +139,7 @@ impl SweepPage<'_> {
         (differing, same)
     }
 
-    /// A line with the pages of the runs.
+    /// A line with links to the pages of the runs.
     fn links(&self) -> String {
         let links = self.runs.iter().filter_map(|run| {
             let page = address(run.page.as_deref()?);
@@ -155,13 +155,12 @@ impl SweepPage<'_> {
         }
     }
 
-    /// The signals that say something of their own: those before which there is another that is the same in every run are
-    /// left out.
+    /// The distinct signals: a signal is omitted if an earlier one is equal to it in every run.
     fn distinct(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.signals()).filter(|signal| !(0..*signal).any(|other| self.are_same(other, *signal)))
     }
 
-    /// Are two signals the same in every run?
+    /// True if two signals are equal in every run.
     fn are_same(&self, a: usize, b: usize) -> bool {
         self.runs
             .iter()
@@ -188,7 +187,7 @@ impl SweepPage<'_> {
         figures::strokes_on_map(strokes, texture.map(|(_, texture)| *texture))
     }
 
-    /// The spectra of the runs in a frame for each signal, and whether they are the same in all.
+    /// The spectra of the runs, one frame per signal, and whether they are equal in all runs.
     fn spectra(&self) -> Vec<(Plot, bool)> {
         self.distinct()
             .filter_map(|signal| self.spectra_of(signal))
@@ -213,7 +212,7 @@ impl SweepPage<'_> {
             }
             plots.push(plot);
         }
-        // The frame that holds the loudest holds all.
+        // All spectra get the frame of the loudest.
         let top = |plot: &Plot| plot.y.range.map_or(0.0, |(_, high)| high);
         let loudest = plots.iter().max_by(|a, b| top(a).total_cmp(&top(b)))?;
         let mut plot = Plot {
@@ -226,8 +225,8 @@ impl SweepPage<'_> {
         Some((plot, same))
     }
 
-    /// Root mean square of every scalar and vector in every run, the signals that differ most first; those that are the
-    /// same in all runs are named only.
+    /// Root mean square of every scalar and vector in every run, the largest differences first; signals that
+    /// are equal in all runs are only named.
     fn table(&self) -> String {
         let heads = self.runs.iter().enumerate().map(|(number, run)| {
             let ink = Ink::of_run(number).class();
@@ -285,7 +284,9 @@ impl SweepPage<'_> {
         let stream = &across.first()?.1.stream;
         let unit = Unit::of(stream.quantity);
         let level = |recorded: &Recorded| match &recorded.content {
-            Content::Lanes(lanes, _) if !matches!(stream.kind, haptograph_engine::frame::Kind::Wrench) => {
+            Content::Components(lanes, _)
+                if !matches!(stream.kind, haptograph_engine::frame::Kind::Wrench) =>
+            {
                 let square: f64 = lanes.iter().map(|lane| lane.rms().powi(2)).sum();
                 Some(square.sqrt())
             }
@@ -312,7 +313,7 @@ impl SweepPage<'_> {
     }
 }
 
-/// Are all of these like the first?
+/// True if all recordings are like the first.
 fn all_alike(across: &[(&str, &Recorded)], are_alike: impl Fn(&Recorded, &Recorded) -> bool) -> bool {
     match across {
         [(_, first), rest @ ..] => rest.iter().all(|(_, other)| are_alike(first, other)),
@@ -328,7 +329,7 @@ fn plots_of(of: Vec<(Plot, bool)>) -> Vec<Plot> {
     of.into_iter().map(|(plot, _)| plot).collect()
 }
 
-/// Figures that are there and out of the way.
+/// Figures in a folded section.
 fn folded(same: &[Plot]) -> String {
     match same {
         [] => String::new(),
@@ -340,21 +341,21 @@ fn folded(same: &[Plot]) -> String {
     }
 }
 
-/// The largest of levels by the smallest.
+/// Ratio of the largest level to the smallest.
 fn spread(levels: &[f64]) -> f64 {
     let most = levels.iter().copied().fold(0.0, f64::max);
     let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
     if most > least { most / least } else { 1.0 }
 }
 
-/// Levels that differ by less than this ratio count as the same.
+/// Levels within this ratio count as equal.
 const SAME: f64 = 1.0005;
 
 /// One signal in all runs.
 struct Row {
     name: String,
     cells: Vec<String>,
-    /// Of the largest level to the smallest.
+    /// Ratio of the largest level to the smallest.
     spread: f64,
 }
 

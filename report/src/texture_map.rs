@@ -1,12 +1,12 @@
-//! A texture's map of speed and force, and where hands went on it.
+//! A texture's map of speed and force with the strokes of a run.
 
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::record::{Content, Recorded};
 use super::theme::Ink;
 use haptograph_surfaces::{TextureModel, VertexKind};
 
-/// Where hands went on a texture's map of speed and force (Fig. 2.8, 4.9), over its triangles where they are known: named
-/// strokes, of one signal in one run or in several.
+/// Named strokes of one signal, in one run or in several, on a texture's map of speed and force (Fig. 2.8,
+/// 4.9), over its triangles if they are known.
 pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureModel>) -> Option<Plot> {
     let (_, first) = strokes.first()?;
     let paths = strokes
@@ -52,10 +52,10 @@ pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureMod
     Some(plot)
 }
 
-const STROKES: &str = "Each place on the map has a vibration of its own, mixed of the models at the corners of its triangle. The \
-    curve is where the hand went; it is broken where nothing was pressed.";
+const STROKES: &str = "Each point of the map has its own vibration, interpolated from the models at the corners of its triangle. The \
+    curve is the stroke of the hand; it is interrupted without contact.";
 
-/// A place on the map; in the air there is none.
+/// A point on the map; NaN without contact.
 fn on_surface(speed_mm_s: f64, force_n: f64) -> (f64, f64) {
     match force_n > 0.0 {
         true => (speed_mm_s, force_n),
@@ -63,7 +63,8 @@ fn on_surface(speed_mm_s: f64, force_n: f64) -> (f64, f64) {
     }
 }
 
-/// The largest speed in mm/s and force in N of strokes and of what was recorded. The map itself goes far beyond.
+/// The largest speed in mm/s and force in N of the strokes and of the recording. The map itself extends far
+/// beyond.
 fn extent<'a>(texture: &TextureModel, strokes: impl Iterator<Item = &'a (f64, f64)>) -> (f64, f64) {
     let recorded = texture.models().iter().filter(|at| at.kind != VertexKind::Edge);
     let recorded = recorded.map(|at| (at.speed_m_s * 1e3, at.force_n));
@@ -80,7 +81,7 @@ fn extent<'a>(texture: &TextureModel, strokes: impl Iterator<Item = &'a (f64, f6
     )
 }
 
-/// What the colours of models mean.
+/// Explanation of the colours of models.
 pub(super) fn legend(texture: &TextureModel) -> &'static str {
     match texture.models().iter().any(|at| at.kind == VertexKind::Fitted) {
         true => "Blue dots: models within what was recorded; grey: continued by the law.",
@@ -88,7 +89,7 @@ pub(super) fn legend(texture: &TextureModel) -> &'static str {
     }
 }
 
-/// The triangles of a texture and its models, those of each kind that there are: measured, of a law, extending it to the border.
+/// The triangles and models of a texture by kind: measured, continued by the law, and at the border.
 pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
     let at = |i: usize| {
         let model = &texture.models()[i];

@@ -1,6 +1,6 @@
-//! Colours and type of every picture, light and dark, in one place.
+//! Colours and typography of all figures, for light and dark themes.
 
-/// A colour by its role; clocks and curves take them in this order.
+/// A colour by its role; clocks and curves use them in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Ink {
     /// The first curve.
@@ -15,12 +15,12 @@ pub enum Ink {
     Olive,
     /// The sixth.
     Rose,
-    /// What is there for orientation only.
+    /// For orientation only.
     Grey,
 }
 
 impl Ink {
-    /// The colours that tell things apart, in order.
+    /// The colours of curves, in order.
     pub const CYCLE: [Self; 6] = [
         Self::Blue,
         Self::Orange,
@@ -30,17 +30,18 @@ impl Ink {
         Self::Rose,
     ];
 
-    /// The colour of the thing number `i`; they repeat.
+    /// The colour of item `i`; the cycle repeats.
     pub fn number(i: usize) -> Self {
         Self::CYCLE[i % Self::CYCLE.len()]
     }
 
-    /// The colour of the run number `i` of several: never the first, which is that of a texture's models.
+    /// The colour of run `i` of several: never the first, which marks a texture's models.
     pub(crate) fn of_run(i: usize) -> Self {
         Self::CYCLE[1 + i % (Self::CYCLE.len() - 1)]
     }
 
-    /// The suffix of its CSS classes: `s0` strokes with it, `f0` fills, `t0` tints an area, a page has grounds `b0`.
+    /// Suffix of its CSS classes: `s0` sets the stroke, `f0` the fill, `t0` a tinted area, `b0` a background
+    /// of a page.
     pub(crate) fn class(self) -> &'static str {
         match self {
             Self::Blue => "0",
@@ -54,7 +55,7 @@ impl Ink {
     }
 }
 
-/// Strong colour and tint of each ink: (light, its tint, dark, its tint).
+/// Strong colour and tint of each ink: (light, light tint, dark, dark tint).
 const INKS: [(&str, &str, &str, &str); 7] = [
     ("#2166ac", "#dfeaf6", "#79b4ee", "#1d3047"),
     ("#c85a17", "#faeadd", "#f0a066", "#412c1e"),
@@ -65,7 +66,7 @@ const INKS: [(&str, &str, &str, &str); 7] = [
     ("#6b7580", "#eceff2", "#98a3af", "#2a3037"),
 ];
 
-/// Rules that name a colour: (selector, property, light, dark).
+/// CSS rules with colours: (selector, property, light, dark).
 const RULES: &[(&str, &str, &str, &str)] = &[
     (".paper", "fill", "#ffffff", "#14181d"),
     (".box", "fill", "#ffffff", "#1c2229"),
@@ -81,7 +82,7 @@ const RULES: &[(&str, &str, &str, &str)] = &[
     (".panel", "fill", "#f6f8fa", "#191e24"),
 ];
 
-/// Shapes and type, the same in both themes.
+/// CSS rules of shapes and typography, the same in both themes.
 const SHAPES: &str = "\
 .figure{font-family:system-ui,-apple-system,'Segoe UI','DejaVu Sans',sans-serif;font-size:11px;height:auto;max-width:100%}\
 .title{font-size:13px;font-weight:600}\
@@ -93,11 +94,11 @@ const SHAPES: &str = "\
 .veil{opacity:.45}.solid{opacity:.85}\
 .halo{stroke-width:3;paint-order:stroke;stroke-linejoin:round}";
 
-/// What plots need besides: dots.
+/// Additional CSS of plots: dots.
 pub(crate) const DOTS: &str = ".dot,.small-dot,.large-dot{fill:none;stroke-linecap:round;stroke-width:5.2}\
 .small-dot{stroke-width:2.8}.large-dot{stroke-width:9}";
 
-/// What pages need besides: the inks as grounds, `b0` and so on.
+/// Additional CSS of pages: the inks as backgrounds, `b0` and so on.
 pub(crate) fn grounds() -> String {
     let sheet = |dark: bool| -> String {
         let ground = |(i, (light, _, night, _)): (usize, &(&str, &str, &str, &str))| {
@@ -113,7 +114,7 @@ pub(crate) fn grounds() -> String {
     )
 }
 
-/// The style sheet of all pictures; a page has it once, a picture on its own carries it.
+/// The style sheet of all figures; a page contains it once, a standalone file always.
 pub fn css() -> String {
     let sheet =
         |dark: bool| {

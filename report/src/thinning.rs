@@ -1,13 +1,13 @@
-//! Signals of any length in a bounded space: what a picture a thousand pixels wide can show of them, and no more.
+//! Reduction of signals of any length to a bounded size, sufficient for a figure of a thousand pixels.
 
-/// Lowest and highest value in equal stretches of a signal. When there are too many stretches, neighbours are joined,
-/// so that a run of an hour costs what a run of a second does.
+/// Minimum and maximum over equal intervals of a signal. Neighbouring intervals are joined when there are too
+/// many, so that the size does not depend on the length of the run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Envelope {
     rate_hz: f64,
-    /// Samples in a stretch.
+    /// Samples per interval.
     stretch: u64,
-    /// (lowest, highest) of each complete stretch.
+    /// (minimum, maximum) of each complete interval.
     complete: Vec<(f64, f64)>,
     open: (f64, f64),
     open_samples: u64,
@@ -15,20 +15,20 @@ pub struct Envelope {
     sum: f64,
     sum_of_squares: f64,
     sum_of_sizes: f64,
-    /// Samples that are not zero.
+    /// Number of samples that are not zero.
     present: u64,
     /// The last finite sample.
     last: Option<f64>,
-    /// Has no sample been below the one before it?
+    /// True if no sample is below its predecessor.
     never_falls: bool,
 }
 
-/// Most stretches; at least half as many are left after joining.
-const MOST: usize = 2400;
+/// Maximum number of intervals; joining leaves at least half as many.
+const MAX: usize = 2400;
 const EMPTY: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
 
 impl Envelope {
-    /// Of a signal of `rate_hz` samples a second.
+    /// Envelope of a signal with `rate_hz` samples per second.
     pub fn new(rate_hz: f64) -> Self {
         Self {
             rate_hz,
@@ -46,7 +46,7 @@ impl Envelope {
         }
     }
 
-    /// Takes the next samples. One that is not finite leaves no trace but its time.
+    /// Adds samples. A sample that is not finite only advances the time.
     pub fn extend(&mut self, samples: impl IntoIterator<Item = f64>) {
         for sample in samples {
             self.push(sample);
@@ -68,7 +68,7 @@ impl Envelope {
         if self.open_samples == self.stretch {
             self.complete.push(self.open);
             (self.open, self.open_samples) = (EMPTY, 0);
-            if self.complete.len() == MOST {
+            if self.complete.len() == MAX {
                 self.join_neighbours();
             }
         }
@@ -83,12 +83,12 @@ impl Envelope {
         self.stretch *= 2;
     }
 
-    /// Samples so far.
+    /// Number of samples.
     pub fn samples(&self) -> u64 {
         self.samples
     }
 
-    /// Root of the mean square; 0 for a signal of no samples.
+    /// Root mean square; 0 without samples.
     pub fn rms(&self) -> f64 {
         if self.samples == 0 {
             0.0
@@ -97,7 +97,7 @@ impl Envelope {
         }
     }
 
-    /// Mean; 0 for a signal of no samples.
+    /// Mean; 0 without samples.
     pub fn mean(&self) -> f64 {
         match self.samples {
             0 => 0.0,
@@ -105,7 +105,7 @@ impl Envelope {
         }
     }
 
-    /// Mean magnitude while it is not zero; 0 for a signal that always is.
+    /// Mean magnitude over the samples that are not zero; 0 if there are none.
     pub fn mean_size(&self) -> f64 {
         match self.present {
             0 => 0.0,
@@ -113,12 +113,12 @@ impl Envelope {
         }
     }
 
-    /// The part of the time in which it is not zero, 0 to 1.
+    /// Share of the samples that are not zero, 0 to 1.
     pub fn presence(&self) -> f64 {
         self.present as f64 / self.samples.max(1) as f64
     }
 
-    /// Smallest and largest value; `None` where no sample is finite.
+    /// Minimum and maximum; `None` if no sample is finite.
     pub fn range(&self) -> Option<(f64, f64)> {
         let (low, high) = self
             .stretches()
@@ -126,22 +126,22 @@ impl Envelope {
         (low <= high).then_some((low, high))
     }
 
-    /// The value of a signal that never changes.
+    /// The value of a constant signal.
     pub fn constant(&self) -> Option<f64> {
         let (low, high) = self.range()?;
         (high - low <= 1e-12 * high.abs().max(low.abs())).then_some(low)
     }
 
-    /// First and last value of a signal that rises and never falls: a counter, an integral.
+    /// First and last value of a signal that rises and never falls, such as a counter or an integral.
     pub fn rises(&self) -> Option<(f64, f64)> {
         let (low, _) = self.range()?;
         let last = self.last.filter(|last| self.never_falls && *last > low)?;
         Some((low, last))
     }
 
-    /// Is every sample 0 or 1, and some of either?
+    /// True if every sample is 0 or 1, and both occur.
     pub fn is_switch(&self) -> bool {
-        // Of numbers from 0 to 1 only these two are their own squares.
+        // Of the numbers from 0 to 1 only these two equal their squares.
         self.range() == Some((0.0, 1.0))
             && (self.sum - self.sum_of_squares).abs() <= 1e-9 * self.samples as f64
     }
@@ -159,7 +159,8 @@ impl Envelope {
         parts
     }
 
-    /// Whether it hardly swings within one of the parts of the whole, or is constant: then the parts' extremes follow the curve.
+    /// True if the signal hardly varies within a part, or is constant, so that the parts' extremes follow the
+    /// curve.
     fn is_resolved(&self) -> bool {
         let Some((low, high)) = self.range().filter(|(low, high)| low < high) else {
             return true;
@@ -168,17 +169,17 @@ impl Envelope {
         within < RESOLVED * (high - low) * PARTS as f64
     }
 
-    /// Largest magnitude; 0 where there is none.
+    /// Largest magnitude; 0 without samples.
     pub fn peak(&self) -> f64 {
         self.range().map_or(0.0, |(low, high)| low.abs().max(high.abs()))
     }
 
-    /// Does every stretch hold one sample, so that the signal is shown as it is?
+    /// True if every interval holds one sample, so that the signal is shown exactly.
     pub fn is_exact(&self) -> bool {
         self.stretch == 1
     }
 
-    /// (time of the middle in s, lowest, highest) of every stretch that has a finite sample.
+    /// (time of the centre in s, minimum, maximum) of every interval with a finite sample.
     pub fn points(&self) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
         let length_s = self.stretch as f64 / self.rate_hz;
         let middle = if self.is_exact() { 0.0 } else { 0.5 };
@@ -196,22 +197,23 @@ impl Envelope {
     }
 }
 
-/// Parts of a whole over which two signals are compared.
+/// Number of parts over which two signals are compared.
 const PARTS: usize = 120;
-/// A curve is resolved by parts within which it swings by less than this part of its range, on average.
+/// A curve is resolved if it varies within a part by less than this fraction of its range, on average.
 const RESOLVED: f64 = 0.35;
-/// Signals are nearly the same from this correlation on, and with levels that are no farther apart, dB.
+/// Minimum correlation and maximum level difference, dB, of nearly equal signals.
 const ALIKE: (f64, f64) = (0.999, 0.5);
 
-/// Are these the same signals but for sensor noise and their rates? Only slow ones are compared. Their extremes over equal parts of the time correlate
-/// by more than 0.999 over all components, and their levels, with and without the means, are within 0.5 dB.
+/// True if the signals are equal except for sensor noise and rate. Only slow signals are compared. Their
+/// extremes over equal parts of the time must correlate by more than 0.999 over all components, and their
+/// levels, with and without the means, must agree within 0.5 dB.
 pub fn are_nearly_same(a: &[Envelope], b: &[Envelope]) -> bool {
     let duration_s = |of: &[Envelope]| of.first().map_or(0.0, |lane| lane.samples as f64 / lane.rate_hz);
     let (a_s, b_s) = (duration_s(a), duration_s(b));
     if a.len() != b.len() || (a_s - b_s).abs() > 0.01 * a_s {
         return false;
     }
-    // Of what swings within a part, only how far it swings would be compared.
+    // For a signal that varies within a part, only its amplitude would be compared.
     if !a.iter().chain(b).all(Envelope::is_resolved) {
         return false;
     }
@@ -229,13 +231,13 @@ pub fn are_nearly_same(a: &[Envelope], b: &[Envelope]) -> bool {
     }
     let level = |of: &[Envelope]| of.iter().map(|lane| lane.rms().powi(2)).sum::<f64>();
     let within = |x: f64, y: f64| (10.0 * (x / y).log10()).abs() <= ALIKE.1;
-    // Where a part has no sample in it there is nothing to compare: all comparisons with NaN are false.
+    // A part without samples compares as NaN, which is always false.
     product > ALIKE.0 * (squares[0] * squares[1]).sqrt()
         && within(level(a), level(b))
         && within(squares[0], squares[1])
 }
 
-/// Every n-th of a stream of points, n growing so that they stay few.
+/// Every n-th point of a stream; n grows so that the number of points stays bounded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decimated<T> {
     kept: Vec<T>,
@@ -245,7 +247,7 @@ pub struct Decimated<T> {
 }
 
 impl<T> Decimated<T> {
-    /// At most `most` of them, at least half as many once there were.
+    /// Keeps at most `most` points, and at least half as many once there were that many.
     pub fn new(most: usize) -> Self {
         Self {
             kept: Vec::new(),
@@ -255,7 +257,7 @@ impl<T> Decimated<T> {
         }
     }
 
-    /// Takes the next one.
+    /// Adds a point.
     pub fn push(&mut self, point: T) {
         if self.seen.is_multiple_of(self.every) {
             if self.kept.len() == self.most {
@@ -273,7 +275,7 @@ impl<T> Decimated<T> {
         self.seen += 1;
     }
 
-    /// Those kept, in order.
+    /// The kept points, in order.
     pub fn kept(&self) -> &[T] {
         &self.kept
     }
@@ -290,7 +292,7 @@ mod tests {
         envelope.extend((0..1_000_000).map(|i| if i == 765_432 { 9.0 } else { 0.5 }));
         assert_eq!(envelope.peak(), 9.0);
         let points: Vec<_> = envelope.points().collect();
-        assert!((MOST / 2..=MOST).contains(&points.len()));
+        assert!((MAX / 2..=MAX).contains(&points.len()));
         let at = points.iter().find(|p| p.2 == 9.0).unwrap().0;
         assert!((at - 765.432).abs() < 1.0, "{at}");
     }

@@ -1,4 +1,4 @@
-//! Bounded reading of files and lines. The library opens files for reading only here.
+//! Bounded reading of files, folders and lines. The library opens files and folders for reading only here.
 
 #[cfg(target_family = "wasm")]
 mod memory;
@@ -8,12 +8,14 @@ mod roots;
 pub use memory::{File, put};
 pub use roots::{Roots, noting_files, refused};
 #[cfg(not(target_family = "wasm"))]
-use std::fs::{File, OpenOptions};
+use std::fs::{DirEntry, File, OpenOptions};
 use std::io::{self, BufRead, Read};
 use std::path::{Path, PathBuf};
 
 /// Largest recording or other table of samples that is read, bytes: an hour of raw recording.
 pub const MAX_RECORDING_BYTES: u64 = 4 << 30;
+/// Most names that are read of one folder.
+pub const MAX_NAMES: usize = 100_000;
 /// Longest line that is read from terminals and other programs, bytes.
 pub const MAX_LINE_BYTES: usize = 64 << 10;
 
@@ -39,6 +41,12 @@ pub enum Refusal {
         /// The bound.
         max_bytes: u64,
     },
+    /// A folder of more names than are read.
+    #[error("it holds more than {max_names} files")]
+    TooManyNames {
+        /// The bound.
+        max_names: usize,
+    },
 }
 
 impl Refusal {
@@ -53,7 +61,7 @@ impl From<Refusal> for io::Error {
         let kind = match refusal {
             Refusal::NotRegular { .. } | Refusal::NotTerminal => io::ErrorKind::InvalidInput,
             Refusal::Outside => io::ErrorKind::PermissionDenied,
-            Refusal::TooLong { .. } => io::ErrorKind::FileTooLarge,
+            Refusal::TooLong { .. } | Refusal::TooManyNames { .. } => io::ErrorKind::FileTooLarge,
         };
         Self::new(kind, refusal)
     }
@@ -145,16 +153,42 @@ pub fn is_folder(path: &Path) -> bool {
     return memory::is_folder(&path);
 }
 
-/// The regular files of a folder that may be read, unordered; none if it does not exist.
+/// The entries of a folder that may be read, unordered: at most [`MAX_NAMES`], then [`Refusal::TooManyNames`].
+///
+/// # Errors
+/// Those of the file system, and [`Refusal::Outside`].
+#[cfg(not(target_family = "wasm"))]
+pub fn entries(folder: &Path) -> io::Result<impl Iterator<Item = io::Result<DirEntry>> + use<>> {
+    let entries = std::fs::read_dir(roots::admitted(folder)?)?;
+    Ok(bounded(entries, MAX_NAMES))
+}
+
+/// At most so many entries, then an error.
+#[cfg(not(target_family = "wasm"))]
+fn bounded<T>(
+    entries: impl Iterator<Item = io::Result<T>>,
+    max_names: usize,
+) -> impl Iterator<Item = io::Result<T>> {
+    let refusal = Refusal::TooManyNames { max_names };
+    entries
+        .take(max_names + 1)
+        .enumerate()
+        .map(move |(count, entry)| match count < max_names {
+            true => entry,
+            false => Err(refusal.into()),
+        })
+}
+
+/// The regular files of a folder that may be read, unordered; none if it does not exist, [`MAX_NAMES`] at most.
 pub fn list(folder: &Path) -> Vec<PathBuf> {
     if !is_folder(folder) {
         return Vec::new();
     }
     #[cfg(not(target_family = "wasm"))]
     {
-        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        let entries = entries(folder).into_iter().flatten().flatten();
         entries
-            .map(|entry| entry.path())
+            .map(|entry| folder.join(entry.file_name()))
             .filter(|path| is_file(path))
             .collect()
     }
@@ -321,6 +355,22 @@ mod tests {
     }
 
     #[test]
+    fn a_folder_is_read_up_to_a_bound() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a", "b", "c"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        assert_eq!(entries(folder.path()).unwrap().flatten().count(), 3);
+        assert_eq!(list(folder.path()).len(), 3);
+        let read = |most| -> io::Result<Vec<DirEntry>> {
+            bounded(std::fs::read_dir(folder.path()).unwrap(), most).collect()
+        };
+        assert_eq!(read(3).unwrap().len(), 3);
+        let refused = Refusal::of(&read(2).unwrap_err());
+        assert_eq!(refused, Some(Refusal::TooManyNames { max_names: 2 }));
+    }
+
+    #[test]
     fn lines_too_long_are_told_of_and_passed_over() {
         let source = io::Cursor::new("abc\n\nabcdef\nabcd\nlong end");
         let read: Vec<_> = lines(source, 4).map(|line| line.ok()).collect();
@@ -343,10 +393,12 @@ mod tests {
 
     #[test]
     fn files_and_typed_lines_are_read_here_alone() {
-        const OPENERS: [&str; 7] = [
+        const OPENERS: [&str; 9] = [
             "File::open(",
             "fs::read(",
             "fs::read_to_string(",
+            "read_dir(",
+            "ReadDir",
             "WavReader::open(",
             ".from_path(",
             "lock().split(",
@@ -355,19 +407,23 @@ mod tests {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
         let mut found = Vec::new();
         for part in [
-            "signal/src",
-            "engine/src",
-            "surfaces/src",
-            "nodes/src",
-            "live/src",
-            "report/src",
-            "studio/src",
-            "src",
+            "signal",
+            "engine",
+            "surfaces",
+            "nodes",
+            "report",
+            "studio",
+            "bindings/c",
+            "",
         ] {
-            sources(&root.join(part), &mut found);
+            let before = found.len();
+            sources(&root.join(part).join("src"), &mut found);
+            // Where the crate stands alone there are only its own.
+            assert!(
+                found.len() > before || !root.join("Cargo.toml").is_file(),
+                "{part}"
+            );
         }
-        // Where the crate stands alone there are only its own.
-        assert!(found.len() > 10);
         for path in found.iter().filter(|path| !path.ends_with("signal/src/files.rs")) {
             let text = std::fs::read_to_string(path).unwrap();
             // A folder is opened to be locked; nothing is read of it.

@@ -1,53 +1,73 @@
-//! Units at the end of column names: `stylus.force_n`, `speed_mm_s`.
+//! Units: at the end of the names of columns and settings (`stylus.force_n`, `speed_mm_s`), and as people read them.
 
 use crate::quantity::Quantity;
 
-/// Suffixes, their quantities, and SI per unit. The first suffix of a quantity is the one that is written.
-const ENDINGS: &[(&str, Quantity, f64)] = &[
-    ("_m", Quantity::LENGTH, 1.0),
-    ("_mm", Quantity::LENGTH, 1e-3),
-    ("_cm", Quantity::LENGTH, 1e-2),
-    ("_um", Quantity::LENGTH, 1e-6),
+struct Unit {
+    /// The end of a name with this unit.
+    suffix: &'static str,
+    /// As people write it.
+    symbol: &'static str,
+    quantity: Quantity,
+    /// SI per unit.
+    si: f64,
+}
+
+const fn unit(suffix: &'static str, symbol: &'static str, quantity: Quantity, si: f64) -> Unit {
+    Unit {
+        suffix,
+        symbol,
+        quantity,
+        si,
+    }
+}
+
+/// All units. The first of a quantity is the one that is written into files.
+const UNITS: &[Unit] = &[
+    unit("_m", "m", Quantity::LENGTH, 1.0),
+    unit("_mm", "mm", Quantity::LENGTH, 1e-3),
+    unit("_cm", "cm", Quantity::LENGTH, 1e-2),
+    unit("_um", "µm", Quantity::LENGTH, 1e-6),
     // Of two quantities with the same suffix the last is the default.
-    ("_g", Quantity::ACCELERATION, 9.80665),
-    ("_kg", Quantity::MASS, 1.0),
-    ("_g", Quantity::MASS, 1e-3),
-    ("_s", Quantity::TIME, 1.0),
-    ("_ms", Quantity::TIME, 1e-3),
-    ("_a", Quantity::CURRENT, 1.0),
-    ("_ma", Quantity::CURRENT, 1e-3),
-    ("_k", Quantity::TEMPERATURE, 1.0),
-    ("_rad", Quantity::ANGLE, 1.0),
-    ("_deg", Quantity::ANGLE, std::f64::consts::PI / 180.0),
-    ("_m_s", Quantity::SPEED, 1.0),
-    ("_mm_s", Quantity::SPEED, 1e-3),
-    ("_m_s2", Quantity::ACCELERATION, 1.0),
-    ("_mm_s2", Quantity::ACCELERATION, 1e-3),
-    ("_n", Quantity::FORCE, 1.0),
-    ("_mn", Quantity::FORCE, 1e-3),
-    ("_n_m", Quantity::TORQUE, 1.0),
-    ("_n_mm", Quantity::TORQUE, 1e-3),
-    ("_v", Quantity::VOLTAGE, 1.0),
-    ("_mv", Quantity::VOLTAGE, 1e-3),
-    ("_w", Quantity::POWER, 1.0),
-    ("_hz", Quantity::FREQUENCY, 1.0),
-    ("_khz", Quantity::FREQUENCY, 1e3),
-    ("_rad_s", Quantity::ANGULAR_SPEED, 1.0),
-    ("_n_per_m", Quantity::STIFFNESS, 1.0),
-    ("_n_per_mm", Quantity::STIFFNESS, 1e3),
-    ("_n_s_per_m", Quantity::DAMPING, 1.0),
+    unit("_g", "g", Quantity::ACCELERATION, 9.80665),
+    unit("_kg", "kg", Quantity::MASS, 1.0),
+    unit("_g", "g", Quantity::MASS, 1e-3),
+    unit("_s", "s", Quantity::TIME, 1.0),
+    unit("_ms", "ms", Quantity::TIME, 1e-3),
+    unit("_a", "A", Quantity::CURRENT, 1.0),
+    unit("_ma", "mA", Quantity::CURRENT, 1e-3),
+    unit("_k", "K", Quantity::TEMPERATURE, 1.0),
+    unit("_rad", "rad", Quantity::ANGLE, 1.0),
+    unit("_deg", "°", Quantity::ANGLE, std::f64::consts::PI / 180.0),
+    unit("_m_s", "m/s", Quantity::SPEED, 1.0),
+    unit("_mm_s", "mm/s", Quantity::SPEED, 1e-3),
+    unit("_m_s2", "m/s²", Quantity::ACCELERATION, 1.0),
+    unit("_mm_s2", "mm/s²", Quantity::ACCELERATION, 1e-3),
+    unit("_n", "N", Quantity::FORCE, 1.0),
+    unit("_mn", "mN", Quantity::FORCE, 1e-3),
+    unit("_n_m", "N m", Quantity::TORQUE, 1.0),
+    unit("_n_mm", "N mm", Quantity::TORQUE, 1e-3),
+    unit("_v", "V", Quantity::VOLTAGE, 1.0),
+    unit("_mv", "mV", Quantity::VOLTAGE, 1e-3),
+    unit("_w", "W", Quantity::POWER, 1.0),
+    unit("_hz", "Hz", Quantity::FREQUENCY, 1.0),
+    unit("_khz", "kHz", Quantity::FREQUENCY, 1e3),
+    unit("_rad_s", "rad/s", Quantity::ANGULAR_SPEED, 1.0),
+    unit("_n_per_m", "N/m", Quantity::STIFFNESS, 1.0),
+    unit("_n_per_mm", "N/mm", Quantity::STIFFNESS, 1e3),
+    unit("_n_s_per_m", "N s/m", Quantity::DAMPING, 1.0),
+    unit("_n_per_a", "N/A", Quantity::FORCE.per(Quantity::CURRENT), 1.0),
 ];
+
+/// Units that people read in place of those of SI.
+const SHOWN: [&str; 4] = ["_mm", "_mm_s", "_n_mm", "_n_per_mm"];
 
 /// The suffix of a column of this quantity in SI; none for a plain number.
 pub fn suffix(quantity: Quantity) -> String {
     if quantity == Quantity::NUMBER {
         return String::new();
     }
-    match ENDINGS
-        .iter()
-        .find(|(_, known, scale)| *known == quantity && *scale == 1.0)
-    {
-        Some((ending, ..)) => (*ending).to_owned(),
+    match of(quantity).find(|unit| unit.si == 1.0) {
+        Some(unit) => unit.suffix.to_owned(),
         None => format!(
             "_{}",
             quantity.unit().replace([' ', '^'], "_").replace('-', "minus")
@@ -55,56 +75,74 @@ pub fn suffix(quantity: Quantity) -> String {
     }
 }
 
+/// The symbol of the unit in which people read a quantity, and SI per unit: N/mm, 1000.
+pub fn shown(quantity: Quantity) -> (String, f64) {
+    let shown = of(quantity).find(|unit| SHOWN.contains(&unit.suffix));
+    match shown.or_else(|| of(quantity).find(|unit| unit.si == 1.0)) {
+        Some(unit) => (unit.symbol.to_owned(), unit.si),
+        None => (quantity.unit(), 1.0),
+    }
+}
+
+fn of(quantity: Quantity) -> impl Iterator<Item = &'static Unit> {
+    UNITS.iter().filter(move |unit| unit.quantity == quantity)
+}
+
+/// The units with which a name ends, of one suffix: the longest.
+fn at_end(name: &str) -> impl Iterator<Item = &'static Unit> {
+    let lower = name.to_lowercase();
+    let fitting = UNITS.iter().filter(|unit| lower.ends_with(unit.suffix));
+    let longest = fitting.map(|unit| unit.suffix).max_by_key(|suffix| suffix.len());
+    UNITS.iter().filter(move |unit| Some(unit.suffix) == longest)
+}
+
 /// Quantity of a column by the suffix of its name, and SI per unit; a plain number without a known suffix.
 pub fn of_header(name: &str) -> (Quantity, f64) {
-    let lower = name.to_lowercase();
-    let fitting = ENDINGS.iter().filter(|(ending, ..)| lower.ends_with(ending));
-    fitting
-        .max_by_key(|(ending, ..)| ending.len())
-        .map_or((Quantity::NUMBER, 1.0), |(_, quantity, scale)| {
-            (*quantity, *scale)
-        })
+    let unit = at_end(name).last();
+    unit.map_or((Quantity::NUMBER, 1.0), |unit| (unit.quantity, unit.si))
 }
 
 /// SI per unit of a column of `quantity`, by the suffix of its name.
 pub fn of_header_as(name: &str, quantity: Quantity) -> Option<f64> {
-    let lower = name.to_lowercase();
-    let fitting = ENDINGS.iter().filter(|(ending, ..)| lower.ends_with(ending));
-    let longest = fitting.clone().map(|(ending, ..)| ending.len()).max()?;
-    fitting
-        .filter(|(ending, ..)| ending.len() == longest)
-        .find(|(_, known, _)| *known == quantity)
-        .map(|(.., scale)| *scale)
+    let unit = at_end(name).find(|unit| unit.quantity == quantity);
+    unit.map(|unit| unit.si)
+}
+
+/// The symbol of the unit at the end of a name; none where that is only a part of its unit, as in `volts_per_m`.
+pub fn symbol(name: &str) -> Option<&'static str> {
+    let unit = at_end(name).next()?;
+    let before = name.get(..name.len().checked_sub(unit.suffix.len())?)?;
+    (!before.ends_with("_per")).then_some(unit.symbol)
 }
 
 /// SI per `unit` of a quantity, written as in names (`mm_s`) or as usual (`mm/s`, `m/s²`, `N m`).
 pub fn si_per(unit: &str, quantity: Quantity) -> Option<f64> {
     let plain = unit.trim().to_lowercase().replace(['/', ' ', '·'], "_");
-    let ending = format!("_{}", plain.replace('²', "2").replace('^', "").replace('µ', "u"));
-    ENDINGS
-        .iter()
-        .find(|(known, of, _)| *known == ending && *of == quantity)
-        .map(|(.., scale)| *scale)
+    let suffix = format!("_{}", plain.replace('²', "2").replace('^', "").replace('µ', "u"));
+    let known = of(quantity).find(|unit| unit.suffix == suffix);
+    known.map(|unit| unit.si)
+}
+
+/// SI per unit of a symbol, such as `mm`, if the symbol has one meaning.
+pub fn si_of(symbol: &str) -> Option<f64> {
+    let mut known = UNITS.iter().filter(|unit| unit.symbol == symbol);
+    let unit = known.next()?;
+    known.next().is_none().then_some(unit.si)
 }
 
 /// Factor that converts a number under `name` to one under `other`, if the names differ in their units only.
 pub fn between(name: &str, other: &str) -> Option<f64> {
     let lower = name.to_lowercase();
-    ENDINGS.iter().find_map(|(ending, quantity, scale)| {
-        let rest = other.strip_prefix(lower.strip_suffix(ending)?)?;
-        let (.., to) = ENDINGS
-            .iter()
-            .find(|(known, of, _)| *known == rest && of == quantity)?;
-        Some(scale / to)
+    UNITS.iter().find_map(|from| {
+        let rest = other.strip_prefix(lower.strip_suffix(from.suffix)?)?;
+        let to = of(from.quantity).find(|to| to.suffix == rest)?;
+        Some(from.si / to.si)
     })
 }
 
 /// The units of a quantity, as suffixes of names.
 pub fn of_quantity(quantity: Quantity) -> impl Iterator<Item = &'static str> {
-    ENDINGS
-        .iter()
-        .filter(move |(_, known, _)| *known == quantity)
-        .map(|(ending, ..)| &ending[1..])
+    of(quantity).map(|unit| &unit.suffix[1..])
 }
 
 #[cfg(test)]
@@ -120,6 +158,36 @@ mod tests {
     }
 
     #[test]
+    fn symbols_are_what_they_say() {
+        for (quantity, _, si) in Quantity::NAMED {
+            let symbol = symbol(&format!("signal{}", suffix(*quantity)));
+            let symbol = symbol.map(|symbol| symbol.replace('²', "2"));
+            assert_eq!(symbol.as_deref().unwrap_or("1"), *si);
+        }
+        for (name, symbol_of_it) in [
+            ("stiffness_n_per_mm", Some("N/mm")),
+            ("force_n_per_a", Some("N/A")),
+            ("gain_m_s2_per_v", None),
+            ("most_a_per_m_s2", None),
+            ("level", None),
+        ] {
+            assert_eq!(symbol(name), symbol_of_it, "{name}");
+        }
+        for (quantity, symbol, si) in [
+            (Quantity::STIFFNESS, "N/mm", 1e3),
+            (Quantity::SPEED, "mm/s", 1e-3),
+            (Quantity::ACCELERATION, "m/s²", 1.0),
+            (
+                Quantity::FORCE.per(Quantity::LENGTH).per(Quantity::LENGTH),
+                "m^-1 kg s^-2",
+                1.0,
+            ),
+        ] {
+            assert_eq!(shown(quantity), (symbol.to_owned(), si));
+        }
+    }
+
+    #[test]
     fn a_known_quantity_decides_between_equal_endings() {
         assert_eq!(of_header("accel_g"), (Quantity::MASS, 1e-3));
         assert_eq!(of_header_as("accel_g", Quantity::ACCELERATION), Some(9.80665));
@@ -127,6 +195,7 @@ mod tests {
         assert_eq!(si_per("m/s^2", Quantity::ACCELERATION), Some(1.0));
         assert_eq!(si_per("N mm", Quantity::TORQUE), Some(1e-3));
         assert_eq!(si_per("furlong", Quantity::LENGTH), None);
+        assert_eq!([si_of("kHz"), si_of("g"), si_of("khz")], [Some(1e3), None, None]);
         assert_eq!(of_quantity(Quantity::SPEED).collect::<Vec<_>>(), ["m_s", "mm_s"]);
     }
 

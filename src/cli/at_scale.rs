@@ -1,11 +1,12 @@
-//! `learn` and `evaluate` over many recordings: in parts, anywhere, with what one run would have left.
+//! `learn` and `evaluate` over many recordings, split into parts that may run on several machines. The merged
+//! parts equal the result of one run.
 
 use super::learn::{self, by_file};
 use super::output::Output;
 use super::progress::Progress;
 use super::table::{significant, table};
 use super::{
-    Failure, evaluate, folder_of, output, read_file, recording, remark, run, say, say_json, surface,
+    Failure, eprint, evaluate, folder_of, output, print, print_json, read_file, recording, run, surface,
 };
 use crate::engine::registry::Registry;
 use crate::signal::files;
@@ -21,21 +22,24 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fmt::Debug;
 use std::fs;
+use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Longer parts of an evaluation are not read, bytes.
+/// Maximum size of a part of an evaluation, bytes.
 const MAX_PART_BYTES: u64 = 1 << 30;
-/// The setting of a learned surface that says from what it was learned, and how.
+/// Setting of a learned surface that holds the hash of its inputs and settings.
 const INPUTS: &str = "inputs sha256";
 
 /// Measure how well learned textures match recordings
 ///
-/// Reads all recordings in a folder that are named `<material>.<person>.<take>.<extension>`. For every material and person a texture is
-/// learned from the first take. Whoever has the most takes is the expert: the others of the expert's takes are what the textures are tested
-/// on. Prints Table 2.1 of the thesis (textures against materials; each texture's own material marked), and Table 2.2 where there are several
-/// people. `--shard 2/5 -o PART` learns and compares the second of five parts, anywhere; `haptograph evaluate merge` prints the tables of all.
+/// Reads all recordings in a folder whose names have the form `<material>.<person>.<take>.<extension>`. For
+/// every material and person it learns a texture from the first take. The person with the most takes is the
+/// expert; the expert's other takes are the test recordings. Prints Table 2.1 of the thesis (textures against
+/// materials, with each texture's own material marked) and, with several people, Table 2.2. `--shard 2/5 -o
+/// PART` learns and compares the second of five parts on any machine; `haptograph evaluate merge` prints the
+/// tables of all parts.
 #[derive(Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Evaluate {
@@ -43,17 +47,17 @@ pub struct Evaluate {
     merge: Option<Merge>,
     #[command(flatten)]
     given: evaluate::Arguments,
-    /// Learn and compare one of several parts of the textures; the tables are made of all parts
+    /// Learn and compare one of several parts of the textures; `merge` prints the tables
     #[arg(long, value_name = "K/N", requires = "output", conflicts_with_all = ["report", "holdout"])]
     shard: Option<Shard>,
-    /// The file to write the part to
+    /// The part to write
     #[arg(short, long, value_name = "PART.ron", requires = "shard")]
     output: Option<PathBuf>,
 }
 
 #[derive(Debug, Subcommand)]
 enum Merge {
-    /// Print the tables of all parts of an evaluation: those of one run, to the byte
+    /// Merge the parts of an evaluation and print its tables, identical to those of one run
     Merge {
         /// The files of all parts
         #[arg(required = true, value_name = "PART.ron")]
@@ -64,23 +68,23 @@ enum Merge {
     },
 }
 
-/// What `learn` does with a folder.
+/// The flags of `learn` for a folder of recordings.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Folders of recordings")]
 pub struct Folder {
-    /// Of a folder: learn one of several parts of the surfaces
+    /// Learn one of several parts of the surfaces of a folder
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
-    /// Of a folder: what makes a surface
+    /// What one surface is learned from
     #[arg(long, value_enum)]
     by: Option<By>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum By {
-    /// Each recording
+    /// One recording
     File,
-    /// All recordings of a material, by names <material>.<person>.<take>.<extension>
+    /// All recordings of a material, named <material>.<person>.<take>.<extension>
     Material,
 }
 
@@ -100,13 +104,13 @@ pub fn evaluate(arguments: &Evaluate, registry: &Registry) -> Result<(), Failure
     }
 }
 
-/// Learns and compares a part of the textures into a file; nothing where that is there.
+/// Learns and compares one part of the textures and writes it to a file. An existing part is kept.
 fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Result<(), Failure> {
     let folder = folder_of(path)?;
     if folder.canonicalize().ok() == given.dir().canonicalize().ok() {
         let (path, dir) = (path.display(), given.dir().display());
         return Err(Failure::Message(format!(
-            "{path} is in {dir}, whose files are recordings; give a file in another folder"
+            "{path} is in {dir}, the folder of the recordings; give a file in another folder"
         )));
     }
     let import = given.import.settings().map_err(Failure::Message)?;
@@ -138,11 +142,11 @@ fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Resu
 fn part_facts(json: bool, path: &Path, part: &StudyPart, kept: bool) -> Result<(), Failure> {
     let textures = part.numbers().count();
     if json {
-        return say_json(&json!({ "part": path, "textures": textures, "of": part.head.of, "kept": kept }));
+        return print_json(&json!({ "part": path, "textures": textures, "of": part.head.of, "kept": kept }));
     }
     let (path, of) = (path.display(), part.head.of);
-    let there = if kept { "; it was there" } else { "" };
-    say(&format!("{textures} of {of} textures: {path}{there}\n"))
+    let there = if kept { "; kept the existing part" } else { "" };
+    print(&format!("{textures} of {of} textures: {path}{there}\n"))
 }
 
 fn read_part(path: &Path) -> Result<StudyPart, Failure> {
@@ -151,12 +155,14 @@ fn read_part(path: &Path) -> Result<StudyPart, Failure> {
     StudyPart::parse(path, &text).map_err(|error| Failure::Message(error.to_string()))
 }
 
-/// The tables of all parts.
+/// Prints the tables of all parts.
 fn merge(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
     let read = |path: &PathBuf| Ok((path.clone(), read_part(path)?));
     let parts = paths.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
     let Some(StudyPart { head, .. }) = parts.first().map(|(_, part)| part) else {
-        return Err(Failure::Message("name the files of the parts".to_owned()));
+        return Err(Failure::Message(
+            "no part given; name the files of all parts".to_owned(),
+        ));
     };
     let settings = evaluate::seeded(head.pooling, head.seed);
     let progress = Progress::of("evaluating");
@@ -164,44 +170,45 @@ fn merge(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
     let found = found.map_err(|error| Failure::Message(error.to_string()))?;
     drop(progress);
     if json {
-        return say_json(&evaluate::to_json(&found, head.simulated > 0));
+        return print_json(&evaluate::to_json(&found, head.simulated > 0));
     }
-    say(&evaluate::describe(&found))?;
-    evaluate::say_simulated(head.simulated, head.recordings)
+    print(&evaluate::describe(&found))?;
+    evaluate::print_simulated(head.simulated, head.recordings)
 }
 
-/// A surface to be learned.
+/// A surface to learn.
 struct Item {
     name: String,
     /// The recordings that it is learned from.
     recordings: Vec<PathBuf>,
-    /// These and what lies beside them: all that it depends on.
+    /// All files that it depends on: the recordings and the files beside them.
     files: Vec<PathBuf>,
 }
 
-/// What became of it.
+/// The result for one item.
 enum Outcome {
-    /// The surface, and whether it was there.
+    /// The surface, and true if it existed already.
     Learned(Box<Surface>, bool),
     Failed(String),
 }
 
-/// Refuses the flags of folders where files are learned from.
+/// Refuses the flags for folders if files are given.
 pub fn refuse_of_files(folder: &Folder) -> Result<(), Failure> {
     match folder.shard.is_some() || folder.by.is_some() {
         true => Err(Failure::Message(
-            "--shard and --by are of a folder of recordings: give one, alone".to_owned(),
+            "--shard and --by apply to a folder of recordings; give one folder and no files".to_owned(),
         )),
         false => Ok(()),
     }
 }
 
-/// Learns a surface of each recording or material in a folder, or of a part of them, into another folder. What is there already, of the same
-/// recordings and settings, is kept; what fails is listed at the end, after all others are learned.
+/// Learns one surface per recording or material of a folder, or of one part of them, into another folder. A
+/// surface learned before from the same recordings and settings is kept. Failures are listed at the end,
+/// after all other surfaces are learned.
 pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
     if given.has_single() {
         return Err(Failure::Message(format!(
-            "{} is a folder: --circle, --tap, --press, --name and --report are of one surface; leave them out, or name files",
+            "{} is a folder: --circle, --tap, --press, --name and --report apply to one surface; leave them out, or name files",
             dir.display()
         )));
     }
@@ -222,7 +229,7 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
         .map_err(|error| Failure::file("make the folder", &given.output, &error))?;
     if given.output.canonicalize().ok() == dir.canonicalize().ok() {
         return Err(Failure::Message(format!(
-            "{} holds the recordings; give another folder for the surfaces",
+            "{} is the folder of the recordings; give another folder for the surfaces",
             dir.display()
         )));
     }
@@ -239,8 +246,8 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
     let counted = report(given, &items, outcomes)?;
     if stopped {
         let missing = items.len() - counted.0;
-        remark(&format!(
-            "stopped with {missing} of {} surfaces missing; the same command goes on\n",
+        eprint(&format!(
+            "stopped with {missing} of {} surfaces missing; repeat the command to continue\n",
             items.len()
         ));
         return Err(Failure::Interrupted);
@@ -249,13 +256,14 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
         (0, _) => Ok(()),
         (_, true) => Err(Failure::Reported),
         (failed, false) => Err(Failure::Message(format!(
-            "{failed} of {} surfaces were not learned; the same command tries them again and keeps the others",
+            "{failed} of {} surfaces were not learned; repeat the command to retry them, the others are kept",
             items.len()
         ))),
     }
 }
 
-/// Does the items in any order, each core one at a time, until there is none left or `stop` is set. What became of them, in their order.
+/// Processes the items on all cores until none is left or `stop` is set. Returns the outcomes in the order of
+/// the items.
 fn on_all_cores(
     items: &[&Item],
     stop: &AtomicBool,
@@ -268,9 +276,9 @@ fn on_all_cores(
         while !stop.load(Ordering::Relaxed) {
             let number = next.fetch_add(1, Ordering::Relaxed);
             let Some(item) = items.get(number) else { break };
-            // One that panics is one that failed.
+            // A panic fails only its own item.
             let outcome = catch_unwind(AssertUnwindSafe(|| one(item)));
-            let panicked = |_| Outcome::Failed("haptograph panicked, as said above".to_owned());
+            let panicked = |_| Outcome::Failed("haptograph panicked; the message is above".to_owned());
             finished.push((number, outcome.unwrap_or_else(panicked)));
             progress.at((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / items.len() as f64);
         }
@@ -286,7 +294,7 @@ fn on_all_cores(
     outcomes
 }
 
-/// The surface of an item, and whether it was there.
+/// The surface of an item, and true if it existed already.
 fn learn_item(
     given: &learn::Arguments,
     item: &Item,
@@ -317,7 +325,7 @@ fn learn_item(
         .map_err(|error| Failure::Message(by_file(&error.to_string(), &error, &named, &recordings)))?;
     for missing in &report.missing {
         let said = by_file(&missing.to_string(), &missing.reason, &named, &recordings);
-        remark(&format!("warning: {}: {said}\n", item.name));
+        eprint(&format!("warning: {}: {said}\n", item.name));
     }
     for (index, (path, _)) in named.iter().enumerate() {
         let file = path.file_name().unwrap_or_default().to_string_lossy();
@@ -329,7 +337,7 @@ fn learn_item(
     Ok((surface, false))
 }
 
-/// Tells what was learned and what was not; how many surfaces there are, and how many failed.
+/// Prints what was learned and what failed. Returns the number of surfaces and of failures.
 fn report(
     given: &learn::Arguments,
     items: &[&Item],
@@ -357,7 +365,7 @@ fn report(
             "kept": kept,
             "failed": failed.collect::<Vec<_>>(),
         });
-        return say_json(&facts).map(|()| counts);
+        return print_json(&facts).map(|()| counts);
     }
     if !surfaces.is_empty() {
         let header = ["surface", "recordings", "origin", "models", "mu", "taps", "N/mm"];
@@ -365,28 +373,28 @@ fn report(
             .iter()
             .map(|(item, surface)| row(item, surface))
             .collect();
-        say(&table(&header, &rows))?;
+        print(&table(&header, &rows))?;
     }
     if !failed.is_empty() {
-        // All of it first, with the place in the file.
+        // The whole error first, with its place in the file.
         failed
             .iter()
-            .for_each(|(_, why)| remark(&format!("{}\n", why.trim_end())));
+            .for_each(|(_, why)| eprint(&format!("{}\n", why.trim_end())));
         let row = |(item, why): &(&Item, String)| {
             let line = why.lines().next().unwrap_or_default();
             vec![item.name.clone(), line.trim_start_matches("error: ").to_owned()]
         };
         let rows: Vec<_> = failed.iter().map(row).collect();
-        remark(&format!("\n{}", table(&["not learned", "why"], &rows)));
+        eprint(&format!("\n{}", table(&["not learned", "why"], &rows)));
     }
     let (learned, folder) = (counts.0 - kept, given.output.display());
-    remark(&format!(
-        "learned {learned} surfaces, {kept} were there: {folder}\n"
+    eprint(&format!(
+        "learned {learned} surfaces, kept {kept} existing ones: {folder}\n"
     ));
     Ok(counts)
 }
 
-/// What a surface has: the same whether it was learned now or before.
+/// Table row of a surface, the same for a new and a kept one.
 fn row(item: &Item, surface: &Surface) -> Vec<String> {
     let models = surface.texture.as_ref().map(|texture| texture.models().len());
     let taps = surface.taps.as_ref().map(|taps| taps.taps().len());
@@ -416,8 +424,9 @@ fn surface_json(item: &Item, surface: &Surface) -> Value {
     })
 }
 
-/// The surfaces to be learned of a folder, by name. Files of one take are one recording: of the toolkit's triples the first stands for all, a
-/// WAV file for the table beside it. Files of RON beside recordings are notes.
+/// The surfaces to learn from a folder, by name. The files of one take count as one recording: of the
+/// toolkit's triples the first file stands for all three, and a WAV file stands for the table beside it. RON
+/// files beside recordings are notes and are skipped.
 fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
     let mut takes: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
     for path in listed(dir)? {
@@ -453,8 +462,8 @@ fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
             (By::Material, Some(name)) => name.material,
             (By::Material, None) => {
                 let path = recording.display();
-                remark(&format!(
-                    "warning: passed over {path}: it is not named <material>.<person>.<take>.<extension>\n"
+                eprint(&format!(
+                    "warning: skipped {path}: its name is not <material>.<person>.<take>.<extension>\n"
                 ));
                 continue;
             }
@@ -468,16 +477,17 @@ fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
         item.files.extend(files);
     }
     if items.is_empty() {
-        return Err(Failure::file("learn", dir, &"there is no recording in it"));
+        return Err(Failure::file("learn", dir, &"it contains no recording"));
     }
     Ok(items.into_values().collect())
 }
 
 /// The files of a folder by name, without hidden ones.
 fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let entries = fs::read_dir(dir).map_err(|error| Failure::file("read", dir, &error))?;
+    let entries: io::Result<Vec<_>> = files::entries(dir).and_then(Iterator::collect);
+    let entries = entries.map_err(|error| Failure::file("read", dir, &error))?;
     let mut paths: Vec<PathBuf> = entries
-        .flatten()
+        .into_iter()
         .filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'))
         .map(|entry| entry.path())
         .filter(|path| path.is_file() && !path.ends_with(output::LEDGER))
@@ -486,7 +496,7 @@ fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
     Ok(paths)
 }
 
-/// A hash of files, by name and content, of settings and of the version.
+/// A hash over the names and contents of files, the settings and the version.
 fn hash<'a>(files: impl Iterator<Item = &'a PathBuf>, settings: &dyn Debug) -> Result<String, Failure> {
     let mut hash = Sha256::new();
     hash.update(format!(

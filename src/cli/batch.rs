@@ -1,8 +1,8 @@
-//! `haptograph batch`: a data set of many vibrations, from a plan.
+//! `haptograph batch`: a data set of many rendered vibrations, described by a plan.
 
 use super::output::{self, Force};
 use super::progress::Progress;
-use super::{Failure, read_file, remark, run, say, say_json, snippet};
+use super::{Failure, eprint, print, print_json, read_file, run, snippet};
 use crate::engine::frame::Kind;
 use crate::engine::node::Stream;
 use crate::engine::registry::Registry;
@@ -17,8 +17,9 @@ use std::sync::atomic::Ordering;
 
 /// Render a data set: many surfaces along many motions with many seeds
 ///
-/// PLAN says what is rendered (docs/batch.md). The folder gets the data in chunks that NumPy reads, and a manifest. Run again, it renders what is
-/// missing or broken and nothing else. `--shard 2/5` renders the second of five parts, anywhere; `haptograph batch merge` makes one folder of all.
+/// PLAN describes the data set (docs/batch.md). The output folder gets the data in chunks that NumPy reads,
+/// and a manifest. A repeated run renders only chunks that are missing or broken. `--shard 2/5` renders the
+/// second of five parts on any machine; `haptograph batch merge` joins all parts into one folder.
 #[derive(Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Arguments {
@@ -33,49 +34,51 @@ pub struct Arguments {
     /// Render one of several parts
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
-    /// Chunks that are rendered at a time; as many as there are cores where it is not given
+    /// Number of chunks to render at a time; default: the number of cores
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Only check the plan and say what it asks for
+    /// Only check the plan and print the number of jobs and the size of the data
     #[arg(long, action = ArgAction::SetTrue, conflicts_with_all = ["output", "shard", "threads"])]
     check: bool,
-    /// Print what was done as JSON
+    /// Print the result as JSON
     #[arg(long)]
     json: bool,
 }
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Make one folder of the parts of a data set, the same as one run would have left
+    /// Join the parts of a data set into one folder, identical to that of one run
     ///
-    /// Every chunk is read and compared with its hash. Files are linked where the file system can, and copied elsewhere.
+    /// Every chunk is read and checked against its hash. Files are hard-linked if the file system allows it,
+    /// and copied otherwise.
     Merge {
         /// The folders of all parts
         #[arg(required = true, value_name = "PART")]
         parts: Vec<PathBuf>,
-        /// The folder to put them into
+        /// The folder to write the data set into
         #[arg(short, long, value_name = "DIR")]
         output: PathBuf,
-        /// Print what was done as JSON
+        /// Print the result as JSON
         #[arg(long)]
         json: bool,
     },
     /// Write the vibrations of single jobs as WAV files, `job-<number>.wav`
     ///
-    /// They have the bits of the data set, in a full scale that is a power of two. The note beside each says what a sample of 1.0 stands for.
+    /// The samples have the bits of the data set; the full scale is a power of two. The note beside each file
+    /// states what a sample of 1.0 stands for.
     Wav {
         /// The plan
         #[arg(value_name = "PLAN.ron")]
         plan: PathBuf,
-        /// Numbers of jobs, from 0
+        /// Numbers of the jobs, from 0
         #[arg(required = true, value_name = "JOB")]
         jobs: Vec<u64>,
-        /// The folder to write them into
+        /// The folder to write the files into
         #[arg(short, long, value_name = "DIR")]
         output: PathBuf,
         #[command(flatten)]
         force: Force,
-        /// Print what was written as JSON
+        /// Print the written files as JSON
         #[arg(long)]
         json: bool,
     },
@@ -101,19 +104,19 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     }
 }
 
-/// What a plan asks for.
+/// Prints the size of the data set that a plan describes.
 fn describe(arguments: &Arguments, batch: &Batch) -> Result<(), Failure> {
     let (jobs, chunks) = (batch.jobs(), batch.chunks());
     let (surfaces, motions) = (batch.surfaces().len(), batch.motions().count());
     let (seconds, bytes) = (batch.seconds(), batch.bytes());
     if arguments.json {
-        return say_json(&json!({
+        return print_json(&json!({
             "jobs": jobs, "chunks": chunks, "surfaces": surfaces, "motions": motions, "seconds": seconds, "bytes": bytes,
         }));
     }
     let mebibytes = bytes as f64 / f64::from(1 << 20);
-    say(&format!(
-        "{jobs} jobs in {chunks} chunks, of {surfaces} surfaces along {motions} motions: {seconds:.0} s of signals, {mebibytes:.1} MiB\n"
+    print(&format!(
+        "{jobs} jobs in {chunks} chunks, {surfaces} surfaces along {motions} motions: {seconds:.0} s of signals, {mebibytes:.1} MiB\n"
     ))
 }
 
@@ -129,13 +132,13 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
     drop(progress);
     let done = done.map_err(|error| Failure::Message(error.to_string()))?;
     for (path, why) in &done.replaced {
-        remark(&format!(
-            "note: {} was broken and is rendered again: {why}\n",
+        eprint(&format!(
+            "note: chunk {} was broken and is rendered again: {why}\n",
             path.display()
         ));
     }
     if arguments.json {
-        say_json(&facts(&done, folder))?;
+        print_json(&facts(&done, folder))?;
     }
     let Rendered {
         chunks,
@@ -145,8 +148,8 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
     } = done;
     if done.was_stopped {
         let missing = chunks - rendered - kept;
-        remark(&format!(
-            "stopped with {missing} of {chunks} chunks missing; the same command goes on\n"
+        eprint(&format!(
+            "stopped with {missing} of {chunks} chunks missing; repeat the command to continue\n"
         ));
         return Err(Failure::Interrupted);
     }
@@ -155,13 +158,13 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
     }
     let there = match kept {
         0 => String::new(),
-        kept => format!(", {kept} were there"),
+        kept => format!(", kept {kept} existing ones"),
     };
     let whole = match done.is_complete {
         true => "the data set is complete",
         false => "the other parts are missing",
     };
-    say(&format!(
+    print(&format!(
         "rendered {rendered} of {chunks} chunks{there}; {whole}: {}\n",
         folder.display()
     ))
@@ -185,10 +188,10 @@ fn merge(parts: &[PathBuf], output: &Path, json: bool) -> Result<(), Failure> {
     drop(progress);
     let merged = merged.map_err(|error| Failure::Message(error.to_string()))?;
     if json {
-        return say_json(&json!({ "chunks": merged.chunks, "jobs": merged.jobs, "folder": output }));
+        return print_json(&json!({ "chunks": merged.chunks, "jobs": merged.jobs, "folder": output }));
     }
     let (parts, chunks, jobs) = (parts.len(), merged.chunks, merged.jobs);
-    say(&format!(
+    print(&format!(
         "merged {chunks} chunks, {jobs} jobs, of {parts} parts: {}\n",
         output.display()
     ))
@@ -200,7 +203,7 @@ fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -
     if let Some(job) = jobs.iter().find(|job| **job >= of) {
         let last = of - 1;
         return Err(Failure::Message(format!(
-            "there is no job {job} in {}; its jobs are 0 to {last}",
+            "{} has no job {job}; its jobs are 0 to {last}",
             plan.display()
         )));
     }
@@ -217,16 +220,16 @@ fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -
     }
     drop(progress);
     if json {
-        return say_json(&json!({ "written": written }));
+        return print_json(&json!({ "written": written }));
     }
-    say(&format!(
+    print(&format!(
         "wrote {} WAV files: {}\n",
         written.len(),
         folder.display()
     ))
 }
 
-/// Writes the vibration of a job and its note; where it is.
+/// Writes the vibration of a job and its note; returns the path of the WAV file.
 fn write_wav(batch: &Batch, number: u64, folder: &Path, force: Force) -> Result<PathBuf, Failure> {
     let job = batch.job(number);
     let failed = |error: &dyn std::fmt::Display| Failure::Message(format!("job {number}: {error}"));
@@ -236,7 +239,7 @@ fn write_wav(batch: &Batch, number: u64, folder: &Path, force: Force) -> Result<
         kind: Kind::Scalar,
         quantity: Quantity::ACCELERATION,
         rate,
-        // Rendered from a model: none of it is measured.
+        // Rendered from a model, not measured.
         simulated: true,
     };
     let name = format!("job-{number}.wav");
@@ -256,14 +259,14 @@ fn write_wav(batch: &Batch, number: u64, folder: &Path, force: Force) -> Result<
         .write(0, &vibration)
         .and_then(|()| writer.finish())
         .map_err(|error| unwritten(&error))?;
-    // The note first: no sample is ever there without what it stands for.
+    // The note is written first, so that no WAV file exists without its full scale.
     for name in names.iter().rev() {
         output::place(&waiting.path().join(name), &folder.join(name), force)?;
     }
     Ok(path)
 }
 
-/// What is wrong with a plan, at its place.
+/// A plan error, shown at its place in the file.
 fn shown(error: &PlanError) -> Failure {
     let Some((place, bytes)) = error
         .place
@@ -274,5 +277,5 @@ fn shown(error: &PlanError) -> Failure {
     let text = String::from_utf8_lossy(&bytes);
     let line = text.lines().nth(place.line - 1).unwrap_or_default();
     let (name, message) = (error.path.display().to_string(), error.problem.to_string());
-    Failure::Shown(snippet::at(&name, line, place.line, place.column, &message))
+    Failure::Rendered(snippet::at(&name, line, place.line, place.column, &message))
 }

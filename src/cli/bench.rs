@@ -1,34 +1,34 @@
-//! `haptograph bench`: what a graph costs on this machine, node by node.
+//! `haptograph bench`: the cost of a graph on this machine, node by node.
 
-mod account;
+mod cost_report;
 
 use super::output::{Force, Output};
 use super::run::progress_bar;
-use super::{Failure, GraphArguments, say};
+use super::{Failure, GraphArguments, print};
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
 use crate::engine::run::{Profile, Runner};
-use account::{Account, Turns};
+use cost_report::{CostReport, Timings};
 use std::convert::Infallible;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Measure what each node of a graph costs on this machine
+/// Measure the cost of each node of a graph on this machine
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
     graph: GraphArguments,
-    /// How long to measure
+    /// Duration of the measurement
     #[arg(long = "for", value_name = "SECONDS", default_value_t = 2.0, value_parser = seconds)]
     seconds: f64,
-    /// Driver frames computed at a time
+    /// Driver frames to compute at a time
     #[arg(long, value_name = "FRAMES", default_value_t = 64, value_parser = clap::value_parser!(u16).range(1..=1024))]
     block: u16,
     /// Print the figures as JSON
     #[arg(long)]
     json: bool,
-    /// Also draw them
+    /// Also draw the figures
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     #[command(flatten)]
@@ -42,15 +42,16 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Turns into which the time is cut, so that what disturbs the machine disturbs all: many, as most of them are then
-/// disturbed by nothing.
+/// Number of turns that the measuring time is divided into. The kinds of runs alternate, so that a
+/// disturbance of the machine affects all of them; with many short turns most are undisturbed, and medians
+/// discard the rest.
 const TURNS: u32 = 200;
 
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(registry, None)?;
     let claim = |path: &PathBuf| {
-        arguments.graph.spare_inputs(&graph, path)?;
+        arguments.graph.refuse_inputs(&graph, path)?;
         Output::claim(path, arguments.force)
     };
     let svg = arguments.svg.as_ref().map(claim).transpose()?;
@@ -61,19 +62,20 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let plans: Vec<Arc<Plan>> = Plan::of(&graph, &options).into_iter().map(Arc::new).collect();
     let mut profile = Profile::new(&plans);
     let turns = measure(&plans, &mut profile, arguments.seconds);
-    let account = Account::new(&graph, &plans, &profile, &turns);
+    let report = CostReport::new(&graph, &plans, &profile, &turns);
     if let Some(svg) = &svg {
-        svg.write(&account.to_svg(&arguments.graph.name()))?;
+        svg.write(&report.to_svg(&arguments.graph.name()))?;
     }
-    say(&if arguments.json {
-        account.to_json()?
+    print(&if arguments.json {
+        report.to_json()?
     } else {
-        account.to_text()
+        report.to_text()
     })
 }
 
-/// The plain, the measured and, where there are several drivers, the run timed driver by driver, in turns.
-fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
+/// Alternates three kinds of runs: plain, with every step timed, and, with several drivers, timed driver by
+/// driver.
+fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Timings {
     let mut plain = Runner::new(plans);
     let mut plain_round = || {
         let Ok(()) = plain.run_quantum(|_, _| Ok::<(), Infallible>(()));
@@ -81,22 +83,22 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
     let progress = progress_bar(seconds);
     let kinds = if plans.len() > 1 { 3 } else { 2 };
     let turn = Duration::from_secs_f64(seconds / f64::from(kinds * TURNS));
-    // One turn of the measured run sets how many rounds all turns have.
+    // The first turn of the timed run sets the number of rounds of all turns.
     let mut rounds = 0_u32;
     let begun = Instant::now();
     while begun.elapsed() < turn || rounds == 0 {
         profile.run_quantum();
         rounds += 1;
     }
-    let mut turns = Turns::default();
+    let mut turns = Timings::default();
     for number in 0.. {
         let done_s = begun.elapsed().as_secs_f64();
         progress.set_position((1000.0 * done_s) as u64);
-        // Each kind of run has had a turn by then.
+        // By then each kind of run has had one turn.
         if number > 0 && done_s >= seconds {
             break;
         }
-        // In turns, which of them is the first as well.
+        // The order of the kinds alternates too.
         if number % 2 == 0 {
             turns
                 .measured_s
@@ -119,7 +121,7 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
     turns
 }
 
-/// What one of so many rounds takes, s.
+/// Duration of one of `rounds` rounds, s.
 fn a_round_of(rounds: u32, mut round: impl FnMut()) -> f64 {
     let begun = Instant::now();
     (0..rounds).for_each(|_| round());

@@ -1,18 +1,18 @@
-//! What this program was built with, of what needs more than a Rust toolchain.
+//! Optional hardware support of this build, and messages about support that is missing.
 
 use super::Failure;
 use crate::engine::graph::Graph;
 use crate::nodes::soundcard::SoundcardError;
 
-/// Hardware that a build can reach, or was made without.
+/// A class of hardware and the cargo feature that supports it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Hardware {
     pub what: &'static str,
-    /// The feature that it needs.
+    /// Cargo feature.
     pub feature: &'static str,
-    /// Was it built with that?
+    /// True if this build includes the feature.
     pub is_built: bool,
-    /// How the names of its kinds of devices begin.
+    /// Common prefix of the names of its device kinds.
     kinds: &'static str,
 }
 
@@ -41,7 +41,7 @@ pub const MIDI: Hardware = Hardware {
     kinds: "MidiInput",
 };
 
-/// What a graph's devices need and this build lacks, each once, with the endpoints that need it.
+/// Classes of hardware that a graph's devices need and this build lacks, with the endpoints that need them.
 fn missing(graph: &Graph) -> Vec<(Hardware, Vec<&str>)> {
     let lacking = [SOUNDCARDS, POINTERS, SERIAL, MIDI]
         .into_iter()
@@ -56,7 +56,7 @@ fn missing(graph: &Graph) -> Vec<(Hardware, Vec<&str>)> {
         .collect()
 }
 
-/// Refuses a live run of a graph with devices that this build cannot reach, and names all features that are missing.
+/// Refuses a live run of a graph whose devices this build does not support, and names all missing features.
 pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
     let missing = missing(graph);
     if missing.is_empty() {
@@ -77,16 +77,16 @@ pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
         false => "",
     };
     Err(Failure::Message(format!(
-        "the {set} endpoints of this graph need {}, and this haptograph was built without; build with `cargo build \
-         --release --features {}`{headers}; without hardware: --endpoints simulated",
+        "the {set} endpoints of this graph need {}, which this build of haptograph does not support; build with `cargo build \
+         --release --features {}`{headers}; to run without hardware, give --endpoints simulated",
         needs.join(" and "),
         features.join(",")
     )))
 }
 
-/// Why the sound of a run, which is complete, cannot be played, and where it can be heard all the same.
-pub fn cannot_play(error: &SoundcardError) -> Failure {
+/// Why the sound of a run cannot be played, what that means for the run, and where the sound can be heard.
+pub fn cannot_play(error: &SoundcardError, run: &str) -> Failure {
     Failure::Message(format!(
-        "--play: {error}; the run is complete, and the player on its page needs no soundcard here"
+        "--play: {error}; {run}: the player on the run's page needs no soundcard here"
     ))
 }

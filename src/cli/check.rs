@@ -1,23 +1,23 @@
-//! `haptograph check`: is a graph sound?
+//! `haptograph check`: checks a graph.
 
 use super::failure::findings_json;
-use super::run::{message, spare_own_files};
+use super::run::{message, refuse_own_files};
 use super::terminal::is_coloured;
-use super::{Failure, GraphArguments, say, say_json, warnings};
+use super::{Failure, GraphArguments, print, print_json, warnings};
 use crate::engine::diagnostic::render;
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
 use serde_json::json;
 
-/// Check a graph and say all that is wrong with it
+/// Check a graph and report every problem
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
     graph: GraphArguments,
-    /// Print the findings as JSON, for editors
+    /// Print the findings as JSON
     #[arg(long)]
     json: bool,
-    /// Also show the plan, one step a line
+    /// Also print the plan, one step per line
     #[arg(long, conflicts_with = "json")]
     plan: bool,
 }
@@ -32,9 +32,9 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         return Err(Failure::Graph(findings));
     };
     if arguments.json {
-        return say_json(&json!({ "findings": findings_json(&findings) }));
+        return print_json(&json!({ "findings": findings_json(&findings) }));
     }
-    spare_own_files(&graph, false).map_err(message)?;
+    refuse_own_files(&graph, false).map_err(message)?;
     let colour = is_coloured(&std::io::stdout());
     let (nodes, wires) = (graph.nodes().len(), graph.nodes().connections().count());
     let clocks: Vec<String> = graph
@@ -43,13 +43,13 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         .map(|clock| format!("{} {}", clock.name, clock.rate))
         .collect();
     let file = arguments.graph.graph.display();
-    say(&format!(
+    print(&format!(
         "{}{file} is sound: {nodes} nodes, {wires} wires, clocks {}\n",
         render(&findings, colour),
         clocks.join(", ")
     ))?;
     for latency in graph.latencies() {
-        say(&format!(
+        print(&format!(
             "latency {} -> {}: {:.2} ms transport, {:.2} ms group delay\n",
             latency.source,
             latency.sink,
@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     }
     if arguments.plan {
         for plan in Plan::of(&graph, &PlanOptions::default()) {
-            say(&plan.to_string())?;
+            print(&plan.to_string())?;
         }
     }
     Ok(())

@@ -1,10 +1,10 @@
-//! `haptograph compare`: how far two vibrations are from one another (thesis 2.5.1).
+//! `haptograph compare`: the differences between two vibrations (thesis 2.5.1).
 
 mod signal;
 
 use super::import::{NamedColumn, Tables, named_column};
 use super::table::{facts, significant};
-use super::{Failure, say, say_json};
+use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
 use crate::surfaces::metrics::level::{
     envelope_between_seeds_db, envelope_error_db, excess_kurtosis, levels_db, unexplained_level_db,
@@ -16,30 +16,33 @@ use serde_json::{Value, json};
 use signal::Signal;
 use std::path::PathBuf;
 
-/// Compare two vibrations: errors by third octave and of windows
+/// Compare two vibrations by third octaves and by windows
 ///
-/// A vibration is a WAV file (in the unit that the note beside it or --full-scale says), a table with a header (its acceleration or its
-/// only column; see --column), or any recording that `learn` takes, whose acceleration is processed as there. Both are compared over the time
-/// that both cover; where one is louder than the other, errors are above zero if that is the first.
+/// A vibration is a WAV file (in the unit of the note beside it or of --full-scale), a table with a header
+/// (its acceleration or its only column; see --column), or any recording that `learn` reads, processed as
+/// there. Both are compared over the time that both cover. Level errors are positive if the first is louder.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// One vibration
     a: PathBuf,
-    /// The other, which the first is held against
+    /// The vibration to compare with
     b: PathBuf,
-    /// The rate to compare at: files that do not say their rate have this one, files with a higher one are brought down to it
+    /// The rate to compare at. Files without a rate are read at this rate; files with a higher rate are
+    /// resampled down to it
     #[arg(long = "rate", value_name = "HZ")]
     rate_hz: Option<f64>,
-    /// The column of tables, or the channel of WAV files, from 0; or the column that holds a quantity, as for learn: accel=acc_z
+    /// The column of a table, or the channel of a WAV file, from 0; or the column of a quantity, as for
+    /// learn: accel=acc_z
     #[arg(long = "column", value_name = "NAME", value_parser = named_column, help_heading = "Reading tables")]
     columns: Vec<NamedColumn>,
-    /// Samples in a window of NSE and PE; 25.6 ms if not given
+    /// Samples in a window of NSE and PE; default: 25.6 ms
     #[arg(long, value_name = "N")]
     window: Option<usize>,
-    /// Samples that a window shares with the next; half of it if not given
+    /// Samples shared by successive windows; default: half a window
     #[arg(long, value_name = "N")]
     overlap: Option<usize>,
-    /// The standard deviations of NSE and PE that SD counts in, from a study of many pairs; without them there is no SD
+    /// The standard deviations of NSE and PE that scale SD, from a study of many pairs; without them SD is
+    /// not computed
     #[arg(long, value_name = "NSE,PE", value_parser = deviations)]
     deviations: Option<Deviations>,
     /// Print all measures as JSON
@@ -57,7 +60,7 @@ fn deviations(text: &str) -> Result<Deviations, String> {
     }
 }
 
-/// What two vibrations come to.
+/// The measures of a pair of vibrations.
 struct Found {
     windows: Comparison,
     bands: BandErrors,
@@ -97,7 +100,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let mut found = found(arguments, &a, &b, rate_hz, &windows)?;
     found.envelope = envelope([&a, &b], &motions, rate_hz);
     if arguments.json {
-        return say_json(&to_json(&found, rate_hz, simulated.is_some()));
+        return print_json(&to_json(&found, rate_hz, simulated.is_some()));
     }
     let mut shown = describe(&found);
     shown.push((
@@ -108,10 +111,10 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         ),
     ));
     shown.extend(simulated.map(|which| ("simulated", which)));
-    say(&facts(&shown))
+    print(&facts(&shown))
 }
 
-/// The column that is compared, where one is named, and how tables are read.
+/// The named column, if any, and the import settings of tables.
 fn import(arguments: &Arguments) -> Result<(Option<&str>, ImportSettings), Failure> {
     let (mut plain, mut quantities) = (None, vec![]);
     for column in &arguments.columns {
@@ -119,7 +122,7 @@ fn import(arguments: &Arguments) -> Result<(Option<&str>, ImportSettings), Failu
             NamedColumn::Plain(name) if plain.is_none() => plain = Some(name.as_str()),
             NamedColumn::Plain(name) => {
                 return Err(Failure::Message(format!(
-                    "--column names two signals; give one, or say what {name} holds: --column QUANTITY={name}"
+                    "--column names two signals; give one, or name the quantity of {name}: --column QUANTITY={name}"
                 )));
             }
             NamedColumn::Quantity(quantity, name) => quantities.push((quantity.clone(), name.clone())),
@@ -183,11 +186,11 @@ fn envelope(signals: [&[f64]; 2], motions: &[Option<[Vec<f64>; 2]>; 2], rate_hz:
 
 const NO_ENVELOPE: &str =
     "neither file is a recording of 0.2 s or more with force and speed, beside which it could be read";
-const NO_SD: &str = "one pair has no deviation to count in: give one by --deviations";
+const NO_SD: &str = "not computed: it needs the deviations of a study; give them by --deviations";
 
 fn describe(found: &Found) -> Vec<(&'static str, String)> {
     let db = |value: Option<f64>| {
-        value.map_or_else(|| "none: no band counts".to_owned(), |x| format!("{x:.2} dB"))
+        value.map_or_else(|| "none: no band to compare".to_owned(), |x| format!("{x:.2} dB"))
     };
     let any = |value: f64| (!found.bands.bands.is_empty()).then_some(value);
     let bands = &found.bands;
@@ -232,7 +235,7 @@ fn describe(found: &Found) -> Vec<(&'static str, String)> {
     ]
 }
 
-/// The measures of windows under the names of the thesis, and once more in lower case, as all other fields of the program are.
+/// The measures: those of windows under their names in the thesis and, like all other fields, in lower case.
 fn to_json(found: &Found, rate_hz: f64, simulated: bool) -> Value {
     let bands = &found.bands;
     let by_band = bands.bands.as_slice().iter().zip(&bands.signed_db);

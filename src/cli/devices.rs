@@ -1,10 +1,11 @@
-//! `haptograph devices`: what of this machine a graph can be connected to.
+//! `haptograph devices`: the hardware of this machine that a graph can use.
 
 use super::built::{Hardware, MIDI, POINTERS, SERIAL, SOUNDCARDS};
-use super::{Failure, say, say_json};
+use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
 use crate::nodes::network::inputs::midi_ports;
 use crate::nodes::soundcard::{Ability, Listed, SoundcardError, list};
+use crate::signal::files;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::Path;
@@ -12,7 +13,7 @@ use std::path::Path;
 /// List the soundcards, tablets, mice, serial ports and MIDI ports of this machine
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Also say in which forms of samples each plays and listens
+    /// Also list the sample formats of each soundcard for playback and capture
     #[arg(long)]
     formats: bool,
     /// Print the list as JSON
@@ -35,7 +36,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
             .filter(|hardware| !hardware.is_built)
             .map(|hardware| hardware.feature)
             .collect();
-        return say_json(&json!({
+        return print_json(&json!({
             "soundcards": soundcards, "pointers": pointers, "serial": serial, "midi": midi,
             "missing_features": missing,
         }));
@@ -55,10 +56,10 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         .iter()
         .map(|(hardware, kinds, names)| section(*hardware, kinds, names))
         .collect();
-    say(&text)
+    print(&text)
 }
 
-/// What there is of a kind of hardware: its names, or in one line why there are none.
+/// A section of the list: the names of the devices, or one line that says why there are none.
 fn section(hardware: Hardware, kinds: &str, names: &[String]) -> String {
     let Hardware { what, feature, .. } = hardware;
     match (hardware.is_built, names) {
@@ -80,12 +81,9 @@ fn as_json(card: &Listed) -> Value {
     json!({ "name": card.name, "about": card.about, "plays": ability(&card.plays), "listens": ability(&card.listens) })
 }
 
-/// What a folder of device links holds, where there is one.
+/// The entries of a folder of device links whose names end in `ending`; empty if the folder does not exist.
 fn paths(folder: &str, ending: &str) -> Vec<String> {
-    let entries = std::fs::read_dir(Path::new(folder))
-        .into_iter()
-        .flatten()
-        .flatten();
+    let entries = files::entries(Path::new(folder)).into_iter().flatten().flatten();
     let paths = entries.map(|entry| entry.path().display().to_string());
     let mut paths: Vec<String> = paths.filter(|path| path.ends_with(ending)).collect();
     paths.sort();

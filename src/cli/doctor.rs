@@ -1,7 +1,7 @@
-//! `haptograph doctor`: what this machine lacks for low latency, and how to give it.
+//! `haptograph doctor`: checks of this machine for low latency, with advice.
 
 use super::run::folder::dead_in;
-use super::{Failure, say, say_json};
+use super::{Failure, print, print_json};
 use crate::engine::document::Document;
 use crate::engine::graph::{CheckOptions, check};
 use crate::engine::registry::Registry;
@@ -9,10 +9,9 @@ use crate::engine::run::{FileSinks, LiveOptions, Meters, Session, Timer};
 use crate::nodes::soundcard::{SoundcardError, list};
 use crate::signal::files;
 use serde_json::json;
-use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Say what this machine lacks for low latency
+/// Check this machine for low latency and advise
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Print the findings as JSON
@@ -20,11 +19,11 @@ pub struct Arguments {
     json: bool,
 }
 
-/// One thing that was looked at.
+/// The result of one check.
 struct Finding {
     what: &'static str,
     found: String,
-    /// What to do; none where all is well.
+    /// What to do; `None` if nothing is wrong.
     advice: Option<&'static str>,
 }
 
@@ -57,16 +56,16 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     findings.push(timer(registry)?);
     if arguments.json {
         let finding = |finding: &Finding| json!({ "what": finding.what, "found": finding.found, "advice": finding.advice });
-        return say_json(&findings.iter().map(finding).collect::<Vec<_>>());
+        return print_json(&findings.iter().map(finding).collect::<Vec<_>>());
     }
     let lacking = findings.iter().filter(|finding| finding.advice.is_some()).count();
     let text: String = findings.iter().map(shown).collect();
     let end = match lacking {
         0 => "no problems found\n".to_owned(),
-        1 => "1 thing could be better\n".to_owned(),
-        _ => format!("{lacking} things could be better\n"),
+        1 => "found 1 possible improvement\n".to_owned(),
+        _ => format!("found {lacking} possible improvements\n"),
     };
-    say(&(text + &end))
+    print(&(text + &end))
 }
 
 fn shown(finding: &Finding) -> String {
@@ -81,7 +80,7 @@ fn read(path: &Path) -> String {
 }
 
 fn limits(text: &str) -> [Finding; 2] {
-    // Name, soft limit, hard limit, unit; names hold blanks.
+    // Columns: name, soft limit, hard limit, unit. Names contain spaces.
     let soft = |name: &str| {
         let line = text.lines().find(|line| line.starts_with(name))?;
         line[name.len()..].split_whitespace().next()
@@ -105,7 +104,7 @@ fn limits(text: &str) -> [Finding; 2] {
     ]
 }
 
-/// Folders of runs that died, here and where runs go.
+/// Finds the folders of crashed runs, in the current folder and in `out`.
 fn leftovers() -> Finding {
     let mut found = dead_in(Path::new("."));
     found.extend(dead_in(Path::new("out")));
@@ -115,10 +114,10 @@ fn leftovers() -> Finding {
         names => names.join(", "),
     };
     Finding::new(
-        "left by runs that died",
+        "crashed runs",
         shown,
         names.is_empty(),
-        "`haptograph recover FOLDER` makes its files whole; remove what you do not need",
+        "`haptograph recover FOLDER` repairs the files of a crashed run; remove the folders that you do not need",
     )
 }
 
@@ -127,14 +126,14 @@ fn kernel(version: &str) -> Finding {
     let kind = kinds.into_iter().find(|kind| version.contains(kind));
     Finding::new(
         "kernel",
-        kind.unwrap_or("not preemptible, or it does not say"),
+        kind.unwrap_or("not preemptible, or not stated"),
         kind.is_some(),
         "boot a kernel with PREEMPT_DYNAMIC and `preempt=full`, or a PREEMPT_RT one",
     )
 }
 
 fn governors(cpus: &Path) -> Finding {
-    let mut found: Vec<String> = fs::read_dir(cpus)
+    let mut found: Vec<String> = files::entries(cpus)
         .into_iter()
         .flatten()
         .flatten()
@@ -149,14 +148,14 @@ fn governors(cpus: &Path) -> Finding {
     found.dedup();
     let fixed = found.iter().all(|governor| governor == "performance");
     let shown = match found.as_slice() {
-        [] => "the system does not show it".to_owned(),
+        [] => "unknown: the system does not report it".to_owned(),
         found => found.join(", "),
     };
     Finding::new(
         "processor clock",
         shown,
         fixed,
-        "keep it up while a graph runs: `sudo cpupower frequency-set -g performance`",
+        "set the governor before a live run: `sudo cpupower frequency-set -g performance`",
     )
 }
 
@@ -184,7 +183,7 @@ fn group(groups: &str, status: &str) -> Finding {
 }
 
 fn cards(text: &str) -> Finding {
-    // ` 0 [PCH            ]: HDA-Intel - HDA Intel PCH`, and a line more for each.
+    // Two lines per card; the first is ` 0 [PCH            ]: HDA-Intel - HDA Intel PCH`.
     let names: Vec<&str> = text
         .lines()
         .filter_map(|line| line.split_once("]: "))
@@ -217,7 +216,7 @@ fn servers() -> Finding {
     .filter_map(|(name, there)| there.then_some(name))
     .collect();
     let shown = match found.as_slice() {
-        [] => "none: ALSA alone, the shortest way".to_owned(),
+        [] => "none: ALSA alone, the lowest latency".to_owned(),
         found => found.join(", "),
     };
     Finding::new("sound servers", shown, true, "")
@@ -251,10 +250,9 @@ fn feature() -> Finding {
     )
 }
 
-/// How well a timer keeps time here and now: information, as the next second may be another.
+/// Measures the accuracy of a timer for half a second. Information only, since the next second may differ.
 fn timer(registry: &Registry) -> Result<Finding, Failure> {
-    let failed =
-        |error: &dyn std::fmt::Display| Failure::Message(format!("the timer cannot be tried: {error}"));
+    let failed = |error: &dyn std::fmt::Display| Failure::Message(format!("cannot test the timer: {error}"));
     let text = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 1000) },
         nodes: { "one": Constant(clock: "servo", value: 1, quantity: "number") })"#;
     let document = Document::parse("doctor.ron", text).map_err(|wrong| failed(&wrong))?;
@@ -281,7 +279,7 @@ fn timer(registry: &Registry) -> Result<Finding, Failure> {
         "timer at 1 kHz",
         found,
         is_well,
-        "see to the points above; on a virtual machine there may be no more to be had",
+        "follow the advice above; a virtual machine may not do better",
     ))
 }
 

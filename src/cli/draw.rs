@@ -1,7 +1,7 @@
-//! `haptograph draw`: a graph as a picture.
+//! `haptograph draw`: a graph as an SVG drawing.
 
 use super::output::{Force, Output};
-use super::{Failure, GraphArguments, say, say_json};
+use super::{Failure, GraphArguments, print, print_json};
 use crate::engine::registry::Registry;
 use crate::report::drawing;
 use serde_json::json;
@@ -12,12 +12,12 @@ use std::path::PathBuf;
 pub struct Arguments {
     #[command(flatten)]
     graph: GraphArguments,
-    /// The SVG file to write; standard output where it is not given
+    /// The SVG file to write; default: standard output
     #[arg(short, long, value_name = "FILE.svg", value_parser = svg_file)]
     output: Option<PathBuf>,
     #[command(flatten)]
     force: Force,
-    /// Print what was written as JSON; with no file, the drawing itself is in it
+    /// Print the written file as JSON; without a file, the JSON holds the drawing
     #[arg(long)]
     json: bool,
 }
@@ -45,16 +45,16 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let Some(path) = &arguments.output else {
         let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
         return match arguments.json {
-            true => say_json(&json!({ "svg": picture })),
-            false => say(&picture),
+            true => print_json(&json!({ "svg": picture })),
+            false => print(&picture),
         };
     };
-    arguments.graph.spare_inputs(&graph, path)?;
+    arguments.graph.refuse_inputs(&graph, path)?;
     let output = Output::claim(path, arguments.force)?;
     let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
     let written = output.write(&picture)?;
     match arguments.json {
-        true => say_json(&json!({ "written": [written] })),
-        false => say(&format!("wrote {}\n", written.display())),
+        true => print_json(&json!({ "written": [written] })),
+        false => print(&format!("wrote {}\n", written.display())),
     }
 }

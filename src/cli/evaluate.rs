@@ -1,4 +1,4 @@
-//! `haptograph evaluate`: do virtual surfaces match the real ones? (thesis 2.5)
+//! `haptograph evaluate`: the error of virtual surfaces against recordings of the real ones (thesis 2.5).
 
 mod holdout;
 mod takes;
@@ -9,7 +9,7 @@ use super::import::Import;
 use super::output::{Force, Output};
 use super::progress::Progress;
 use super::table::{facts, significant, table};
-use super::{Failure, learn as learning, remark, say, say_json};
+use super::{Failure, eprint, learn as learning, print, print_json};
 use crate::engine::registry::Registry;
 use crate::surfaces::Origin;
 use crate::surfaces::evaluate::{
@@ -22,7 +22,7 @@ use clap::ValueEnum;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// What is evaluated, and how
+/// What to evaluate, and how
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The folder of recordings
@@ -33,13 +33,14 @@ pub struct Arguments {
     report: Option<PathBuf>,
     #[command(flatten)]
     pub(super) force: Force,
-    /// Which windows the deviations in the spectral difference are taken over: those of the compared pair, or of all pairs. Textures and
-    /// materials are shown by both, the one chosen first
+    /// The windows whose deviations scale the spectral difference: those of the compared pair, or those of
+    /// all pairs. Textures and materials are shown by both, the chosen one first
     #[arg(long, value_enum, default_value = "all")]
     pooling: PoolingArgument,
-    /// Instead of the tables: learn from parts of every drag (halves, interleaved quarters, whole takes), test on the rest, and
-    /// show all measures beside a floor, the thesis's method and plain baselines; taps, friction and stiffness by speed and force.
-    /// Takes about 20 s for each material with four takes of 6 s on two cores; a bar on the terminal says how far it is
+    /// Instead of the tables: learn from parts of every drag (halves, interleaved quarters, whole takes),
+    /// test on the rest, and show all measures beside a floor, the thesis's method and plain baselines; also
+    /// taps, friction and stiffness by speed and force. Takes about 20 s for each material with four takes of
+    /// 6 s on two cores; a terminal shows a progress bar
     #[arg(long, conflicts_with = "pooling")]
     holdout: bool,
     /// Seed of the synthesised vibrations and of the map's trajectory
@@ -55,7 +56,7 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// The folder of recordings, which is given wherever no subcommand is.
+    /// The folder of recordings. Clap requires it if there is no subcommand.
     pub(super) fn dir(&self) -> &Path {
         self.dir.as_deref().unwrap_or(Path::new("."))
     }
@@ -80,7 +81,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let settings = study_settings(arguments);
     let progress = Progress::of("evaluating");
     let found = evaluate(&takes, &settings, &|part| progress.at(part)).map_err(|error| match error {
-        // Parts of a take can be held out where there is no other.
+        // Hold-out needs only one take per material, since it tests on parts of it.
         StudyError::NoTest { .. } => {
             let error = format!("{error}; or --holdout, which tests on parts of each take");
             Failure::file("evaluate", arguments.dir(), &error)
@@ -93,9 +94,9 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         None => None,
     };
     if arguments.json {
-        return say_json(&to_json(&found, takes.iter().any(is_simulated)));
+        return print_json(&to_json(&found, takes.iter().any(is_simulated)));
     }
-    say(&describe(&found))?;
+    print(&describe(&found))?;
     conclude(&takes, page)
 }
 
@@ -114,25 +115,25 @@ fn run_holdout(arguments: &Arguments, page: Option<&Output>, takes: &[Take]) -> 
         .map(|page| page.write(&crate::report::holdout::page(&title, &found, &contact, simulated)))
         .transpose()?;
     if arguments.json {
-        return say_json(&holdout::to_json(&found, &contact, simulated));
+        return print_json(&holdout::to_json(&found, &contact, simulated));
     }
-    say(&holdout::describe(&found))?;
-    say(&holdout::describe_contact(&contact))?;
+    print(&holdout::describe(&found))?;
+    print(&holdout::describe_contact(&contact))?;
     conclude(takes, page)
 }
 
-/// What is simulated, and where to look.
+/// Prints how many recordings are simulated, and the path of the page.
 fn conclude(takes: &[Take], page: Option<PathBuf>) -> Result<(), Failure> {
     let simulated = takes.iter().filter(|take| is_simulated(take)).count();
-    say_simulated(simulated, takes.len())?;
-    page.map_or(Ok(()), |page| say(&format!("\nlook at {}\n", page.display())))
+    print_simulated(simulated, takes.len())?;
+    page.map_or(Ok(()), |page| print(&format!("\nlook at {}\n", page.display())))
 }
 
-/// How many recordings are simulated, if any.
-pub(super) fn say_simulated(simulated: usize, of: usize) -> Result<(), Failure> {
+/// Prints how many recordings are simulated, if any.
+pub(super) fn print_simulated(simulated: usize, of: usize) -> Result<(), Failure> {
     match simulated {
         0 => Ok(()),
-        _ => say(&format!("\n{simulated} of {of} recordings are simulated\n")),
+        _ => print(&format!("\n{simulated} of {of} recordings are simulated\n")),
     }
 }
 
@@ -147,7 +148,8 @@ fn is_simulated(take: &Take) -> bool {
     take.recording.provenance().origin == Origin::Simulated
 }
 
-/// The page, with the surface of each material: from the expert's first drag, and all of the expert's circles, taps and presses.
+/// Writes the page, with a surface of each material learned from the expert's first drag and all of the
+/// expert's circles, taps and presses.
 fn write_report(
     page: &Output,
     arguments: &Arguments,
@@ -175,7 +177,7 @@ fn write_report(
         let one = learn(material, &recordings, &settings, &|_| ());
         let one = one.map_err(|error| Failure::Message(format!("{material}: {error}")))?;
         for missing in &one.1.missing {
-            remark(&format!("warning: {missing}\n"));
+            eprint(&format!("warning: {missing}\n"));
         }
         learned.push(one);
         progress.at((number + 1) as f64 / found.materials.len() as f64);
@@ -199,7 +201,7 @@ pub(super) fn study_settings(arguments: &Arguments) -> StudySettings {
     }
 }
 
-/// How textures are compared and placed, whatever they were learned by.
+/// Settings for the comparison and the map, independent of the learning method.
 pub(super) fn seeded(pooling: Pooling, seed: u64) -> StudySettings {
     let mut settings = StudySettings::default();
     (settings.table.pooling, settings.map.pooling) = (pooling, pooling);
@@ -212,8 +214,8 @@ pub(super) fn seeded(pooling: Pooling, seed: u64) -> StudySettings {
 
 pub(super) fn describe(found: &Evaluation) -> String {
     let mut text = format!(
-        "Spectral difference of virtual textures (rows, learned from {}'s first take) and recordings (columns, {}'s other takes).\n\
-         [own material]  * least of its row and column\n\n",
+        "Spectral difference between virtual textures (rows, learned from {}'s first take) and recordings (columns, {}'s other takes).\n\
+         [own material]  * smallest of its row and column\n\n",
         found.expert, found.expert
     );
     let other = found.materials_table.pooled(other(found.materials_table.pooling));
@@ -238,7 +240,7 @@ pub(super) fn describe(found: &Evaluation) -> String {
         text += "\n";
     }
     if let Some(people) = &found.people_table {
-        text += "Everybody's textures against the same recordings of their own material.\n\n";
+        text += "Each person's textures against the same recordings of their own material.\n\n";
         text += &people_table(people);
     }
     if let Some(map) = &found.map {
@@ -265,7 +267,7 @@ pub(super) fn describe(found: &Evaluation) -> String {
     text
 }
 
-/// By how much the worst-told material is told apart, and from which.
+/// The smallest difference between a texture's own material and its nearest other material, with both names.
 fn margin(table: &DifferenceTable) -> String {
     table.smallest_margin().map_or_else(
         || "none".to_owned(),

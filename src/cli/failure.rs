@@ -1,40 +1,40 @@
-//! Why commands fail, and how they say that and what they found.
+//! Errors of commands, and printing to standard output as text or JSON.
 
 use super::interrupt::INTERRUPTED;
-use super::remarks::{self, remark};
+use super::stderr::{self, eprint};
 use super::terminal::is_coloured;
 use crate::engine::diagnostic::{Diagnostics, render, to_json};
 use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Why a command failed.
+/// Error of a command.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
-    /// What is wrong with a graph.
+    /// The graph failed its checks.
     #[error("{0}")]
     Graph(Diagnostics),
-    /// The command line asks for what does not go together.
+    /// Conflicting arguments, in clap's words.
     #[error("{0}")]
     Usage(clap::Error),
-    /// The failure was reported already, as JSON.
+    /// The failure was already reported as JSON.
     #[error("")]
     Reported,
-    /// Anything else, in words for the user.
+    /// Any other error, as a message for the user.
     #[error("{0}")]
     Message(String),
-    /// An error shown at its place in a text.
+    /// An error already rendered with its place in a text.
     #[error("{0}")]
-    Shown(String),
-    /// Nobody reads what is written any more.
+    Rendered(String),
+    /// The reader of standard output has gone away.
     #[error("")]
     BrokenPipe,
-    /// Ctrl-C cut it short; what there is was written, and that was said.
+    /// Ctrl-C ended the command early; its partial output was written and announced.
     #[error("")]
     Interrupted,
 }
 
-/// In which form a failure is said.
+/// Output format of failures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorForm {
     Text,
@@ -42,29 +42,30 @@ pub enum ErrorForm {
 }
 
 impl Failure {
-    /// A failure to do something with a file.
+    /// Error of an operation on a file.
     pub fn file(doing: &str, path: &Path, error: &dyn std::fmt::Display) -> Self {
         Self::Message(format!("cannot {doing} {}: {error}", path.display()))
     }
 
-    /// The same where the command has printed its facts: with `--json` they are all that standard output gets.
+    /// For a failure after the command has printed its facts: with `--json` standard output holds nothing but
+    /// the facts.
     pub fn after_facts(self, json: bool) -> Self {
         if !json || matches!(self, Self::BrokenPipe | Self::Interrupted) {
             return self;
         }
-        remark(&self.text());
+        eprint(&self.text());
         Self::Reported
     }
 
-    /// Says it, and gives the code to exit with.
+    /// Prints the failure and returns the exit code.
     pub fn report(self, form: ErrorForm) -> ExitCode {
         if let Self::Usage(error) = &self {
             refuse_usage(error);
         }
         match form {
-            ErrorForm::Text => remark(&self.text()),
-            // Where nobody reads, nobody is told.
-            ErrorForm::Json => drop(self.to_json().map_or(Ok(()), |error| say_json(&error))),
+            ErrorForm::Text => eprint(&self.text()),
+            // A failure to print the failure cannot be reported.
+            ErrorForm::Json => drop(self.to_json().map_or(Ok(()), |error| print_json(&error))),
         }
         match self {
             Self::BrokenPipe => ExitCode::SUCCESS,
@@ -78,12 +79,12 @@ impl Failure {
             Self::Graph(diagnostics) => render(diagnostics, is_coloured(&std::io::stderr())),
             Self::Message(text) => format!("error: {text}\n"),
             Self::Usage(error) => error.to_string(),
-            Self::Shown(text) => text.clone(),
+            Self::Rendered(text) => text.clone(),
             Self::Reported | Self::BrokenPipe | Self::Interrupted => String::new(),
         }
     }
 
-    /// What is wrong, and of a graph every finding; nothing where it was said already.
+    /// JSON with the message and, for a graph, every finding; `None` if it was already reported.
     fn to_json(&self) -> Option<serde_json::Value> {
         match self {
             Self::Graph(diagnostics) => {
@@ -93,7 +94,7 @@ impl Failure {
                     .map_or("", |finding| finding.message.as_str());
                 Some(serde_json::json!({ "error": first, "findings": findings_json(diagnostics) }))
             }
-            Self::Message(text) | Self::Shown(text) => {
+            Self::Message(text) | Self::Rendered(text) => {
                 let text = text.trim_start_matches("error: ").trim_end();
                 Some(serde_json::json!({ "error": text }))
             }
@@ -102,15 +103,15 @@ impl Failure {
     }
 }
 
-/// Findings about a graph, for programs.
+/// Findings about a graph as JSON.
 pub fn findings_json(findings: &Diagnostics) -> serde_json::Value {
     serde_json::from_str(&to_json(findings)).unwrap_or_default()
 }
 
-/// Writes to standard output; a reader that has gone away ends the command quietly.
-pub fn say(text: &str) -> Result<(), Failure> {
-    // In the order in which it was said, where both go to one place.
-    remarks::settle();
+/// Prints to standard output. A closed pipe ends the command without a message.
+pub fn print(text: &str) -> Result<(), Failure> {
+    // Keeps the order of messages if both streams go to one place.
+    stderr::flush();
     let mut out = std::io::stdout().lock();
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
@@ -120,20 +121,20 @@ pub fn say(text: &str) -> Result<(), Failure> {
         })
 }
 
-/// One line of JSON on standard output.
-pub fn say_json(value: &impl serde::Serialize) -> Result<(), Failure> {
+/// Prints a value to standard output as one line of JSON.
+pub fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(value)
-        .map_err(|error| Failure::Message(format!("cannot say it as JSON: {error}")))?;
-    say(&(text + "\n"))
+        .map_err(|error| Failure::Message(format!("cannot write the result as JSON: {error}")))?;
+    print(&(text + "\n"))
 }
 
-/// Usage errors, `--help` and `--version`, in clap's words; exits with 2 or 0.
+/// Prints usage errors, `--help` and `--version` in clap's words; exits with 2 or 0.
 pub fn refuse_usage(error: &clap::Error) -> ! {
     if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
         let text = error.to_string();
-        let told = serde_json::json!({ "error": text.trim_start_matches("error: ").trim_end() });
-        // Nobody is left to be told of a failure of this.
-        let _ = say_json(&told);
+        let object = serde_json::json!({ "error": text.trim_start_matches("error: ").trim_end() });
+        // A failure to print the failure cannot be reported.
+        let _ = print_json(&object);
         std::process::exit(2);
     }
     error.exit()

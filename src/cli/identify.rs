@@ -1,8 +1,8 @@
-//! `haptograph identify`: the parameters of a voice-coil actuator from a recorded sweep.
+//! `haptograph identify`: fits the parameters of a voice-coil actuator to a recorded sweep.
 
 use super::import::Import;
 use super::output::{Force, Output};
-use super::{Failure, recording, remark, say};
+use super::{Failure, eprint, print, recording};
 use crate::engine::registry::Registry;
 use crate::engine::settings::Setting;
 use crate::nodes::actuators::identify::{Identified, Known, Sweep, identify};
@@ -16,10 +16,12 @@ use std::path::PathBuf;
 
 /// Fit a voice-coil actuator on its tool to a recorded sweep of current and acceleration
 ///
-/// A table with the columns `time_s`, a current (`..._a`) and an acceleration (`..._m_s2`), or whichever --column time, current and accel
-/// name, about ten seconds long; `haptograph run graphs/identify.ron` makes one. A sweep alone tells the resonances, their quality and the gain. With the magnet's
-/// mass and either the mass of all that moves with the tool, or the force per current, it tells every mass, spring and damper:
-/// one mass does not suffice, as seven parameters of which one scale cannot be seen stand against five numbers.
+/// The recording is a table, about ten seconds long, with the columns `time_s`, a current (`..._a`) and an
+/// acceleration (`..._m_s2`), or the columns named by --column time, current and accel; `haptograph run
+/// graphs/identify.ron` makes one. A sweep alone determines the resonances, their quality and the gain. With
+/// the magnet's mass and either the total mass that moves with the tool or the force per current, it
+/// determines every mass, spring and damper. One mass is not enough: the model has seven parameters, one of
+/// them an unobservable scale, and the sweep yields five numbers.
 #[derive(Debug, clap::Args)]
 #[command(group = ArgGroup::new("scale").args(["body_g", "force_n_per_a"]))]
 pub struct Arguments {
@@ -28,10 +30,10 @@ pub struct Arguments {
     /// Known mass of the magnet
     #[arg(long, value_name = "GRAMS", value_parser = above_zero, requires = "scale")]
     magnet_g: Option<f64>,
-    /// Known mass of body, tool and what of the hand moves with them
+    /// Known mass of the body, the tool and the part of the hand that moves with them
     #[arg(long, value_name = "GRAMS", value_parser = above_zero, requires = "magnet_g")]
     body_g: Option<f64>,
-    /// Known force per current, as the maker states it
+    /// Known force per current, from the data sheet
     #[arg(long, value_name = "N/A", value_parser = above_zero, requires = "magnet_g")]
     force_n_per_a: Option<f64>,
     /// Lowest frequency of the sweep
@@ -40,7 +42,7 @@ pub struct Arguments {
     /// Highest frequency of the sweep
     #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = above_zero)]
     to_hz: f64,
-    /// Also write a page with the answer, the fit and what it leaves into this folder
+    /// Also write a page with the result, the fit and its residual into this folder
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -85,7 +87,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let (file, findings) =
         load_sweep(&arguments.recording, &import).map_err(|error| recording::failure(&error))?;
     for finding in &findings {
-        remark(&format!(
+        eprint(&format!(
             "warning: {}\n",
             recording::said(&arguments.recording, finding)
         ));
@@ -102,13 +104,13 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let page = page.map(|page| page.write(&show(arguments, &found, simulated)));
     let page = page.transpose()?;
     if arguments.json {
-        return say(&as_json(&found, simulated));
+        return print(&as_json(&found, simulated));
     }
     let looked = page.map_or_else(String::new, |page| format!("look at {}\n", page.display()));
-    say(&(as_text(&found, simulated) + &looked))
+    print(&(as_text(&found, simulated) + &looked))
 }
 
-/// The page.
+/// The page, as HTML.
 fn show(arguments: &Arguments, found: &Identified, simulated: bool) -> String {
     let simulation = match simulated {
         true => Simulation::Whole("The recording is of a simulated actuator.".to_owned()),
@@ -138,7 +140,7 @@ fn as_text(found: &Identified, simulated: bool) -> String {
             "\nfor DynamicCompensator(model: ...):\n\n{}\n",
             rounded(TwoMassSettings::from(model)).show()
         ),
-        None => "\nwith --magnet-g and --body-g (or --force-n-per-a) the masses, springs and dampers are told apart\n".to_owned(),
+        None => "\nwith --magnet-g and --body-g (or --force-n-per-a) the masses, springs and dampers are determined too\n".to_owned(),
     };
     text
 }
@@ -171,7 +173,7 @@ fn as_json(found: &Identified, simulated: bool) -> String {
     format!("{all:#}\n")
 }
 
-/// To four digits: more than a recording tells.
+/// Rounds to four digits, beyond the accuracy of a recording.
 fn rounded(p: TwoMassSettings) -> TwoMassSettings {
     let round = |value: f64| {
         let scale = 10_f64.powf(3.0 - value.abs().log10().floor());

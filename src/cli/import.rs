@@ -1,9 +1,9 @@
-//! Flags that say what loggers' files do not.
+//! Command-line flags for what tables do not state themselves.
 
 use crate::engine::settings::closest;
 use crate::surfaces::recording::{ImportSettings, QUANTITIES};
 
-/// How files of other people's loggers are read.
+/// How the tables of other data loggers are read.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Reading tables")]
 pub struct Import {
@@ -14,23 +14,23 @@ pub struct Import {
     tables: Tables,
 }
 
-/// What is said of tables besides their columns.
+/// Import flags other than the columns.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Reading tables")]
 pub struct Tables {
-    /// The unit of a quantity whose column does not name it, such as accel=g; 1 is a unit that is not known
+    /// The unit of a quantity whose column does not state it, such as accel=g; 1 stands for an unknown unit
     #[arg(long = "unit", value_name = "QUANTITY=UNIT", value_parser = pair)]
     units: Vec<(String, String)>,
-    /// A quantity that did not change, such as speed_mm_s=50
+    /// A constant quantity, such as speed_mm_s=50
     #[arg(long = "constant", value_name = "QUANTITY_UNIT=VALUE", value_parser = pair)]
     constants: Vec<(String, String)>,
-    /// Samples a second: rows follow evenly, whatever their times
+    /// Sampling rate of evenly spaced rows; it replaces their times
     #[arg(long, value_name = "HZ", value_parser = positive)]
     sample_rate: Option<f64>,
-    /// What the full scale of WAV files is, m/s²; the note that a run wrote beside the file where it is not given
+    /// The full scale of WAV files, m/s²; default: the value in the note that a run wrote beside the file
     #[arg(long, value_name = "M_S2", value_parser = positive)]
     full_scale: Option<f64>,
-    /// Refuse what would be repaired: jittered times, missing or unreadable cells
+    /// Reject what would otherwise be repaired: jittered times, missing or unreadable cells
     #[arg(long)]
     strict: bool,
 }
@@ -38,7 +38,7 @@ pub struct Tables {
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number above 0 is expected".to_owned()),
+        _ => Err("expected a number above 0".to_owned()),
     }
 }
 
@@ -50,19 +50,19 @@ fn pair(text: &str) -> Result<(String, String), String> {
         Some((name, value)) if !name.is_empty() && !value.is_empty() => {
             Ok((name.to_lowercase(), value.to_owned()))
         }
-        _ => Err("two parts with = between them are expected".to_owned()),
+        _ => Err("expected two parts separated by =".to_owned()),
     }
 }
 
 impl Import {
-    /// What the flags say.
+    /// The import settings of these flags.
     pub fn settings(&self) -> Result<ImportSettings, String> {
         self.tables.settings(&self.columns)
     }
 }
 
 impl Tables {
-    /// What the flags say, with the columns that hold quantities.
+    /// The import settings of these flags, with the columns of quantities.
     pub fn settings(&self, columns: &[(String, String)]) -> Result<ImportSettings, String> {
         let settings = ImportSettings {
             rate_hz: self.sample_rate,
@@ -82,16 +82,16 @@ impl Tables {
     }
 }
 
-/// A column, or the quantity and the column that holds it.
+/// A column, alone or with the quantity it holds.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NamedColumn {
-    /// A column by its name.
+    /// Column name.
     Plain(String),
-    /// A quantity and its column.
+    /// Quantity and column name.
     Quantity(String, String),
 }
 
-/// What stands before = is a quantity, unless the column is called so.
+/// Parses `NAME` or `QUANTITY=NAME`. Text with `=` is a column name if its first part is not a quantity.
 pub fn named_column(text: &str) -> Result<NamedColumn, String> {
     Ok(match pair(text) {
         Ok((quantity, column)) if QUANTITIES.contains(&&*quantity) => NamedColumn::Quantity(quantity, column),
@@ -99,20 +99,20 @@ pub fn named_column(text: &str) -> Result<NamedColumn, String> {
     })
 }
 
-/// What is not a quantity, with the one that may have been meant.
+/// Appends the nearest quantity to an error about an unknown one.
 fn with_nearest(why: String, name: &str) -> String {
     match closest(name, QUANTITIES).filter(|_| !QUANTITIES.contains(&name)) {
-        Some(meant) => format!("{why}; did you mean {meant}?"),
+        Some(near) => format!("{why}; did you mean {near}?"),
         None => why,
     }
 }
 
-/// Says which way round the two belong where they were swapped.
+/// Adds a column; the error of swapped parts shows the right order.
 fn with_column(settings: ImportSettings, quantity: &str, column: &str) -> Result<ImportSettings, String> {
     let other = settings.clone();
     settings.with_column(quantity, column).map_err(|why| {
         match other.with_column(&column.to_lowercase(), quantity) {
-            Ok(_) => format!("{why}; the quantity stands first: --column {column}={quantity}"),
+            Ok(_) => format!("{why}; write the quantity first: --column {column}={quantity}"),
             Err(_) => with_nearest(why, quantity),
         }
     })

@@ -1,23 +1,23 @@
-//! Ctrl-C: it ends a command that looks out for it in good order, and any other at once.
+//! Ctrl-C: a command that polls [`flag`] ends in good order, any other command ends at once.
 
 use super::{Failure, keys};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The code to exit with after ctrl-C: 128 and the number of the signal.
+/// Exit code after ctrl-C: 128 plus the number of the signal.
 pub const INTERRUPTED: u8 = 130;
 
-/// What a command looks at to see whether it should end; none while no command does.
+/// Stop flag of the running command, if it polls one.
 static STOP: Mutex<Option<Arc<AtomicBool>>> = Mutex::new(None);
 
-/// From now on ctrl-C ends the process with its code, and not as the signal does. Where somebody else cares for a signal,
-/// as `nohup` does for the end of a terminal, all stay as they are.
+/// Installs the handler, so that ctrl-C ends the process with the exit code and not by the signal. Signals
+/// that the parent process ignores, for example under `nohup`, stay ignored.
 pub fn listen() {
     let _ = ctrlc::try_set_handler(interrupted);
 }
 
-/// What the first ctrl-C sets from now on; the second ends the process.
+/// The flag that the first ctrl-C sets; the second ctrl-C ends the process.
 pub fn flag() -> Result<Arc<AtomicBool>, Failure> {
     match ctrlc::set_handler(interrupted) {
         Ok(()) | Err(ctrlc::Error::MultipleHandlers) => {}
@@ -29,16 +29,16 @@ pub fn flag() -> Result<Arc<AtomicBool>, Failure> {
     Ok(stop)
 }
 
-/// When the first ctrl-C came that the command looks out for.
+/// Time of the first ctrl-C seen by the command.
 static FIRST: Mutex<Option<Instant>> = Mutex::new(None);
-/// Signals that come as close as this are one: some who end a program signal it and then its group.
+/// Signals closer together than this count as one: some callers signal a program and then its process group.
 const TWICE: Duration = Duration::from_millis(300);
 
-/// On a thread of its own.
+/// Runs on its own thread.
 fn interrupted() {
     let stop = STOP.lock().unwrap_or_else(PoisonError::into_inner).clone();
     if let Some(stop) = stop {
-        // It may have been set by a typed stop: then this is the first all the same.
+        // The flag may already be set by a typed `stop`; this ctrl-C still counts as the first.
         stop.store(true, Ordering::Relaxed);
         let mut first = FIRST.lock().unwrap_or_else(PoisonError::into_inner);
         if first.get_or_insert_with(Instant::now).elapsed() < TWICE {

@@ -1,27 +1,27 @@
-//! A line that is typed while something is shown: keys become lines, with the lines before at the arrow keys.
+//! Line editor with a history, for the prompt below a live display.
 
 use super::screen::Prompt;
 
-/// The longest line that is typed, characters.
-const MOST_LETTERS: usize = 4096;
-/// Lines that are remembered.
-const MOST_LINES: usize = 1000;
+/// Maximum length of a line, characters.
+const MAX_CHARACTERS: usize = 4096;
+/// Maximum number of lines in the history.
+const MAX_LINES: usize = 1000;
 
-/// A line while it is typed.
+/// A line being edited.
 #[derive(Debug, Default)]
 pub struct Editor {
     line: Vec<char>,
     cursor: usize,
     history: Vec<String>,
-    /// The line of the history that is shown, and what was typed before.
+    /// The index of the recalled history line, and the line typed before.
     recalled: Option<(usize, Vec<char>)>,
-    /// What has come of an escape sequence or of a letter of several bytes.
+    /// The bytes received so far of an escape sequence or of a multi-byte character.
     begun: Vec<u8>,
 }
 
 impl Editor {
-    /// Takes a byte of the keyboard; a line that it completes.
-    pub fn take(&mut self, byte: u8) -> Option<String> {
+    /// Processes a byte from the keyboard; returns the line that it completes.
+    pub fn feed(&mut self, byte: u8) -> Option<String> {
         if !self.begun.is_empty() || byte == 0x1b || byte >= 0x80 {
             self.begun.push(byte);
             self.go_on();
@@ -41,7 +41,7 @@ impl Editor {
         None
     }
 
-    /// What is to be shown.
+    /// The text to display.
     pub fn prompt(&self) -> Prompt {
         Prompt {
             text: self.line.iter().collect(),
@@ -49,7 +49,7 @@ impl Editor {
         }
     }
 
-    /// Goes on with an escape sequence or a letter of several bytes, which ends after a few.
+    /// Continues an escape sequence or a multi-byte character, both bounded in length.
     fn go_on(&mut self) {
         match self.begun[..] {
             [0x1b] | [0x1b, b'[' | b'O'] | [0x1b, b'[', b'0'..=b'9'] => return,
@@ -82,7 +82,7 @@ impl Editor {
         }
     }
 
-    /// Shows a line of the history, `by` lines from the present one.
+    /// Recalls a history line, `by` lines from the present one.
     fn recall(&mut self, by: isize) {
         let (at, typed) = match self.recalled.take() {
             Some((at, typed)) => (at, typed),
@@ -103,14 +103,14 @@ impl Editor {
         if !line.trim().is_empty() && self.history.last() != Some(&line) {
             self.history.push(line.clone());
         }
-        if self.history.len() > MOST_LINES {
+        if self.history.len() > MAX_LINES {
             self.history.remove(0);
         }
         line
     }
 
     fn insert(&mut self, letter: char) {
-        if self.line.len() < MOST_LETTERS && !letter.is_control() {
+        if self.line.len() < MAX_CHARACTERS && !letter.is_control() {
             self.line.insert(self.cursor, letter);
             self.cursor += 1;
         }
@@ -123,13 +123,13 @@ impl Editor {
         }
     }
 
-    /// Removes what lies between a place and the cursor.
+    /// Removes the text between `from` and the cursor.
     fn cut(&mut self, from: usize) {
         self.line.drain(from..self.cursor);
         self.cursor = from;
     }
 
-    /// Where the word before the cursor begins.
+    /// Start of the word before the cursor.
     fn word(&self) -> usize {
         let before = &self.line[..self.cursor];
         let end = before
@@ -146,22 +146,22 @@ impl Editor {
 #[cfg(unix)]
 pub use raw::{RawMode, restore};
 
-/// A terminal that hands over every key.
+/// Terminal input without line buffering.
 #[cfg(unix)]
 mod raw {
     use nix::sys::termios::{LocalFlags, SetArg, SpecialCharacterIndices, Termios, tcgetattr, tcsetattr};
     use std::io::{IsTerminal, stderr, stdin};
     use std::sync::Mutex;
 
-    /// How the terminal was before.
+    /// Terminal settings before raw mode.
     static BEFORE: Mutex<Option<Termios>> = Mutex::new(None);
 
-    /// Hands over every key until it is dropped. Ctrl-C stays what it is.
+    /// Delivers every key until it is dropped. Ctrl-C still raises its signal.
     #[derive(Debug)]
     pub struct RawMode(());
 
     impl RawMode {
-        /// Nothing where people do not type, or where the terminal cannot do it.
+        /// `None` without a terminal, or if the terminal does not support raw mode.
         pub fn begin() -> Option<Self> {
             let is_dumb = std::env::var_os("TERM").is_none_or(|term| term == "dumb");
             if is_dumb || !stdin().is_terminal() || !stderr().is_terminal() || !is_in_front() {
@@ -184,29 +184,30 @@ mod raw {
         }
     }
 
-    /// Is this what the terminal's keys go to? What runs behind would be stopped for changing it.
+    /// True if this process group is in the foreground; a background process would be stopped for changing
+    /// the settings.
     fn is_in_front() -> bool {
         nix::unistd::tcgetpgrp(stdin()).is_ok_and(|front| front == nix::unistd::getpgrp())
     }
 
-    /// Makes the terminal what it was.
+    /// Restores the terminal settings.
     pub fn restore() {
         let before = BEFORE.lock().ok().and_then(|mut before| before.take());
         if let Some(before) = before {
-            // A terminal that is gone needs nothing.
+            // A closed terminal needs no settings.
             let _ = tcsetattr(stdin(), SetArg::TCSANOW, &before);
         }
     }
 }
 
-/// Elsewhere the terminal stays as it is, and lines come whole.
+/// On other systems the terminal keeps its line buffering.
 #[cfg(not(unix))]
 #[derive(Debug)]
 pub struct RawMode(());
 
 #[cfg(not(unix))]
 impl RawMode {
-    /// Nothing.
+    /// Always `None`.
     pub fn begin() -> Option<Self> {
         None
     }
@@ -220,7 +221,7 @@ mod tests {
     use super::*;
 
     fn typed(editor: &mut Editor, keys: &str) -> Vec<String> {
-        keys.bytes().filter_map(|byte| editor.take(byte)).collect()
+        keys.bytes().filter_map(|byte| editor.feed(byte)).collect()
     }
 
     #[test]
@@ -276,10 +277,10 @@ mod tests {
         let mut editor = Editor::default();
         for round in 0..20_000_u32 {
             let byte = (round.wrapping_mul(2_654_435_761) >> 13) as u8;
-            let _ = editor.take(byte);
+            let _ = editor.feed(byte);
         }
         typed(&mut editor, "\x15");
-        (0..2 * MOST_LETTERS).for_each(|_| assert_eq!(editor.take(b'a'), None));
-        assert!(editor.prompt().text.chars().count() <= MOST_LETTERS);
+        (0..2 * MAX_CHARACTERS).for_each(|_| assert_eq!(editor.feed(b'a'), None));
+        assert!(editor.prompt().text.chars().count() <= MAX_CHARACTERS);
     }
 }

@@ -1,4 +1,4 @@
-//! `haptograph learn`: a surface from recordings (thesis chapters 2 and 4).
+//! `haptograph learn`: learns a surface from recordings (thesis chapters 2 and 4).
 
 mod summary;
 
@@ -7,7 +7,7 @@ use super::import::Import;
 use super::output::{Force, Output};
 use super::progress::Progress;
 use super::recording::Loaded;
-use super::{Failure, recording, remark, say, say_json, segment, spare, surface};
+use super::{Failure, eprint, print, print_json, recording, refuse_overwrite, segment, surface};
 use crate::engine::registry::Registry;
 use crate::surfaces::learning::law::LawSettings;
 use crate::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
@@ -21,25 +21,28 @@ use std::path::{Path, PathBuf};
 
 /// Learn a surface from recordings
 ///
-/// Each recording teaches what its gesture can: drags the texture (and friction where there is no circle), circles friction, taps the taps, a
-/// press stiffness. Recordings are haptograph's own archives, tables with a header (CSV, spreadsheets, MATLAB up to -v7), WAV files beside a
-/// table, or the toolkit's (HaTT) XML triples, of which any file is named; docs/learning.md tells what they hold. Files that share a clock are
-/// one recording where their names are joined: force.csv+accel.csv. A file that does not say its gesture is a drag, unless named by --circle, --tap or --press.
+/// Each gesture teaches one part: a drag the texture (and friction if there is no circle), a circle friction,
+/// a tap the tap responses, a press stiffness. A recording is one of haptograph's own archives, a table with
+/// a header (CSV, spreadsheet, MATLAB up to -v7), a WAV file beside a table, or one of the toolkit's (HaTT)
+/// XML triples, named by any of its files; docs/learning.md describes their contents. Files that share a
+/// clock form one recording if their names are joined: force.csv+accel.csv. A file that does not state its
+/// gesture is a drag, unless given by --circle, --tap or --press.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Recordings of one material; or a folder of recordings, of which each is learned from, into the folder of --output
+    /// Recordings of one material; or a folder of recordings, each learned into the folder of --output
     #[arg(value_name = "RECORDING", required_unless_present_any = ["circle", "tap", "press"])]
     recordings: Vec<PathBuf>,
-    /// A recording of circles, whatever it says of itself; can be repeated
+    /// A recording of circles, whatever gesture it states; can be repeated
     #[arg(long, value_name = "RECORDING")]
     circle: Vec<PathBuf>,
-    /// A recording of taps, whatever it says of itself; can be repeated
+    /// A recording of taps, whatever gesture it states; can be repeated
     #[arg(long, value_name = "RECORDING")]
     tap: Vec<PathBuf>,
-    /// The recording of a press, whatever it says of itself
+    /// The recording of a press, whatever gesture it states
     #[arg(long, value_name = "RECORDING")]
     press: Option<PathBuf>,
-    /// The surface to write: .ron (all of it) or .xml (what the toolkit has a place for); of a folder of recordings a folder
+    /// The surface to write: .ron (all of it) or .xml (the parts that the toolkit's format holds); for a
+    /// folder of recordings, a folder
     #[arg(short, long, value_name = "SURFACE.ron")]
     pub(super) output: PathBuf,
     /// Also write a page with figures into this folder
@@ -47,7 +50,7 @@ pub struct Arguments {
     report: Option<PathBuf>,
     #[command(flatten)]
     pub(super) force: Force,
-    /// The surface's name; that of the output where it is not given
+    /// Name of the surface; default: the name of the output
     #[arg(long, value_parser = name)]
     name: Option<String>,
     /// Print what was written as JSON
@@ -62,7 +65,7 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// Whether something is asked for that only one surface has.
+    /// True if a flag is given that applies to one surface only.
     pub(super) fn has_single(&self) -> bool {
         let gestures = self.circle.len() + self.tap.len() + usize::from(self.press.is_some());
         gestures > 0 || self.name.is_some() || self.report.is_some()
@@ -72,17 +75,17 @@ impl Arguments {
 /// How textures are learned.
 #[derive(Debug, clap::Args)]
 pub struct Settings {
-    /// How three axes of acceleration become one
+    /// How the three axes of acceleration become one
     #[arg(long, value_enum, default_value_t = Reduction::Dft321)]
     reduction: Reduction,
-    /// Bring vibrations down to this rate first: at a lower rate models of the same order follow lower frequencies. Their own where it is
-    /// not given
+    /// Resample vibrations to this rate first; default: their own rate. At a lower rate models of the same
+    /// order resolve lower frequencies
     #[arg(long = "rate", value_name = "HZ")]
     rate_hz: Option<f64>,
     /// How a texture is learned
     #[arg(long, value_enum, default_value_t = Method::Law)]
     method: Method,
-    /// The order of all models; 20, or with the thesis's method the median of the segments', where it is not given
+    /// The order of all models; default: 20, or with the thesis's method the median of the segments' orders
     #[arg(long, value_name = "P")]
     order: Option<usize>,
     /// The fewest samples a segment may have (thesis's method)
@@ -91,20 +94,20 @@ pub struct Settings {
     /// The highest order of a segment's model (thesis's method)
     #[arg(long, value_name = "P", default_value_t = 20)]
     max_order: usize,
-    /// How a segment's innovation variance is estimated while breaks are sought (thesis's method)
+    /// How a segment's innovation variance is estimated during the search for breaks (thesis's method)
     #[arg(long, value_enum, default_value_t = segment::Variance::LeastSquares)]
     variance: segment::Variance,
-    /// How the coefficients of a segment are found (thesis's method)
+    /// How the coefficients of a segment are estimated (thesis's method)
     #[arg(long, value_enum, default_value_t = Fit::YuleWalker)]
     fit: Fit,
-    /// Keep models that do not fit in with the others (thesis's method)
+    /// Keep outlier models (thesis's method)
     #[arg(long)]
     keep_outliers: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Reduction {
-    /// By spectra: the energy of all axes, the phase of their sum; the thesis's
+    /// Spectral: the energy of all axes, the phase of their sum; the thesis's method
     Dft321,
     /// The sum of the axes
     Sum,
@@ -116,23 +119,23 @@ enum Reduction {
     Z,
     /// The projection on the direction of greatest variance
     PrincipalComponent,
-    /// The length of the vector at each moment
+    /// The magnitude of the vector at each instant
     VectorMagnitude,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Method {
-    /// One law of the spectrum over speed and force, its models on a warped frequency axis
+    /// One law of the spectrum over speed and force, with models on a warped frequency axis
     Law,
-    /// The thesis's: a model for each stretch of one character, triangulated
+    /// The thesis's method: a model for each stationary segment, triangulated
     Thesis,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Fit {
-    /// From the autocovariance by the Levinson-Durbin recursion, as in the thesis
+    /// Autocovariance and Levinson-Durbin recursion, as in the thesis
     YuleWalker,
-    /// Burg's lattice: sharper resonances from short segments
+    /// Burg's lattice: resolves sharper resonances in short segments
     Burg,
 }
 
@@ -189,7 +192,7 @@ impl Settings {
 
 fn name(text: &str) -> Result<String, String> {
     match text.trim() {
-        "" => Err("a surface needs a name; without --name it is that of the output".to_owned()),
+        "" => Err("the name is empty; give a name, or omit --name to use that of the output".to_owned()),
         name => Ok(name.to_owned()),
     }
 }
@@ -202,7 +205,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     }
     at_scale::refuse_of_files(&arguments.folder)?;
     let files = files(arguments);
-    spare(
+    refuse_overwrite(
         files.iter().flat_map(|(path, _)| recording::parts(path)),
         &arguments.output,
     )?;
@@ -232,7 +235,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         .map_err(|error| Failure::Message(by_file(&error.to_string(), &error, &files, &recordings)))?;
     drop(progress);
     for (index, (path, _)) in files.iter().enumerate() {
-        // Without its folder: the same recordings give the same surface wherever they lie.
+        // Without the folder, so that the same recordings give the same surface wherever they lie.
         let file = path.file_name().unwrap_or_default().to_string_lossy();
         learned.provenance = learned
             .provenance
@@ -242,7 +245,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let missing = report.missing.iter();
     let missing = missing.map(|missing| by_file(&missing.to_string(), &missing.reason, &files, &recordings));
     for said in summary::shortness(&learned, &report).into_iter().chain(missing) {
-        remark(&format!("warning: {said}\n"));
+        eprint(&format!("warning: {said}\n"));
         warnings.push(said);
     }
     let page = page.map(|page| page.write(&crate::report::learning::page(&learned, &report)));
@@ -250,16 +253,16 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     if arguments.json {
         let recordings = recordings.len();
         let coverage = summary::coverage(&learned, &report, is_implausible);
-        return say_json(&json!({
+        return print_json(&json!({
             "written": [output], "page": page, "name": name, "recordings": recordings,
             "coverage": coverage, "warnings": warnings,
         }));
     }
     let looked = page.map_or_else(String::new, |page| format!("look at {}\n", page.display()));
-    say(&(summary::describe(&learned, &report, &output, is_implausible) + &looked))
+    print(&(summary::describe(&learned, &report, &output, is_implausible) + &looked))
 }
 
-/// What is said of a recording by its number, by its file.
+/// Replaces `recording N` in a message by the name of that recording's file.
 pub(super) fn by_file(
     said: &str,
     error: &LearnError,
@@ -275,7 +278,7 @@ pub(super) fn by_file(
     named.unwrap_or_else(|| said.to_owned())
 }
 
-/// All recordings, with the gestures that the command line gives them.
+/// All recordings, with the gestures given on the command line.
 fn files(arguments: &Arguments) -> Vec<(&Path, Option<Gesture>)> {
     fn of(paths: &[PathBuf], gesture: Option<Gesture>) -> impl Iterator<Item = (&Path, Option<Gesture>)> {
         paths.iter().map(move |path| (path.as_path(), gesture))
@@ -302,19 +305,19 @@ fn read(path: &Path, gesture: Option<Gesture>, import: &ImportSettings) -> Resul
     };
     if loaded.says_gesture && own != gesture {
         let said = format!(
-            "{} says of itself that it is a {}; it is taken as a {}, as asked",
+            "{} states that it is a {}; it is read as a {}, as requested",
             path.display(),
             own.as_str(),
             gesture.as_str()
         );
-        remark(&format!("warning: {said}\n"));
+        eprint(&format!("warning: {said}\n"));
         loaded.warnings.push(said);
     }
     loaded.recording = loaded.recording.with_gesture(gesture);
     Ok(loaded)
 }
 
-/// A recording that is there twice would count twice.
+/// Refuses a recording that is given twice, since it would count twice.
 pub(super) fn refuse_twins(
     files: &[(&Path, Option<Gesture>)],
     recordings: &[AnyRecording],
@@ -325,7 +328,7 @@ pub(super) fn refuse_twins(
             .position(|earlier| earlier == recording)
         {
             return Err(Failure::Message(format!(
-                "{} and {} are the same recording, which would count twice; name it once",
+                "{} and {} are the same recording and would count twice; give it once",
                 files[first].0.display(),
                 files[index].0.display()
             )));

@@ -1,5 +1,6 @@
-//! `haptograph lsp`: findings, completion and explanations for editors, from the same checks and declarations as every
-//! other command, by the Language Server Protocol on standard input and output.
+//! `haptograph lsp`: a server for editors that speaks the Language Server Protocol on standard input and
+//! output. Findings, completion and explanations come from the same checks and declarations as every other
+//! command.
 
 mod text;
 mod wire;
@@ -17,9 +18,10 @@ use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
 use text::{Context, Positions, context, word_at};
 
-/// Serve an editor: findings while one types, completion and explanations of graphs
+/// Serve an editor: findings during typing, completion and explanations of graphs
 ///
-/// It speaks the Language Server Protocol on standard input and output; docs/editors.md says how VS Code and Helix start it.
+/// Speaks the Language Server Protocol on standard input and output; docs/editors.md describes the set-up of
+/// VS Code and Helix.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {}
 
@@ -32,7 +34,7 @@ pub fn run(_: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let (mut input, mut output) = (std::io::stdin().lock(), std::io::stdout().lock());
     server
         .serve(&mut input, &mut output)
-        .map_err(|error| Failure::Message(format!("the editor's messages cannot be read: {error}")))
+        .map_err(|error| Failure::Message(format!("cannot read the editor's messages: {error}")))
 }
 
 /// The documents that an editor has open.
@@ -42,7 +44,7 @@ struct Server<'r> {
     is_shut: bool,
 }
 
-/// The protocol's numbers.
+/// Constants of the protocol.
 const METHOD_NOT_FOUND: i32 = -32601;
 const INVALID_REQUEST: i32 = -32600;
 const ERROR: u8 = 1;
@@ -54,7 +56,7 @@ const KIND_VALUE: u8 = 12;
 const SNIPPET: u8 = 2;
 
 impl Server<'_> {
-    /// Until the editor says `exit`, or its end of the pipe closes.
+    /// Serves until the editor sends `exit` or closes the pipe.
     fn serve(&mut self, input: &mut impl BufRead, output: &mut impl Write) -> std::io::Result<()> {
         while let Some(message) = wire::read(input)? {
             let method = message["method"].as_str().unwrap_or_default();
@@ -95,13 +97,13 @@ impl Server<'_> {
             }
             "textDocument/completion" => reply(self.complete(address, &params["position"])),
             "textDocument/hover" => reply(self.hover(address, &params["position"])),
-            // Notifications need no answer.
+            // Notifications get no response.
             _ if id.is_null() => Vec::new(),
-            other => refuse(METHOD_NOT_FOUND, &format!("there is no method `{other}` here")),
+            other => refuse(METHOD_NOT_FOUND, &format!("unsupported method `{other}`")),
         }
     }
 
-    /// Takes a text as it is now; what is wrong with it.
+    /// Stores the present text of a document; returns its findings.
     fn take(&mut self, address: &str, text: Option<&str>) -> Vec<Value> {
         let Some(text) = text else { return Vec::new() };
         self.texts.insert(address.to_owned(), text.to_owned());
@@ -121,7 +123,7 @@ impl Server<'_> {
         vec![published(address, shown.collect())]
     }
 
-    /// What can be written at a place.
+    /// Completions at a position.
     fn complete(&self, address: &str, position: &Value) -> Value {
         let Some((text, at)) = self.place(address, position) else {
             return json!([]);
@@ -171,7 +173,7 @@ impl Server<'_> {
         )
     }
 
-    /// What the word at a place means: a kind, or a field of the kind around it.
+    /// Explains the word at a position: a kind, or a field of the enclosing kind.
     fn hover(&self, address: &str, position: &Value) -> Value {
         let said = self.place(address, position).and_then(|(text, at)| {
             let word = word_at(text, at)?;
@@ -206,7 +208,7 @@ impl Server<'_> {
         ))
     }
 
-    /// The text that is open by this address, and the byte at a position in it.
+    /// The text of an open document, and the byte at a position in it.
     fn place(&self, address: &str, position: &Value) -> Option<(&str, usize)> {
         let text = self.texts.get(address)?;
         let number = |name: &str| usize::try_from(position[name].as_u64()?).ok();
@@ -243,7 +245,8 @@ fn published(address: &str, findings: Vec<Value>) -> Value {
     })
 }
 
-/// A finding as the protocol has it. One in another file stands at the beginning of this one, and names that file.
+/// A finding as the protocol's `Diagnostic`. A finding in an included file is placed at the start of this one
+/// and names that file.
 fn shown(finding: &Diagnostic, all: &Diagnostics, path: &Path, positions: &Positions) -> Value {
     let place = finding
         .primary
@@ -272,7 +275,7 @@ fn shown(finding: &Diagnostic, all: &Diagnostics, path: &Path, positions: &Posit
     })
 }
 
-/// The names of nodes in a text, for connections: what stands in quotes before a colon.
+/// Completions of connections: the names of nodes in a text, i.e. quoted words before a colon.
 fn outputs(text: &str) -> Value {
     let mut names: Vec<&str> = text
         .split('"')
@@ -291,7 +294,7 @@ fn outputs(text: &str) -> Value {
     items.collect()
 }
 
-/// The file of a `file://` address.
+/// The path of a `file://` URI.
 fn path_of(address: &str) -> PathBuf {
     let written = address.strip_prefix("file://").unwrap_or(address).as_bytes();
     let mut bytes = Vec::with_capacity(written.len());

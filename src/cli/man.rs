@@ -1,7 +1,7 @@
-//! `haptograph man`: the manual, made of what `--help` says.
+//! `haptograph man`: manual pages generated from the help texts.
 
 use super::output::{Force, Output};
-use super::{Failure, program, say};
+use super::{Failure, print, program};
 use crate::engine::registry::Registry;
 use crate::engine::settings::closest;
 use std::fs;
@@ -9,10 +9,11 @@ use std::path::PathBuf;
 
 /// Print the manual page of a command, or write all of them
 ///
-/// `haptograph man run | man -l -` shows one, `haptograph man surface show` that of a command of a command.
+/// `haptograph man run | man -l -` displays one page, `haptograph man surface show` prints that of a nested
+/// command.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The command, and a command of that; where none is given, the page is that of haptograph itself
+    /// The command, and a nested command; default: the page of haptograph itself
     command: Vec<String>,
     /// Write the pages of all commands into this folder, as haptograph-COMMAND.1
     #[arg(long, value_name = "DIR", conflicts_with = "command")]
@@ -34,11 +35,11 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
             }
             Ok(())
         }
-        None => say(&page(find(&all, &arguments.command)?)?),
+        None => print(&page(find(&all, &arguments.command)?)?),
     }
 }
 
-/// The command that is named by one word after the other.
+/// The command reached by a path of names.
 fn find<'c>(all: &'c clap::Command, names: &[String]) -> Result<&'c clap::Command, Failure> {
     names.iter().try_fold(all, |outer, name| {
         outer.find_subcommand(name).ok_or_else(|| {
@@ -47,7 +48,7 @@ fn find<'c>(all: &'c clap::Command, names: &[String]) -> Result<&'c clap::Comman
             let help = match (closest(name, known.iter().copied()), known.is_empty()) {
                 (Some(near), _) => format!("did you mean `{near}`?"),
                 (None, false) => format!("there are {}", known.join(", ")),
-                (None, true) => "it has none".to_owned(),
+                (None, true) => "it has no nested commands".to_owned(),
             };
             Failure::Message(format!("`{command}` has no command `{name}`; {help}"))
         })
@@ -60,13 +61,13 @@ fn without_help(command: &clap::Command) -> impl Iterator<Item = &clap::Command>
         .filter(|inner| inner.get_name() != "help")
 }
 
-/// A command and all commands of it.
+/// A command and all nested commands.
 fn with_inner(command: &clap::Command) -> Vec<&clap::Command> {
     let inner = without_help(command).flat_map(with_inner);
     std::iter::once(command).chain(inner).collect()
 }
 
-/// `haptograph-run`; of haptograph itself its name alone.
+/// `haptograph-run`; `haptograph` for the program itself.
 fn page_name(command: &clap::Command) -> &str {
     command.get_display_name().unwrap_or_else(|| command.get_name())
 }

@@ -1,6 +1,6 @@
-//! `haptograph new`: a first graph of one's own.
+//! `haptograph new`: writes a first graph.
 
-use super::{Failure, say, say_json};
+use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
 use serde_json::json;
 use std::io::Write;
@@ -9,14 +9,14 @@ use std::path::PathBuf;
 /// Write a commented graph to start from
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The file to make; it must not exist yet
+    /// The file to create; it must not exist
     file: PathBuf,
-    /// Print what was written as JSON
+    /// Print the written file as JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Runs as it is and uses no file but itself.
+/// Runs without changes and reads no other file.
 const STARTER: &str = include_str!("new/starter.ron");
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
@@ -30,10 +30,10 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     file.write_all(STARTER.as_bytes())
         .map_err(|error| Failure::file("write", path, &error))?;
     if arguments.json {
-        return say_json(&json!({ "written": [path] }));
+        return print_json(&json!({ "written": [path] }));
     }
     let shown = path.display();
-    say(&format!(
+    print(&format!(
         "wrote {shown}\n\nrun it:   haptograph run {shown}\ndraw it:  haptograph draw {shown} -o graph.svg\n"
     ))
 }

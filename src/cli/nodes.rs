@@ -1,6 +1,7 @@
-//! `haptograph nodes`: what can be written in a graph, from the same declarations that graphs are checked against.
+//! `haptograph nodes`: reference of nodes, devices, bridges and templates, from the declarations that graphs
+//! are checked against.
 
-use super::{Failure, say, say_json};
+use super::{Failure, print, print_json};
 use crate::engine::device::Channel;
 use crate::engine::document::library::templates;
 use crate::engine::node::Presence;
@@ -9,7 +10,7 @@ use crate::engine::settings::{Part, SettingSpec, closest};
 use crate::report::reference::{self, Filter};
 use serde_json::{Value, json};
 
-/// List the kinds of nodes, devices and bridges and the library's templates, or tell all about one
+/// List the kinds of nodes, devices and bridges and the library's templates, or describe one of them
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// A kind of node or device, a template, or a bridge
@@ -17,7 +18,8 @@ pub struct Arguments {
     /// List the kinds of this group only
     #[arg(long, conflicts_with_all = ["name", "markdown"])]
     group: Option<String>,
-    /// List the kinds with a word that begins so in their name, group, description or settings; can be repeated
+    /// List the kinds with a word that begins like this in their name, group, description or settings; can be
+    /// repeated
     #[arg(long, value_name = "WORD", conflicts_with_all = ["name", "markdown"])]
     find: Vec<String>,
     /// Print the whole reference as Markdown
@@ -28,7 +30,7 @@ pub struct Arguments {
     json: bool,
 }
 
-/// Characters of a line where the terminal does not say how wide it is.
+/// Line width in characters if the terminal does not report its own.
 const WIDTH: usize = 100;
 
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
@@ -37,48 +39,47 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         words: arguments.find.clone(),
     };
     match &arguments.name {
-        None if arguments.markdown => say(&reference::book(registry)),
-        None if arguments.json => say_json(&kinds(registry, &|name, group, doc, settings| {
+        None if arguments.markdown => print(&reference::book(registry)),
+        None if arguments.json => print_json(&kinds(registry, &|name, group, doc, settings| {
             filter.takes(name, group, doc, settings)
         })),
-        None => say(&listed(registry, &filter)?),
+        None => print(&listed(registry, &filter)?),
         Some(name) => match reference::kind(registry, name) {
             Some(text) if arguments.json => match kinds(registry, &|kind, _, _, _| kind == name).get(0) {
-                Some(named) => say_json(named),
-                None => say_json(&json!({ "name": name, "group": reference::BRIDGES, "doc": text })),
+                Some(named) => print_json(named),
+                None => print_json(&json!({ "name": name, "group": reference::BRIDGES, "doc": text })),
             },
-            Some(text) => say(&text),
+            Some(text) => print(&text),
             None => Err(unknown(registry, name)),
         },
     }
 }
 
-/// The list, or what to do where it is empty.
+/// The list, or an error with advice if it is empty.
 fn listed(registry: &Registry, filter: &Filter) -> Result<String, Failure> {
     let groups = reference::all_groups(registry);
     if let Some(group) = &filter.group
         && !groups.iter().any(|known| known.eq_ignore_ascii_case(group))
     {
         let help = closest(group, groups.iter().copied()).map_or_else(
-            || format!("there are {}", groups.join(", ")),
+            || format!("the groups are {}", groups.join(", ")),
             |near| format!("did you mean `{near}`?"),
         );
-        return Err(Failure::Message(format!("there is no group `{group}`; {help}")));
+        return Err(Failure::Message(format!("unknown group `{group}`; {help}")));
     }
     let width = std::env::var("COLUMNS")
         .ok()
         .and_then(|columns| columns.parse().ok());
     match reference::list(registry, filter, width.unwrap_or(WIDTH)) {
         text if text.is_empty() => Err(Failure::Message(format!(
-            "no kind has all of these words: {}",
+            "no kind contains all of these words: {}",
             filter.words.join(", ")
         ))),
         text => Ok(text),
     }
 }
 
-/// The kinds whose name, group and description are taken, for programs.
-/// Whether to list a kind of this name, group, doc and settings.
+/// Filter by name, group, doc and settings of a kind; true to list it.
 type Takes<'a> = &'a dyn Fn(&str, &str, &str, &[SettingSpec]) -> bool;
 
 fn kinds(registry: &Registry, takes: Takes<'_>) -> Value {
@@ -172,8 +173,8 @@ fn unknown(registry: &Registry, name: &str) -> Failure {
             others => format!(" and of {others} more"),
         };
         return Failure::Message(format!(
-            "`{name}` is no kind of its own: it is a choice of the setting `{setting}` of `{kind}`{others}; `haptograph \
-             nodes {kind}` tells all about it"
+            "`{name}` is not a kind but a value of the setting `{setting}` of `{kind}`{others}; `haptograph \
+             nodes {kind}` describes it"
         ));
     }
     let templates = templates(registry.library());
@@ -181,8 +182,8 @@ fn unknown(registry: &Registry, name: &str) -> Failure {
     known.extend(templates.iter().map(|template| template.name.as_str()));
     let near = closest(name, known);
     let help = near.map_or_else(
-        || format!("`haptograph nodes --find {name}` searches what they do"),
+        || format!("`haptograph nodes --find {name}` searches the descriptions"),
         |near| format!("did you mean `{near}`?"),
     );
-    Failure::Message(format!("there is no kind `{name}`; {help}"))
+    Failure::Message(format!("unknown kind `{name}`; {help}"))
 }

@@ -1,44 +1,46 @@
-//! The files that commands write where their user says. One that is there already is replaced only where haptograph wrote it
-//! and nobody changed it since: `.haptograph.json` beside it has its hash. Else it is refused before the work, or with
-//! `--force` replaced.
+//! Output files of commands. An existing file is replaced only if haptograph wrote it and it is unchanged
+//! since, which its hash in `.haptograph.json` beside it shows. Otherwise the command fails before it
+//! computes anything, unless `--force` is given.
 
-use super::written::{Written, free_beside};
-use super::{Failure, folder_of, remark};
+use super::written::{FileManifest, free_beside};
+use super::{Failure, eprint, folder_of};
+use crate::signal::files;
+use crate::surfaces::files::write_atomically_by;
 use std::fmt::Display;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// The list of what haptograph wrote into a folder, and the hashes.
+/// File with the names and hashes of the files that haptograph wrote into a folder.
 pub const LEDGER: &str = ".haptograph.json";
 
-/// Whether files of others may be replaced.
+/// Permission to replace files that haptograph did not write.
 #[derive(Debug, Clone, Copy, Default, clap::Args)]
 pub struct Force {
-    /// Replace files also where haptograph did not write them or they were changed since
+    /// Replace existing files even if haptograph did not write them or they were changed since
     #[arg(long)]
     pub force: bool,
 }
 
-/// A file that may be written.
+/// An output path that may be written.
 #[derive(Debug)]
 pub struct Output {
     path: PathBuf,
     force: Force,
-    /// Folders that were made for it, innermost first; they go again where nothing was written.
+    /// Folders created for it, innermost first; dropped without a written file, they are removed again.
     made: Vec<PathBuf>,
 }
 
 impl Drop for Output {
     fn drop(&mut self) {
-        // One that is not empty stays, and with it those around it.
+        // `remove_dir` fails for a folder that is not empty, which ends the loop.
         let _ = self.made.iter().try_for_each(fs::remove_dir);
     }
 }
 
 impl Output {
-    /// Sees to it before the work that a file can be written and loses nobody anything.
+    /// Checks before the work that a file can be written without loss of another one.
     pub fn claim(path: &Path, force: Force) -> Result<Self, Failure> {
         let path = path.to_owned();
         let made = Vec::new();
@@ -53,7 +55,7 @@ impl Output {
         Ok(self)
     }
 
-    /// Sees to the page `report.html` of a folder, which is made if need be.
+    /// Claims the page `report.html` of a folder and creates the folder.
     pub fn claim_page(folder: &Path, force: Force) -> Result<Self, Failure> {
         if folder.is_file() {
             return Err(Failure::Message(format!(
@@ -66,18 +68,18 @@ impl Output {
             |folder: &&Path| !folder.as_os_str().is_empty() && fs::symlink_metadata(folder).is_err();
         let missing = folder.ancestors().take_while(is_missing);
         let made = missing.map(Path::to_owned).collect();
-        // From here on they go again.
+        // From here on `drop` removes the created folders.
         let output = Self { path, force, made };
         fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))?;
         output.proved()
     }
 
-    /// Writes the file whole or not at all; where it is, is returned.
+    /// Writes the whole file or nothing; returns its path.
     pub fn write(&self, text: &str) -> Result<PathBuf, Failure> {
         self.write_by(|path| fs::write(path, text)).map(|(path, ())| path)
     }
 
-    /// The same for what others write, into a file of that name elsewhere first.
+    /// The same for a writer function, which gets a temporary path first.
     pub fn write_by<T, E: Display>(
         &self,
         write: impl FnOnce(&Path) -> Result<T, E>,
@@ -89,7 +91,7 @@ impl Output {
             .tempdir_in(folder)
             .map_err(|error| failed(&error))?;
         let file = waiting.path().join(self.path.file_name().unwrap_or_default());
-        // Nobody knows the file by the name that it has until it is whole.
+        // Errors name the temporary path; the user knows only the final one.
         let made = write(&file).map_err(|error| {
             let said = error
                 .to_string()
@@ -101,22 +103,22 @@ impl Output {
     }
 }
 
-/// Moves a file to where it was asked for, or beside that where meanwhile there is a file of others; where it is, is returned.
+/// Moves a file to its target, or beside it if a foreign file has appeared there; returns the final path.
 pub fn place(from: &Path, to: &Path, force: Force) -> Result<PathBuf, Failure> {
     let (place, shown) = match replaceable(to, force) {
         Ok(place) => (place, to.to_owned()),
         Err(_) => {
             let free = free_beside(to);
             let (to, free_shown) = (to.display(), free.display());
-            remark(&format!(
-                "note: {to} is not as haptograph wrote it and stays; written to {free_shown} instead\n"
+            eprint(&format!(
+                "note: {to} was changed since haptograph wrote it and is kept; wrote {free_shown} instead\n"
             ));
             (free.clone(), free)
         }
     };
     let noted = note(&place, |list, name| list.announce(name, from));
     move_file(from, &place).map_err(|error| {
-        // Where that cannot be noted either, the list has a name too many.
+        // If this fails too, the list keeps an entry for a file that does not exist.
         let _ = note(&place, |list, name| {
             list.withdraw(name);
             Ok(())
@@ -131,14 +133,14 @@ pub fn place(from: &Path, to: &Path, force: Force) -> Result<PathBuf, Failure> {
     });
     if let Err(error) = noted {
         let shown = shown.display();
-        remark(&format!(
-            "note: it is not noted that haptograph wrote {shown}, which will not be replaced without --force: {error}\n"
+        eprint(&format!(
+            "note: cannot record that haptograph wrote {shown}; later runs will replace it only with --force: {error}\n"
         ));
     }
     Ok(shown)
 }
 
-/// The path without links, where nothing is there or what is there may be replaced.
+/// The path without links, if the file does not exist or may be replaced.
 pub fn replaceable(path: &Path, force: Force) -> Result<PathBuf, Failure> {
     let refused = |why: &str| Err(Failure::file("write", path, &why));
     let Ok(found) = fs::symlink_metadata(path) else {
@@ -146,19 +148,19 @@ pub fn replaceable(path: &Path, force: Force) -> Result<PathBuf, Failure> {
     };
     let place = match path.canonicalize() {
         Ok(place) if found.is_symlink() => place,
-        Err(_) if found.is_symlink() => return refused("it is a link that leads nowhere; give another file"),
+        Err(_) if found.is_symlink() => return refused("it is a broken link; give another file"),
         _ => path.to_owned(),
     };
     match fs::symlink_metadata(&place) {
         Ok(found) if found.is_dir() => return refused("it is a folder; give a file"),
-        Ok(found) if !found.is_file() => return refused("it is no regular file; give another one"),
+        Ok(found) if !found.is_file() => return refused("it is not a regular file; give another one"),
         _ => {}
     }
     if force.force || is_own(&place) {
         return Ok(place);
     }
     refused(
-        "it is there, and haptograph did not write it or it was changed since; give another file, or --force to replace it",
+        "the file exists, and haptograph did not write it or it was changed since; give another file, or --force to replace it",
     )
 }
 
@@ -166,19 +168,19 @@ fn is_own(place: &Path) -> bool {
     let (Ok(folder), Some(name)) = (folder_of(place), place.file_name()) else {
         return false;
     };
-    let list = Written::read(&folder.join(LEDGER));
+    let list = FileManifest::read(&folder.join(LEDGER));
     list.is_some_and(|list| list.is_unchanged(folder, Path::new(name)))
 }
 
-/// Changes what is noted of a file in the list of its folder.
-fn note(place: &Path, change: impl FnOnce(&mut Written, &Path) -> io::Result<()>) -> io::Result<()> {
+/// Changes the entry of a file in the list of its folder.
+fn note(place: &Path, change: impl FnOnce(&mut FileManifest, &Path) -> io::Result<()>) -> io::Result<()> {
     let folder = folder_of(place).map_err(io::Error::other)?;
     let _lock = lock(folder);
     let ledger = folder.join(LEDGER);
-    let list = Written::read(&ledger);
+    let list = FileManifest::read(&ledger);
     if list.is_none() && fs::symlink_metadata(&ledger).is_ok() {
         return Err(io::Error::other(format!(
-            "{} is no list of haptograph's",
+            "{} is not a file list of haptograph",
             ledger.display()
         )));
     }
@@ -188,7 +190,8 @@ fn note(place: &Path, change: impl FnOnce(&mut Written, &Path) -> io::Result<()>
     list.save(&ledger)
 }
 
-/// Keeps other commands from changing a folder's list meanwhile. Without it an entry may be lost: its file is then refused.
+/// Locks a folder's list against other commands. Without the lock an entry may be lost; its file then counts
+/// as foreign.
 fn lock(folder: &Path) -> Option<File> {
     let lock = File::open(folder).ok()?;
     for _ in 0..200 {
@@ -200,16 +203,13 @@ fn lock(folder: &Path) -> Option<File> {
     None
 }
 
-/// Renames, or copies beside the target first where that is on another file system.
+/// Renames a file; across file systems it is copied beside the target first.
 fn move_file(from: &Path, to: &Path) -> io::Result<()> {
     if fs::rename(from, to).is_ok() {
         return Ok(());
     }
-    let mut near = to.as_os_str().to_owned();
-    near.push(".part");
-    let near = free_beside(Path::new(&near));
-    fs::copy(from, &near)?;
-    fs::rename(&near, to)
+    let mut source = files::open(from, u64::MAX)?;
+    write_atomically_by(to, |target| io::copy(&mut source, target).map(drop))
 }
 
 #[cfg(test)]

@@ -1,15 +1,15 @@
-//! A bar for work that takes longer than a second, on terminals only.
+//! Progress bars on terminals, for work that takes longer than a second.
 
 use super::terminal::is_animated;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Work that is not worth a bar takes at most this long.
+/// Work shorter than this gets no bar.
 const PATIENCE: Duration = Duration::from_secs(1);
 const STEPS: f64 = 1000.0;
 
-/// The progress of one piece of work. The bar goes away with it.
+/// The progress of one task. Dropping it removes the bar.
 #[derive(Debug)]
 pub struct Progress {
     bar: ProgressBar,
@@ -18,7 +18,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Work that begins now.
+    /// Starts the progress of a task of known length.
     pub fn of(doing: &'static str) -> Self {
         let style = ProgressStyle::with_template("{msg} {bar:40} {percent:>3} %  {eta} left");
         let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::hidden())
@@ -31,7 +31,7 @@ impl Progress {
         }
     }
 
-    /// This part of it is done, 0 to 1.
+    /// Sets the fraction that is done, 0 to 1.
     pub fn at(&self, part: f64) {
         if is_animated() && self.begun.elapsed() > PATIENCE && !self.shown.swap(true, Ordering::Relaxed) {
             self.bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(10));
@@ -39,7 +39,7 @@ impl Progress {
         self.bar.set_position((part * STEPS) as u64);
     }
 
-    /// Work that cannot tell how far it is: something turns until it is done.
+    /// Starts the progress of a task of unknown length, shown as a spinner.
     pub fn unknown(doing: &'static str) -> Self {
         let bar = match is_animated() {
             true => ProgressBar::new_spinner().with_message(doing),

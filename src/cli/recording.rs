@@ -1,6 +1,7 @@
-//! Recordings and columns as commands read them: what is wrong is shown at its place, what is passed over is said.
+//! Reading recordings and tables for commands: errors are shown at their place in the file, findings are
+//! printed as warnings.
 
-use super::{Failure, remark, snippet};
+use super::{Failure, eprint, snippet};
 use crate::engine::settings::closest;
 use crate::signal::files::{self, MAX_RECORDING_BYTES};
 use crate::surfaces::Origin;
@@ -12,34 +13,35 @@ use serde::Deserialize;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// The longest header that columns are looked for in, bytes.
+/// Maximum length of a CSV header, bytes.
 const HEAD_BYTES: u64 = 1 << 16;
-/// The longest note beside a file, bytes.
+/// Maximum size of a note beside a file, bytes.
 const MAX_NOTE_BYTES: u64 = 1 << 20;
 
-/// A recording from a file.
+/// A recording read from a file.
 #[derive(Debug)]
 pub struct Loaded {
     /// The recording.
     pub recording: AnyRecording,
-    /// Whether the file itself says what the hand did.
+    /// True if the file itself states the gesture.
     pub says_gesture: bool,
-    /// What was found and repaired, as it was said.
+    /// Findings and repairs, as printed.
     pub warnings: Vec<String>,
-    /// Whether a quantity is larger or smaller than hands make it.
+    /// True if a quantity is outside the range of human hands.
     pub is_implausible: bool,
 }
 
-/// Reads a recording, of several files where their names are joined by `+`, and warns of what was found and repaired.
+/// Reads a recording, from several files if their names are joined by `+`, and prints findings and repairs as
+/// warnings.
 pub fn load_with(path: &Path, import: &ImportSettings) -> Result<Loaded, Failure> {
     let loaded = try_load(path, import).map_err(|error| failure(&error))?;
     for warning in &loaded.warnings {
-        remark(&format!("warning: {warning}\n"));
+        eprint(&format!("warning: {warning}\n"));
     }
     Ok(loaded)
 }
 
-/// The same; says nothing yet.
+/// The same without printing.
 pub fn try_load(path: &Path, import: &ImportSettings) -> Result<Loaded, LoadError> {
     let paths = parts(path);
     let head = head(&paths[0]);
@@ -57,7 +59,7 @@ pub fn try_load(path: &Path, import: &ImportSettings) -> Result<Loaded, LoadErro
     })
 }
 
-/// The full scale that the note beside a WAV file says, where none is given.
+/// The full scale from the note beside a WAV file, if no flag states it.
 fn with_full_scale(paths: &[PathBuf], import: &ImportSettings) -> ImportSettings {
     let noted = || paths.iter().find_map(|path| note(path).ok()?.full_scale);
     ImportSettings {
@@ -66,29 +68,29 @@ fn with_full_scale(paths: &[PathBuf], import: &ImportSettings) -> ImportSettings
     }
 }
 
-/// A finding with its file; columns that are not used with what may have been meant.
+/// A finding with the name of its file; unused columns get the nearest quantity.
 pub fn said(path: &Path, finding: &Finding) -> String {
     let Finding::NotUsed { columns } = finding else {
         return format!("{}: {finding}", path.display());
     };
     let names = columns
         .iter()
-        .take(MOST_NAMED)
+        .take(MAX_NAMED)
         .map(|name| match closest(name, COLUMNS) {
-            Some(meant) => format!("{name:?} (did you mean {meant}?)"),
+            Some(near) => format!("{name:?} (did you mean {near}?)"),
             None => format!("{name:?}"),
         });
     let names = names.collect::<Vec<_>>().join(", ");
-    match columns.len().saturating_sub(MOST_NAMED) {
-        0 => format!("{}: not used: {names}", path.display()),
-        more => format!("{}: not used: {names}, and {more} more", path.display()),
+    match columns.len().saturating_sub(MAX_NAMED) {
+        0 => format!("{}: unused columns: {names}", path.display()),
+        more => format!("{}: unused columns: {names}, and {more} more", path.display()),
     }
 }
 
-/// Columns that are named at once.
-const MOST_NAMED: usize = 8;
+/// Maximum number of columns in one message.
+const MAX_NAMED: usize = 8;
 
-/// The failure to read a file, shown at its place where that is text.
+/// The failure to read a file, shown at its place if the file is text.
 pub fn failure(error: &LoadError) -> Failure {
     match error {
         LoadError::Read { path, source } => match files::read(path, MAX_RECORDING_BYTES) {
@@ -104,7 +106,7 @@ fn is_text(bytes: &[u8]) -> bool {
     !bytes.iter().take(4096).any(is_other) && !bytes.starts_with(b"PK") && !bytes.starts_with(b"MATLAB ")
 }
 
-/// The files of a take: one, or several joined by `+`.
+/// The files of a take: one path, or several joined by `+`.
 pub fn parts(path: &Path) -> Vec<PathBuf> {
     match path.to_str() {
         Some(text) if text.contains('+') && !path.exists() => text.split('+').map(PathBuf::from).collect(),
@@ -112,7 +114,7 @@ pub fn parts(path: &Path) -> Vec<PathBuf> {
     }
 }
 
-/// What a CSV file says before its rows; `None` for other kinds of files.
+/// The header of a CSV file; `None` for other kinds of files.
 fn head(path: &Path) -> Option<CsvHead> {
     let mut bytes = vec![];
     files::open(path, MAX_RECORDING_BYTES)
@@ -123,19 +125,19 @@ fn head(path: &Path) -> Option<CsvHead> {
     csv_head(&bytes)
 }
 
-/// What a run writes beside a WAV or CSV file.
+/// Contents of the note that a run writes beside a WAV or CSV file.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename = "Recording", default)]
 pub struct Note {
-    /// What a sample of 1.0 in a WAV file stands for.
+    /// Physical value of a WAV sample of 1.0.
     pub full_scale: Option<f64>,
-    /// Unit of a WAV file.
+    /// Unit of that value.
     pub unit: Option<String>,
-    /// Did simulated devices have a part in it?
+    /// True if the data depend on simulated devices.
     pub simulated: bool,
 }
 
-/// The note beside a file; says nothing where there is none.
+/// Reads the note beside a file; a missing note gives the defaults.
 pub fn note(path: &Path) -> Result<Note, Failure> {
     let mut note = path.as_os_str().to_owned();
     note.push(".ron");
@@ -149,13 +151,13 @@ pub fn note(path: &Path) -> Result<Note, Failure> {
     }
 }
 
-/// Whether a table is known to be simulated: by a line above its header, or by the note beside it.
+/// True if a table is marked as simulated, by a line above its header or by the note beside it.
 pub fn is_simulated(path: &Path) -> Result<bool, Failure> {
     let origin = head(path).and_then(|head| head.origin);
     Ok(origin == Some(Origin::Simulated) || note(path)?.simulated)
 }
 
-/// The place in the text is shown, or else named: not both.
+/// Shows the place in the text if it is known, and only names the file otherwise.
 fn wrong(path: &Path, bytes: &[u8], error: &ReadError, message: &str) -> Failure {
     let shown = error.place(bytes).and_then(|place| {
         let line = bytes.split(|&byte| byte == b'\n').nth(place.line - 1)?;
@@ -169,5 +171,5 @@ fn wrong(path: &Path, bytes: &[u8], error: &ReadError, message: &str) -> Failure
             &message,
         ))
     });
-    shown.map_or_else(|| Failure::Message(message.to_owned()), Failure::Shown)
+    shown.map_or_else(|| Failure::Message(message.to_owned()), Failure::Rendered)
 }

@@ -1,32 +1,33 @@
-//! `haptograph recover`: what a run left that came to a sudden end.
+//! `haptograph recover`: repairs the files of a crashed run.
 //!
-//! Nothing is removed and no sample is changed: headers of WAV files are made to say what is in the file, recordings are
-//! made of their parts, which stay where they are, and the folder gets a name of its own. A run that was complete and was
-//! killed while it was put in its place is put there.
+//! No file is removed and no sample is changed: headers of WAV files are corrected to the length of the data,
+//! recordings are assembled from their parts, which are kept, and the folder gets its own name. A complete
+//! run that was killed during its move is moved to its place.
 
 use super::run::folder::{MARKER, PARTIAL, PROBES};
 use super::run::placing::{MovePlan, resume};
-use super::{Failure, remark, say, say_json};
+use super::{Failure, eprint, print, print_json};
 use crate::engine::registry::Registry;
 use crate::nodes::wav::{Repair, repair};
 use crate::signal::files;
 use crate::surfaces::recording::assemble;
 use serde_json::json;
 use std::fs::{self, TryLockError};
+use std::io;
 use std::path::{Path, PathBuf};
 
-/// Make usable what a run left that came to a sudden end
+/// Repair the files of a crashed run
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folders NAME.partial-N that runs left, or single WAV files and folders FILE.part of recordings
+    /// Folders NAME.partial-N of crashed runs, or single WAV files and folders FILE.part of recordings
     #[arg(required = true, value_name = "PATH")]
     paths: Vec<PathBuf>,
-    /// Print what was done as JSON
+    /// Print the result as JSON
     #[arg(long)]
     json: bool,
 }
 
-/// How deep folders are looked through.
+/// Maximum depth of nested folders.
 const DEPTH: usize = 8;
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
@@ -35,34 +36,34 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         for done in recover(path)? {
             match done {
                 Ok(text) if arguments.json => repaired.push(text),
-                Ok(text) => say(&(text + "\n"))?,
+                Ok(text) => print(&(text + "\n"))?,
                 Err(failure) => {
-                    remark(&format!("error: {failure}\n"));
+                    eprint(&format!("error: {failure}\n"));
                     failed = true;
                 }
             }
         }
     }
     if arguments.json {
-        say_json(&json!({ "done": repaired, "complete": !failed }))?;
+        print_json(&json!({ "done": repaired, "complete": !failed }))?;
     }
     if failed { Err(Failure::Reported) } else { Ok(()) }
 }
 
-/// What was done with a file, or why it could not be.
+/// What was done with a file, or why it failed.
 type Done = Result<String, Failure>;
 
 fn recover(path: &Path) -> Result<Vec<Done>, Failure> {
     let kind = fs::symlink_metadata(path).map_err(|error| Failure::file("read", path, &error))?;
     if kind.is_symlink() {
-        let message = "it is a symbolic link; give what it leads to";
+        let message = "it is a symbolic link; give its target";
         return Err(Failure::file("recover", path, &message));
     }
     if !kind.is_dir() {
         return Ok(file(path, true).into_iter().collect());
     }
     if is_being_written(path)? {
-        let message = "a run is being written there now";
+        let message = "a run is writing there now";
         return Err(Failure::file("recover", path, &message));
     }
     if let Some(plan) = MovePlan::read(path) {
@@ -75,25 +76,25 @@ fn recover(path: &Path) -> Result<Vec<Done>, Failure> {
         done.push(place(path));
     }
     if done.is_empty() {
-        done.push(Ok(format!("{}: there is nothing to recover", path.display())));
+        done.push(Ok(format!("{}: nothing to recover", path.display())));
     }
     Ok(done)
 }
 
-/// Goes on with a move that was interrupted: the run itself was complete.
+/// Completes the interrupted move of a complete run.
 fn complete(path: &Path, plan: &MovePlan) -> Done {
     let failed = |error: &dyn std::fmt::Display| Failure::file("complete the move of", path, error);
     let content = path.canonicalize().map_err(|error| failed(&error))?;
     let place = plan.place(&content);
-    let place = place.ok_or_else(|| failed(&"its name does not tell where it was moved to"))?;
+    let place = place.ok_or_else(|| failed(&"its name does not state the target of the move"))?;
     resume(&content, &place, plan)?;
     Ok(format!(
-        "{}: the run that was being moved there is there",
+        "{}: completed the interrupted move of this run",
         place.display()
     ))
 }
 
-/// Does a living run hold the folder?
+/// True if a running process holds the folder's lock.
 fn is_being_written(folder: &Path) -> Result<bool, Failure> {
     let Ok(marker) = files::open(&folder.join(MARKER), u64::MAX) else {
         return Ok(false);
@@ -105,37 +106,37 @@ fn is_being_written(folder: &Path) -> Result<bool, Failure> {
     }
 }
 
-/// Everything in a folder.
+/// Recovers everything in a folder.
 fn folder(path: &Path, depth: usize, done: &mut Vec<Done>) {
     if is_spool(path) {
         done.push(recording(path));
         return;
     }
-    let entries = match fs::read_dir(path) {
+    let entries: io::Result<Vec<_>> = files::entries(path).and_then(Iterator::collect);
+    let mut entries = match entries {
         Ok(entries) => entries,
         Err(error) => return done.push(Err(Failure::file("read", path, &error))),
     };
-    let mut entries: Vec<_> = entries.flatten().collect();
     entries.sort_by_key(fs::DirEntry::file_name);
     for entry in entries {
         let (path, kind) = (entry.path(), entry.file_type());
         match kind {
             Ok(kind) if kind.is_dir() && depth > 0 => folder(&path, depth - 1, done),
             Ok(kind) if kind.is_file() => done.extend(file(&path, false)),
-            // Links may lead anywhere.
+            // Links are skipped: they may lead anywhere.
             _ => {}
         }
     }
 }
 
-/// A file by itself; `asked` where it was named on the command line.
+/// Recovers a single file; `asked` if the command line names it.
 fn file(path: &Path, asked: bool) -> Option<Done> {
     let is_wav = path
         .extension()
         .is_some_and(|ending| ending.eq_ignore_ascii_case("wav"));
     let shown = path.display();
     if !is_wav {
-        let text = format!("{shown}: it needs no recovery: it is usable up to where it ends");
+        let text = format!("{shown}: needs no recovery: it is usable up to its end");
         return asked.then_some(Ok(text));
     }
     let failed = |error: &dyn std::fmt::Display| Some(Err(Failure::file("recover", path, error)));
@@ -144,11 +145,11 @@ fn file(path: &Path, asked: bool) -> Option<Done> {
         Err(error) => return failed(&error),
     };
     match repair(&mut file) {
-        Ok(Repair::Whole) => asked.then(|| Ok(format!("{shown}: it is whole"))),
+        Ok(Repair::Whole) => asked.then(|| Ok(format!("{shown}: complete"))),
         Ok(Repair::Mended { before, now }) => Some(Ok(format!(
-            "{shown}: its header said {before} frames and now says {now}, those that are there"
+            "{shown}: corrected the header from {before} to the {now} frames in the file"
         ))),
-        Ok(Repair::TooLarge) => failed(&"it holds more than 4 GiB, and its header has no room to say so"),
+        Ok(Repair::TooLarge) => failed(&"it holds more than 4 GiB, which its header cannot state"),
         Err(error) => failed(&error),
     }
 }
@@ -157,30 +158,27 @@ fn is_spool(folder: &Path) -> bool {
     folder.extension().is_some_and(|ending| ending == "part") && folder.join("head.ron").is_file()
 }
 
-/// Makes the recording of a folder `NAME.part`, beside it.
+/// Assembles the recording of a folder `NAME.part` beside it.
 fn recording(spool: &Path) -> Done {
     let path = spool.with_extension("");
-    // The table of a run that ended well would be made of this archive.
+    // A run that ends normally also makes its table from this archive.
     let path = if path.extension().is_some_and(|ending| ending == "npz") {
         path
     } else {
         path.with_extension("npz")
     };
     if fs::symlink_metadata(&path).is_ok() {
-        return Ok(format!(
-            "{}: it is there already, and stays as it is",
-            path.display()
-        ));
+        return Ok(format!("{}: exists already and is kept", path.display()));
     }
     assemble(spool, &path).map_err(|error| Failure::file("make the recording of", spool, &error))?;
     Ok(format!(
-        "{}: made of what is in {}, which stays",
+        "{}: assembled from {}, which is kept",
         path.display(),
         spool.display()
     ))
 }
 
-/// Gives a leftover the name `NAME-recovered`, or the first with a number that is free.
+/// Renames a leftover to `NAME-recovered`, or to the first free name with a number.
 fn place(leftover: &Path) -> Done {
     let failed = |error: &dyn std::fmt::Display| Failure::file("rename", leftover, error);
     let name = leftover.file_name().unwrap_or_default().to_string_lossy();
@@ -192,11 +190,15 @@ fn place(leftover: &Path) -> Done {
         .find(is_free)
         .ok_or_else(|| failed(&"every name is taken"))?;
     fs::rename(leftover, &target).map_err(|error| failed(&error))?;
-    // Seen by everybody; where this fails they are found by their hidden name.
+    // A visible name for the probes; on failure they keep their hidden name.
     if fs::symlink_metadata(target.join("probes")).is_err() {
         let _ = fs::rename(target.join(PROBES), target.join("probes"));
     }
-    // It is no leftover any more; where this fails it is named as one, and that is all.
+    // The folder is no leftover any more; if this fails, only its marker remains.
     let _ = fs::remove_file(target.join(MARKER));
-    Ok(format!("{}: what {} held", target.display(), leftover.display()))
+    Ok(format!(
+        "{}: renamed from {}",
+        target.display(),
+        leftover.display()
+    ))
 }

@@ -1,45 +1,45 @@
-//! The lower end of a terminal while a graph runs: a block of lines that stays in place, and a line to type in. What else is
-//! said appears above it.
+//! Terminal display of a live run: a block of status lines and an input line at the lower end; other messages
+//! scroll above it.
 
 use console::{Term, truncate_str};
 use std::io::Write;
 use std::sync::{Mutex, PoisonError};
 
-/// What stands before what is typed.
+/// Prompt of the input line.
 const PROMPT: &str = "> ";
 
-/// What is being typed.
+/// The input line.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Prompt {
     /// The line.
     pub text: String,
-    /// Characters of it before the cursor.
+    /// Cursor position, characters.
     pub cursor: usize,
 }
 
 static TYPED: Mutex<Option<Prompt>> = Mutex::new(None);
 
-/// From now on, or with none no more, this is what is typed.
+/// Sets the input line; `None` removes it.
 pub fn type_in(prompt: Option<Prompt>) {
     *TYPED.lock().unwrap_or_else(PoisonError::into_inner) = prompt;
 }
 
-/// The block as it stands on the terminal.
+/// The block on the terminal.
 #[derive(Debug, Default)]
 pub struct Screen {
     block: Vec<String>,
-    /// Lines between the first one drawn and the cursor's.
+    /// Number of lines between the first drawn line and the cursor; `None` if nothing is drawn.
     drawn: Option<usize>,
 }
 
 impl Screen {
-    /// Draws with other lines in the block.
+    /// Draws the block with new lines.
     pub fn show(&mut self, block: Vec<String>, out: &mut impl Write) -> std::io::Result<()> {
         self.block = block;
         self.redraw(out)
     }
 
-    /// Draws again, as what is typed has changed.
+    /// Redraws after a change of the input line.
     pub fn redraw(&mut self, out: &mut impl Write) -> std::io::Result<()> {
         let text = self.erase() + &self.draw(width());
         out.write_all(text.as_bytes())
@@ -51,14 +51,14 @@ impl Screen {
         out.write_all(text.as_bytes())
     }
 
-    /// Takes the block away.
+    /// Removes the block.
     pub fn close(&mut self, out: &mut impl Write) -> std::io::Result<()> {
         self.block.clear();
         let text = self.erase();
         out.write_all(text.as_bytes())
     }
 
-    /// What takes away what was drawn.
+    /// Escape sequence that removes the drawn lines.
     fn erase(&mut self) -> String {
         match self.drawn.take() {
             None => String::new(),
@@ -67,7 +67,7 @@ impl Screen {
         }
     }
 
-    /// What draws the block and the line that is typed, no line wider than the terminal.
+    /// Escape sequence that draws the block and the input line, cut to the width of the terminal.
     fn draw(&mut self, width: usize) -> String {
         let width = width.saturating_sub(1).max(PROMPT.len() + 1);
         let mut text = String::new();
@@ -81,7 +81,7 @@ impl Screen {
             return text;
         };
         let room = width - PROMPT.len();
-        // Of a long line, the part around the cursor.
+        // Only the part of a long line around the cursor is drawn.
         let first = prompt.cursor.saturating_sub(room);
         let shown: String = prompt.text.chars().skip(first).take(room).collect();
         let column = PROMPT.len() + prompt.cursor - first;
@@ -91,7 +91,7 @@ impl Screen {
     }
 }
 
-/// Columns of the terminal.
+/// Width of the terminal, columns.
 pub fn width() -> usize {
     usize::from(Term::stderr().size().1)
 }
@@ -100,7 +100,7 @@ pub fn width() -> usize {
 mod tests {
     use super::*;
 
-    /// What a terminal shows after these bytes: lines, and where its cursor is.
+    /// Interprets the bytes as a terminal does: lines and cursor position.
     fn shown(bytes: &str) -> (Vec<String>, (usize, usize)) {
         let (mut lines, mut row, mut column) = (vec![Vec::<char>::new()], 0, 0);
         let mut rest = bytes.chars();

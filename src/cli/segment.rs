@@ -1,8 +1,8 @@
-//! `haptograph segment`: where a signal changes its character (thesis 2.3.2).
+//! `haptograph segment`: divides a signal into stationary segments (thesis 2.3.2).
 
 use super::progress::Progress;
 use super::table::{facts, significant, table};
-use super::{Failure, recording, remark, say};
+use super::{Failure, eprint, print, recording};
 use crate::engine::registry::Registry;
 use crate::surfaces::learning::segmentation::{
     GeneticSettings, Segmentation, SegmentationMethod, SegmentationSettings, VarianceEstimate, segment,
@@ -14,11 +14,11 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Find where a signal changes its character, by minimum description length
+/// Find the breaks between the stationary segments of a signal, by minimum description length
 ///
-/// The numbers of one column are taken as they stand, a sample a row: units and times do not count, nothing is repaired or filtered, and
-/// every cell has to hold a number. So the samples that are printed are rows of the table. `learn --method thesis` repairs and processes
-/// a logger's table before it segments it.
+/// The values of one column are used as they are, one sample per row: units and times are ignored, nothing is
+/// repaired or filtered, and every cell must hold a number. The printed samples therefore are rows of the
+/// table. `learn --method thesis` repairs and processes a logger's table before it segments it.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// A table with a header: CSV, a spreadsheet, or a MATLAB file up to -v7
@@ -26,7 +26,7 @@ pub struct Arguments {
     /// The column to segment, by its name in the header
     #[arg(long, value_name = "NAME")]
     column: String,
-    /// How the objective is minimised: exactly, or by the thesis's island genetic algorithm
+    /// How to minimise the objective: exactly, or by the thesis's island genetic algorithm
     #[arg(long, value_enum, default_value_t = Method::Exact)]
     method: Method,
     /// The fewest samples a segment may have
@@ -38,10 +38,10 @@ pub struct Arguments {
     /// How a segment's innovation variance is estimated
     #[arg(long, value_enum, default_value_t = Variance::LeastSquares)]
     variance: Variance,
-    /// Seed of the genetic algorithm, 1 where it is not given
+    /// Seed of the genetic algorithm; default: 1
     #[arg(long)]
     seed: Option<u64>,
-    /// Stop the genetic algorithm after this long; what it finds then depends on the machine
+    /// Time limit of the genetic algorithm; its result then depends on the machine
     #[arg(long, value_name = "SECONDS", value_parser = super::run::seconds)]
     time_limit: Option<f64>,
     /// Print {"breaks":[...],"orders":[...],"mdl":...}; breaks are the 0-based first samples of the second and later segments
@@ -51,15 +51,15 @@ pub struct Arguments {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Method {
-    /// Dynamic programming over a grid, then breaks refined sample by sample
+    /// Dynamic programming over a grid, then refinement of the breaks sample by sample
     Exact,
-    /// 25 islands, as in the thesis; slower and never better
+    /// 25 islands, as in the thesis; slower, and never better than exact
     Genetic,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum Variance {
-    /// Conditional least squares, for which the number of breaks is consistent
+    /// Conditional least squares, which estimates the number of breaks consistently
     LeastSquares,
     /// From the autocovariance, as in the thesis
     YuleWalker,
@@ -82,7 +82,7 @@ struct Json<'a> {
     breaks: &'a [usize],
     orders: &'a [usize],
     mdl: f64,
-    /// Only where the signal is known to come from simulated devices.
+    /// Present only if the signal is known to come from simulated devices.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     simulated: bool,
 }
@@ -112,17 +112,17 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     drop(progress);
     if arguments.json {
         let Segmentation { breaks, orders, mdl } = &found;
-        return super::say_json(&Json {
+        return super::print_json(&Json {
             breaks,
             orders,
             mdl: *mdl,
             simulated,
         });
     }
-    say(&describe(&found, signal.len(), simulated))
+    print(&describe(&found, signal.len(), simulated))
 }
 
-/// What means nothing to the exact search is a misunderstanding.
+/// Refuses flags that have no effect on the exact search.
 fn refuse_idle_flags(arguments: &Arguments) -> Result<(), Failure> {
     let flag = match (arguments.seed, arguments.time_limit) {
         _ if arguments.method == Method::Genetic => return Ok(()),
@@ -157,9 +157,10 @@ fn describe(found: &Segmentation, samples: usize, simulated: bool) -> String {
     format!("{head}\n{}", table(&["first sample", "samples", "order"], &rows))
 }
 
-/// An autoregressive process has no mean: an offset would be modelled as a resonance at 0 Hz.
+/// Warns about an offset. An autoregressive process has zero mean, so an offset would be modelled as a
+/// resonance at 0 Hz.
 fn warn_of_offset(signal: &[f64]) {
-    // In parts of the largest, as squares of very large numbers are none.
+    // Relative to the largest value, since squares of very large numbers overflow.
     let largest = signal.iter().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
     let average = |value: &dyn Fn(f64) -> f64| {
         signal.iter().map(|x| value(x / largest)).sum::<f64>() / signal.len() as f64
@@ -167,8 +168,8 @@ fn warn_of_offset(signal: &[f64]) {
     let mean = average(&|x| x);
     let deviation = average(&|x| (x - mean) * (x - mean)).sqrt();
     if mean.abs() > deviation {
-        remark(&format!(
-            "warning: the signal's mean of {} is larger than its deviation of {}; take the mean out (or filter) first\n",
+        eprint(&format!(
+            "warning: the signal's mean of {} is larger than its deviation of {}; subtract the mean (or filter) first\n",
             significant(mean * largest, 3),
             significant(deviation * largest, 3)
         ));

@@ -1,8 +1,8 @@
-//! `haptograph simulate-recording`: the recorder's graph writes one recording.
+//! `haptograph simulate-recording`: simulates a recording with the recording graph.
 
 use super::output::{Force, Output};
 use super::run::{progress_bar, stop_on_interrupt};
-use super::{Failure, remark, say, say_json};
+use super::{Failure, eprint, print, print_json};
 use crate::engine::registry::Registry;
 use crate::nodes::simulated::material::MaterialName;
 use crate::recorder::{RecordError, Session, record};
@@ -12,22 +12,22 @@ use serde_json::json;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-/// Simulate the recording of a surface: runs graphs/recorder.ron and writes one file to learn from
+/// Simulate the recording of a surface by graphs/recorder.ron, as input for learn
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The simulated material
     #[arg(long, value_parser = materials())]
     material: MaterialName,
-    /// What is done: drag for textures, circle for friction, tap for taps, press for stiffness
+    /// The gesture: drag for textures, circle for friction, tap for taps, press for stiffness
     #[arg(long, value_parser = motions())]
     motion: Gesture,
-    /// Who does it: another number is another hand, posture and habit
+    /// Number of the simulated person; each has its own hand, posture and habits
     #[arg(long, default_value_t = 1)]
     person: u64,
     /// Length of the recording
     #[arg(long, default_value_t = 10.0, value_parser = seconds)]
     seconds: f64,
-    /// The piece of the material and the attempt
+    /// Seed of the material sample and of the take
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// The file to write: haptograph's own archive (.npz) or a table (.csv)
@@ -86,23 +86,23 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let recording = recording.map_err(|error| match error {
         RecordError::Graph(diagnostics) => Failure::Graph(diagnostics),
         _ if stop.load(Ordering::Relaxed) => Failure::Message(format!(
-            "stopped after {recorded_s:.3} s, before there was enough to keep; nothing is written"
+            "stopped after {recorded_s:.3} s, too early for a recording; nothing was written"
         )),
         error => Failure::Message(error.to_string()),
     })?;
     let (output, ()) = output.write_by(|path| save(&recording, path))?;
     if stop.load(Ordering::Relaxed) {
-        remark(&format!(
+        eprint(&format!(
             "warning: stopped after {recorded_s:.3} s of {} s\n",
             session.seconds
         ));
     }
     let (motion, material) = (session.gesture.as_str(), session.material.as_str());
     match arguments.json {
-        true => say_json(
+        true => print_json(
             &json!({ "written": [output], "simulated": true, "motion": motion, "material": material }),
         )?,
-        false => say(&format!(
+        false => print(&format!(
             "wrote {} (simulated: {motion} over {material})\n",
             output.display()
         ))?,

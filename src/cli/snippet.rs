@@ -1,13 +1,13 @@
-//! An error in a text, shown at its place.
+//! Rendering of an error at its place in a text.
 
 use super::terminal::is_coloured;
 use annotate_snippets::renderer::DecorStyle;
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
-/// Characters shown on either side of the place; lines of surface files can be long.
+/// Maximum number of characters shown on either side of the place; lines of surface files can be long.
 const AROUND: usize = 60;
 
-/// `message`, and the place in `line`, which has this number (from 1); the column counts characters, from 1.
+/// Renders `message` and `line` with a marker. `number` and `column` count from 1, columns in characters.
 pub fn at(name: &str, line: &str, number: usize, column: usize, message: &str) -> String {
     let renderer = if is_coloured(&std::io::stderr()) {
         Renderer::styled()
@@ -31,7 +31,7 @@ pub fn at(name: &str, line: &str, number: usize, column: usize, message: &str) -
         .annotation(annotation);
     let report = Level::ERROR.primary_title(message).element(snippet);
     let text = renderer.decor_style(DecorStyle::Ascii).render(&[report]);
-    // Where the line is cut, the picture counts its columns from the cut.
+    // Columns of a shortened line count from its first shown character.
     let text = if first == 0 {
         text
     } else {

@@ -1,7 +1,7 @@
-//! `haptograph studio`: a page on which a graph is stroked, heard, seen and changed while it runs.
+//! `haptograph studio`: serves a web page on which a graph runs.
 
 use super::run::stop_on_interrupt;
-use super::{Failure, refuse_repeated, say};
+use super::{Failure, print, refuse_repeated};
 use crate::engine::registry::Registry;
 use haptograph_studio::{Export, Options, Studio, StudioError, export, lan_address};
 use qrcode::render::unicode::Dense1x2;
@@ -10,33 +10,41 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-/// Open a page on which a graph is stroked, heard, seen and changed while it runs
+/// Open a web page to stroke, hear, see and change a graph while it runs
 ///
-/// Pointers on the page are the graph's tablets; every other endpoint is simulated, so that nothing real moves. The page
-/// plays what the first actuator is given, behind its limits.
+/// Pointers on the page replace the graph's tablets. All other endpoints are simulated, so that nothing real
+/// moves, unless --live or --endpoints names another set: then its actuators are opened, and receive zeros
+/// until they are armed on the page. The page plays the signal of the first actuator, after its limits.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The graph file; of a site that is exported several
+    /// The graph file; several for a site (--export)
     #[arg(required = true)]
     graph: Vec<PathBuf>,
-    /// Give a parameter of the graph another value; can be repeated
+    /// Override a parameter of the graph; can be repeated
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = super::assignment)]
     set: Vec<(String, String)>,
-    /// The port of this machine that the page is served at; a free one where it is 0
+    /// Use the endpoints of the set `live`: its actuators stay at zero until they are armed on the page
+    #[arg(long, conflicts_with = "endpoints")]
+    live: bool,
+    /// Use the endpoints of this set in place of `simulated`
+    #[arg(long, value_name = "SET")]
+    endpoints: Option<String>,
+    /// The port of this machine to serve the page at; 0 for a free one
     #[arg(long, default_value_t = 0)]
     port: u16,
-    /// A folder of surfaces besides the graph's own, which the page may name files of; can be repeated
+    /// A folder of surface files, besides the graph's own, that parameters on the page may name; can be
+    /// repeated
     #[arg(long, value_name = "DIR")]
     surfaces: Vec<PathBuf>,
-    /// Let other machines of the network open the page too, whoever has its address: their pads only. Without an ADDRESS
-    /// it is the one from which this machine calls others
+    /// Let other machines on the network open the page, for anyone with its address; they control pads and
+    /// settings only. Default ADDRESS: the address with which this machine reaches the network
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true)]
     lan: Option<Option<IpAddr>>,
-    /// Do not open the page, only say its address
+    /// Do not open the page, only print its address
     #[arg(long)]
     no_open: bool,
-    /// Write the page as a static site with the engine in it, which any web server can serve
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open", "surfaces", "lan"])]
+    /// Write the page as a static site that includes the engine, for any web server
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open", "surfaces", "lan", "live", "endpoints"])]
     export: Option<PathBuf>,
 }
 
@@ -52,6 +60,10 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let options = Options {
         graph: graph.clone(),
         set: arguments.set.clone(),
+        endpoints: arguments
+            .live
+            .then(|| "live".to_owned())
+            .or(arguments.endpoints.clone()),
         port: arguments.port,
         out: PathBuf::from("out"),
         surfaces: arguments.surfaces.clone(),
@@ -59,12 +71,19 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     };
     let studio = Studio::open(&options, registry).map_err(failure)?;
     let stop = stop_on_interrupt()?;
-    say(&format!(
-        "the studio is open at\n\n    {}\n\nnothing real moves (simulated devices); ctrl-C closes it\n",
+    let moves = match studio.driven() {
+        driven if driven.is_empty() => "nothing real moves (simulated devices)".to_owned(),
+        driven => format!(
+            "real, and at zero until armed on the page: `{}`",
+            driven.join("`, `")
+        ),
+    };
+    print(&format!(
+        "the studio is open at\n\n    {}\n\n{moves}; ctrl-C closes it\n",
         studio.url()
     ))?;
     if let Some(url) = studio.lan_url() {
-        say(&invitation(&url)?)?;
+        print(&invitation(&url)?)?;
     }
     if !arguments.no_open {
         open_page(&studio.url());
@@ -75,28 +94,28 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The address that was given, or else that of this machine.
+/// The given address, or the network address of this machine.
 fn lan(given: Option<IpAddr>) -> Result<IpAddr, Failure> {
     given.or_else(lan_address).ok_or_else(|| {
-        let why = "this machine has no network that could be found; say at which of its addresses others find it: --lan=ADDRESS";
+        let why = "found no network; give the address at which other machines reach this one: --lan=ADDRESS";
         Failure::Message(why.to_owned())
     })
 }
 
-/// What other machines open, and what follows from it.
+/// The address and code for other machines, with a warning.
 fn invitation(url: &str) -> Result<String, Failure> {
     let code = qrcode::QrCode::new(url).map_err(|error| Failure::Message(error.to_string()))?;
-    // Dark on light, as cameras want it, also on a dark terminal.
+    // Dark on light, as cameras expect it, even on a dark terminal.
     let code = code
         .render::<Dense1x2>()
         .dark_color(Dense1x2::Light)
         .light_color(Dense1x2::Dark)
         .build();
     Ok(format!(
-        "warning: --lan lets other machines in. Whoever has this address, or listens to the network, as nothing is encrypted, \
+        "warning: --lan lets other machines in. Anyone with this address, or who records the unencrypted traffic, \
          can move the pad, turn settings and parameters, see the graph and its signals, and read the files of its folders that \
-         a parameter can name; not edit, save, record or learn. There is no sound and less even speed on those pages, as browsers \
-         give both to encrypted pages and to this machine only\n\n    {url}\n\n{code}\n"
+         a parameter can name, but not edit, save, record or learn. Those pages have no sound and a less even frame rate, since browsers \
+         allow both only for encrypted pages and this machine\n\n    {url}\n\n{code}\n"
     ))
 }
 
@@ -114,15 +133,15 @@ fn write_site(arguments: &Arguments, folder: &Path, registry: &Registry) -> Resu
         folder: folder.to_owned(),
     };
     let exported = export(&options, registry).map_err(failure)?;
-    say(&format!(
-        "wrote {} files, {:.1} MB, to {}: serve it with any web server, by https or on this machine\n",
+    print(&format!(
+        "wrote {} files, {:.1} MB, to {}: serve it with any web server, by HTTPS or on this machine\n",
         exported.files,
         exported.bytes as f64 * 1e-6,
         folder.display()
     ))
 }
 
-/// Asks the desktop for its browser; where there is none, the address was said.
+/// Opens the page in the desktop's browser. A failure is ignored, since the address was printed.
 fn open_page(url: &str) {
     let opener = match std::env::consts::OS {
         "macos" => "open",
@@ -150,7 +169,7 @@ mod tests {
         let rows: Vec<&str> = text.lines().filter(is_code).collect();
         let width = rows[0].chars().count();
         assert!(rows.iter().all(|row| row.chars().count() == width), "{text}");
-        // Two modules a character; a whole row of light above.
+        // Two modules per character; a light row above.
         assert!(
             rows.len() == width.div_ceil(2) && rows[0].chars().all(|c| c == '█'),
             "{text}"

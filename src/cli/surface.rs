@@ -1,4 +1,4 @@
-//! `haptograph surface`: what to do with surface files.
+//! `haptograph surface`: commands for surface files.
 
 mod convert;
 mod interpolate;
@@ -8,7 +8,7 @@ mod select;
 mod show;
 
 use super::output::{Force, Output};
-use super::{Failure, remark, snippet};
+use super::{Failure, eprint, snippet};
 use crate::engine::registry::Registry;
 use crate::signal::files as bounded;
 use crate::surfaces::{Surface, TextureModel, files};
@@ -43,7 +43,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     }
 }
 
-/// A surface from a file; what is wrong in the file is shown at its place.
+/// Reads a surface; an error is shown at its place in the file.
 pub fn load(path: &Path) -> Result<Surface, Failure> {
     let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
     if path.is_file()
@@ -63,7 +63,7 @@ pub fn load(path: &Path) -> Result<Surface, Failure> {
                     let text = String::from_utf8_lossy(&bytes);
                     let line = text.lines().nth(place.line - 1).unwrap_or_default();
                     let name = path.display().to_string();
-                    Failure::Shown(snippet::at(
+                    Failure::Rendered(snippet::at(
                         &name,
                         line,
                         place.line,
@@ -78,18 +78,18 @@ pub fn load(path: &Path) -> Result<Surface, Failure> {
     })
 }
 
-/// Refuses an output that could not or must not be written, before the work.
+/// Checks before the work that an output can be written.
 pub fn claim(path: &Path, force: Force) -> Result<Output, Failure> {
     files::check_extension(path).map_err(|error| Failure::Message(error.to_string()))?;
     Output::claim(path, force)
 }
 
-/// Writes a surface, and says what the format has no place for; where it is, is returned.
+/// Writes a surface and warns about what the format cannot hold; returns the path.
 pub fn save(surface: &Surface, output: &Output) -> Result<PathBuf, Failure> {
     let (path, left_out) = output.write_by(|path| files::save(surface, path))?;
     if !left_out.is_empty() {
-        remark(&format!(
-            "warning: {} has no place for: {}\n",
+        eprint(&format!(
+            "warning: the format of {} cannot hold: {}\n",
             path.display(),
             left_out.join(", ")
         ));
@@ -97,8 +97,8 @@ pub fn save(surface: &Surface, output: &Output) -> Result<PathBuf, Failure> {
     Ok(path)
 }
 
-/// The texture of a surface that has to have one.
+/// The texture of a surface, or an error if it has none.
 fn texture<'s>(surface: &'s Surface, path: &Path) -> Result<&'s TextureModel, Failure> {
-    let missing = || Failure::Message(format!("{} holds no texture", path.display()));
+    let missing = || Failure::Message(format!("{} contains no texture", path.display()));
     surface.texture.as_ref().ok_or_else(missing)
 }

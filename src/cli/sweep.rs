@@ -1,18 +1,18 @@
-//! `haptograph sweep`: one graph, run once for each of several settings over the same strokes, and a page that lays the
-//! runs over each other.
+//! `haptograph sweep`: runs one graph with several settings over the same strokes and writes a page that
+//! compares the runs.
 
 use super::output::Force;
 use super::run::folder::RunFolder;
 use super::run::present::Present;
 use super::run::summary::{self, Summary};
-use super::run::{self, Shown, message, timed};
+use super::run::{self, PlottedSignals, message, timed};
 use super::terminal::is_coloured;
-use super::{Failure, GraphArguments, remark, say, warnings};
+use super::{Failure, GraphArguments, eprint, print, warnings};
 use crate::engine::diagnostic::render;
 use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
 use crate::engine::run::{FileSinks, Offline};
-use crate::report::asked::Drawn;
+use crate::report::plot_request::RunTraces;
 use crate::report::record::{Record, friction};
 use crate::report::sweep::{SweepPage, SweptRun};
 use clap::ArgGroup;
@@ -21,10 +21,11 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-/// Run a graph once for each of several settings, with a page that compares the runs
+/// Run a graph once for each of several settings and compare the runs on a page
 ///
-/// `--over gain=0.5,1,2` runs it for each value. Given twice, it runs for every combination. `--case gain=2,seed=3` adds
-/// one run with these settings; where only cases are given, the graph as it is comes first.
+/// `--over gain=0.5,1,2` runs it for each value. Several `--over` run it for every combination. `--case
+/// gain=2,seed=3` adds one run with these settings; with `--case` alone, the graph with its defaults runs
+/// first.
 #[derive(Debug, clap::Args)]
 #[command(group = ArgGroup::new("varied").args(["over", "case"]).required(true).multiple(true))]
 pub struct Arguments {
@@ -36,13 +37,13 @@ pub struct Arguments {
     /// Settings of one run; can be repeated
     #[arg(long, value_name = "NAME=VALUE,...", value_parser = case)]
     pub case: Vec<Case>,
-    /// How long each run takes, in its own time
+    /// Duration of each run, in its own time
     #[arg(long = "for", value_name = "SECONDS", default_value_t = run::DURATION_S, value_parser = run::seconds)]
     pub duration_s: f64,
     /// The seed of all random streams, in place of the graph's own
     #[arg(long)]
     pub seed: Option<u64>,
-    /// The folder to write, with a folder for each run in it; `out/GRAPH-sweep` where it is not given
+    /// The folder to write, with a subfolder for each run; default: `out/GRAPH-sweep`
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Print the facts of the sweep as JSON
@@ -55,7 +56,7 @@ pub struct Arguments {
 pub struct Case(Vec<(String, String)>);
 
 impl Case {
-    /// What it is called: `gain=2, seed=3`; without the name where all runs set the same one parameter.
+    /// Name of the case: `gain=2, seed=3`; only the value if all cases set the same single parameter.
     fn name(&self, short: bool) -> String {
         match self.0.as_slice() {
             [] => "as it is".to_owned(),
@@ -67,7 +68,7 @@ impl Case {
         }
     }
 
-    /// What it is called on the page: `gain = 2, seed = 3`.
+    /// Name of the case on the page: `gain = 2, seed = 3`.
     fn label(&self) -> String {
         let all = self.0.iter().map(|(name, value)| format!("{name} = {value}"));
         match self.0.as_slice() {
@@ -77,7 +78,7 @@ impl Case {
     }
 }
 
-/// Parts between commas that are in no bracket and no string.
+/// Splits at commas that are outside of brackets and strings.
 fn parts(text: &str) -> Vec<String> {
     let (mut parts, mut depth, mut quoted) = (vec![String::new()], 0_i32, false);
     for letter in text.chars() {
@@ -113,7 +114,7 @@ fn case(text: &str) -> Result<Case, String> {
 }
 
 impl Arguments {
-    /// Every combination of the values to go over, then the single cases.
+    /// Every combination of the values of `--over`, then the cases of `--case`.
     fn cases(&self) -> Vec<Case> {
         let mut cases = vec![Case(Vec::new())];
         for (name, values) in &self.over {
@@ -129,28 +130,28 @@ impl Arguments {
         cases
     }
 
-    /// How many of the runs are done, in words.
+    /// Number of finished runs, in words.
     fn count(&self, done: usize) -> String {
         let plural = |count: usize| if count == 1 { "" } else { "s" };
         match (self.over.is_empty(), done) {
-            // The first one sets nothing.
+            // The first run has no settings.
             (true, 2..) => format!("as it is + {} case{}", done - 1, plural(done - 1)),
             _ => format!("{done} time{}", plural(done)),
         }
     }
 }
 
-/// One run that is done.
+/// A finished run.
 struct Done {
     name: String,
     label: String,
     graph: Graph,
-    shown: Shown,
+    plotted: PlottedSignals,
     summary: Summary,
 }
 
-/// Runs of one sweep: each is kept to be drawn.
-const MOST_RUNS: usize = 200;
+/// Maximum number of runs; each is kept in memory for the page.
+const MAX_RUNS: usize = 200;
 
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
@@ -162,14 +163,14 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         .over
         .iter()
         .try_fold(1_usize, |count, (_, values)| count.checked_mul(values.len()));
-    if combined.is_none_or(|count| count.saturating_add(arguments.case.len()) > MOST_RUNS) {
+    if combined.is_none_or(|count| count.saturating_add(arguments.case.len()) > MAX_RUNS) {
         return Err(Failure::Message(format!(
-            "these values have more than {MOST_RUNS} combinations; sweep over fewer"
+            "these values have more than {MAX_RUNS} combinations; sweep over fewer"
         )));
     }
     let cases = arguments.cases();
     let short = arguments.case.is_empty() && arguments.over.len() == 1;
-    // All graphs are checked before the first runs.
+    // All graphs are checked before the first one runs.
     let graphs: Vec<(&Case, run::Arguments, Graph)> = cases
         .iter()
         .map(|case| {
@@ -181,9 +182,9 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let mut warned: Vec<String> = Vec::new();
     for (_, _, graph) in graphs.iter().filter(|(.., graph)| !graph.warnings().is_empty()) {
         let text = render(&warnings(graph), is_coloured(&std::io::stderr()));
-        // What all runs are warned of is said once.
+        // A warning common to all runs is printed once.
         if !warned.contains(&text) {
-            remark(&text);
+            eprint(&text);
             warned.push(text);
         }
     }
@@ -198,10 +199,10 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     for (number, (case, run_arguments, graph)) in graphs.into_iter().enumerate() {
         let place = folder.path().join(format!("{:02}", number + 1));
         fs::create_dir(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
-        let mut outlets = FileSinks::new(&graph);
-        outlets.open_files(&place).map_err(message)?;
-        let mut shown = Shown::of(&graph, &mut outlets);
-        let offline = Offline::new(outlets, usize::from(run_arguments.block));
+        let mut file_sinks = FileSinks::new(&graph);
+        file_sinks.open_files(&place).map_err(message)?;
+        let mut plotted = PlottedSignals::of(&graph, &mut file_sinks);
+        let offline = Offline::new(file_sinks, usize::from(run_arguments.block));
         let (outcome, took_s) = timed(offline, arguments.duration_s, &stop)?;
         let mut summary = Summary::of(&run_arguments, &graph, &outcome, took_s);
         summary.add(Vec::new(), run::unreached(&graph));
@@ -209,17 +210,17 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
             ("run.json", summary.to_json()),
             (
                 "report.html",
-                summary.page(&graph, &shown, shown.sound().as_ref()),
+                summary.page(&graph, &plotted, plotted.sound().as_ref()),
             ),
         ] {
             folder.write(&format!("{:02}/{file}", number + 1), &text)?;
         }
-        shown.forget_sound();
+        plotted.forget_sound();
         done.push(Done {
             name: case.name(short),
             label: case.label(),
             graph,
-            shown,
+            plotted,
             summary,
         });
         if stop.load(Ordering::Relaxed) {
@@ -233,14 +234,14 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     placed
         .lines()
         .iter()
-        .for_each(|line| remark(&format!("note: {line}\n")));
+        .for_each(|line| eprint(&format!("note: {line}\n")));
     if done.len() < planned || stop.load(Ordering::Relaxed) {
-        remark(&format!(
-            "warning: stopped after {} of {planned} runs; the last is shorter than --for says\n",
+        eprint(&format!(
+            "warning: stopped after {} of {planned} runs; the last one is shorter than --for\n",
             done.len()
         ));
     }
-    say(&match arguments.json {
+    print(&match arguments.json {
         true => facts,
         false => format!(
             "ran {} {}\nlook at {}; each run's own page has its sound\n",
@@ -264,7 +265,7 @@ fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
     run::Arguments {
         graph: GraphArguments {
             graph: graph.clone(),
-            // What comes later counts.
+            // The last value of a parameter counts.
             set: set.iter().chain(&case.0).cloned().collect(),
             endpoints: endpoints.clone(),
         },
@@ -305,12 +306,12 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
             None => run.label.clone(),
         },
         page: Some(format!("{:02}/report.html", number + 1)),
-        signals: run.shown.records.iter().map(Record::content).collect(),
+        signals: run.plotted.records.iter().map(Record::content).collect(),
         drawn: run
-            .shown
-            .asked
+            .plotted
+            .requests
             .iter()
-            .map(|(_, traces)| Drawn {
+            .map(|(_, traces)| RunTraces {
                 name: &run.label,
                 traces,
             })
@@ -336,7 +337,12 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
         simulation: first.summary.simulation(),
         friction: friction(&first.graph),
         facts,
-        asked: first.shown.asked.iter().map(|(asked, _)| asked).collect(),
+        requests: first
+            .plotted
+            .requests
+            .iter()
+            .map(|(request, _)| request)
+            .collect(),
         runs: runs.collect(),
         textures: textures.collect(),
     }

@@ -1,6 +1,6 @@
-//! Tables for people: columns as wide as they need, words to the left, numbers to the right.
+//! Text tables: columns as wide as needed, words left-aligned, numbers right-aligned.
 
-/// A table with a header. Rows may be shorter than it.
+/// A table with a header. Rows may be shorter than the header.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let width = |text: &str| text.chars().count();
     let is_number = |text: &String| {
@@ -34,7 +34,7 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     head + &body.collect::<String>()
 }
 
-/// Facts, one a line.
+/// Names and values, one pair per line.
 pub fn facts(facts: &[(&str, String)]) -> String {
     let wide = facts
         .iter()
@@ -47,7 +47,7 @@ pub fn facts(facts: &[(&str, String)]) -> String {
         .collect()
 }
 
-/// A number to so many significant digits, without needless zeros.
+/// Formats a number with `digits` significant digits, without trailing zeros.
 pub fn significant(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");

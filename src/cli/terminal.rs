@@ -1,15 +1,15 @@
-//! What may be written to a terminal: colours and what moves, unless its user wants neither.
+//! Detects whether a terminal supports colours and animation, and whether its user wants them.
 
 use std::ffi::OsStr;
 use std::io::IsTerminal;
 
-/// May this stream be coloured? It is a terminal that can, and `NO_COLOR` is not set (no-color.org).
+/// True if the stream is a terminal with colours and `NO_COLOR` is not set (no-color.org).
 pub fn is_coloured(stream: &impl IsTerminal) -> bool {
     let variable = |name: &str| std::env::var_os(name);
     stream.is_terminal() && can_colour(variable("TERM").as_deref(), variable("NO_COLOR").as_deref())
 }
 
-/// May a bar move on standard error?
+/// True if standard error can show a progress bar.
 pub fn is_animated() -> bool {
     std::io::stderr().is_terminal() && !is_dumb(std::env::var_os("TERM").as_deref())
 }

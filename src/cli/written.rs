@@ -1,6 +1,7 @@
-//! What haptograph wrote into a folder, and whether it is still as it was written: names with SHA-256 hashes, as JSON.
+//! The list of files that haptograph wrote into a folder, with SHA-256 hashes, as JSON. It shows which files
+//! are unchanged since.
 //!
-//! A run's folder has its list in `manifest.json`; single files have theirs in `.haptograph.json` beside them.
+//! A run's folder has its list in `manifest.json`, single files in `.haptograph.json` beside them.
 
 use crate::signal::files;
 use crate::surfaces::files::write_atomically;
@@ -11,41 +12,42 @@ use std::fs;
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
-/// Longer lists are not read, bytes: a hundred thousand files.
-const MOST_BYTES: u64 = 16 << 20;
-/// What is read at a time for a hash, bytes.
+/// Maximum size of a list, bytes; enough for a hundred thousand files.
+const MAX_BYTES: u64 = 16 << 20;
+/// Bytes hashed at a time.
 const CHUNK: usize = 1 << 16;
 
-/// Names of files, relative to the list's folder, and the hash of each as it was written.
+/// File names, relative to the list's folder, and the hash of each.
 #[derive(Debug, Default, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Written {
+pub struct FileManifest {
     haptograph: String,
     sha256: BTreeMap<String, String>,
-    /// What is about to be moved there: a kill may come before or after the move.
+    /// Files about to be moved to these names: a kill may come before or after the move.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     coming: BTreeMap<String, String>,
 }
 
-impl Written {
-    /// The list in a file; none where that is not there, or is none.
+impl FileManifest {
+    /// Reads a list; `None` if the file is missing or invalid.
     pub fn read(path: &Path) -> Option<Self> {
-        // Not followed: a link could lead to what blocks.
+        // Links are not followed: their targets may block.
         let found = fs::symlink_metadata(path).ok()?;
         if !found.is_file() {
             return None;
         }
-        let text = files::read_text(path, MOST_BYTES).ok()?;
+        let text = files::read_text(path, MAX_BYTES).ok()?;
         serde_json::from_str(&text).ok()
     }
 
-    /// Writes the list whole or not at all.
+    /// Writes the whole list or nothing.
     pub fn save(&mut self, path: &Path) -> io::Result<()> {
         env!("CARGO_PKG_VERSION").clone_into(&mut self.haptograph);
         let text = serde_json::to_string_pretty(self)? + "\n";
         write_atomically(path, text.as_bytes())
     }
 
-    /// Notes a file of `folder` as it is now. A name that is no Unicode is not noted: the file counts as somebody's.
+    /// Adds a file of `folder` with its present hash. A name that is not Unicode is not added: the file
+    /// counts as foreign.
     pub fn note(&mut self, folder: &Path, name: &Path) -> io::Result<()> {
         if let Some(text) = name.to_str() {
             let hash = hash(&folder.join(name))?;
@@ -54,7 +56,7 @@ impl Written {
         Ok(())
     }
 
-    /// Notes a file that is about to be moved to this name.
+    /// Adds a file that is about to be moved to this name.
     pub fn announce(&mut self, name: &Path, waiting: &Path) -> io::Result<()> {
         if let Some(text) = name.to_str() {
             self.coming.insert(text.to_owned(), hash(waiting)?);
@@ -62,19 +64,19 @@ impl Written {
         Ok(())
     }
 
-    /// What was announced by this name is there.
+    /// Confirms that an announced file was moved.
     pub fn arrived(&mut self, name: &Path) {
         if let Some((name, hash)) = name.to_str().and_then(|text| self.coming.remove_entry(text)) {
             self.sha256.insert(name, hash);
         }
     }
 
-    /// What was announced by this name does not come.
+    /// Removes an announced file that was not moved.
     pub fn withdraw(&mut self, name: &Path) {
         name.to_str().and_then(|text| self.coming.remove(text));
     }
 
-    /// Is this file in the list, and still as it was written?
+    /// True if this file is in the list and unchanged.
     pub fn is_unchanged(&self, folder: &Path, name: &Path) -> bool {
         let noted = |list: &BTreeMap<String, String>| list.get(name.to_str()?).cloned();
         let noted = [noted(&self.sha256), noted(&self.coming)];
@@ -84,14 +86,14 @@ impl Written {
         is_file && noted.iter().any(Option::is_some) && hash(&file).is_ok_and(is_noted)
     }
 
-    /// All names that stay inside the folder: a list can be forged.
+    /// All names that stay inside the folder, since a list can be forged.
     pub fn names(&self) -> impl Iterator<Item = PathBuf> {
         let names = self.sha256.keys().map(PathBuf::from);
         let inside = |name: &PathBuf| name.components().all(|part| matches!(part, Component::Normal(_)));
         names.filter(move |name| inside(name) && !name.as_os_str().is_empty())
     }
 
-    /// Forgets all but some names.
+    /// Keeps only some names.
     pub fn retain(&mut self, mut keep: impl FnMut(&str) -> bool) {
         self.sha256.retain(|name, _| keep(name));
     }
@@ -99,7 +101,7 @@ impl Written {
 
 /// The SHA-256 hash of a file's bytes, in hexadecimal digits.
 fn hash(path: &Path) -> io::Result<String> {
-    // However long: runs last hours.
+    // Unbounded, since runs may last hours.
     let mut file = files::open(path, u64::MAX)?;
     let (mut hasher, mut chunk) = (Sha256::new(), vec![0; CHUNK]);
     loop {
@@ -115,7 +117,7 @@ fn hash(path: &Path) -> io::Result<String> {
         .collect())
 }
 
-/// The path itself where it is free, or else with the first number behind its name that makes it so: `x-1.wav`.
+/// The path itself if it is free, otherwise with the first free number: `x-1.wav`.
 pub fn free_beside(path: &Path) -> PathBuf {
     let mut free = path.to_owned();
     for number in 1_u64.. {
@@ -142,24 +144,24 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (list, name) = (folder.path().join("list"), Path::new("a.txt"));
         fs::write(folder.path().join(name), "abc").unwrap();
-        let mut written = Written::default();
+        let mut written = FileManifest::default();
         written.note(folder.path(), name).unwrap();
         written.save(&list).unwrap();
-        let read = Written::read(&list).unwrap();
-        // The hash of FIPS 180-2, B.1.
+        let read = FileManifest::read(&list).unwrap();
+        // Hash from FIPS 180-2, B.1.
         assert!(read.sha256["a.txt"].starts_with("ba7816bf"), "{read:?}");
         assert!(read.is_unchanged(folder.path(), name));
         fs::write(folder.path().join(name), "abd").unwrap();
         assert!(!read.is_unchanged(folder.path(), name));
         assert!(!read.is_unchanged(folder.path(), Path::new("b.txt")));
-        assert_eq!(Written::read(&folder.path().join("a.txt")), None);
+        assert_eq!(FileManifest::read(&folder.path().join("a.txt")), None);
     }
 
     #[test]
     fn a_forged_list_does_not_lead_out_of_its_folder() {
         let text =
             r#"{"haptograph": "1", "sha256": {"../a": "", "/b": "", "c/../../d": "", "": "", "e/f": ""}}"#;
-        let written: Written = serde_json::from_str(text).unwrap();
+        let written: FileManifest = serde_json::from_str(text).unwrap();
         assert_eq!(written.names().collect::<Vec<_>>(), [Path::new("e/f")]);
     }
 

@@ -1,4 +1,5 @@
 // The studio: what the engine last said, what the page may ask of it, and the panels that show and do so.
+import { mountArming } from "./arming.js";
 import { mountCompare } from "./compare.js";
 import { Connection } from "./connection.js";
 import { mountControls } from "./controls.js";
@@ -63,7 +64,7 @@ class Studio extends Emitter {
         this.connection.send({ type: "stop" });
         this.sound.cut();
         this.pad.hands.liftAll();
-        if (this.status) this.#follow({ ...this.status, state: "stopped" });
+        if (this.status) this.#follow({ ...this.status, state: "stopped", armed_gain: 0 });
     }
 
     resume() {
@@ -208,6 +209,7 @@ mountEditor(studio);
 mountSurfaces(studio);
 mountCompare(studio);
 mountRecorder(studio);
+mountArming(studio);
 mountStatus(studio);
 mountStop(studio);
 mountGraphChoice(studio);

@@ -95,12 +95,13 @@ function place(view) {
     if (view.svg) view.svg.style.transform = `translate(${view.x}px, ${view.y}px) scale(${view.scale})`;
 }
 
-// The whole graph where it can be read so, else its height or a readable size from its left end.
+// The whole graph where it can be read so, else as much as can be read of it, from its upper left corner on.
 function fit(host, view, whole = false) {
     const [width, height] = [host.clientWidth, host.clientHeight];
     if (!width || !height) return;
     const all = Math.min((width - 8) / view.size[0], (height - 8) / view.size[1]);
-    view.scale = whole ? all : Math.min(1.2, Math.max(all, Math.min(READABLE_SCALE, (height - 8) / view.size[1])));
+    const longest = Math.max((width - 8) / view.size[0], (height - 8) / view.size[1]);
+    view.scale = whole ? all : Math.min(1.2, Math.max(all, Math.min(READABLE_SCALE, longest)));
     view.x = Math.max(0, (width - view.size[0] * view.scale) / 2);
     view.y = Math.max(0, (height - view.size[1] * view.scale) / 2);
     place(view);

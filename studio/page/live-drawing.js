@@ -4,9 +4,9 @@ import { Levels } from "./levels.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const BAR = 3;
-const KEY = "Wire: how strong against its strongest.";
-const COSTS = "Bar and %: part of the graph's work.";
-const NO_COSTS = "What single nodes cost is not known here: a page has no clock for it.";
+const KEY = "Width of a wire: its level against its highest.";
+const COSTS = "Bar and %: share of the graph's work.";
+const NO_COSTS = "The cost of single nodes is not measured in a page.";
 
 export const LIVE_STYLE = `
 .cost rect{fill:var(--ink1)}
@@ -21,7 +21,7 @@ export function mountLiveDrawing(studio, host, view) {
     const levels = new Levels();
     const key = make("p", { class: "graph-key soft" });
     const live = { levels, parts: null, svg: null };
-    host.append(key);
+    host.after(key);
     followVisibility(studio, host);
     studio.on("graph", (graph) => levels.restart(graph));
     studio.connection.on("levels", (message) => {

@@ -15,7 +15,9 @@ export function whatMoves(graph) {
 
 // Endpoints that no pointer can be, one sentence each.
 export function simulatedAlone(graph) {
+    const isReal = (endpoint) => graph.devices?.some(({ name, simulated }) => name === endpoint && !simulated);
     return (graph?.others ?? []).map(({ endpoint, lacks }) => {
+        if (isReal(endpoint)) return `${endpoint} is real: a hand moves it, not a pointer.`;
         const why = lacks.length ? `a pad gives no ${lacks.join(", ")}` : "what it touches is not known";
         return `${endpoint} stays simulated: ${why}.`;
     });

@@ -137,7 +137,7 @@ export class Sound {
 
     #show() {
         find("sound").setAttribute("aria-pressed", String(this.on));
-        setText(find("sound"), this.on ? "Sound on" : "Sound off");
+        setText(find("sound"), this.on ? "Sound: on" : "Sound: off");
         find("sound").disabled = this.obstacle !== null && !this.error;
         const text = this.level_db <= SILENT_DB ? "silent" : `${this.level_db} dB`.replace("-", "−");
         setText(find("level-text"), text);

@@ -100,7 +100,8 @@ function ownerSays(studio) {
 }
 
 function engineSays(studio, counts, recent) {
-    const { behind_ms, cost, silent, actuators } = studio.status;
+    const { behind_ms, cost, silent, actuators, note } = studio.status;
+    if (note) return { level: "warn", text: note };
     if (recent("faults"))
         return {
             level: "bad",
@@ -133,7 +134,7 @@ function engineSays(studio, counts, recent) {
 function soundSays(studio, counts, recent) {
     const { sound } = studio;
     if (sound.obstacle) return { level: "note", text: sound.obstacle };
-    if (!sound.on) return { level: "note", text: "No sound yet: press Sound", label: "Sound on", action: () => sound.toggle() };
+    if (!sound.on) return { level: "note", text: "No sound yet: press Sound", label: "Turn sound on", action: () => sound.toggle() };
     if (recent("underruns"))
         return {
             level: "warn",

@@ -1,16 +1,20 @@
-//! What the sinks of a graph drive, and what is played of it.
+//! The actuators of a graph, and the sound played by the page.
 
 use super::publish::Delivered;
 use super::scope::Port;
 use super::stage::Stage;
 use haptograph_engine::frame::Kind;
+use haptograph_engine::graph::{Graph, GraphDevice, Node};
 use haptograph_engine::node::Limit;
 use haptograph_signal::quantity::Quantity;
 
-/// An actuator, and what it was given.
+/// An actuator with the values delivered to it.
 #[derive(Debug)]
 pub struct Actuator {
     pub name: String,
+    /// The endpoint that it drives, and whether that is neither simulated nor a pad.
+    pub endpoint: String,
+    pub is_real: bool,
     pub unit: String,
     pub peak: f64,
     pub continuous: f64,
@@ -19,7 +23,20 @@ pub struct Actuator {
     pub delivered: Delivered,
 }
 
-/// What the page plays.
+/// True for a device that is neither simulated nor the page's.
+fn is_real(device: &GraphDevice) -> bool {
+    !device.entry.spec.simulated && !device.entry.is_host()
+}
+
+/// The real devices that a graph drives, with the fingerprints of what they are set to.
+pub fn driven(graph: &Graph) -> Vec<(&str, u64)> {
+    let devices = graph.driven_devices().filter(|device| is_real(device));
+    devices
+        .map(|device| (&*device.name, device.fingerprint))
+        .collect()
+}
+
+/// The sound that the page plays.
 #[derive(Debug)]
 pub struct Sound {
     pub port: String,
@@ -28,7 +45,7 @@ pub struct Sound {
 }
 
 impl Stage {
-    /// What the sinks drive, and what is played.
+    /// Finds the actuators and the sound of the graph.
     pub fn describe_actuators(&mut self) {
         let graph = &self.loaded.graph;
         let known: Vec<Actuator> = std::mem::take(&mut self.actuators);
@@ -37,11 +54,13 @@ impl Stage {
                 .iter()
                 .find(|scope| scope.port.name == format!("{sink}.delivered"))
         };
-        let actuator = |(sink, limit): (&str, Limit)| {
-            let port = &delivered(sink)?.port;
-            let before = known.iter().find(|known| known.name == sink);
+        let actuator = |(sink, device, limit): (&Node, &GraphDevice, Limit)| {
+            let port = &delivered(&sink.path)?.port;
+            let before = known.iter().find(|known| known.name == sink.path);
             Some(Actuator {
-                name: sink.to_owned(),
+                name: sink.path.clone(),
+                endpoint: device.name.clone(),
+                is_real: is_real(device),
                 unit: port.quantity.unit(),
                 peak: limit.peak,
                 continuous: limit.continuous,
@@ -50,7 +69,7 @@ impl Stage {
                 delivered: before.map(|known| known.delivered.clone()).unwrap_or_default(),
             })
         };
-        self.actuators = graph.limits().filter_map(actuator).collect();
+        self.actuators = graph.actuators().filter_map(actuator).collect();
         let is_coil = |port: &Port| {
             port.kind == Kind::Scalar && port.quantity == Quantity::CURRENT && port.rate_hz >= 1000.0
         };

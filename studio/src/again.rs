@@ -1,4 +1,4 @@
-//! A run that begins anew, to record it from its first frame on or to do again what was recorded.
+//! Restart of a run, to record it from its first frame on or to replay a recording.
 
 use super::drive::DrivenBy;
 use super::publish::text;
@@ -8,29 +8,29 @@ use serde_json::json;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// The file in a run's folder that holds what was done.
+/// File in a run's folder with the recording.
 pub const STROKES: &str = "strokes.json";
-/// Folders of one name.
+/// Maximum number of folders with one name.
 const MOST_FOLDERS: usize = 10_000;
-/// The longest time that is run at once, s: what is probed has room for more.
+/// Maximum duration run in one call, s: the buffers of probes hold more.
 const MOST_AT_ONCE_S: f64 = 0.5;
 
-/// How a run goes on when it has fallen to zero.
+/// What follows when a run has fallen to zero.
 #[derive(Debug, Default)]
 pub enum After {
-    /// Not at all.
+    /// Nothing.
     #[default]
     Nothing,
-    /// Under the hand.
+    /// A live run.
     Live,
-    /// The same, and it is recorded.
+    /// A live run that is recorded.
     Record,
-    /// As it was recorded.
+    /// The replay of a recording.
     Replay(Box<Recording>),
 }
 
 impl Stage {
-    /// Begins to record, or ends that; either begins a new run.
+    /// Starts or ends a recording; either restarts the run.
     pub fn record(&mut self, on: bool) {
         if on != self.recorder.is_some() {
             self.close_recording();
@@ -38,7 +38,7 @@ impl Stage {
         }
     }
 
-    /// Does a recording again on the graph that runs; says whether it was made with it.
+    /// Replays a recording on the running graph; the message says whether it was made with this graph.
     pub fn do_again(&mut self, recording: Box<Recording>) -> Result<String, StageError> {
         let other = |error: &dyn std::fmt::Display| {
             StageError::Other(format!("the recording cannot be done again: {error}"))
@@ -55,14 +55,14 @@ impl Stage {
         })
     }
 
-    /// Stops, and nothing begins by itself.
+    /// Stops the run without a successor.
     pub fn halt(&mut self) {
         self.close_recording();
         (self.after, self.replay) = (After::Nothing, None);
         self.stop();
     }
 
-    /// No frame after this belongs to the recording.
+    /// Ends the recording at the present frame.
     pub fn close_recording(&mut self) {
         if let (Some(recording), Some(drive)) = (&mut self.recorder, &self.drive) {
             recording.frames = drive.between_frames(|frame| frame);
@@ -77,7 +77,7 @@ impl Stage {
         }
     }
 
-    /// The run is over: what was recorded is handed over, and what is to begin begins.
+    /// Delivers the recording of the finished run and starts the next run.
     pub fn go_on(&mut self) {
         if let Some(recording) = self.recorder.take() {
             self.hand_over(&recording);
@@ -92,7 +92,7 @@ impl Stage {
         }
     }
 
-    /// Saves a recording where there is a folder for it, and sends it to the page that made it.
+    /// Saves a recording if there is a folder for it, and sends it to the page that made it.
     fn hand_over(&mut self, recording: &Recording) {
         let page_error = self.page_error.take();
         let written = self.folder.take().map(|folder| {
@@ -126,7 +126,7 @@ impl Stage {
         }
     }
 
-    /// A new folder of this name and a number, where runs are kept.
+    /// Creates a folder with this name and a number, where runs are stored.
     pub fn new_folder(&self, name: &str) -> std::io::Result<Option<PathBuf>> {
         let Some(out) = &self.out else { return Ok(None) };
         std::fs::create_dir_all(out)?;
@@ -143,7 +143,7 @@ impl Stage {
         )))
     }
 
-    /// Runs so many frames where the caller drives, with what is done again before each.
+    /// Runs `frames` frames if the caller drives the run, with the replayed events due before each.
     pub fn run(&mut self, frames: usize) {
         let mut left = frames as u64;
         while left > 0 {
@@ -155,7 +155,7 @@ impl Stage {
         }
     }
 
-    /// Does again what is due; how many frames come until the next.
+    /// Replays the events that are due; returns the number of frames until the next one.
     fn do_due(&mut self) -> u64 {
         while let (Some(replay), Some(drive)) = (&mut self.replay, &self.drive) {
             let frame = drive.pace.frames();
@@ -168,7 +168,7 @@ impl Stage {
                 }
                 Again::Turn((_, name, value)) => {
                     if let Some(session) = &mut self.session {
-                        // A setting that the graph does not have any more stays away.
+                        // A setting that the graph no longer has is skipped.
                         let _ = session.set_by_name(name, *value);
                     }
                 }
@@ -184,7 +184,7 @@ impl Stage {
         u64::MAX
     }
 
-    /// Where a thread drives otherwise: runs what is done again for the time that passed.
+    /// If a thread drives the run: replays the events for the elapsed time `passed`.
     pub fn keep_up(&mut self, passed: Duration) {
         let is_ours = self
             .drive

@@ -1,4 +1,4 @@
-//! Which endpoints a pointer can be, and what it gives their channels: one table.
+//! Endpoints that a pointer can represent, and the values of their channels: one table.
 
 use super::wire::Pointer;
 use haptograph_engine::frame::Kind;
@@ -8,32 +8,32 @@ use haptograph_nodes::simulated::touchable::Touchable;
 use haptograph_signal::vector::{Vec3, add_scaled, cross, direction, scale, tangents};
 use std::collections::BTreeMap;
 
-/// Size of a pad, mm: that of a small pen tablet. One that is laid on a thing is as high as that reaches across, and as
-/// much smaller.
+/// Size of a pad, mm: that of a small pen tablet. A pad on an object has the height of the object, and its
+/// width is scaled accordingly.
 const SIZE_MM: (f64, f64) = (160.0, 100.0);
-/// How much a surface gives of which the graph does not say so, N/m.
+/// Stiffness of a surface whose graph does not state one, N/m.
 const GIVES_N_PER_M: f64 = 500.0;
 
-/// What a pad gives a channel.
+/// The quantity that a pad provides to a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gives {
-    /// Where the tip is: on the pad's plane, or in the surface that the pad is laid on.
+    /// Position of the tip: on the plane of the pad, or in the surface that the pad lies on.
     Tip,
-    /// How fast it goes along the surface.
+    /// Velocity along the surface.
     Velocity,
-    /// How hard it presses.
+    /// Normal force.
     Force,
-    /// 1 while it presses.
+    /// 1 during contact.
     Touching,
-    /// The press alone, on the object in the frame of its sensor.
+    /// Wrench of the press on the object, in the frame of its sensor.
     Wrench,
-    /// No drag: a pad does not know it.
+    /// Zero drag, since a pad does not measure it.
     NoDrag,
-    /// How the pen is turned, from its tilt: axis times angle.
+    /// Orientation of the pen from its tilt: axis times angle.
     Orientation,
 }
 
-/// By the names and shapes of channels.
+/// Quantities by name and kind of channel.
 const TABLE: [(&str, Kind, Gives); 9] = [
     ("position", Kind::Vector, Gives::Tip),
     ("force", Kind::Scalar, Gives::Force),
@@ -54,32 +54,42 @@ impl Gives {
     }
 }
 
-/// An endpoint that a pointer can be.
+/// An endpoint that a pointer can represent.
 #[derive(Debug, Clone)]
 pub struct PadSpec {
     pub endpoint: String,
-    /// What its channels are given, by their names.
+    /// The quantities of its channels, by name.
     pub channels: Vec<(&'static str, Gives)>,
-    /// The surface that it is laid on; none of a tablet.
+    /// The surface that the pad lies on; `None` for a tablet.
     pub on: Option<Touchable>,
     pub size_mm: (f64, f64),
 }
 
-/// An endpoint that nodes read and that no pointer can be.
+/// An endpoint that nodes read and that no pointer can represent.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NoPad {
     pub endpoint: String,
-    /// The channels that no pad gives; none where the surface is not known that it touches.
+    /// The channels that no pad provides; empty if the touched surface is unknown.
     pub lacks: Vec<&'static str>,
 }
 
-/// The endpoints of a graph whose endpoints are all the caller's: those that a pointer can be, and the others. `simulated`
-/// is the same graph with its own endpoints, which say what their hands touch; it is asked for where that counts.
-pub fn sort(hosted: &Graph, simulated: impl FnOnce() -> Option<Graph>) -> (Vec<PadSpec>, Vec<NoPad>) {
+/// Divides the endpoints of a hosted graph into pads and others; an endpoint that `stays` is no pad.
+/// `simulated` loads the same graph with its own endpoints, which state what their hands touch; it is called
+/// only if needed.
+pub fn sort(
+    hosted: &Graph,
+    stays: impl Fn(&str) -> bool,
+    simulated: impl FnOnce() -> Option<Graph>,
+) -> (Vec<PadSpec>, Vec<NoPad>) {
     let (mut pads, mut others) = (Vec::new(), Vec::new());
     let mut touched = None;
     let mut simulated = Some(simulated);
     for (endpoint, channels) in endpoints(hosted) {
+        if stays(&endpoint) {
+            let lacks = Vec::new();
+            others.push(NoPad { endpoint, lacks });
+            continue;
+        }
         let given = |(name, kind): &(&'static str, Kind)| Some((*name, Gives::of(name, *kind)?));
         let known: Vec<(&'static str, Gives)> = channels.iter().filter_map(given).collect();
         let gets = |gives: Gives| known.iter().any(|(_, each)| *each == gives);
@@ -134,20 +144,21 @@ fn laid_on(endpoint: String, channels: Vec<(&'static str, Gives)>, mut on: Touch
     }
 }
 
-/// A hand on a pad, at a moment.
+/// State of a hand on a pad.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Touch {
     pub tip_m: Vec3,
     pub velocity_m_s: Vec3,
-    /// Out of the surface.
+    /// Outward normal of the surface.
     pub normal: Vec3,
     pub force_n: f64,
-    /// To the right, and towards whoever holds the pen.
+    /// Tilt to the right, and towards the person who holds the pen.
     pub tilt_rad: [f64; 2],
 }
 
 impl Touch {
-    /// Where a pointer is on the pad's plane, or `above_m` the surface that the pad is laid on, below it if negative.
+    /// The touch of a pointer on the plane of the pad, or `above_m` the surface that the pad lies on,
+    /// negative below it.
     pub fn of(pointer: &Pointer, on: Option<&Touchable>, above_m: f64) -> Self {
         let [x, y] = pointer.position_m;
         let (tip_m, normal) = match on {
@@ -166,7 +177,7 @@ impl Touch {
         }
     }
 
-    /// Fills a frame of a channel; how many numbers it has.
+    /// Fills a frame of a channel; returns the number of components.
     pub fn put(&self, gives: Gives, frame: &mut [f64; 6]) -> usize {
         let put = |frame: &mut [f64; 6], numbers: &[f64]| {
             frame[..numbers.len()].copy_from_slice(numbers);
@@ -188,22 +199,23 @@ impl Touch {
     }
 }
 
-/// The coordinates of a stroke for those of a pad, whose right is the world's x where the surface's directions are free.
+/// Rotates pad coordinates to those of a stroke: right is the world's x if the surface leaves the direction
+/// free.
 fn right_is_x(ground: &Ground, [x, y]: [f64; 2]) -> [f64; 2] {
     let (Ground::Plane { normal, .. } | Ground::Sphere { up: normal, .. }) = ground else {
         return [x, y];
     };
     let [[u, ..], [v, ..]] = tangents(direction(*normal).unwrap_or([0.0, 0.0, 1.0]));
     match u.hypot(v) {
-        // The surface looks along x: any way is right.
+        // The surface faces along x: any direction will do.
         none if none < 1e-9 => [x, y],
         long => [(x * u - y * v) / long, (x * v + y * u) / long],
     }
 }
 
-/// The shortest turn that takes an upright pen to this tilt: axis times angle.
+/// The smallest rotation from an upright pen to this tilt: axis times angle.
 fn turn([right, towards]: [f64; 2]) -> Vec3 {
-    // Where the pen's upper end points, y being away from whoever holds it.
+    // Direction of the pen's upper end; y points away from the person who holds it.
     let (x, y) = (right.tan(), -towards.tan());
     let aside = x.hypot(y);
     if aside == 0.0 {
@@ -267,7 +279,7 @@ mod tests {
         };
         let touch = Touch::of(&pointer(0.02, 0.0, 2.0), Some(&table), 0.0);
         let wrench = filled(&touch, Gives::Wrench);
-        // 2 N down, 20 mm to the right of the origin: it turns about y.
+        // 2 N down, 20 mm to the right of the origin: a torque about y.
         assert_eq!(wrench[..3], [-0.0, -0.0, -2.0]);
         assert!(
             (wrench[4] - 0.04).abs() < 1e-15 && wrench[3].abs() + wrench[5].abs() < 1e-15,
@@ -279,7 +291,7 @@ mod tests {
     fn a_tilted_pen_is_turned_about_an_axis_in_the_plane() {
         let turned = |right: f64, towards: f64| turn([right, towards].map(f64::to_radians));
         assert_eq!(turned(0.0, 0.0), [0.0; 3]);
-        // Its upper end to the right: about y. Towards the hand, which is down on the pad: about x.
+        // Upper end to the right: about y. Towards the hand, down on the pad: about x.
         let [right, towards] = [turned(30.0, 0.0), turned(0.0, 30.0)];
         assert!(
             (right[1] - 30_f64.to_radians()).abs() < 1e-12 && right[0].abs() < 1e-12,

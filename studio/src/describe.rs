@@ -1,4 +1,4 @@
-//! What the page is told of the kinds there are and of the graph that runs.
+//! Descriptions of the node kinds and of the running graph for the page.
 
 use super::channels::{NoPad, PadSpec};
 use super::levels;
@@ -13,6 +13,7 @@ use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::SettingSpec;
 use haptograph_report::{drawing, swatch};
 use haptograph_signal::files::{is_file, is_folder, list};
+use haptograph_signal::units;
 use haptograph_surfaces::files;
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
@@ -20,15 +21,16 @@ use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, Mutex, PoisonError};
 use std::time::SystemTime;
 
-/// Surfaces that are shown at most.
+/// Maximum number of listed surfaces.
 const MOST_SURFACES: usize = 100;
-/// What is shown of each file, nothing of one that is no surface, and when the file was written, if known.
+/// The swatch of each file, `None` for a file that is not a surface, and the file's modification time, if
+/// known.
 type Swatches = HashMap<PathBuf, (Option<SystemTime>, Option<Value>)>;
 static SWATCHES: LazyLock<Mutex<Swatches>> = LazyLock::new(Mutex::default);
 /// The kind of node that looks up a texture's models.
 const LOCATOR: &str = "TriangleLocator";
 
-/// The first message.
+/// The first message to a page.
 pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
     let nodes = registry.nodes().iter().map(|entry| {
         let input = |port: &haptograph_engine::node::InputSpec| json!({ "name": port.name, "doc": port.doc });
@@ -53,7 +55,7 @@ pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
         "from": if is_here { "machine" } else { "network" },
         "can": {
             "edit": is_here, "save": host.can_save && is_here, "record": is_here,
-            "surfaces": host.can_learn && is_here, "parameters": true,
+            "surfaces": host.can_learn && is_here, "parameters": true, "arm": host.can_drive && is_here,
         },
         "kinds": nodes.chain(devices).collect::<Vec<_>>(),
     })
@@ -68,31 +70,15 @@ fn setting(spec: &SettingSpec) -> Value {
     })
 }
 
-/// The unit that a setting's name ends in, for people to read.
+/// The unit in which a setting's name ends, for display.
 fn unit_of(name: &str) -> &'static str {
-    const UNITS: [(&str, &str); 16] = [
-        ("_n_per_mm", "N/mm"),
-        ("_n_s_per_m", "N s/m"),
-        ("_n_per_a", "N/A"),
-        ("_mm_s", "mm/s"),
-        ("_m_s2", "m/s²"),
-        ("_m_s", "m/s"),
-        ("_hz", "Hz"),
-        ("_ms", "ms"),
-        ("_mm", "mm"),
-        ("_db", "dB"),
-        ("_deg", "°"),
-        ("_rad", "rad"),
-        ("_n", "N"),
-        ("_a", "A"),
-        ("_m", "m"),
-        ("_s", "s"),
-    ];
-    let found = UNITS.iter().find(|(ending, _)| name.ends_with(ending));
-    found.map_or("", |(_, unit)| unit)
+    match name.ends_with("_db") {
+        true => "dB",
+        false => units::symbol(name).unwrap_or_default(),
+    }
 }
 
-/// The graph that runs, as far as its page may see.
+/// The running graph, as far as its page may see it.
 pub fn graph(stage: &Stage) -> Value {
     stage.source.confined(|| shown(stage))
 }
@@ -103,7 +89,7 @@ fn shown(stage: &Stage) -> Value {
     let actuators = stage.actuators.iter().map(|actuator| {
         json!({
             "name": actuator.name, "unit": actuator.unit, "peak": actuator.peak,
-            "continuous": actuator.continuous, "rate_hz": actuator.rate_hz,
+            "continuous": actuator.continuous, "rate_hz": actuator.rate_hz, "endpoint": actuator.endpoint,
         })
     });
     let ports = scope::ports(graph);
@@ -112,7 +98,9 @@ fn shown(stage: &Stage) -> Value {
     let devices = devices.filter(|device| !stage.loaded.is_pad(&device.name));
     let devices = devices.map(|device| {
         let spec = device.entry.spec;
-        json!({ "name": device.name, "kind": spec.name, "simulated": spec.simulated })
+        json!({
+            "name": device.name, "kind": spec.name, "simulated": spec.simulated, "at": stage.place_of(&device.name),
+        })
     });
     json!({
         "type": "graph",
@@ -135,7 +123,7 @@ fn shown(stage: &Stage) -> Value {
 
 fn pad(pad: &PadSpec) -> Value {
     let names = pad.channels.iter().map(|(name, _)| *name);
-    // JSON has no infinity: what does not give is null.
+    // JSON has no infinity: a rigid surface is null.
     let gives_n_per_m = pad.on.as_ref().map(|on| on.gives_n_per_m);
     json!({
         "endpoint": pad.endpoint, "width_mm": pad.size_mm.0, "height_mm": pad.size_mm.1, "force_n": FULL_N,
@@ -192,7 +180,7 @@ fn parameters(stage: &Stage) -> Vec<Value> {
     each.collect()
 }
 
-/// The map of each texture, and the ports that say where on it the hand is.
+/// The map of each texture, and the ports with the position of the hand on it.
 fn maps(graph: &Graph) -> Vec<Value> {
     let nodes = graph.nodes();
     let locators = nodes
@@ -229,7 +217,7 @@ fn maps(graph: &Graph) -> Vec<Value> {
     locators.filter_map(map).collect()
 }
 
-/// The surfaces in the folder of the graph's own, by their paths from the graph, and those of other folders.
+/// The surfaces in the graph's own folder, by their paths from the graph, and those in other folders.
 fn surfaces(stage: &Stage) -> Vec<Value> {
     let folder = stage.source.folder();
     let others = stage.source.surfaces.iter().flat_map(|folder| ron_files(folder));
@@ -240,7 +228,7 @@ fn surfaces(stage: &Stage) -> Vec<Value> {
     shown.take(MOST_SURFACES).collect()
 }
 
-/// A surface as it is shown; drawn once, which takes a while.
+/// The description of a surface; its swatch is drawn once, which takes a while.
 pub fn surface(path: &Path, graph: &Path) -> Option<Value> {
     let known = || SWATCHES.lock().unwrap_or_else(PoisonError::into_inner);
     let written = path.metadata().and_then(|found| found.modified()).ok();
@@ -263,7 +251,7 @@ pub fn surface(path: &Path, graph: &Path) -> Option<Value> {
     shown
 }
 
-/// A path from the graph's folder, as a parameter wants it.
+/// A path relative to the graph's folder, in the form of a parameter.
 pub fn from_graph(path: &Path, graph: &Path) -> String {
     format!("{:?}", path.strip_prefix(graph).unwrap_or(path).to_string_lossy())
 }
@@ -281,7 +269,7 @@ fn ron_files(folder: &Path) -> Vec<PathBuf> {
     paths
 }
 
-/// Where surfaces lie, beside a graph.
+/// The folder of surfaces beside a graph.
 pub fn surface_folder(graph: &Path) -> PathBuf {
     let inner = graph.join("surfaces");
     if is_folder(&inner) {

@@ -1,20 +1,45 @@
-//! What runs the graph: a thread against the clock, or whoever holds it, as a page's audio thread.
+//! Driver of the graph: a real-time thread, or the caller, such as a page's audio thread.
 
+use haptograph_engine::device::Device;
 use haptograph_engine::host::Player;
-use haptograph_engine::run::LiveState;
+use haptograph_engine::run::{Driven, LiveState, Timer, Wake};
+use haptograph_nodes::soundcard::{CardDriver, CardNote, Request, SoundcardError};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Between two wake-ups.
+/// Polling period while a run ends.
 const STEP: Duration = Duration::from_millis(2);
-/// The longest time that is made up for, s; what is later than that is lost.
-const MOST_BEHIND_S: f64 = 0.1;
-/// Later than this a wake-up counts as late, s.
+/// Delay above which a wake-up counts as late, s.
 const LATE_S: f64 = 0.02;
 
-/// What is known of the thread while it runs.
+/// How a thread keeps time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Timing {
+    /// Wake-up period.
+    step: Duration,
+    /// Maximum delay that is caught up; a longer delay is dropped.
+    most_behind: Duration,
+    is_real_time: bool,
+}
+
+impl Timing {
+    /// For a run that only pages wait for.
+    pub const EASY: Self = Self {
+        step: Duration::from_millis(2),
+        most_behind: Duration::from_millis(100),
+        is_real_time: false,
+    };
+    /// For real devices: like the timer of a live run, without a burst after a stall.
+    pub const STRICT: Self = Self {
+        step: Duration::from_millis(1),
+        most_behind: Duration::from_millis(20),
+        is_real_time: true,
+    };
+}
+
+/// State of the driver during a run.
 #[derive(Debug, Default)]
 pub struct Pace {
     end: AtomicBool,
@@ -28,32 +53,32 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Driver frames so far.
+    /// Number of driver frames.
     pub fn frames(&self) -> u64 {
         self.frames.load(Relaxed)
     }
 
-    /// How late the latest wake-up was, ms.
+    /// Delay of the latest wake-up, ms.
     pub fn behind_ms(&self) -> f64 {
         self.behind_us.load(Relaxed) as f64 * 1e-3
     }
 
-    /// Wake-ups that were too late.
+    /// Number of late wake-ups.
     pub fn late(&self) -> u64 {
         self.late.load(Relaxed)
     }
 
-    /// Ticks so far at which an actuator was asked for NaN or infinity.
+    /// Number of ticks in which an actuator was given NaN or infinity.
     pub fn faults(&self) -> u64 {
         self.faults.load(Relaxed)
     }
 
-    /// Path of the node that was found first to put out NaN or infinity.
+    /// Path of the first node found to output NaN or infinity.
     pub fn origin(&self) -> Option<&str> {
         self.origin.get().map(|origin| &**origin)
     }
 
-    /// Time that the graph took since this was asked last.
+    /// Takes the computing time since the last call.
     pub fn take_busy(&self) -> Duration {
         Duration::from_nanos(self.busy_ns.swap(0, Relaxed))
     }
@@ -67,39 +92,73 @@ impl Pace {
         }
     }
 
-    /// Has the run come to its end?
+    /// True if the run has ended.
     pub fn is_over(&self) -> bool {
         self.is_over.load(Relaxed)
     }
 }
 
-/// A player that is driven.
+/// A driven player.
 pub struct Drive {
     pub pace: Arc<Pace>,
-    /// Held while frames are run.
+    /// Locked while frames are computed.
     gate: Arc<Mutex<()>>,
     runner: Runner,
-    /// Frames when the caller kept time last.
+    /// Number of frames at the last call of [`Drive::keep_time`].
     kept_at: u64,
 }
 
 enum Runner {
     Thread(Option<JoinHandle<Player>>),
     Caller(Box<Player>),
+    Card(Box<CardDriver<Paced>>),
 }
 
-/// Who runs players.
+/// A player that a soundcard drives, and what is known of it. Its callback waits for nobody: what is done between two frames
+/// is done about then.
+struct Paced {
+    player: Player,
+    pace: Arc<Pace>,
+}
+
+impl Driven for Paced {
+    fn run_frames(&mut self, frames: usize) {
+        self.player.process(frames);
+        self.pace.update(&self.player);
+    }
+    fn block(&self) -> usize {
+        Driven::block(&self.player)
+    }
+    fn is_idle(&self) -> bool {
+        self.player.is_idle()
+    }
+    fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)> {
+        self.player.devices_mut()
+    }
+    fn report(&mut self, wake: Wake) {
+        self.pace.behind_us.store(wake.late_ns / 1000, Relaxed);
+        let is_late = wake.late_ns as f64 > LATE_S * 1e9;
+        self.pace.late.fetch_add(u64::from(is_late), Relaxed);
+        self.pace.busy_ns.fetch_add(wake.work_ns, Relaxed);
+        self.player.report(wake);
+    }
+    fn resume(&mut self) {
+        self.player.resume();
+    }
+}
+
+/// Who drives the player.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DrivenBy {
-    /// A thread of its own, at the rate of the graph's driver.
+    /// A thread of its own, at the rate of the graph's driver clock.
     Thread,
-    /// [`Drive::process`].
+    /// The caller, by [`Drive::process`].
     Caller,
 }
 
 impl Drive {
-    /// Runs a player, at the rate of its driver.
-    pub fn start(player: Player, by: DrivenBy, rate_hz: f64) -> std::io::Result<Self> {
+    /// Starts a player at the rate of its driver clock.
+    pub fn start(player: Player, by: DrivenBy, (rate_hz, timing): (f64, Timing)) -> std::io::Result<Self> {
         let (pace, gate) = (Arc::new(Pace::default()), Arc::new(Mutex::new(())));
         let runner = match by {
             DrivenBy::Caller => Runner::Caller(Box::new(player)),
@@ -107,7 +166,7 @@ impl Drive {
                 let theirs = (Arc::clone(&pace), Arc::clone(&gate));
                 let thread = std::thread::Builder::new().name("studio driver".to_owned());
                 Runner::Thread(Some(
-                    thread.spawn(move || run(player, rate_hz, (&theirs.0, &theirs.1)))?,
+                    thread.spawn(move || run(player, (rate_hz, timing), (&theirs.0, &theirs.1)))?,
                 ))
             }
         };
@@ -119,18 +178,55 @@ impl Drive {
         })
     }
 
-    /// Does the caller drive it?
+    /// Opens a soundcard, whose callback runs the player.
+    ///
+    /// # Errors
+    /// [`SoundcardError`]: there is no such card.
+    pub fn start_by_card(player: Player, request: Request) -> Result<Self, SoundcardError> {
+        let pace = Arc::new(Pace::default());
+        let paced = Paced {
+            player,
+            pace: Arc::clone(&pace),
+        };
+        Ok(Self {
+            pace,
+            gate: Arc::default(),
+            runner: Runner::Card(Box::new(CardDriver::start(request, paced)?)),
+            kept_at: 0,
+        })
+    }
+
+    /// Polls the soundcard that drives the player; returns its notes.
+    pub fn poll(&mut self) -> Vec<CardNote> {
+        let Runner::Card(card) = &mut self.runner else {
+            return Vec::new();
+        };
+        let notes = card.poll();
+        // What it plays until then is played.
+        self.pace.is_over.store(card.is_finished(), Relaxed);
+        notes
+    }
+
+    /// The soundcard that drives it, as it calls itself.
+    pub fn card(&self) -> Option<&str> {
+        match &self.runner {
+            Runner::Card(card) => Some(&card.got().card),
+            _ => None,
+        }
+    }
+
+    /// True if the caller drives the player.
     pub fn is_the_callers(&self) -> bool {
         matches!(self.runner, Runner::Caller(_))
     }
 
-    /// Does something between two frames, and tells it the number of the second.
+    /// Calls `work` between two frames with the number of the second.
     pub fn between_frames<T>(&self, work: impl FnOnce(u64) -> T) -> T {
         let _held = self.gate.lock().unwrap_or_else(PoisonError::into_inner);
         work(self.pace.frames())
     }
 
-    /// Runs so many frames where the caller drives. Real-time code.
+    /// Runs `frames` frames if the caller drives the player. Real-time code.
     pub fn process(&mut self, frames: usize) {
         if let Runner::Caller(player) = &mut self.runner {
             player.process(frames);
@@ -141,7 +237,7 @@ impl Drive {
         }
     }
 
-    /// Where the caller drives: how much time passed since this was called last, and how much of it the graph took.
+    /// Updates the timing if the caller drives: wall-clock time and computing time since the last call.
     pub fn keep_time(&mut self, passed: Duration, busy: Duration, rate_hz: f64) {
         let frames = self.pace.frames();
         let run_s = (frames - self.kept_at) as f64 / rate_hz;
@@ -152,24 +248,30 @@ impl Drive {
         self.pace.busy_ns.fetch_add(busy.as_nanos() as u64, Relaxed);
     }
 
-    /// Waits until the run is over where a thread drives; is it over, or waited for long enough?
-    pub fn is_done_within(&self, longest: Duration) -> bool {
+    /// Waits until a run driven by a thread or a soundcard is over; false if `longest` has passed.
+    pub fn is_done_within(&mut self, longest: Duration) -> bool {
         if self.is_the_callers() {
             return self.pace.is_over();
         }
         let asked = Instant::now();
         while !self.pace.is_over() && asked.elapsed() < longest {
+            // A card that is gone ends nothing.
+            if matches!(&self.runner, Runner::Card(card) if card.is_waiting()) {
+                break;
+            }
             std::thread::sleep(STEP);
+            self.poll();
         }
         true
     }
 
-    /// Ends the thread; the player comes back unless it panicked.
+    /// Ends the thread; returns the player unless it panicked.
     pub fn join(mut self) -> Option<Player> {
         self.pace.end.store(true, Relaxed);
         match std::mem::replace(&mut self.runner, Runner::Thread(None)) {
             Runner::Thread(thread) => thread?.join().ok(),
             Runner::Caller(player) => Some(*player),
+            Runner::Card(card) => Some(card.join()?.player),
         }
     }
 }
@@ -180,13 +282,17 @@ impl Drop for Drive {
     }
 }
 
-fn run(mut player: Player, rate_hz: f64, (pace, gate): (&Pace, &Mutex<()>)) -> Player {
-    let most = (MOST_BEHIND_S * rate_hz) as u64;
+fn run(mut player: Player, (rate_hz, timing): (f64, Timing), (pace, gate): (&Pace, &Mutex<()>)) -> Player {
+    if timing.is_real_time {
+        // What the system refuses costs evenness only.
+        let _ = Timer::default().prepare_thread();
+    }
+    let most = (timing.most_behind.as_secs_f64() * rate_hz) as u64;
     let (mut origin, mut done) = (Instant::now(), 0_u64);
-    while !pace.end.load(Relaxed) && player.state() == LiveState::Running {
+    while !pace.end.load(Relaxed) && !player.is_idle() {
         let due = (origin.elapsed().as_secs_f64() * rate_hz) as u64;
         let mut behind = due.saturating_sub(done);
-        let late_s = behind as f64 / rate_hz - STEP.as_secs_f64();
+        let late_s = behind as f64 / rate_hz - timing.step.as_secs_f64();
         pace.behind_us.store((late_s.max(0.0) * 1e6) as u64, Relaxed);
         pace.late.fetch_add(u64::from(late_s > LATE_S), Relaxed);
         if behind > most {
@@ -200,7 +306,7 @@ fn run(mut player: Player, rate_hz: f64, (pace, gate): (&Pace, &Mutex<()>)) -> P
         pace.busy_ns.fetch_add(begun.elapsed().as_nanos() as u64, Relaxed);
         pace.update(&player);
         drop(held);
-        std::thread::sleep(STEP);
+        std::thread::sleep(timing.step);
     }
     pace.is_over.store(true, Relaxed);
     player

@@ -1,4 +1,5 @@
-//! What a graph may drive, and how hard, in every set of endpoints of its file: what no edit from a page may go beyond.
+//! Safety envelope: the actuators, limits and devices of a graph in all of its sets of endpoints, which no
+//! edit from a page may exceed.
 
 use super::load::Source;
 use super::stage::StageError;
@@ -8,20 +9,21 @@ use haptograph_engine::graph::{DeclaredDevice, Graph, Hosted, check, declared_de
 use haptograph_engine::node::Limit;
 use std::collections::BTreeMap;
 
-/// What the person who opened the studio answers for: the graph's file, and the parameters on the command line.
+/// The envelopes confirmed by the person who opened the studio: those of the graph's file and of the
+/// parameters on the command line.
 #[derive(Debug)]
 pub struct Confirmed {
     set: Vec<(String, String)>,
-    /// Of the file as it is, and with the parameters.
+    /// Envelope of the file with its defaults, and with the given parameters.
     as_written: SafetyEnvelope,
     as_set: SafetyEnvelope,
 }
 
 impl Confirmed {
-    /// Of a graph as it is opened.
+    /// The envelopes of a graph as it is opened.
     ///
     /// # Errors
-    /// The text is no graph at all.
+    /// [`Diagnostics`] if the text cannot be parsed.
     pub fn of(source: &Source, text: &str) -> Result<Self, Diagnostics> {
         let as_written = SafetyEnvelope::of(&source.with_set(Vec::new()), text)?;
         let as_set = match source.set.is_empty() {
@@ -35,18 +37,18 @@ impl Confirmed {
         })
     }
 
-    /// May a text run?
+    /// Checks that a text may run.
     ///
     /// # Errors
-    /// [`StageError`]: what it permits beyond what was opened.
+    /// [`StageError`] with everything that exceeds the confirmed envelope.
     pub fn permits_run(&self, source: &Source, text: &str) -> Result<(), StageError> {
         within(&self.as_set, source, text)
     }
 
-    /// May a text be written to the file? It may be run by itself, or as the studio was opened.
+    /// Checks that a text may be written to the file, both with its defaults and with the given parameters.
     ///
     /// # Errors
-    /// [`StageError`]: what it permits beyond what was opened.
+    /// [`StageError`] with everything that exceeds the confirmed envelope.
     pub fn permits_save(&self, source: &Source, text: &str) -> Result<(), StageError> {
         within(&self.as_written, &source.with_set(Vec::new()), text)?;
         if self.set.is_empty() {
@@ -63,20 +65,20 @@ fn within(envelope: &SafetyEnvelope, source: &Source, text: &str) -> Result<(), 
     }
 }
 
-/// The actuators, their limits and the devices of a graph.
+/// The actuators of a graph with their limits and devices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SafetyEnvelope {
     sets: Vec<EndpointSet>,
-    /// What limits and devices are computed from, as it is written: for other parameters they may come to more.
+    /// Source text of the expressions for limits and devices: with other parameters they may yield more.
     depends: BTreeMap<String, String>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
 struct EndpointSet {
     name: String,
-    /// The first error where the graph cannot run with these endpoints.
+    /// The first error if the graph cannot run with these endpoints.
     actuators: Result<Vec<Actuator>, String>,
-    /// Those that are not simulated.
+    /// The devices that are not simulated.
     devices: Vec<DeclaredDevice>,
 }
 
@@ -90,10 +92,10 @@ struct Actuator {
 }
 
 impl SafetyEnvelope {
-    /// Of a text as if it stood in the graph's file.
+    /// The envelope of a text in place of the graph's file.
     ///
     /// # Errors
-    /// The text is no graph at all.
+    /// [`Diagnostics`] if the text cannot be parsed.
     pub fn of(source: &Source, text: &str) -> Result<Self, Diagnostics> {
         source.confined(|| Self::of_confined(source, text))
     }
@@ -105,8 +107,8 @@ impl SafetyEnvelope {
             name.clone_into(&mut options.endpoints);
             let mut devices = declared_devices(&document, &source.registry, &options);
             devices.retain(|device| !device.is_simulated);
-            // Limits are the same whatever the devices are, and not every kind of device is part of every build. Only
-            // some sources need theirs to know what they read.
+            // Limits do not depend on the devices, and not every build has every kind of device. Only some
+            // sources need their device to determine what they read.
             options.hosted = Hosted::All;
             let graph = check(&document, &source.registry, &options).or_else(|_| {
                 options.hosted = Hosted::AsWritten;
@@ -126,7 +128,7 @@ impl SafetyEnvelope {
         })
     }
 
-    /// What another permits beyond this one, one sentence each; none where it is as safe.
+    /// Everything in which `next` exceeds this envelope, one sentence each; empty if it is as safe.
     pub fn exceeded_by(&self, next: &Self) -> Vec<String> {
         let mut beyond = Vec::new();
         for (place, text) in &next.depends {
@@ -245,12 +247,12 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    /// What an edit of the TexturePad goes beyond.
+    /// Everything in which an edit of the TexturePad exceeds its envelope.
     fn beyond(edit: impl Fn(&str) -> String, set: &[(&str, &str)]) -> Vec<String> {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/texturepad.ron");
         let mut source = Source::new(path, &haptograph_nodes::registry(), Vec::new());
         let text = source.read().expect("it ships");
-        // The limit comes from a parameter.
+        // The limit depends on a parameter.
         let text = text
             .replace("peak_a: 0.5", "peak_a: Param(\"most\")")
             .replace("parameters: {", "parameters: { \"most\": 0.5,");

@@ -1,5 +1,5 @@
-//! What the drawing shows of a graph that runs: how strong every port is, what each node costs, and where a limit acted or NaN
-//! appeared.
+//! Live values of the drawing: the level of every port, the cost of each node, and the places where limits
+//! acted or NaN appeared.
 
 use super::publish::text;
 use super::scope::Port;
@@ -10,30 +10,30 @@ use haptograph_engine::run::Session;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// The part of a mean cost that a message renews: they come ten times a second.
+/// Weight of a new value in the mean cost; messages come ten times per second.
 const RENEWED: f64 = 0.05;
-/// The square of a level is counted up to here, so that sums stay finite.
+/// Upper bound of a squared level, so that sums stay finite.
 const MOST: f64 = 1e290;
-/// After so many messages without a frame a port has no level any more.
+/// Number of messages without a frame after which a port has no level.
 const MOST_IDLE: u32 = 20;
-/// A level is sent with so many digits.
+/// Significant digits of a sent level.
 const DIGITS: i32 = 3;
 
-/// Of a port, since the last message.
+/// Level of a port since the last message.
 #[derive(Debug, Clone, Default)]
 pub struct Level {
     square: f64,
     count: u64,
     peak: f64,
-    /// The latest snapshot, and how many since had nothing new.
+    /// The latest snapshot, and the number of snapshots since then without a frame.
     latest: [f64; 2],
     idle: u32,
-    /// Frames with NaN or infinity since the run began.
+    /// Number of frames with NaN or infinity since the start of the run.
     pub not_finite: u64,
 }
 
 impl Level {
-    /// Takes in frames of a port.
+    /// Adds frames of a port.
     pub fn take(&mut self, kind: Kind, frames: &[f64]) {
         for frame in frames.chunks_exact(kind.width()) {
             if !frame.iter().all(|x| x.is_finite()) {
@@ -47,8 +47,8 @@ impl Level {
         }
     }
 
-    /// Root mean square and peak since the last one, or before where a slow port had nothing since; none where
-    /// nothing came for long.
+    /// RMS and peak since the last snapshot, or the previous values if a slow port had no frame since; `None`
+    /// after a long time without frames.
     fn snapshot(&mut self) -> Option<[f64; 2]> {
         self.idle = if self.count > 0 { 0 } else { self.idle + 1 };
         if self.count > 0 {
@@ -59,11 +59,11 @@ impl Level {
     }
 }
 
-/// The square of the number that stands for a frame.
+/// The square of the number that represents a frame.
 fn square(kind: Kind, frame: &[f64]) -> f64 {
     let sum = |lanes: &[f64]| lanes.iter().map(|x| x * x).sum();
     match kind {
-        // Of its force.
+        // The force of the wrench.
         Kind::Wrench => sum(&frame[..3]),
         Kind::Contact => sum(&frame[10..11]),
         Kind::Weights => frame[3..6].iter().fold(0.0, |most, x| f64::max(most, x * x)),
@@ -74,7 +74,7 @@ fn square(kind: Kind, frame: &[f64]) -> f64 {
     }
 }
 
-/// What the level of such a port is, for people, and its unit.
+/// Label and unit of the level of a port.
 fn meaning(port: &Port) -> (&'static str, String) {
     match port.kind {
         Kind::Scalar => ("level", port.quantity.unit()),
@@ -87,7 +87,7 @@ fn meaning(port: &Port) -> (&'static str, String) {
     }
 }
 
-/// The ports that have a level: what it is, and its unit.
+/// The ports that have a level, with label and unit.
 pub fn described(ports: &[Port]) -> Vec<Value> {
     let port = |port: &Port| {
         let (what, unit) = meaning(port);
@@ -96,7 +96,7 @@ pub fn described(ports: &[Port]) -> Vec<Value> {
     ports.iter().map(port).collect()
 }
 
-/// What the nodes of a graph cost: their sums as they were, and the means of what came since.
+/// Costs of the nodes: the sums at the last update, and means of the increments.
 #[derive(Debug, Default)]
 pub struct Costs {
     sums: BTreeMap<String, f64>,
@@ -104,7 +104,7 @@ pub struct Costs {
 }
 
 impl Costs {
-    /// Takes in what the session measured since; each node's part of the whole.
+    /// Updates from the session; returns each node's share of the total.
     fn update(&mut self, session: &Session, graph: &Graph) -> BTreeMap<String, f64> {
         let nodes = graph.nodes();
         let paths = session.node_costs().into_iter();
@@ -114,7 +114,7 @@ impl Costs {
     fn take(&mut self, sums: BTreeMap<String, f64>) -> BTreeMap<String, f64> {
         self.means.retain(|path, _| sums.contains_key(path));
         for (path, sum) in &sums {
-            // Where another graph took over the sums begin anew.
+            // After a swap of the graph the sums restart.
             let before = self.sums.get(path).filter(|before| *before <= sum);
             let mean = self.means.entry(path.clone()).or_default();
             *mean += RENEWED * (sum - before.unwrap_or(&0.0) - *mean);
@@ -126,7 +126,7 @@ impl Costs {
     }
 }
 
-/// The message for the pages that see the drawing; it costs nothing while none does.
+/// Sends the levels to pages that display the drawing; free of cost if there are none.
 pub fn send(stage: &mut Stage) {
     if !stage.pages.iter().any(|page| page.sees_levels) {
         return;
@@ -168,7 +168,7 @@ fn message(stage: &mut Stage) -> Value {
     })
 }
 
-/// A number of few digits, as short as it can be written.
+/// Rounds a number to few digits, so that it is short as text.
 fn short(value: f64) -> f64 {
     if value == 0.0 || !value.is_finite() {
         return 0.0;

@@ -1,15 +1,17 @@
-//! The studio: a page on which a person strokes a surface, and hears, sees and changes what it renders.
+//! The studio: a web page on which a person strokes a surface, and hears, sees and changes its rendering.
 //!
-//! [`Studio::open`] serves the page and runs the graph behind it; [`page`] is the same engine for WebAssembly, where the
-//! page's own audio thread runs it. Pointers on the page are the graph's tablets; every other endpoint stays simulated, so
-//! that nothing real moves, and what a sink delivers, behind its limits, is played by the page. Both speak the protocol of
-//! `docs/studio-protocol.md`.
+//! [`Studio::open`] serves the page and runs the graph behind it; [`page`] is the same engine for
+//! WebAssembly, driven by the page's own audio thread. Pointers on the page replace the graph's tablets. All
+//! other endpoints are simulated unless the server is asked for another set; real devices of that set receive
+//! zeros until they are armed from the page. The page plays the delivered signal of a sink, after its limits.
+//! Both use the protocol of `docs/studio-protocol.md`.
 
-// Of what both hosts share a page leaves some out.
+// A page does not use all code shared by both hosts.
 #![cfg_attr(target_family = "wasm", allow(dead_code))]
 
 mod actuators;
 mod again;
+mod arming;
 mod channels;
 mod describe;
 mod drive;

@@ -1,60 +1,66 @@
-//! From a text to a graph whose tablets are the page's.
+//! Loading of a graph whose tablets are replaced by pads.
 
 use super::channels::{self, NoPad, PadSpec};
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
-use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check};
+use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check, declared_devices};
 use haptograph_engine::registry::Registry;
 use haptograph_signal::files::{self, Roots};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What graphs are made of besides their text.
+/// The set of endpoints that is used unless another is named.
+pub const SIMULATED: &str = "simulated";
+
+/// Inputs of a load besides the text.
 #[derive(Debug, Clone)]
 pub struct Source {
     pub path: PathBuf,
     pub registry: Registry,
-    /// Parameters in place of the defaults.
+    /// Parameters that override the defaults.
     pub set: Vec<(String, String)>,
-    /// Folders of surfaces besides the graph's own.
+    /// The set of endpoints that supplies the devices other than pads.
+    pub endpoints: String,
+    /// Folders of surfaces, besides the graph's own.
     pub surfaces: Vec<PathBuf>,
-    /// What a text may name; everything where nobody else writes it.
+    /// Folders whose files a text may name; `None` if only the user writes the text.
     pub roots: Option<Arc<Roots>>,
 }
 
-/// A graph that is sound.
+/// A checked graph.
 pub struct Loaded {
     pub graph: Graph,
     /// Its own text.
     pub text: String,
-    /// The endpoints that pointers move.
+    /// The endpoints represented by pointers.
     pub pads: Vec<PadSpec>,
-    /// Those that nodes read and that no pointer can be.
+    /// The endpoints that nodes read and that no pointer can represent.
     pub others: Vec<NoPad>,
     /// Names, values and defaults, as RON.
     pub parameters: Vec<(String, String, String)>,
 }
 
 impl Loaded {
-    /// Is this endpoint one that pointers move?
+    /// True if pointers represent this endpoint.
     pub fn is_pad(&self, endpoint: &str) -> bool {
         self.pads.iter().any(|pad| pad.endpoint == endpoint)
     }
 }
 
 impl Source {
-    /// Of a graph's file, with these parameters in place of the defaults.
+    /// The source of a graph's file, with parameters that override the defaults.
     pub fn new(path: PathBuf, registry: &Registry, set: Vec<(String, String)>) -> Self {
         Self {
             path,
             registry: registry.clone(),
             set,
+            endpoints: SIMULATED.to_owned(),
             surfaces: Vec::new(),
             roots: None,
         }
     }
 
-    /// Does some work that reads nothing but what a text may name.
+    /// Runs `work` with file access restricted to the folders that a text may name.
     pub fn confined<T>(&self, work: impl FnOnce() -> T) -> T {
         match &self.roots {
             Some(roots) => roots.confine(work),
@@ -62,12 +68,12 @@ impl Source {
         }
     }
 
-    /// The text of the graph's file.
+    /// Reads the text of the graph's file.
     pub fn read(&self) -> std::io::Result<String> {
         files::read_text(&self.path, LoadOptions::default().max_bytes)
     }
 
-    /// The same with another value of a parameter.
+    /// The same source with another value of a parameter.
     pub fn with(&self, name: String, value: String) -> Self {
         let mut with = self.clone();
         with.set.retain(|(known, _)| *known != name);
@@ -75,12 +81,12 @@ impl Source {
         with
     }
 
-    /// The same with these parameters in place of the defaults.
+    /// The same source with other parameters.
     pub fn with_set(&self, set: Vec<(String, String)>) -> Self {
         Self { set, ..self.clone() }
     }
 
-    /// The graph that a text is, as if it stood in the file. Parameters that it does not have are left out.
+    /// Loads a text in place of the file. Parameters that it does not have are ignored.
     pub fn load(&self, text: &str) -> Result<Loaded, Diagnostics> {
         self.confined(|| self.load_confined(text))
     }
@@ -91,7 +97,18 @@ impl Source {
         options.hosted = Hosted::All;
         let hosted = check(&document, &self.registry, &options)?;
         options.hosted = Hosted::AsWritten;
-        let (pads, others) = channels::sort(&hosted, || check(&document, &self.registry, &options).ok());
+        let real = declared_devices(&document, &self.registry, &options).into_iter();
+        let real: Vec<String> = real
+            .filter(|device| !device.is_simulated && !device.is_host)
+            .map(|device| device.endpoint)
+            .collect();
+        // What drives a hand that is real cannot drive a pointer.
+        let stays = |endpoint: &str| {
+            real.iter().any(|real| real == endpoint)
+                && hosted.driven_devices().any(|driven| driven.name == endpoint)
+        };
+        let (pads, others) =
+            channels::sort(&hosted, stays, || check(&document, &self.registry, &options).ok());
         options.hosted = Hosted::Also(pads.iter().map(|pad| pad.endpoint.clone()).collect());
         let value = |name: &str, default: &str| {
             let set = self.set.iter().rev().find(|(known, _)| known == name);
@@ -111,7 +128,7 @@ impl Source {
         })
     }
 
-    /// How a document is checked: with the parameters that are set, of those that it has.
+    /// Options to check a document, with those of the parameters that it has.
     pub fn options(&self, document: &Document) -> CheckOptions {
         let set = self.set.iter();
         let set = set.filter(|(name, _)| document.parameters().any(|(known, _)| known == name));
@@ -119,11 +136,13 @@ impl Source {
             set: set
                 .map(|(name, value)| (name.clone(), self.resolved(value)))
                 .collect(),
+            endpoints: self.endpoints.clone(),
             ..CheckOptions::default()
         }
     }
 
-    /// Values that come from elsewhere name files from the working directory; the page names them as the graph does.
+    /// Paths in override values are relative to the working directory, paths from the page to the graph's
+    /// folder.
     fn resolved(&self, value: &str) -> String {
         let name = value.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
         let path = name
@@ -136,13 +155,13 @@ impl Source {
         )
     }
 
-    /// The name of its file without the ending.
+    /// The name of the file without its extension.
     pub fn name(&self) -> String {
         let stem = self.path.file_stem().unwrap_or_default();
         stem.to_string_lossy().into_owned()
     }
 
-    /// The folder that paths in the graph are relative to.
+    /// The folder to which paths in the graph are relative.
     pub fn folder(&self) -> &Path {
         let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
         folder.unwrap_or(Path::new("."))

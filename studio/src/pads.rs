@@ -1,4 +1,4 @@
-//! Pointers as the endpoints of a graph.
+//! Pads: pointers as the endpoints of a graph.
 
 use super::channels::{Gives, PadSpec, Touch};
 use super::wire::Pointer;
@@ -7,27 +7,27 @@ use haptograph_engine::host::{AnyInput, HostError};
 use haptograph_nodes::simulated::touchable::Touchable;
 use haptograph_signal::vector::{reject, scale, sub};
 
-/// Force at full pressure of a pen, N: no tablet states newtons.
+/// Force at full pressure of a pen, N, since tablets do not report newtons.
 pub const FULL_N: f64 = 3.0;
-/// Between pointers further apart the hand was elsewhere, s.
+/// Gap between pointer events above which the hand is assumed to have been elsewhere, s.
 pub const MOST_APART_S: f64 = 0.06;
-/// The finest steps between two pointers, s.
+/// Smallest interpolation step between two pointer events, s.
 const LEAST_STEP_S: f64 = 1e-3;
-/// How high a tip is over a surface while its pointer is lifted, m.
+/// Height of the tip over a surface while its pointer is lifted, m.
 const LIFTED_M: f64 = 1e-3;
-/// How fast it comes down from there and goes in at most, m/s: a pointer comes down at once.
+/// Maximum speed of the tip down to and into the surface, m/s, since a pointer touches down instantly.
 const DOWN_M_S: f64 = 0.1;
 
-/// An endpoint that pointers move.
+/// An endpoint represented by pointers.
 #[derive(Debug)]
 pub struct Pad {
     channels: Vec<(AnyInput, Gives)>,
-    /// The surface that it is laid on.
+    /// The surface that the pad lies on.
     on: Option<Touchable>,
     step_s: f64,
-    /// When and where the pointer was last.
+    /// Time and state of the last pointer event.
     latest: (f64, Option<Pointer>),
-    /// The same of what was given, and how high that was over the surface, m.
+    /// Time, touch and height over the surface, m, of the last values sent.
     given: (f64, Touch, f64),
 }
 
@@ -53,12 +53,12 @@ impl Pad {
         })
     }
 
-    /// The same endpoint of another graph.
+    /// Moves the pad to the same endpoint of another graph.
     pub fn lay_on(&mut self, spec: &PadSpec) {
         self.on.clone_from(&spec.on);
     }
 
-    /// The pointer was there at that time of the run, s; from where it was before it went straight.
+    /// Adds a pointer event at a time of the run, s, and interpolates linearly from the previous one.
     pub fn move_to(&mut self, at_s: f64, pointer: &Pointer) {
         let (from_s, from) = self.latest;
         let at_s = at_s.max(from_s);
@@ -94,13 +94,13 @@ impl Pad {
         for (input, gives) in &mut self.channels {
             let mut frame = [0.0; 6];
             let count = touch.put(*gives, &mut frame);
-            // A queue that is full is one of a run that does not go on: nothing is lost.
+            // A full queue belongs to a run that no longer advances: nothing is lost.
             let _ = input.set_at(at_s, &frame[..count]);
         }
         self.given = (at_s, touch, above_m);
     }
 
-    /// How high the tip is over the surface that the pad is laid on; below it where that gives.
+    /// Height of the tip over the surface that the pad lies on; negative if the surface yields.
     fn above_m(&self, force_n: f64, before_m: f64, passed_s: f64) -> f64 {
         let Some(on) = &self.on else { return 0.0 };
         if force_n == 0.0 {

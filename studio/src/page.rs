@@ -1,12 +1,12 @@
-//! The engine in a page: its audio thread runs [`Engine`], and a worker beside it has a [`Checker`] for edits.
+//! The engine in a page: [`Engine`] for its audio thread, and [`Checker`] for edits, in a worker.
 
 use super::drive::DrivenBy;
 use super::load::Source;
 use super::pages::{Line, LineError, Reach};
 use super::publish::Publisher;
 use super::stage::{Host, Stage, StageError};
-use super::talk::{self, Next, Work};
-use super::wire::{self, Said};
+use super::talk::{self, Response, Work};
+use super::wire::{self, ClientMessage};
 use haptograph_engine::registry::Registry;
 use serde::Deserialize;
 use serde_json::Value;
@@ -16,22 +16,23 @@ use std::time::Duration;
 
 pub use super::wire::Message;
 
-/// The engine of a page.
+/// The host of an engine in a page.
 pub(crate) const HOST: Host = Host {
     name: "page",
     driven_by: DrivenBy::Caller,
     can_save: false,
     can_learn: false,
+    can_drive: false,
 };
-/// Room for what is played in one call without allocating, samples.
+/// Buffer size for the samples played in one call without allocation.
 const ROOM: usize = 1 << 14;
 
-/// What is run.
+/// The graph to run.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub struct Opened {
     /// The graph's file.
     pub graph: PathBuf,
-    /// Parameters in place of its defaults, as RON.
+    /// Parameters that override the defaults, as RON.
     #[serde(default)]
     pub set: Vec<(String, String)>,
 }
@@ -52,22 +53,22 @@ impl Line for Sender<Message> {
     }
 }
 
-/// A graph that runs as its caller says, and the page that it talks to.
+/// A graph driven by its caller, with its page.
 pub struct Engine {
     stage: Stage,
     page: u64,
     line: Sender<Message>,
     out: Receiver<Message>,
     publisher: Publisher,
-    /// What was played of the latest frames.
+    /// Samples played by the latest call.
     played: Vec<f64>,
 }
 
 impl Engine {
-    /// Begins to run a graph; its first messages wait.
+    /// Starts a graph; its first messages are queued.
     ///
     /// # Errors
-    /// What is wrong with the graph, as a person reads it.
+    /// The errors of the graph as readable text.
     pub fn open(opened: Opened, registry: &Registry) -> Result<Self, String> {
         let mut stage = Stage::open(opened.source(registry), HOST).map_err(|error| match error {
             StageError::Graph(wrong) => haptograph_engine::diagnostic::render(&wrong, false),
@@ -88,17 +89,17 @@ impl Engine {
     }
 
     fn say(&mut self, message: Message) {
-        // This end listens as long as it lives.
+        // The receiver exists as long as the engine.
         let _ = self.line.send(message);
     }
 
-    /// Takes a message of the page, and does at once what it asks for.
+    /// Handles a message of the page.
     pub fn hear(&mut self, message: &Message) {
         let answer = match talk::hear(&mut self.stage, self.page, message) {
-            Next::Nothing => return,
-            Next::Say(answer) => answer,
-            Next::Do { request, work } => self.work(request, work),
-            Next::Learn { request, .. } => talk::reply(request, Err(no_disk())),
+            Response::None => return,
+            Response::Answer(answer) => answer,
+            Response::Work { request, work } => self.work(request, work),
+            Response::Learn { request, .. } => talk::reply(request, Err(no_disk())),
         };
         self.say(super::publish::text(&answer));
     }
@@ -118,9 +119,9 @@ impl Engine {
         talk::reply(request, put)
     }
 
-    /// Runs so many frames of the driver, and returns what is played of them at [`sound_hz`](Self::sound_hz), 1 being the
-    /// peak limit of the actuator. Real-time code: it does not allocate where [`publish`](Self::publish) is called often
-    /// enough.
+    /// Runs `frames` frames of the driver; returns the samples to play at [`sound_hz`](Self::sound_hz), where
+    /// 1 is the peak limit of the actuator. Real-time code: it does not allocate if
+    /// [`publish`](Self::publish) is called often enough.
     pub fn process(&mut self, frames: usize) -> &[f64] {
         self.played.clear();
         let played = self.stage.process(frames).take(ROOM);
@@ -128,13 +129,13 @@ impl Engine {
         &self.played
     }
 
-    /// What was played in the latest call.
+    /// The samples played by the latest call.
     pub fn played(&self) -> &[f64] {
         &self.played
     }
 
-    /// Makes messages of what came, to be called about a hundred times a second: the last time was `passed` ago by the
-    /// clock on the wall, of which [`process`](Self::process) took `busy`.
+    /// Queues messages with new data; call it about a hundred times per second. `passed` is the wall-clock
+    /// time since the last call, `busy` the time that [`process`](Self::process) took of it.
     pub fn publish(&mut self, passed: Duration, busy: Duration) {
         self.stage.keep_time(passed, busy);
         self.publisher.publish(&mut self.stage, passed);
@@ -145,50 +146,50 @@ impl Engine {
         self.out.try_recv().ok()
     }
 
-    /// Frames of the driver in a second, Hz.
+    /// Rate of the driver, Hz.
     pub fn driver_hz(&self) -> f64 {
         self.stage.rate_hz()
     }
 
-    /// Samples that are played in a second, Hz; none where the graph drives nothing that could be heard.
+    /// Rate of the played samples, Hz; `None` if the graph drives nothing audible.
     pub fn sound_hz(&self) -> Option<f64> {
         self.stage.sound.as_ref().map(|sound| sound.rate_hz)
     }
 }
 
-/// Loads what an engine is going to be told to, so that this loads nothing that is wrong.
+/// Checks edits before they reach an engine, which then loads correct graphs only.
 pub struct Checker {
     source: Source,
-    /// The text that runs.
+    /// The running text.
     text: String,
 }
 
 impl Checker {
-    /// For an engine that was opened so.
+    /// A checker for an engine opened with the same arguments.
     ///
     /// # Errors
-    /// What the graph's file cannot be read for.
+    /// The error of reading the graph's file.
     pub fn open(opened: Opened, registry: &Registry) -> Result<Self, String> {
         let source = opened.source(registry);
         let text = source.read().map_err(|error| error.to_string())?;
         Ok(Self { source, text })
     }
 
-    /// The answer to a message that asks for a check, or for an edit that is wrong; none where the engine has to answer.
+    /// The answer to a check, or to an edit with errors; `None` if the engine has to answer.
     pub fn answer(&mut self, message: &str) -> Option<Message> {
         let wrong = |source: &Source, text: &str| source.load(text).err();
-        let answer = match wire::said(message).ok()?? {
-            Said::Check { request, text } => {
+        let answer = match wire::parse_text(message).ok()?? {
+            ClientMessage::Check { request, text } => {
                 talk::checked(request, wrong(&self.source, &text).as_ref(), None)
             }
-            Said::Apply { request, text } => match wrong(&self.source, &text) {
+            ClientMessage::Apply { request, text } => match wrong(&self.source, &text) {
                 Some(wrong) => talk::reply(request, Err(StageError::Graph(wrong))),
                 None => {
                     self.text = text;
                     return None;
                 }
             },
-            Said::Parameter { request, name, value } => {
+            ClientMessage::Parameter { request, name, value } => {
                 let source = self.source.with(name, value);
                 match wrong(&source, &self.text) {
                     Some(wrong) => talk::reply(request, Err(StageError::Graph(wrong))),

@@ -1,34 +1,35 @@
-//! The clock of a page against the time of the run.
+//! Synchronisation of a page's clock with the time of the run.
 
 use super::pads::MOST_APART_S;
 
-/// Pointers are taken later than they might be by what their lateness and their distance ask for, within these bounds, s.
+/// Bounds of the delay added to pointer events, s, which compensates jitter and gaps.
 const MARGIN_S: (f64, f64) = (0.002, 0.03);
-/// What was late is forgotten in this time, s.
+/// Time constant in which jitter is forgotten, s.
 const FORGET_S: f64 = 1.0;
-/// Two clocks drift by less than this part.
+/// Maximum relative drift of the two clocks.
 const DRIFT: f64 = 5e-4;
 
-/// What a page's clock says at the times of the run.
+/// Estimate of the offset between a page's clock and the time of the run.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct PageClock {
-    /// Of the fastest message, and when that was, s.
+    /// Offset of the fastest message, and its time, s.
     offset: Option<(f64, f64)>,
-    /// The latest pointer by the page's clock, and when it came by the run's, s.
+    /// Time of the latest pointer by the page's clock, and its arrival by the run's, s.
     latest: (f64, f64),
-    /// How late pointers come after the fastest, and how far they are apart, s.
+    /// Delay of pointers relative to the fastest, and their spacing, s.
     late_s: f64,
     apart_s: f64,
 }
 
 impl PageClock {
-    /// The time of the run at which a pointer is taken, that was at `at_s` of the page's clock and arrives at `now_s`.
+    /// Time of the run at which to apply a pointer that occurred at `at_s` of the page's clock and arrives at
+    /// `now_s`.
     pub fn due_s(&mut self, at_s: f64, now_s: f64) -> f64 {
         let offset = now_s - at_s;
         let known = self
             .offset
             .map(|(known, since_s)| known + DRIFT * (now_s - since_s).max(0.0));
-        // A clock that began anew, or a run.
+        // The clock or the run was restarted.
         if known.is_none_or(|known| offset <= known || offset > known + 1.0) {
             self.offset = Some((offset, now_s));
         }
@@ -53,7 +54,7 @@ mod tests {
     #[test]
     fn bunched_pointers_keep_their_own_times() {
         let mut clock = PageClock::default();
-        // Events every 4 ms on a clock 100 s ahead; they arrive in fours, 1 to 13 ms late.
+        // Events every 4 ms on a clock 100 s ahead; they arrive in groups of four, 1 to 13 ms late.
         let due: Vec<f64> = (0..400)
             .map(|k| {
                 let event_s = f64::from(k) * 0.004;
@@ -63,7 +64,7 @@ mod tests {
             .collect();
         let steps = due.windows(2).skip(200).map(|pair| pair[1] - pair[0]);
         assert!(steps.clone().all(|step| (step - 0.004).abs() < 5e-4), "evenly");
-        // None is taken before it came, nor long after.
+        // No event is applied before its arrival, nor long after.
         let in_time = |(k, due_s): (usize, &f64)| *due_s >= (k / 4 * 4 + 3) as f64 * 0.004 + 0.001;
         assert!(due.iter().enumerate().skip(200).all(in_time));
         let latency_s = due[399] - 399.0 * 0.004;

@@ -1,44 +1,44 @@
-//! The pages that are connected to a stage.
+//! The pages connected to a stage.
 
 use super::page_clock::PageClock;
 use super::stage::Stage;
-use super::wire::{MOST_SCOPES, Message, Wanted};
+use super::wire::{MOST_SCOPES, Message, ScopeRequest};
 
-/// Where the messages to a page go.
+/// Channel for the messages to a page.
 pub trait Line: Send {
-    /// Sends one, without waiting.
+    /// Sends a message without blocking.
     ///
     /// # Errors
-    /// [`LineError`]: it did not go.
+    /// [`LineError`] if it was not sent.
     fn send(&mut self, message: Message) -> Result<(), LineError>;
 }
 
-/// Why a message did not go to its page.
+/// Why a message was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LineError {
     /// The page does not read.
     Full,
-    /// There is no page any more.
+    /// The page is closed.
     Gone,
 }
 
-/// Where a page is.
+/// Location of a page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reach {
     /// On the machine of the engine.
     Machine,
-    /// Elsewhere, over a network on which others can listen.
+    /// On another machine, over a network that others can record.
     Network,
 }
 
-/// A page that is connected.
+/// A connected page.
 pub struct Page {
     pub id: u64,
     pub reach: Reach,
     pub line: Box<dyn Line>,
-    pub wanted: Vec<Wanted>,
+    pub wanted: Vec<ScopeRequest>,
     pub hears: bool,
-    /// Does it see the drawing?
+    /// True if it displays the drawing.
     pub sees_levels: bool,
     pub lost: u64,
     pub is_gone: bool,
@@ -46,7 +46,7 @@ pub struct Page {
 }
 
 impl Stage {
-    /// A page that came; the first is the owner.
+    /// Adds a page; the first one becomes the owner.
     pub fn join(&mut self, line: Box<dyn Line>, reach: Reach) -> u64 {
         let id = self.next_page;
         self.next_page += 1;
@@ -65,21 +65,29 @@ impl Stage {
         id
     }
 
-    /// A page that went. What it held falls silent by itself.
+    /// Removes a page. Its inputs fall silent by their timeout.
     pub fn leave(&mut self, page: u64) {
         self.pages.retain(|known| known.id != page);
         if self.owner == Some(page) {
+            self.disarm();
             self.owner = self.pages.first().map(|known| known.id);
         }
     }
 
-    /// The ports that a page wants to see.
-    pub fn scope(&mut self, page: u64, mut ports: Vec<Wanted>) {
+    /// Another page becomes the owner. What it did not arm is not armed.
+    pub fn give_to(&mut self, page: u64) {
+        if self.owner.replace(page) != Some(page) {
+            self.disarm();
+        }
+    }
+
+    /// Sets the ports that a page displays.
+    pub fn scope(&mut self, page: u64, mut ports: Vec<ScopeRequest>) {
         ports.truncate(MOST_SCOPES);
         self.page_of(page, |page| page.wanted = ports);
     }
 
-    /// Does something to a page, where it is still there.
+    /// Calls `work` with a page if it is still connected.
     pub fn page_of(&mut self, page: u64, work: impl FnOnce(&mut Page)) {
         if let Some(page) = self.pages.iter_mut().find(|known| known.id == page) {
             work(page);

@@ -1,4 +1,4 @@
-//! What pages are sent while a graph runs: samples, sound and how it goes.
+//! Messages to pages during a run: samples, sound and status.
 
 use super::levels;
 use super::pages::{LineError, Page};
@@ -10,24 +10,24 @@ use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Between two looks.
+/// Period of [`Publisher::publish`].
 pub const STEP: Duration = Duration::from_millis(10);
-/// Looks between two statuses.
+/// Number of periods between two status messages.
 const STATUS: u32 = 10;
 
-/// What was delivered to an actuator since the last status.
+/// Values delivered to an actuator since the last status.
 #[derive(Debug, Clone, Default)]
 pub struct Delivered {
     square: f64,
     count: u64,
     peak: f64,
     peak_ever: f64,
-    /// Weighted mean of the square, as the thermal limit has it.
+    /// Weighted mean square, as in the thermal limit.
     heat: f64,
 }
 
 impl Delivered {
-    /// Takes in frames of an actuator whose thermal window is `window_s`.
+    /// Adds frames of an actuator with the thermal window `window_s`.
     pub fn take(&mut self, scope: &Scope, window_s: f64) {
         let part = 1.0 / (window_s * scope.port.rate_hz);
         for frame in scope.fresh().chunks_exact(scope.lanes()) {
@@ -40,27 +40,27 @@ impl Delivered {
         self.peak_ever = self.peak_ever.max(self.peak);
     }
 
-    fn status(&mut self, name: &str, continuous: f64) -> Value {
+    fn status(&mut self, name: &str, continuous: f64, (is_real, is_armed): (bool, bool)) -> Value {
         let rms = (self.square / self.count.max(1) as f64).sqrt();
         let status = json!({
             "name": name, "rms": rms, "peak": self.peak, "delivered_peak": self.peak_ever,
-            "heat": self.heat / (continuous * continuous),
+            "heat": self.heat / (continuous * continuous), "simulated": !is_real, "armed": is_real && is_armed,
         });
         (self.square, self.count, self.peak) = (0.0, 0, 0.0);
         status
     }
 }
 
-/// Sends pages what came since the last time.
+/// Sends new data to the pages.
 #[derive(Debug, Default)]
 pub struct Publisher {
     looks: u32,
-    /// Since the last status.
+    /// Time since the last status.
     passed: Duration,
 }
 
 impl Publisher {
-    /// To be called about every [`STEP`]; the last time was `passed` ago.
+    /// Call it about every [`STEP`]; `passed` is the time since the last call.
     pub fn publish(&mut self, stage: &mut Stage, passed: Duration) {
         stage.look();
         send_samples(stage);
@@ -82,7 +82,7 @@ impl Publisher {
     }
 }
 
-/// The message that a value is.
+/// A JSON value as a message.
 pub fn text(value: &Value) -> Message {
     Message::Text(value.to_string())
 }
@@ -118,6 +118,7 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
     let recording_s = stage.recorder.as_ref().map(|_| time_s);
     let frame = stage.drive.as_ref().map_or(0, |drive| drive.pace.frames());
     let replay = stage.replay.as_ref().map(|replay| replay.part(frame));
+    let (gain, note) = (stage.switch.gain(), stage.note.clone());
     let Stage {
         actuators,
         drive,
@@ -129,7 +130,8 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
     } = stage;
     let each = actuators.iter_mut().map(|actuator| {
         let continuous = actuator.continuous;
-        actuator.delivered.status(&actuator.name, continuous)
+        let armed = (actuator.is_real, gain > 0.0);
+        actuator.delivered.status(&actuator.name, continuous, armed)
     });
     let actuators: Vec<Value> = each.collect();
     let inputs = session
@@ -163,6 +165,8 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
         "late": pace.as_ref().map_or(0, |pace| pace.late()),
         "silent": quiet,
         "actuators": actuators,
+        "armed_gain": gain,
+        "note": note,
         "faults": pace.as_ref().map_or(0, |pace| pace.faults()),
         "cost": busy / passed.as_secs_f64().max(1e-9),
         "pointer": pointer,
@@ -170,7 +174,7 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
 }
 
 impl Page {
-    /// Sends a message, or counts it where the page does not read.
+    /// Sends a message; one that the page does not read is counted.
     pub fn send(&mut self, message: Message) {
         match self.line.send(message) {
             Ok(()) => {}

@@ -1,52 +1,51 @@
-//! What was done on the pads and to the settings from the first frame of a run on, kept so that it can be done again.
+//! Recording of the pointer events and settings of a run from its first frame on, for replay.
 //!
-//! Each move and turn is kept with the frame of the driver before which it was made. Done again before the same frames it
-//! gives the same samples, as everything else in a run comes from the graph and its seed. What hands do is kept in whole
-//! numbers, which any text keeps as they are.
+//! Each event is stored with the number of the driver frame before which it happened. A replay before the
+//! same frames gives the same samples, since everything else in a run follows from the graph and its seed.
+//! Pointer events are stored as integers, which any text format preserves.
 
 use super::load::Source;
 use super::wire::{MOST_DEG, MOST_M, MOST_N, Pointer};
 use serde::{Deserialize, Serialize};
 
-/// The version of the format.
+/// Version of the format.
 pub const FORMAT: u32 = 1;
-/// Moves and turns that are kept at most: more than half an hour of a pen.
+/// Maximum number of events: more than half an hour of a pen.
 pub const MOST_EVENTS: usize = 500_000;
-/// The longest that is done again, s.
+/// Maximum duration of a replay, s.
 const LONGEST_S: f64 = 36_000.0;
 
-/// What a pointer did, in whole numbers.
+/// A pointer event, in integers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "Written", into = "Written")]
 pub struct Move {
-    /// Of the driver: it was made before this one was run.
+    /// Driver frame before which it happened.
     pub frame: u64,
     pub pad: usize,
-    /// Of the run.
+    /// Time of the run.
     pub due_us: u64,
     pub at_nm: [i64; 2],
     pub force_un: u64,
     pub tilt_udeg: [i64; 2],
 }
 
-/// A move in a file: the last is left out of one of an upright pen.
+/// A pointer event in a file: the last field is omitted for an upright pen.
 #[derive(Clone, Copy, Serialize, Deserialize)]
-#[serde(untagged)]
-enum Written {
-    Tilted(u64, usize, u64, [i64; 2], u64, [i64; 2]),
-    Upright(u64, usize, u64, [i64; 2], u64),
+struct Written(
+    u64,
+    usize,
+    u64,
+    [i64; 2],
+    u64,
+    #[serde(default, skip_serializing_if = "is_upright")] [i64; 2],
+);
+
+fn is_upright(tilt_udeg: &[i64; 2]) -> bool {
+    *tilt_udeg == [0, 0]
 }
 
 impl From<Written> for Move {
-    fn from(written: Written) -> Self {
-        let (frame, pad, due_us, at_nm, force_un, tilt_udeg) = match written {
-            Written::Tilted(frame, pad, due_us, at_nm, force_un, tilt_udeg) => {
-                (frame, pad, due_us, at_nm, force_un, tilt_udeg)
-            }
-            Written::Upright(frame, pad, due_us, at_nm, force_un) => {
-                (frame, pad, due_us, at_nm, force_un, [0; 2])
-            }
-        };
+    fn from(Written(frame, pad, due_us, at_nm, force_un, tilt_udeg): Written) -> Self {
         Self {
             frame,
             pad,
@@ -60,43 +59,39 @@ impl From<Written> for Move {
 
 impl From<Move> for Written {
     fn from(made: Move) -> Self {
-        let Move {
-            frame,
-            pad,
-            due_us,
-            at_nm,
-            force_un,
-            tilt_udeg,
-        } = made;
-        match tilt_udeg {
-            [0, 0] => Self::Upright(frame, pad, due_us, at_nm, force_un),
-            _ => Self::Tilted(frame, pad, due_us, at_nm, force_un, tilt_udeg),
-        }
+        Self(
+            made.frame,
+            made.pad,
+            made.due_us,
+            made.at_nm,
+            made.force_un,
+            made.tilt_udeg,
+        )
     }
 }
 
-/// Frame of the driver, live setting, value.
+/// A changed setting: driver frame, live setting, value.
 pub type Turn = (u64, String, f64);
 
-/// A stroke, and what it was done to.
+/// A recording with the graph that it was made with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recording {
     pub format: u32,
-    /// The version that recorded it.
+    /// Version that made the recording.
     pub haptograph: String,
-    /// The name of the graph's file, its text, and parameters in place of its defaults.
+    /// Name of the graph's file, its text, and parameters that override the defaults.
     pub graph: String,
     pub text: String,
     pub set: Vec<(String, String)>,
-    /// Frames of the driver in a second, Hz, and how many were run.
+    /// Rate of the driver, Hz, and number of frames.
     pub rate_hz: f64,
     pub frames: u64,
     pub moves: Vec<Move>,
     pub turns: Vec<Turn>,
 }
 
-/// What a pointer does, as it is kept: before that frame, and due at that time of the run.
+/// The stored form of a pointer event, before `frame` and due at a time of the run.
 pub fn moved(frame: u64, pad: usize, due_s: f64, point: &Pointer) -> Move {
     Move {
         frame,
@@ -108,7 +103,7 @@ pub fn moved(frame: u64, pad: usize, due_s: f64, point: &Pointer) -> Move {
     }
 }
 
-/// When a move is due, s, and what it is.
+/// Time, s, and pointer of a stored event.
 pub fn meant(made: &Move) -> (f64, Pointer) {
     let due_s = made.due_us as f64 * 1e-6;
     let pointer = Pointer {
@@ -120,22 +115,22 @@ pub fn meant(made: &Move) -> (f64, Pointer) {
     (due_s, pointer)
 }
 
-/// Why a recording cannot be done again.
+/// Why a recording cannot be replayed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RecordingError {
-    /// By a version to come.
-    #[error("it has format {0}, and this haptograph reads {FORMAT}: update haptograph")]
+    /// The format is newer than this version.
+    #[error("the recording has format {0}, this version reads {FORMAT}; update haptograph")]
     Format(u32),
-    /// Of a graph with another driver.
-    #[error("it was made at {made} Hz, and this graph runs at {runs} Hz: open the graph `{graph}`")]
+    /// The driver rates differ.
+    #[error("the recording was made at {made} Hz, this graph runs at {runs} Hz; open the graph `{graph}`")]
     Rate { made: f64, runs: f64, graph: String },
-    /// Not what a recorder writes.
-    #[error("it is damaged: {0}; record it again")]
+    /// The content is invalid.
+    #[error("the recording is damaged: {0}; make a new one")]
     Damaged(&'static str),
 }
 
 impl Recording {
-    /// An empty one of what begins to run.
+    /// An empty recording of a run that starts.
     pub fn begin(source: &Source, text: &str, rate_hz: f64) -> Self {
         Self {
             format: FORMAT,
@@ -150,27 +145,27 @@ impl Recording {
         }
     }
 
-    /// Keeps a turn that is made before this frame.
+    /// Adds a setting changed before this frame.
     pub fn turned(&mut self, frame: u64, name: &str, value: f64) {
         self.turns.push((frame, name.to_owned(), value));
     }
 
-    /// Is there no room for more?
+    /// True if the maximum number of events is reached.
     pub fn is_full(&self) -> bool {
         self.moves.len() + self.turns.len() >= MOST_EVENTS
     }
 
-    /// Was it done to this?
+    /// True if the recording was made with this graph.
     pub fn is_of(&self, source: &Source, text: &str) -> bool {
         (&*self.graph, &*self.text, &self.set) == (&*source.name(), text, &source.set)
     }
 
-    /// How long it takes, s.
+    /// Duration, s.
     pub fn seconds(&self) -> f64 {
         self.frames as f64 / self.rate_hz
     }
 
-    /// Can it be done again by a graph at this rate?
+    /// Checks that a graph at this rate can replay it.
     pub fn check(&self, rate_hz: f64) -> Result<(), RecordingError> {
         if self.format != FORMAT {
             return Err(RecordingError::Format(self.format));
@@ -184,7 +179,7 @@ impl Recording {
         if !in_order(&mut self.moves.iter().map(|made| made.frame))
             || !in_order(&mut self.turns.iter().map(|made| made.0))
         {
-            return Err(RecordingError::Damaged("its moves are not in their order"));
+            return Err(RecordingError::Damaged("its moves are out of order"));
         }
         let is_right = |made: &Move| {
             let (due_s, point) = meant(made);
@@ -198,13 +193,13 @@ impl Recording {
         {
             true => Ok(()),
             false => Err(RecordingError::Damaged(
-                "a move is beyond what a pointer can be, or there are too many",
+                "a move is out of range, or there are too many moves",
             )),
         }
     }
 }
 
-/// A recording that is done again.
+/// A replay in progress.
 #[derive(Debug)]
 pub struct Replay {
     recording: Recording,
@@ -212,13 +207,13 @@ pub struct Replay {
     turns: usize,
 }
 
-/// What is to be done next.
+/// The next step of a replay.
 pub enum Again<'a> {
     Move(&'a Move),
     Turn(&'a Turn),
-    /// Nothing before this frame.
+    /// No event before this frame.
     Until(u64),
-    /// It is over.
+    /// The replay is over.
     Over,
 }
 
@@ -231,7 +226,7 @@ impl Replay {
         }
     }
 
-    /// What is to be done before `frame` is run.
+    /// The next step before `frame` is run.
     pub fn next(&mut self, frame: u64) -> Again<'_> {
         let Recording {
             moves, turns, frames, ..
@@ -255,7 +250,7 @@ impl Replay {
         Again::Until(next.chain([*frames]).min().unwrap_or(*frames))
     }
 
-    /// The part that is done, 0 to 1.
+    /// Fraction of the replay that is done, 0 to 1.
     pub fn part(&self, frame: u64) -> f64 {
         (frame as f64 / self.recording.frames.max(1) as f64).min(1.0)
     }

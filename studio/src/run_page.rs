@@ -1,4 +1,4 @@
-//! What a recorded stroke leaves in its folder besides its files: the facts of the run and the page about it.
+//! Facts and page of a recorded run, written into its folder.
 
 use super::load::Source;
 use super::scope::Scope;
@@ -13,10 +13,10 @@ use haptograph_report::record::{Record, Recorder, friction, recorder, watched};
 use serde_json::json;
 use std::path::Path;
 
-/// The page in a run's folder.
+/// File name of the page.
 pub const REPORT: &str = "report.html";
 
-/// A signal that the page will show.
+/// A signal recorded for the page.
 #[derive(Debug)]
 pub struct Kept {
     port: String,
@@ -27,7 +27,7 @@ pub struct Kept {
 impl Kept {
     /// The signals that a run's page shows.
     pub fn of(graph: &Graph) -> Vec<Self> {
-        // Scopes look at numbers only.
+        // Scopes show numbers only.
         let numbers = [Kind::Scalar, Kind::Vector, Kind::Wrench];
         let watched = watched(graph).into_iter();
         let watched = watched.filter(|watch| numbers.contains(&watch.stream.kind));
@@ -43,10 +43,10 @@ impl Kept {
         kept.collect()
     }
 
-    /// Takes in what came since the last look.
+    /// Adds the new frames of the scopes.
     pub fn take(&mut self, scopes: &[Scope]) {
         if let Some(scope) = scopes.iter().find(|scope| scope.port.name == self.port) {
-            // A recorder keeps in memory and cannot fail.
+            // The recorder writes to memory and cannot fail.
             let _ = self.recorder.write(0, scope.fresh());
         }
     }
@@ -83,8 +83,8 @@ fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, kept: &[
         title: source.name(),
         about: graph.about().to_owned(),
         simulation: Simulation::Some(
-            "The hand was real, on the studio's pad; every device was simulated. What is shown of these is what their \
-             models did, not a measurement."
+            "The hand was real, on the studio's pad; every device was simulated. Their signals show the behaviour of their \
+             models, not a measurement."
                 .to_owned(),
         ),
         headlines: facts::limited(outcome),
@@ -95,7 +95,7 @@ fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, kept: &[
         warnings: run.warnings.clone(),
         files: facts::files_beside(graph, &own),
         sound: None,
-        asked: Vec::new(),
+        requests: Vec::new(),
         signals: kept.iter().map(|kept| kept.record.content()).collect(),
         textures: Vec::new(),
         drawing: drawing::svg(graph, ""),

@@ -1,19 +1,19 @@
-//! The frames of a port, as pages want them.
+//! Scopes: the frames of a port for display.
 
 use super::levels::Level;
 use haptograph_engine::frame::{Coefficients, Kind};
 use haptograph_engine::graph::{Graph, Output};
 use haptograph_engine::host::AnyOutput;
 
-/// Intervals a second that a thinned port is sent in.
+/// Number of intervals per second of a thinned port.
 const THINNED_HZ: f64 = 2000.0;
-/// Ports of a higher rate are thinned.
+/// Ports with a higher rate are thinned.
 pub const MOST_HZ: f64 = 4000.0;
-/// Numbers of the widest frame.
+/// Number of components of the widest frame.
 const MOST_LANES: usize = Coefficients::WIDTH;
-/// What is taken in between two looks at most without allocating, s.
+/// Buffer length for new frames without allocation, s.
 const ROOM_S: f64 = 0.1;
-/// When what was counted is this far from the time of the run, frames were lost, s.
+/// Difference between the frame count and the time of the run that indicates lost frames, s.
 const APART_S: f64 = 0.25;
 
 /// A port of a graph.
@@ -27,7 +27,7 @@ pub struct Port {
 }
 
 impl Port {
-    /// Can its frames be shown? Numbers, vectors and wrenches can.
+    /// True if its frames can be displayed: scalars, vectors and wrenches.
     pub fn is_shown(&self) -> bool {
         matches!(self.kind, Kind::Scalar | Kind::Vector | Kind::Wrench)
     }
@@ -51,20 +51,21 @@ fn port(graph: &Graph, node: &haptograph_engine::graph::Node, output: &Output) -
     })
 }
 
-/// A port whose frames come in.
+/// A port with its incoming frames.
 #[derive(Debug)]
 pub struct Scope {
     pub port: Port,
     pub level: Level,
     frames: AnyOutput,
-    /// Time of the run at the first frame, s; none before it came.
+    /// Time of the run at the first frame, s; `None` before it.
     begin_s: Option<f64>,
-    /// Frames before the fresh ones.
+    /// Number of frames before the fresh ones.
     count: u64,
-    /// Frames that came since the last look, and numbers of them that it has seen.
+    /// The frames since the last call of [`Scope::look`], and the number of their components already
+    /// processed.
     fresh: Vec<f64>,
     seen: usize,
-    /// Frames in an interval, and those that are not sent yet: least and most of each lane.
+    /// Frames in an interval, and the minimum and maximum of each component in the unfinished one.
     group: usize,
     grouped: usize,
     open: Vec<(f64, f64)>,
@@ -73,7 +74,7 @@ pub struct Scope {
 }
 
 impl Scope {
-    /// The frames of a port from now on.
+    /// A scope that begins with the next frame of a port.
     pub fn of(port: Port, frames: AnyOutput) -> Self {
         let (lanes, rate_hz) = (port.kind.width(), port.rate_hz);
         Self {
@@ -92,7 +93,7 @@ impl Scope {
         }
     }
 
-    /// Takes in what came, and returns it. Does not allocate where it is called at least every 100 ms.
+    /// Reads the new frames and returns them. Does not allocate if it is called at least every 100 ms.
     pub fn take_in(&mut self) -> &[f64] {
         let lanes = self.lanes();
         if self.seen > 0 {
@@ -109,7 +110,7 @@ impl Scope {
         &self.fresh[before..]
     }
 
-    /// Looks at what came until `now_s`.
+    /// Processes the frames up to `now_s`.
     pub fn look(&mut self, now_s: f64) {
         self.take_in();
         let lanes = self.lanes();
@@ -148,17 +149,17 @@ impl Scope {
         self.port.kind.width()
     }
 
-    /// The frames that came, lane by lane within each.
+    /// The new frames, with interleaved components.
     pub fn fresh(&self) -> &[f64] {
         &self.fresh
     }
 
-    /// Time of the run at the first of them, s.
+    /// Time of the run at the first new frame, s.
     pub fn fresh_s(&self) -> f64 {
         self.begin_s.unwrap_or(0.0) + self.count as f64 / self.port.rate_hz
     }
 
-    /// The message for a page that has this port at `place` of its list; none where nothing came.
+    /// The message for a page that has this port at `place` of its list; `None` without new frames.
     pub fn message(&self, place: usize, raw: bool) -> Option<Vec<u8>> {
         let is_thinned = !raw && self.port.rate_hz > MOST_HZ;
         let interval_s = 1.0 / self.port.rate_hz;

@@ -1,8 +1,8 @@
-//! A graph that runs, the pages that are connected to it, and what they may do.
+//! A running graph with its connected pages, and the actions that these may take.
 
-use super::actuators::{Actuator, Sound};
+use super::actuators::{Actuator, Sound, driven};
 use super::again::After;
-use super::drive::{Drive, DrivenBy};
+use super::drive::{Drive, DrivenBy, Timing};
 use super::envelope::Confirmed;
 use super::levels::Costs;
 use super::load::{Loaded, Source};
@@ -15,49 +15,53 @@ use super::scope::{self, Port, Scope};
 use super::wire::Pointer;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::host::{PlayOptions, Player};
-use haptograph_engine::run::Session;
+use haptograph_engine::run::{ArmSwitch, Session};
+use haptograph_nodes::network::Connections;
+use haptograph_nodes::soundcard::{CardNote, Inputs, Wanted, wanted};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How long a run may take to fall to zero.
+/// Maximum duration of the fall to zero.
 const STOPPING: Duration = Duration::from_secs(2);
 
-/// What the run is doing.
+/// State of the run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
     Running,
-    /// By the page's STOP: drives are at zero.
+    /// Stopped by a page: actuators are at zero.
     Stopped,
-    /// A node panicked: drives are at zero.
+    /// A node panicked: actuators are at zero.
     Failed,
 }
 
-/// What the host of an engine can do besides running it.
+/// Abilities of the host of an engine.
 #[derive(Debug, Clone, Copy)]
 pub struct Host {
-    /// As `hello` says it.
+    /// Name in the message `hello`.
     pub name: &'static str,
     pub driven_by: DrivenBy,
     pub can_save: bool,
     pub can_learn: bool,
+    /// Real devices, where the graph has them.
+    pub can_drive: bool,
 }
 
-/// Why an edit or a start came to nothing.
+/// Error of an edit or a start.
 #[derive(Debug, thiserror::Error)]
 pub enum StageError {
-    /// The graph is wrong.
+    /// The graph has errors.
     #[error("the graph has errors")]
     Graph(Diagnostics),
-    /// It permits what the file did not permit when the studio was opened: one sentence for each.
+    /// The graph exceeds the limits and devices of the file when the studio was opened, one sentence each.
     #[error(
         "limits cannot be raised, nor actuators added or devices changed, from the page: {}; nothing is changed. Edit \
          the file itself, with an editor on the machine of the studio, and open the studio again",
         .0.join("; ")
     )]
     Beyond(Vec<String>),
-    /// It cannot be played or put in place.
+    /// The graph cannot run or cannot be swapped in.
     #[error("{0}")]
     Other(String),
 }
@@ -72,49 +76,57 @@ fn other(error: impl std::fmt::Display) -> StageError {
     StageError::Other(error.to_string())
 }
 
-/// The graph that runs and whoever looks at it.
+/// The running graph and its pages.
 pub struct Stage {
     pub host: Host,
     pub source: Source,
     pub loaded: Loaded,
-    /// The text of the file as it was read or saved last.
+    /// The text of the file when it was last read or saved.
     pub on_disk: String,
-    /// What no edit may go beyond; none where nothing real can be reached.
+    /// Limits and devices that no edit may exceed; `None` if no real device can be reached.
     pub confirmed: Option<Arc<Confirmed>>,
     pub state: State,
     pub session: Option<Session>,
     pub drive: Option<Drive>,
+    /// Arms the real actuators of this run.
+    pub switch: Arc<ArmSwitch>,
+    /// The real devices of other programs, the soundcards that are listened to, and what was asked of soundcards.
+    pub network: Connections,
+    pub inputs: Inputs,
+    wanted: Option<Wanted>,
+    /// What became of a soundcard.
+    pub note: Option<String>,
     pub pads: Vec<Pad>,
     pub scopes: Vec<Scope>,
     pub costs: Costs,
     pub actuators: Vec<Actuator>,
     pub sound: Option<Sound>,
     pub pages: Vec<Page>,
-    /// The page that moves the pads and the settings.
+    /// The page that controls the pads and the settings.
     pub owner: Option<u64>,
-    /// Live inputs that are silent, and since when, s of the run.
+    /// Silent live inputs, with the time of the run since which they are silent, s.
     pub silent: Vec<(String, f64)>,
-    /// Where the folders of recorded runs are made, and the one of this run.
+    /// The folder for recorded runs, and the folder of this run.
     pub out: Option<PathBuf>,
     pub folder: Option<PathBuf>,
     pub recorder: Option<Recording>,
-    /// What the page in that folder will show.
+    /// Signals recorded for the page in that folder.
     kept: Vec<Kept>,
-    /// Why that page is not there.
+    /// Error of writing that page.
     pub page_error: Option<String>,
     pub replay: Option<Replay>,
-    /// How it goes on after the run.
+    /// What follows this run.
     pub after: After,
-    /// Time that is still to be run where a recording is done again, s.
+    /// Time still to be run in a replay, s.
     pub owed_s: f64,
-    /// Times from a pointer's arrival to its tick, s.
+    /// Delays from the arrival of pointers to their ticks, s.
     latencies_s: Vec<f64>,
     rate_hz: f64,
     pub next_page: u64,
 }
 
 impl Stage {
-    /// Runs the graph of a file.
+    /// Opens and runs the graph of a file.
     pub fn open(source: Source, host: Host) -> Result<Self, StageError> {
         let text = source
             .read()
@@ -129,6 +141,11 @@ impl Stage {
             state: State::Stopped,
             session: None,
             drive: None,
+            switch: Arc::default(),
+            network: Connections::default(),
+            inputs: Inputs::default(),
+            wanted: None,
+            note: None,
             pads: Vec::new(),
             scopes: Vec::new(),
             costs: Costs::default(),
@@ -153,17 +170,25 @@ impl Stage {
         Ok(stage)
     }
 
-    /// Begins to run under the hand.
+    /// Starts a live run.
     pub fn start(&mut self) -> Result<(), StageError> {
         self.start_as(After::Live)
     }
 
-    /// Begins to run. What is not simulated begins as warm as its limit allows, as nobody knows how long it has rested.
+    /// Starts a run. Real actuators start as warm as their limits allow, since their temperature is unknown.
     pub fn start_as(&mut self, how: After) -> Result<(), StageError> {
         if self.state == State::Running {
             return Ok(());
         }
-        // Queues of endpoints are for one run.
+        let begun = self.begin(how);
+        if begun.is_err() {
+            self.release();
+        }
+        begun
+    }
+
+    fn begin(&mut self, how: After) -> Result<(), StageError> {
+        // The queues of endpoints serve one run only.
         self.loaded = self.source.load(&self.loaded.text)?;
         let graph = &self.loaded.graph;
         let ports = scope::ports(graph);
@@ -177,11 +202,23 @@ impl Stage {
             options.folder = self.folder.clone();
         }
         self.costs = Costs::default();
-        // What is driven of a pad's endpoint is driven nowhere.
+        // Outputs of a pad's endpoint are not connected.
         let mut devices = graph.devices().iter();
         options.live.rested =
             devices.all(|device| device.entry.spec.simulated || self.loaded.is_pad(&device.name));
+        // Whoever armed the run before did not arm this one.
+        self.switch = Arc::default();
+        options.live.arm = Some(Arc::clone(&self.switch));
+        let is_live = self.host.can_drive && !matches!(how, After::Replay(_));
+        if self.host.can_drive {
+            self.wanted = Some(wanted(graph).map_err(other)?);
+            self.network.connect(graph).map_err(other)?;
+        }
         let (mut player, session) = Player::open(graph, &options).map_err(other)?;
+        if is_live {
+            let live = std::slice::from_mut(player.live_mut());
+            self.inputs = Inputs::open(graph, live).map_err(other)?;
+        }
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.pads = pads.collect::<Result<_, _>>().map_err(other)?;
         let scope = |port: Port| player.any_probe(&port.name).map(|frames| Scope::of(port, frames));
@@ -195,6 +232,10 @@ impl Stage {
             .first()
             .map(|driver| graph.clocks()[*driver].rate.hz());
         self.rate_hz = driver.unwrap_or(1.0);
+        let timing = match self.host.can_drive && !driven(graph).is_empty() {
+            true => Timing::STRICT,
+            false => Timing::EASY,
+        };
         let driven_by = match how {
             After::Replay(_) => DrivenBy::Caller,
             _ => self.host.driven_by,
@@ -202,7 +243,7 @@ impl Stage {
         match how {
             After::Record => {
                 self.recorder = Some(Recording::begin(&self.source, &self.loaded.text, self.rate_hz));
-                // Without a folder nobody reads it.
+                // Without a folder there is no page.
                 self.kept = match self.folder {
                     Some(_) => Kept::of(graph),
                     None => Vec::new(),
@@ -211,16 +252,21 @@ impl Stage {
             After::Replay(recording) => self.replay = Some(Replay::of(*recording)),
             After::Nothing | After::Live => {}
         }
-        self.drive = Some(Drive::start(player, driven_by, self.rate_hz).map_err(other)?);
+        let card = self.wanted.as_ref().filter(|_| is_live);
+        self.drive = Some(match card.and_then(|wanted| wanted.output.clone()) {
+            Some(request) => Drive::start_by_card(player, request).map_err(other)?,
+            None => Drive::start(player, driven_by, (self.rate_hz, timing)).map_err(other)?,
+        });
         self.session = Some(session);
         self.state = State::Running;
         self.describe_actuators();
         Ok(())
     }
 
-    /// Falls to zero and stops; where the caller drives, in what it runs next.
+    /// Lets the outputs fall to zero and stops; if the caller drives, within its next frames.
     pub fn stop(&mut self) {
-        let (Some(session), Some(drive)) = (&self.session, &self.drive) else {
+        self.disarm();
+        let (Some(session), Some(drive)) = (&self.session, &mut self.drive) else {
             return;
         };
         session.stop();
@@ -241,7 +287,9 @@ impl Stage {
         let (Some(session), Some(drive)) = (self.session.take(), self.drive.take()) else {
             return;
         };
+        self.disarm();
         let ended = drive.join().map(|player| player.finish(session));
+        self.release();
         // The last frames: what begins next has scopes of its own.
         self.look_at_scopes(now_s);
         send_samples(self);
@@ -258,27 +306,40 @@ impl Stage {
         self.go_on();
     }
 
+    /// Lets go of the real devices; each is told a last zero.
+    fn release(&mut self) {
+        (self.network, self.inputs, self.note) = (Connections::default(), Inputs::default(), None);
+    }
+
     /// Time of the run, s.
     pub fn now_s(&self) -> f64 {
         let frames = self.drive.as_ref().map_or(0, |drive| drive.pace.frames());
         frames as f64 / self.rate_hz
     }
 
-    /// Frames of the driver in a second, Hz.
+    /// Rate of the driver, Hz.
     pub fn rate_hz(&self) -> f64 {
         self.rate_hz
     }
 
-    /// Where the caller drives: how much time passed since this was called last, and how much of it the graph took.
+    /// Updates the timing if the caller drives: wall-clock time and computing time since the last call.
     pub fn keep_time(&mut self, passed: Duration, busy: Duration) {
         if let Some(drive) = &mut self.drive {
             drive.keep_time(passed, busy, self.rate_hz);
         }
     }
 
-    /// Takes in what the run did since.
+    /// Collects the new data of the run.
     pub fn look(&mut self) {
         let now_s = self.now_s();
+        let notes = self.drive.as_mut().map(Drive::poll).unwrap_or_default();
+        for note in notes.into_iter().chain(self.inputs.poll()) {
+            if let CardNote::Turn(note) = note {
+                // What is plugged in anew is not what was armed.
+                self.disarm();
+                self.note = Some(note);
+            }
+        }
         if let Some(session) = &mut self.session {
             session.poll();
         }
@@ -310,8 +371,8 @@ impl Stage {
         }
     }
 
-    /// Runs so many frames where the caller drives, and returns what is played of them, 1 being the peak limit. Real-time
-    /// code: it does not allocate where [`look`](Self::look) is called often enough.
+    /// Runs `frames` frames if the caller drives; returns the samples to play, where 1 is the peak limit.
+    /// Real-time code: it does not allocate if [`look`](Self::look) is called often enough.
     pub fn process(&mut self, frames: usize) -> impl Iterator<Item = f64> {
         self.run(frames);
         let scopes = &mut self.scopes;
@@ -323,7 +384,8 @@ impl Stage {
         values.iter().map(move |value| value / peak)
     }
 
-    /// Pointers of a page on a pad; those of pages that do not own the pads move nothing, nor those during a replay.
+    /// Applies pointer events of a page to a pad; ignored for pages that do not own the pads, and during a
+    /// replay.
     pub fn point(&mut self, page: u64, number: usize, points: &[Pointer]) {
         if self.owner != Some(page) || self.replay.is_some() {
             return;
@@ -336,7 +398,7 @@ impl Stage {
             let now_s = frame as f64 / self.rate_hz;
             for point in points {
                 let due_s = page.clock.due_s(point.at_s, now_s);
-                // What is done is what is kept.
+                // The recorded event is the one that is applied.
                 let made = moved(frame, number, due_s, point);
                 let (due_s, point) = meant(&made);
                 pad.move_to(due_s, &point);
@@ -350,7 +412,7 @@ impl Stage {
         self.latencies_s.drain(..most);
     }
 
-    /// From pointers' arrival to their ticks since this was asked last.
+    /// Statistics of the delays from pointer arrival to tick since the last call.
     pub fn pointer_latency(&mut self) -> Value {
         let mut all = std::mem::take(&mut self.latencies_s);
         all.sort_by(f64::total_cmp);
@@ -359,7 +421,7 @@ impl Stage {
         json!({ "count": all.len(), "p50_ms": middle * 1e3, "max_ms": most * 1e3 })
     }
 
-    /// Turns a live setting.
+    /// Sets a live setting.
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), StageError> {
         let (Some(session), Some(drive)) = (&mut self.session, &self.drive) else {
             return Err(other("the run is stopped"));
@@ -376,7 +438,7 @@ impl Stage {
         })
     }
 
-    /// Another graph takes over; says what that was.
+    /// Swaps the graph; returns a description of the change.
     pub fn take(&mut self, source: Source, next: Loaded) -> Result<String, StageError> {
         if self.session.is_none() {
             (self.loaded, self.source) = (next, source);
@@ -388,12 +450,22 @@ impl Stage {
         }
         let ports = scope::ports(&next.graph);
         let names: Vec<String> = ports.iter().map(|port| port.name.clone()).collect();
+        let connected = match self.host.can_drive {
+            true => Some(self.network.connect(&next.graph).map_err(other)?),
+            false => None,
+        };
+        self.disarm_unless_same(&next);
         let Some(session) = self.session.as_mut() else {
             return Err(other("the run is stopped"));
         };
-        let (changed, mut probes) = session
-            .change_and_probe(&next.graph, None, &names)
-            .map_err(other)?;
+        let changed = session.change_and_probe(&next.graph, None, &names);
+        let (changed, mut probes) = changed.map_err(|error| {
+            connected
+                .into_iter()
+                .for_each(|before| self.network.let_go(before));
+            other(error)
+        })?;
+        self.network.follow(&next.graph);
         self.scopes.retain(|scope| ports.contains(&scope.port));
         for port in ports {
             if !self.scopes.iter().any(|scope| scope.port == port) {
@@ -402,7 +474,7 @@ impl Stage {
             }
         }
         (self.loaded, self.source) = (next, source);
-        // Their channels are the same.
+        // The new pads have the same channels.
         for (pad, spec) in self.pads.iter_mut().zip(&self.loaded.pads) {
             pad.lay_on(spec);
         }
@@ -410,10 +482,13 @@ impl Stage {
         Ok(changed.change.to_string())
     }
 
-    /// Why a graph needs a new run.
+    /// Why a graph cannot be swapped in without a new run.
     fn obstacle(&self, next: &Loaded) -> Option<String> {
         if self.recorder.is_some() || self.replay.is_some() {
             return Some("a recording is of one graph: end it first".to_owned());
+        }
+        if self.wanted.is_some() && self.wanted != wanted(&next.graph).ok() {
+            return Some("it asks for another soundcard: stop, apply, and go on".to_owned());
         }
         let channels = |loaded: &Loaded| -> Vec<String> {
             let channels = loaded.graph.host_inputs().chain(loaded.graph.host_outputs());
@@ -431,7 +506,7 @@ impl Stage {
 }
 
 impl Stage {
-    /// Ends the run with whole files.
+    /// Ends the run with complete files.
     pub fn close(&mut self) {
         self.halt();
         self.end();

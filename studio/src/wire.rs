@@ -1,21 +1,21 @@
-//! What the page says, read and bounded.
+//! Messages of the page: parsing, with bounds.
 
 use super::record::Recording;
 use serde::Deserialize;
 
-/// The version of the protocol.
+/// Version of the protocol.
 pub const VERSION: u32 = 1;
-/// The subprotocol of the WebSocket.
+/// Subprotocol of the WebSocket.
 pub const SUBPROTOCOL: &str = "haptograph.studio.1";
-/// The longest message that is taken, bytes; a recording to learn from or to do again may be longer.
+/// Maximum size of a message, bytes; recordings to learn from or to replay may be larger.
 pub const MOST_BYTES: usize = 1 << 20;
 pub const MOST_LEARNED_BYTES: usize = 80 << 20;
-/// How such messages begin.
+/// Beginnings of such messages.
 const LONG: [&str; 2] = [r#"{"type":"learn""#, r#"{"type":"replay""#];
-/// Ports that a page sees at once.
+/// Maximum number of ports displayed by a page.
 pub const MOST_SCOPES: usize = 16;
 
-/// A message as it is sent, either way.
+/// A message in either direction.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Message {
     /// JSON.
@@ -27,68 +27,78 @@ pub enum Message {
 /// A JSON message of the page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
-pub enum Said {
-    /// A live setting.
+pub enum ClientMessage {
+    /// Set a live setting.
     Set {
         name: String,
         value: f64,
     },
-    /// A graph parameter, as RON text.
+    /// Set a graph parameter, as RON text.
     Parameter {
         request: u64,
         name: String,
         value: String,
     },
-    /// What is wrong with this text?
+    /// Check this text.
     Check {
         request: u64,
         text: String,
     },
-    /// It takes over.
+    /// Swap this text in.
     Apply {
         request: u64,
         text: String,
     },
-    /// It is written to the graph's file.
+    /// Write this text to the graph's file.
     Save {
         request: u64,
         text: String,
     },
-    /// The ports to be sent.
+    /// Send these ports.
     Scope {
-        ports: Vec<Wanted>,
+        ports: Vec<ScopeRequest>,
     },
-    /// Whether to send what is played.
+    /// Enable or disable the sound.
     Sound {
         on: bool,
     },
-    /// Whether to send levels and costs, for the drawing.
+    /// Enable or disable levels and costs, for the drawing.
     Levels {
         on: bool,
     },
-    /// A recording becomes a surface.
+    /// Learn a surface from a recording.
     Learn {
         request: u64,
         name: String,
         csv: String,
     },
-    /// The run begins anew, and what is done from its first frame on is kept; or that ends.
+    /// Restart the run and record it from its first frame on, or end the recording.
     Record {
         on: bool,
     },
-    /// What was kept is done again, from the first frame of a new run on.
+    /// Replay a recording from the first frame of a new run on.
     Replay {
         request: u64,
         recording: Box<Recording>,
     },
     Stop,
     Resume,
-    /// This page wants to be the owner.
+    /// Arms the real actuators, at a low gain.
+    Arm,
+    /// Sets the gain behind the limits while armed, 0 to 1.
+    Gain {
+        gain: f64,
+    },
+    /// Keeps the actuators armed.
+    Hold,
+    Disarm,
+    /// Make this page the owner.
     Own,
 }
 
-impl Said {
-    /// Is it about files, about another graph, or an end of a STOP? Pages elsewhere do not ask for that.
+impl ClientMessage {
+    /// True for messages about files, other graphs, the end of a STOP, or real actuators, which pages on the
+    /// network must not send.
     pub fn is_for_machine(&self) -> bool {
         matches!(
             self,
@@ -99,6 +109,9 @@ impl Said {
                 | Self::Record { .. }
                 | Self::Replay { .. }
                 | Self::Resume
+                | Self::Arm
+                | Self::Gain { .. }
+                | Self::Hold
         )
     }
 
@@ -116,28 +129,28 @@ impl Said {
     }
 }
 
-/// A port to be sent.
+/// A port to send.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-pub struct Wanted {
+pub struct ScopeRequest {
     pub name: String,
-    /// Every frame, also at high rates.
+    /// Send every frame, even at high rates.
     #[serde(default)]
     pub raw: bool,
 }
 
-/// Where a pointer was.
+/// A pointer event.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pointer {
-    /// By the clock of the page, s.
+    /// Time by the clock of the page, s.
     pub at_s: f64,
     pub position_m: [f64; 2],
     pub force_n: f64,
-    /// How far its upper end is tilted to the right, and towards whoever holds it, degrees.
+    /// Tilt of the upper end to the right, and towards the person who holds it, degrees.
     pub tilt_deg: [f64; 2],
 }
 
 impl Pointer {
-    /// A part of the straight way to another.
+    /// Linear interpolation towards another pointer event.
     pub fn towards(&self, to: &Self, part: f64) -> Self {
         let between = |a: f64, b: f64| a + part * (b - a);
         let both = |a: [f64; 2], b: [f64; 2]| [between(a[0], b[0]), between(a[1], b[1])];
@@ -150,41 +163,41 @@ impl Pointer {
     }
 }
 
-/// Why a message is not taken.
+/// Why a message is rejected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
-    /// It is no message of the protocol.
-    #[error("it is no message that is known: {0}")]
+    /// Not a message of the protocol.
+    #[error("unknown message: {0}")]
     Json(String),
     /// It is longer than any that is known.
     #[error("a message of {0} bytes is too long")]
     Long(usize),
     /// A binary message of another kind or length.
-    #[error("a binary message of {0} bytes is no list of pointers")]
+    #[error("a binary message of {0} bytes is not a list of pointers")]
     Binary(usize),
-    /// A pointer beyond all reason.
+    /// A pointer out of range.
     #[error(
         "a pointer is at no number, further than {MOST_MM} mm from the middle, presses with more than {MOST_N} N, or is tilted by more than {MOST_DEG} degrees"
     )]
     Pointer,
 }
 
-/// Bounds of what a pointer can be.
+/// Bounds of a pointer.
 pub const MOST_M: f64 = 1.0;
 pub const MOST_N: f64 = 20.0;
-/// An upright pen has none; one that lies has 90.
+/// 0 for an upright pen, 90 for a horizontal one.
 pub const MOST_DEG: f64 = 90.0;
 const MOST_MM: f64 = MOST_M * 1e3;
 const HEAD: usize = 8;
 const POINTER: usize = 28;
 
-/// A text message; none of a kind that is not known.
-pub fn said(text: &str) -> Result<Option<Said>, WireError> {
+/// Parses a text message; `None` if its type is unknown.
+pub fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError> {
     #[derive(Deserialize)]
     struct Kind {
         r#type: String,
     }
-    const KINDS: [&str; 14] = [
+    const KINDS: [&str; 18] = [
         "learn",
         "record",
         "replay",
@@ -199,6 +212,10 @@ pub fn said(text: &str) -> Result<Option<Said>, WireError> {
         "stop",
         "resume",
         "own",
+        "arm",
+        "gain",
+        "hold",
+        "disarm",
     ];
     if text.len() > MOST_BYTES && !LONG.iter().any(|long| text.starts_with(long)) {
         return Err(WireError::Long(text.len()));
@@ -211,7 +228,7 @@ pub fn said(text: &str) -> Result<Option<Said>, WireError> {
     serde_json::from_str(text).map(Some).map_err(wrong)
 }
 
-/// A list of pointers, and the pad that they are on.
+/// Parses a list of pointers and the number of their pad.
 pub fn pointers(bytes: &[u8]) -> Result<(usize, Vec<Pointer>), WireError> {
     let wrong = || WireError::Binary(bytes.len());
     let (head, body) = bytes.split_at_checked(HEAD).ok_or_else(wrong)?;
@@ -235,7 +252,7 @@ fn pointer(bytes: &[u8]) -> Option<Pointer> {
     let [x_mm, y_mm, force_n] = [x, y, force].map(|four| f32::from_le_bytes(*four));
     let tilt_deg = [right, towards].map(|four| f64::from(f32::from_le_bytes(*four)));
     let is_near = |mm: f32| f64::from(mm.abs()) <= MOST_MM;
-    // Comparisons with what is no number are false.
+    // Comparisons with NaN are false.
     let is_right = is_near(x_mm)
         && is_near(y_mm)
         && (0.0..=MOST_N).contains(&f64::from(force_n))
@@ -267,7 +284,7 @@ pub fn samples(
     bytes
 }
 
-/// A message with what is played.
+/// A message with samples to play.
 pub fn sound(at_s: f64, values: &[f32]) -> Vec<u8> {
     let mut bytes = vec![3, 0, 0, 0];
     bytes.extend((values.len() as u32).to_le_bytes());
@@ -327,8 +344,8 @@ mod tests {
 
     #[test]
     fn unknown_messages_are_passed_over_and_wrong_ones_refused() {
-        assert_eq!(said(r#"{"type":"dance"}"#), Ok(None));
-        assert_eq!(said(r#"{"type":"stop"}"#), Ok(Some(Said::Stop)));
+        assert_eq!(parse_text(r#"{"type":"dance"}"#), Ok(None));
+        assert_eq!(parse_text(r#"{"type":"stop"}"#), Ok(Some(ClientMessage::Stop)));
         for wrong in [
             "",
             "[]",
@@ -337,7 +354,7 @@ mod tests {
             r#"{"type":"set","name":"a"}"#,
             r#"{"type":"set","name":"a","value":"b"}"#,
         ] {
-            assert!(said(wrong).is_err(), "{wrong}");
+            assert!(parse_text(wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -37,6 +37,7 @@ fn options(place: &Path) -> Options {
     Options {
         graph: place.join("graph/texturepad.ron"),
         set: Vec::new(),
+        endpoints: None,
         port: 0,
         out: place.join("out"),
         surfaces: Vec::new(),

@@ -1,17 +1,15 @@
 //! The studio as its page meets it: by HTTP and WebSocket. What takes time is waited for, however long a machine needs.
 
+mod common;
+
+use common::{PATIENCE, Page};
 use haptograph_studio::{Options, Studio};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
-use tungstenite::client::IntoClientRequest;
-use tungstenite::stream::MaybeTlsStream;
-use tungstenite::{Message, WebSocket};
-
-const PATIENCE: Duration = Duration::from_secs(60);
+use tungstenite::Message;
 
 fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name)
@@ -25,6 +23,7 @@ fn open_with(graph: &Path, out: &Path) -> Studio {
     let options = Options {
         graph: graph.to_owned(),
         set: Vec::new(),
+        endpoints: None,
         port: 0,
         out: out.to_owned(),
         surfaces: Vec::new(),
@@ -43,97 +42,6 @@ fn copied() -> (tempfile::TempDir, PathBuf) {
     }
     let graph = folder.path().join("texturepad.ron");
     (folder, graph)
-}
-
-/// A page's end of the conversation.
-struct Page {
-    socket: WebSocket<MaybeTlsStream<TcpStream>>,
-    begun: Instant,
-    graph: Value,
-}
-
-impl Page {
-    fn of(studio: &Studio) -> Self {
-        let (address, token) = (studio.address(), studio.token());
-        let url = format!("ws://{address}/live?token={token}");
-        let mut request = url.into_client_request().expect("a request");
-        let headers = request.headers_mut();
-        headers.insert("origin", format!("http://{address}").parse().expect("a header"));
-        headers.insert(
-            "sec-websocket-protocol",
-            "haptograph.studio.1".parse().expect("a header"),
-        );
-        let (socket, _) = tungstenite::connect(request).expect("it is let in");
-        if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
-            stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
-        }
-        let mut page = Self {
-            socket,
-            begun: Instant::now(),
-            graph: Value::Null,
-        };
-        assert_eq!(page.wait(|said| said["type"] == "hello")["version"], 1);
-        page.graph = page.wait(|said| said["type"] == "graph");
-        page
-    }
-
-    fn say(&mut self, value: &Value) {
-        self.socket
-            .send(Message::text(value.to_string()))
-            .expect("it is heard");
-    }
-
-    /// The first text that is wanted.
-    fn wait(&mut self, is_wanted: impl Fn(&Value) -> bool) -> Value {
-        let asked = Instant::now();
-        while asked.elapsed() < PATIENCE {
-            if let Message::Text(text) = self.socket.read().expect("it goes on") {
-                let said: Value = serde_json::from_str(&text).expect("JSON");
-                if is_wanted(&said) {
-                    return said;
-                }
-            }
-        }
-        panic!("it was never said");
-    }
-
-    fn request(&mut self, mut value: Value) -> Value {
-        let request = self.begun.elapsed().as_nanos() as u64;
-        value["request"] = json!(request);
-        self.say(&value);
-        self.wait(|said| said["type"] == "reply" && said["request"] == request)
-    }
-
-    fn point(&mut self, x_mm: f32, y_mm: f32, force_n: f32) {
-        let mut bytes = vec![1, 0, 1, 0, 0, 0, 0, 0];
-        bytes.extend((self.begun.elapsed().as_secs_f64() * 1e3).to_le_bytes());
-        for value in [x_mm, y_mm, force_n, 0.0, 0.0] {
-            bytes.extend(value.to_le_bytes());
-        }
-        self.socket.send(Message::binary(bytes)).expect("it is heard");
-    }
-
-    /// Strokes circles of 30 mm at so many mm/s until as many seconds of the first scope came; its samples.
-    fn stroke(&mut self, speed_mm_s: f64, force_n: f32, seconds: f64) -> Vec<f32> {
-        let (mut samples, mut covered_s) = (Vec::new(), 0.0);
-        let asked = Instant::now();
-        while covered_s < seconds && asked.elapsed() < PATIENCE {
-            let angle = self.begun.elapsed().as_secs_f64() * speed_mm_s / 30.0;
-            self.point(30.0 * angle.cos() as f32, 30.0 * angle.sin() as f32, force_n);
-            if let Message::Binary(bytes) = self.socket.read().expect("it goes on")
-                && bytes[0] == 2
-            {
-                let interval_s = f64::from_le_bytes(bytes[16..24].try_into().expect("eight"));
-                let values = bytes[24..].chunks_exact(4);
-                let values: Vec<f32> = values
-                    .map(|four| f32::from_le_bytes(four.try_into().expect("four")))
-                    .collect();
-                covered_s += values.len() as f64 * interval_s;
-                samples.extend(values);
-            }
-        }
-        samples
-    }
 }
 
 fn rms(samples: &[f32]) -> f64 {

@@ -1,6 +1,7 @@
 // What of the page needs no browser: node --test
 import assert from "node:assert/strict";
 import test from "node:test";
+import { drivenOf } from "../page/arming.js";
 import { scaleFor } from "../page/control.js";
 import { density } from "../page/fft.js";
 import { pointers, read } from "../page/frames.js";
@@ -197,4 +198,17 @@ test("endpoints that no pointer can be are named, with what a pad does not give 
         "probe stays simulated: what it touches is not known.",
     ]);
     assert.deepEqual(simulatedAlone(null), []);
+    const devices = [{ name: "probe", simulated: false }];
+    assert.deepEqual(simulatedAlone({ others: others.slice(1), devices }), ["probe is real: a hand moves it, not a pointer."]);
+});
+
+test("what is armed is what an actuator drives and is real, once each", () => {
+    const actuators = [{ endpoint: "coil" }, { endpoint: "coil" }, { endpoint: "motor" }];
+    const devices = [
+        { name: "coil", simulated: false },
+        { name: "motor", simulated: true },
+        { name: "sensor", simulated: false },
+    ];
+    assert.deepEqual(drivenOf({ actuators, devices }), [devices[0]]);
+    assert.deepEqual(drivenOf(null), []);
 });

@@ -91,34 +91,38 @@ fn voices(name: &str, texture: &TextureModel) {
     contest::compare(work, contenders);
 }
 
-/// Multiply-adds that wait for nothing but the units.
-struct Peak<'a>(&'a mut [[f64; 16]; 8], usize);
+/// Multiply-adds that wait for nothing but the units, as many as fit in the registers of any processor; gives how many they are.
+struct Peak;
 
-impl WithSimd for Peak<'_> {
-    type Output = ();
+impl WithSimd for Peak {
+    type Output = usize;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let mut sums = *self.0;
-        for _ in 0..self.1 {
+    fn with_simd<S: Simd>(self, simd: S) -> usize {
+        const ROUNDS: usize = 100_000;
+        const CHAINS: usize = 12;
+        let (factor, offset) = (simd.splat_f64s(0.999), simd.splat_f64s(0.001));
+        let mut sums = [simd.splat_f64s(black_box(0.5)); CHAINS];
+        for _ in 0..ROUNDS {
             for sum in &mut sums {
-                for x in sum {
-                    *x = x.mul_add(0.999, 0.001);
-                }
+                *sum = simd.mul_add_f64s(*sum, factor, offset);
             }
         }
-        *self.0 = sums;
+        let nothing = simd.splat_f64s(0.0);
+        let total = sums.into_iter().fold(nothing, |a, b| simd.add_f64s(a, b));
+        black_box(simd.reduce_sum_f64s(total));
+        ROUNDS * CHAINS * S::F64_LANES
     }
 }
 
 fn bound(what: &str, per_sample: usize) {
-    const ROUNDS: usize = 100_000;
-    let mut sums = [[0.5; 16]; 8];
-    let mut run = || Arch::new().dispatch(Peak(black_box(&mut sums), ROUNDS));
+    let mut run = || {
+        black_box(Arch::new().dispatch(Peak));
+    };
     let work = Work {
         title: &format!("the {per_sample} operations of a sample of {what}, where they wait for nothing"),
         unit: "voice and sample",
-        units: ROUNDS * 16 * 8 / per_sample,
+        units: Arch::new().dispatch(Peak) / per_sample,
         turns: 21,
     };
     contest::compare(work, &mut [("multiply-adds", &mut run)]);

@@ -390,7 +390,7 @@ mod tests {
         }
     }
 
-    /// The surfaces that ship, and the toolkit's where it is at hand.
+    /// The shipped surfaces, and the toolkit's if available.
     fn available() -> Vec<TextureModel> {
         let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/surfaces");
         let mut files: Vec<_> = std::fs::read_dir(shipped)

@@ -1,7 +1,7 @@
 //! Lines fixed in space: tones that regularly spaced threads, ridges and grooves add to the noise of a texture.
 //!
 //! A line of K cycles per metre has a frequency of K times the speed. Its phase is 2 pi K times the travelled distance, plus
-//! a random walk for irregular distances. Its power at a speed and force is interpolated over the map like the models' power.
+//! a random walk for irregular distances. Its amplitude is interpolated over the map, as that of warped models is.
 
 use crate::TextureError;
 use haptograph_signal::noise::Gaussian;
@@ -66,14 +66,15 @@ impl SpatialLine {
     }
 }
 
-/// Powers of `lines` at a mix of three models by number, (m/s²)²; 0 for numbers of no model and from the lines' number on.
+/// Powers of `lines` at a mix of three models by number, (m/s²)²: the squares of the mixed amplitudes; 0 for numbers of no model and from the lines' number on.
 pub fn mixed_powers(lines: &[SpatialLine], models: [u32; 3], weights: [f64; 3]) -> [f64; MAX_LINES] {
     let mut powers = [0.0; MAX_LINES];
     for (power, line) in powers.iter_mut().zip(lines) {
-        *power = models.iter().zip(weights).fold(0.0, |sum, (model, weight)| {
-            let at_model = line.powers_m2_s4.get(*model as usize).copied();
-            sum + weight * at_model.unwrap_or(0.0)
+        let amplitude = models.iter().zip(weights).fold(0.0, |sum, (model, weight)| {
+            let at_model = line.powers_m2_s4.get(*model as usize);
+            sum + weight * at_model.map_or(0.0, |power| power.sqrt())
         });
+        *power = amplitude * amplitude;
     }
     powers
 }
@@ -303,6 +304,9 @@ mod tests {
         let line = SpatialLine::new(1.0, 0.0, vec![1.0]).expect("sound");
         let powers = mixed_powers(&[line], [7, 8, u32::MAX], [0.4, 0.3, 0.3]);
         assert_eq!(powers, [0.0; MAX_LINES]);
+        let line = SpatialLine::new(1.0, 0.0, vec![0.0, 4.0]).expect("sound");
+        let powers = mixed_powers(&[line], [0, 1, u32::MAX], [0.5, 0.5, 0.0]);
+        assert_eq!(powers, [1.0, 0.0, 0.0], "half the amplitude");
         let mut source = source(0.0);
         source.set(f64::NAN, [f64::NAN; MAX_LINES]);
         let mut out = [0.0; 10];

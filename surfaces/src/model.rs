@@ -233,7 +233,7 @@ impl ArmaModel {
         self.level / self.filter.power_gain
     }
 
-    /// The warping factor of the frequency axis; 0 where the delays are plain.
+    /// The warping factor of the frequency axis; 0 for an unwarped model.
     pub fn warping(&self) -> f64 {
         self.filter.warping
     }

@@ -11,16 +11,17 @@ const MAX_SMALL_BYTES: u64 = 0xffff_0000;
 /// Largest header of an array, bytes. NumPy writes 128.
 const MAX_ARRAY_HEADER_BYTES: usize = 4096;
 
-/// Begins a member of so many bytes.
+/// Begins a member of `bytes` bytes.
 pub fn begin<W: Write + Seek>(archive: &mut ZipWriter<W>, name: &str, bytes: u64) -> io::Result<()> {
-    // Stored, so that reading costs no more memory than the file; dated 1980, so that the same content gives the same bytes.
+    // Stored without compression, so that reading takes no more memory than the file; dated 1980, so that
+    // equal content gives equal bytes.
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Stored)
         .large_file(bytes > MAX_SMALL_BYTES);
     archive.start_file(name, options).map_err(io::Error::other)
 }
 
-/// Adds an array of so many rows, each of the shape `row`.
+/// Adds an array of rows, each with the shape `row`.
 pub fn put_rows<W: Write + Seek>(
     archive: &mut ZipWriter<W>,
     name: &str,
@@ -44,7 +45,7 @@ pub fn put_rows<W: Write + Seek>(
     buffered.flush()
 }
 
-/// Begins an array in C order whose numbers follow as they are in memory, so many bytes.
+/// Begins an array in C order; the numbers follow as they are in memory, `bytes` bytes.
 pub fn begin_array<W: Write + Seek>(
     archive: &mut ZipWriter<W>,
     name: &str,
@@ -57,7 +58,7 @@ pub fn begin_array<W: Write + Seek>(
         more => more.iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
     };
     let mut header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({shape}), }}");
-    // The numbers begin on a multiple of 64 bytes.
+    // The numbers are aligned to 64 bytes.
     let padding = (10 + header.len() + 1).next_multiple_of(64) - (10 + header.len() + 1);
     header.extend(std::iter::repeat_n(' ', padding));
     header.push('\n');
@@ -66,8 +67,8 @@ pub fn begin_array<W: Write + Seek>(
     archive.write_all(header.as_bytes())
 }
 
-/// The header that an array begins with, however hostile: it is a Python expression of any length and depth; NumPy's own are
-/// short and shallow. What follows in `source` are its numbers.
+/// Reads the header of an array. It is a Python expression, which a hostile file may make arbitrarily long or
+/// deep; NumPy's own headers are short and shallow. The numbers follow in `source`.
 pub fn array_header(source: &mut impl Read) -> Result<NpyHeader, String> {
     let failed = |error: &dyn std::fmt::Display| error.to_string();
     let mut bytes = vec![0; 8];

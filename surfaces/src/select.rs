@@ -188,7 +188,7 @@ fn centres(places: &[Vec<f64>], labels: &[usize], clusters: usize) -> Vec<Vec<f6
 mod tests {
     use super::*;
 
-    /// Six surfaces in three kinds: slippery and hard, sticky and soft, rough.
+    /// Six surfaces of three kinds: slippery and hard, sticky and soft, rough.
     fn surfaces() -> Vec<Features> {
         let kinds = [
             (0.1, 50.0, 1.0),
@@ -217,7 +217,7 @@ mod tests {
         );
         assert_eq!(selection.features, ["friction", "tap response", "power"]);
         assert_eq!(selection.scree.len(), 6);
-        // Three clusters are enough: hardly anything is left to gain.
+        // Three clusters suffice: more hardly reduce the distance.
         assert!(selection.scree[2] < 0.1 * selection.scree[0] && selection.scree[5] == 0.0);
         assert!(selection.scree.windows(2).all(|w| w[1] <= w[0]));
     }

@@ -200,6 +200,20 @@ impl TextureModel {
         &self.models
     }
 
+    /// The distinct filters, and the filter of each vertex.
+    pub(crate) fn distinct_filters(&self) -> (Vec<&ArmaModel>, Vec<usize>) {
+        let mut filters: Vec<&ArmaModel> = Vec::new();
+        let mut filter_of = Vec::with_capacity(self.models.len());
+        for at in &self.models {
+            let known = filters.iter().position(|filter| filter.same_filter(&at.model));
+            filter_of.push(known.unwrap_or(filters.len()));
+            if known.is_none() {
+                filters.push(&at.model);
+            }
+        }
+        (filters, filter_of)
+    }
+
     /// The triangles, as vertex numbers from 0.
     pub fn triangles(&self) -> &[Triangle] {
         self.triangulation.triangles()

@@ -341,8 +341,8 @@ fn check_cover(
     }
 }
 
-/// Delaunay triangles of the z-scored points (speed m/s, force N): the metric in which the field triangulates, as
-/// speed and force have nothing else in common (thesis 2.3.4).
+/// Delaunay triangulation of the z-scored points (speed m/s, force N). Z-scores are the usual metric, since
+/// speed and force have different units (thesis 2.3.4).
 pub fn delaunay(points: &[(f64, f64)]) -> Result<Vec<Triangle>, TriangulationError> {
     check_points(points)?;
     let speeds = z_scores(points.iter().map(|point| point.0));

@@ -1,4 +1,4 @@
-//! What the shipped surfaces render over the whole force-speed plane, and what a surface of an older version renders.
+//! What the shipped surfaces render over the whole force-speed plane.
 
 #![allow(clippy::unwrap_used)]
 

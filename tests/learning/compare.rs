@@ -1,6 +1,6 @@
 //! Vibrations beside each other.
 
-use super::{column, fail, haptograph, json, noise, succeed, workshop};
+use super::{column, fail, haptograph, json, noise, succeed, wav, workshop};
 use std::fs;
 
 #[test]
@@ -47,16 +47,11 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
     assert!(String::from_utf8_lossy(&misused.stderr).contains("--deviations"));
     assert!(fail(folder.path(), &["compare", "a.csv", "b.csv"]).contains("--rate"));
 
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: 10_000,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut writer = hound::WavWriter::create(folder.path().join("a.wav"), spec).unwrap();
-    a.iter()
-        .for_each(|sample| writer.write_sample(*sample as f32 / 8.0).unwrap());
-    writer.finalize().unwrap();
+    wav(
+        &folder.path().join("a.wav"),
+        10_000,
+        a.iter().map(|sample| sample / 8.0),
+    );
     fs::write(
         folder.path().join("a.wav.ron"),
         "Recording(unit: \"m/s2\", full_scale: 8.0, simulated: true)",

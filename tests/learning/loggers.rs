@@ -27,6 +27,14 @@ fn table(folder: &Path, name: &str, rows: &[(f64, f64, f64)], offset: f64) {
     fs::write(folder.join(name), head + &lines).unwrap();
 }
 
+/// A vibration with an offset, m/s², of which 1.0 in the file is 50.
+fn wav(folder: &Path, name: &str, rows: &[(f64, f64, f64)], offset: f64) {
+    let samples = rows.iter().map(|row| (row.0 + offset) / 50.0);
+    super::wav(&folder.join(name), RATE_HZ as u32, samples);
+    let note = folder.join(format!("{name}.ron"));
+    fs::write(note, "Recording(full_scale: 50.0)").unwrap();
+}
+
 /// The held-out distance, dB, of the first method of each split.
 fn held_out(folder: &Path, study: &str) -> Vec<f64> {
     let found = json(folder, &["evaluate", study, "--holdout", "--json"]);
@@ -65,6 +73,25 @@ fn gravity_changes_no_held_out_figure() {
 }
 
 #[test]
+fn gravity_in_a_wav_file_changes_no_comparison() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = drag(3, 3);
+    table(folder.path(), "clean.csv", &rows, 0.0);
+    for (name, offset) in [("clean.wav", 0.0), ("heavy.wav", 9.81)] {
+        wav(folder.path(), name, &rows, offset);
+    }
+    let figure = |wav: &str| {
+        json(folder.path(), &["compare", "clean.csv", wav, "--json"])["lsd_db"]
+            .as_f64()
+            .unwrap()
+    };
+    let (clean, heavy) = (figure("clean.wav"), figure("heavy.wav"));
+    assert!(clean < 0.01 && heavy < 1.0, "{clean} dB, {heavy} dB");
+    let error = fail(folder.path(), &["compare", "clean.csv", "heavy.wav", "--strict"]);
+    assert!(error.contains("--strict"), "{error}");
+}
+
+#[test]
 fn files_of_one_take_are_one_recording_of_a_study() {
     let folder = tempfile::tempdir().unwrap();
     let rows = drag(6, 2);
@@ -86,21 +113,7 @@ fn files_of_one_take_are_one_recording_of_a_study() {
     column("two/brick.me.1.motion.csv", "force_normal_n,speed_mm_s", &motion);
     column("two/brick.me.1.csv", "accel_m_s2", &accel);
     column("half/brick.me.1.csv", "accel_m_s2", &accel);
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: RATE_HZ as u32,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut wav = hound::WavWriter::create(folder.path().join("wav/brick.me.1.wav"), spec).unwrap();
-    rows.iter()
-        .for_each(|row| wav.write_sample((row.0 / 50.0) as f32).unwrap());
-    wav.finalize().unwrap();
-    fs::write(
-        folder.path().join("wav/brick.me.1.wav.ron"),
-        "Recording(full_scale: 50.0)",
-    )
-    .unwrap();
+    wav(folder.path(), "wav/brick.me.1.wav", &rows, 0.0);
     let whole = held_out(folder.path(), "whole");
     for study in ["two", "wav"] {
         let joined = held_out(folder.path(), study);

@@ -67,6 +67,21 @@ fn noise(samples: usize, seed: u64) -> Vec<f64> {
     (0..samples).map(|_| source.next_sample()).collect()
 }
 
+/// A WAV file of one channel of floats, by another writer than ours.
+fn wav(path: &Path, rate_hz: u32, samples: impl IntoIterator<Item = f64>) {
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: rate_hz,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut writer = hound::WavWriter::create(path, spec).unwrap();
+    for sample in samples {
+        writer.write_sample(sample as f32).unwrap();
+    }
+    writer.finalize().unwrap();
+}
+
 /// A column of numbers as a CSV file.
 fn column(path: &Path, name: &str, values: &[f64]) {
     let rows: String = values.iter().map(|value| format!("{value}\n")).collect();

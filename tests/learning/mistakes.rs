@@ -1,6 +1,6 @@
 //! What users got wrong, and what they are told.
 
-use super::{column, fail, haptograph, noise, told_by, workshop};
+use super::{column, fail, haptograph, noise, told_by, wav, workshop};
 use serde_json::Value;
 use std::fs;
 
@@ -25,7 +25,7 @@ fn what_a_user_got_wrong_is_said_before_the_work() {
         ),
         (
             &["surface", "convert", "t1.ron", "t1.ron"],
-            "would be written over",
+            "would be overwritten",
         ),
         (
             &[
@@ -45,7 +45,7 @@ fn what_a_user_got_wrong_is_said_before_the_work() {
             &[
                 "surface", "resample", "t1.ron", "--rate", "45", "--method", "spectral", "-o", "x.ron",
             ],
-            "give more than 50 Hz",
+            "give a rate above 50 Hz",
         ),
     ] {
         let error = fail(folder, arguments);
@@ -116,7 +116,7 @@ fn what_is_passed_over_or_overruled_is_said() {
     );
     let warned = String::from_utf8_lossy(&forced.stderr);
     assert!(
-        warned.contains("tap.npz says of itself that it is a tap; it is taken as a circle"),
+        warned.contains("tap.npz states that it is a tap; it is read as a circle"),
         "{warned}"
     );
 
@@ -206,24 +206,13 @@ fn comparisons_without_a_number_say_why() {
         said("force.csv")
     );
     assert!(
-        said("plain.csv").contains("plain.csv does not say its unit"),
+        said("plain.csv").contains("plain.csv does not state its unit"),
         "{}",
         said("plain.csv")
     );
 
-    let mut whole = std::io::Cursor::new(vec![]);
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: 10_000,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut writer = hound::WavWriter::new(&mut whole, spec).unwrap();
-    signal
-        .iter()
-        .for_each(|&x| writer.write_sample(x as f32).unwrap());
-    writer.finalize().unwrap();
-    let whole = whole.into_inner();
+    wav(&folder.path().join("whole.wav"), 10_000, signal);
+    let whole = fs::read(folder.path().join("whole.wav")).unwrap();
     for (bytes, said) in [(20, "within its header"), (5000, "announces 3000 frames")] {
         fs::write(folder.path().join("short.wav"), &whole[..bytes]).unwrap();
         let error = fail(folder.path(), &["compare", "short.wav", "a.csv"]);
@@ -305,18 +294,12 @@ fn every_command_reads_the_tables_that_learn_reads() {
 #[test]
 fn a_wav_file_without_a_unit_is_compared_with_a_warning_or_its_full_scale() {
     let folder = tempfile::tempdir().unwrap();
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: 10_000,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
     let signal = noise(20_000, 1);
-    let mut writer = hound::WavWriter::create(folder.path().join("a.wav"), spec).unwrap();
-    signal
-        .iter()
-        .for_each(|x| writer.write_sample((x / 8.0) as f32).unwrap());
-    writer.finalize().unwrap();
+    wav(
+        &folder.path().join("a.wav"),
+        10_000,
+        signal.iter().map(|x| x / 8.0),
+    );
     column(&folder.path().join("a.csv"), "accel_m_s2", &signal);
     let compare = |more: &[&str]| {
         let arguments = [&["compare", "a.wav", "a.csv", "--rate", "10000", "--json"], more].concat();
@@ -329,7 +312,7 @@ fn a_wav_file_without_a_unit_is_compared_with_a_warning_or_its_full_scale() {
     };
     let (lsd_db, warned) = compare(&[]);
     assert!(
-        lsd_db > 15.0 && warned.contains("a.wav does not say its unit") && warned.contains("--full-scale")
+        lsd_db > 15.0 && warned.contains("a.wav does not state its unit") && warned.contains("--full-scale")
     );
     let (lsd_db, warned) = compare(&["--full-scale", "8"]);
     assert!(lsd_db < 1e-3 && warned.is_empty(), "{lsd_db}: {warned}");

@@ -260,5 +260,5 @@ fn maps_are_compared_on_measured_models_which_a_law_has_not() {
     assert_eq!(of_file["notes"].as_array().unwrap().len(), 2);
     let law = ["learn", "study/T1.anna.1.npz", "-o", "law.ron"];
     succeed(folder, &law);
-    assert!(fail(folder, &["surface", "leave-one-out", "law.ron"]).contains("a law has none"));
+    assert!(fail(folder, &["surface", "leave-one-out", "law.ron"]).contains("a law has no measured models"));
 }

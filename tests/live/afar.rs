@@ -75,10 +75,10 @@ fn no_limit_is_changed_from_afar() {
     let mut run = Running::start(folder.path(), &arguments);
     run.wait_for("Open Sound Control at 127.0.0.1:");
     teller(&run)(&osc("/most", 2.0));
-    run.wait_for("an actuator's limit or device would change");
+    run.wait_for("limits and devices can only be changed");
     // What the device is set to says what its numbers mean: an amplifier's full scale, here what a coil does of a current.
     teller(&run)(&osc("/strong", 29.0));
-    run.wait_for_times("an actuator's limit or device would change", 2);
+    run.wait_for_times("limits and devices can only be changed", 2);
     // Who sits there may, and is told.
     run.type_line("set most=0.4");
     run.wait_for("limit of `out`: peak 0.5 -> 0.4 A");
@@ -134,7 +134,7 @@ fn a_surface_that_never_comes_holds_up_no_stop_and_none_is_named_from_afar() {
     for path in [&fifo, "fifo", "/dev/zero", "/dev/stdin", "../fifo", "\"fifo\""] {
         tell(&osc_text("/surface", path));
     }
-    run.wait_for("`surface` stays: from afar");
+    run.wait_for("`surface` was not changed: ");
     run.type_line("set surface=/dev/stdin");
     run.type_line(&format!("set surface={fifo}"));
     std::thread::sleep(Duration::from_millis(200));

@@ -45,7 +45,7 @@ fn what_arrives_equals_the_offline_rendering() {
     let Some(told) = live(folder.path(), "live", &[]) else {
         return;
     };
-    assert!(told.contains("buffers of 64 frames (64 asked for)"), "{told}");
+    assert!(told.contains("buffers of 64 frames (64 requested)"), "{told}");
     let graph = shipped("texturepad.ron");
     let offline = [
         "run",

@@ -11,7 +11,7 @@ fn a_graph_of_nothing_is_refused_while_another_runs() {
     let mut run = Running::start(folder.path(), &arguments);
     fs::write(&path, "Graph(format: 1, nodes: {})").unwrap();
     run.wait_for("E0506");
-    run.wait_for("the graph stays as it was");
+    run.wait_for("the running graph is unchanged");
     run.stop();
     assert!(!samples(&folder.path().join("out/loud.wav")).is_empty());
 }
@@ -26,7 +26,7 @@ fn a_saved_graph_takes_over_and_a_wrong_one_is_shown_and_left() {
         &["run", "tone.ron", "--live", "--watch", "--out", "out"],
     );
     fs::write(&path, TONE.replace("Gain(", "Gian(")).unwrap();
-    run.wait_for("the graph stays as it was");
+    run.wait_for("the running graph is unchanged");
     assert!(run.said().contains("did you mean `Gain`"), "{}", run.said());
     let more = r#""twice": Gain(input: "loud", gain: 2), "more": WavSink(input: "twice", file: "more.wav"),
         "file":"#;
@@ -152,7 +152,7 @@ fn no_graph_writes_what_its_run_writes_itself() {
     let mut run = Running::start(folder.path(), &["run", "tone.ron", "--live", "--watch"]);
     fs::write(&path, TONE.replace("loud.wav", "run.json")).unwrap();
     run.wait_for("E0304");
-    run.wait_for("the graph stays as it was");
+    run.wait_for("the running graph is unchanged");
     run.stop();
     // Nor one whose name only this run takes.
     fs::write(&path, TONE).unwrap();
@@ -161,7 +161,7 @@ fn no_graph_writes_what_its_run_writes_itself() {
     ];
     let mut run = Running::start(folder.path(), &arguments);
     fs::write(&path, TONE.replace("loud.wav", "record/loud.wav")).unwrap();
-    run.wait_for("the graph stays as it was: the sink `file` writes record/loud.wav");
+    run.wait_for("the running graph is unchanged: the sink `file` writes record/loud.wav");
     run.stop();
     let out = folder.path().join("kept");
     assert_eq!(
@@ -222,7 +222,10 @@ fn a_saved_graph_of_two_drivers_takes_over_with_other_rings_and_files() {
         &[&common[..], &["--replay", "out", "--out", "replay"]].concat(),
     );
     let told = String::from_utf8_lossy(&replay.stderr);
-    assert!(told.contains("took over while it ran, times: 2"), "{told}");
+    assert!(
+        told.contains("the graph was swapped 2 times during that run"),
+        "{told}"
+    );
     for file in ["crossed.csv", "hand.csv"] {
         let of = |run: &str| fs::read(folder.path().join(run).join(file)).unwrap();
         assert!(

@@ -42,7 +42,7 @@ impl NodeClass {
     #[new]
     fn new(
         py: Python<'_>,
-        class: Py<PyAny>,
+        node: Py<PyAny>,
         name: String,
         doc: String,
         inputs: Vec<GivenPort>,
@@ -64,7 +64,7 @@ impl NodeClass {
         };
         let settings = settings.into_iter().map(Declared::of).collect();
         let kind: &'static PythonKind = Box::leak(Box::new(PythonKind {
-            class,
+            class: node,
             spec,
             settings,
         }));

@@ -109,9 +109,11 @@ pub struct Arrays<'py> {
 /// A recording of arrays.
 #[pyfunction]
 pub fn recording(py: Python<'_>, arrays: Arrays<'_>, gesture: &str, source: &str) -> PyResult<Recording> {
+    let mut acceleration_m_s2 = arrays.acceleration.as_array().to_vec();
+    let found = library::remove_offset("acceleration", true, &mut acceleration_m_s2, arrays.rate);
     let signals = Signals {
         rate_hz: arrays.rate,
-        acceleration_m_s2: arrays.acceleration.as_array().to_vec(),
+        acceleration_m_s2,
         force_normal_n: arrays.force.as_array().to_vec(),
         force_tangential_n: arrays.tangential.map(|values| values.as_array().to_vec()),
         speed_m_s: arrays.speed.as_array().to_vec(),
@@ -124,7 +126,7 @@ pub fn recording(py: Python<'_>, arrays: Arrays<'_>, gesture: &str, source: &str
     let made = made.map_err(|failure| failure.raise(py))?;
     Ok(Recording {
         recording: Arc::new(AnyRecording::Processed(made)),
-        findings: Vec::new(),
+        findings: found.iter().map(ToString::to_string).collect(),
     })
 }
 

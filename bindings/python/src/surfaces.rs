@@ -15,7 +15,7 @@ use haptograph::surfaces::learning::processing::ProcessingSettings;
 use haptograph::surfaces::learning::texture::TextureSettings;
 use haptograph::surfaces::learning::{self as library, LearnSettings, LearningReport, TextureMethod};
 use haptograph::surfaces::metrics::{self, BandErrors, Bands, WindowSettings};
-use haptograph::surfaces::recording::AnyRecording;
+use haptograph::surfaces::recording::{AnyRecording, remove_offset};
 use haptograph::surfaces::resampling::{Method, resample_surface};
 use haptograph::surfaces::{ArmaModel, Coefficients, Interpolator, Origin, TextureModel};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
@@ -250,7 +250,7 @@ impl Surface {
         let surface = Arc::clone(&self.surface);
         let vibration = apart(py, (progress, false), move |progress| match &surface.texture {
             Some(texture) => {
-                let progress = |part| progress.at_or_end(part);
+                let progress = |part| progress.goes_on(part);
                 synthesise_with(texture, &trajectory, &settings, &progress).map_err(Failure::of)
             }
             None => Ok(Vec::new()),
@@ -335,7 +335,7 @@ pub fn render<'py>(
             })
         });
         let voices: Vec<Voice<'_>> = voices.collect();
-        synthesise_many_with(&voices, threads, &|part| progress.at_or_end(part)).map_err(Failure::of)
+        synthesise_many_with(&voices, threads, &|part| progress.goes_on(part)).map_err(Failure::of)
     })?;
     Ok(PyArray2::from_vec2(py, &vibrations)?)
 }
@@ -350,7 +350,9 @@ pub fn compare<'py>(
     window: Option<usize>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (a, b) = (a.as_array().to_vec(), b.as_array().to_vec());
+    let (mut a, mut b) = (a.as_array().to_vec(), b.as_array().to_vec());
+    let found = [("a", &mut a), ("b", &mut b)].map(|(name, values)| remove_offset(name, true, values, rate));
+    let findings: Vec<String> = found.iter().flatten().map(ToString::to_string).collect();
     let (windows, bands) = apart(py, (progress, false), move |progress| {
         let usual = WindowSettings::comparison_at(rate);
         let samples = window.unwrap_or(usual.samples);
@@ -387,5 +389,6 @@ pub fn compare<'py>(
         .map(|band| (band.low_hz, band.high_hz));
     found.set_item("bands", edges.collect::<Vec<_>>())?;
     found.set_item("signed", PyArray1::from_slice(py, &bands.signed_db))?;
+    found.set_item("findings", findings)?;
     Ok(found)
 }

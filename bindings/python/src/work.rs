@@ -4,6 +4,7 @@ use crate::errors::Failure;
 use crate::prototypes::Scripts;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
+use std::ops::ControlFlow;
 use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -30,10 +31,18 @@ impl Progress {
         self.done.store(part.to_bits(), Ordering::Relaxed);
     }
 
+    /// The same, and whether the result is still wanted.
+    pub fn goes_on(&self, part: f64) -> ControlFlow<()> {
+        self.at(part);
+        match self.stop.load(Ordering::Relaxed) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+
     /// The same, for work that does not look at `stop`: it ends here once that is set.
     pub fn at_or_end(&self, part: f64) {
-        self.at(part);
-        if self.stop.load(Ordering::Relaxed) {
+        if self.goes_on(part).is_break() {
             resume_unwind(Box::new(Stopped));
         }
     }

@@ -1,11 +1,15 @@
 """Where things are, and a recording that the library itself synthesised."""
 
+import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import haptograph as hg
+
+# A shell starts what runs in its background deaf to ctrl-C, and Python keeps it so.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).resolve().parents[3]
 

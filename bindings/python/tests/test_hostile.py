@@ -1,5 +1,6 @@
 """What no caller means: every call gives an error or the right numbers, whatever the arrays and threads."""
 
+import contextlib
 import decimal
 import itertools
 import threading
@@ -107,12 +108,103 @@ def test_what_are_no_numbers_is_an_error_everywhere(name, canvas, drag, pad):
         lambda surface: hg.read("/dev/zero"),
         lambda surface: hg.read("a\0b.csv"),
         lambda surface: hg.Surface.load("a\0b.ron"),
+        lambda surface: hg.Graph.parse("\ud800"),
+        lambda surface: hg.Recording([1.0], [1.0], [1.0], 1000, gesture="\ud800"),
+        lambda surface: hg.read("take.csv", gesture=5),
     ],
 )
 def test_huge_and_odd_arguments_are_errors(call, canvas):
     with pytest.raises(hg.Error) as raised:
         call(canvas)
     assert len(str(raised.value)) > 10
+
+
+class Endless:
+    """A sequence that never ends, as Python takes one."""
+
+    def __getitem__(self, index):
+        return "out"
+
+
+RECURSIVE = []
+RECURSIVE.append(RECURSIVE)
+NO_LIST = [None, 5, "out", object(), Endless()]
+NO_PATH = [5, 1.5, b"a\0b", "\ud800", object(), [1], {}]
+
+
+@pytest.mark.parametrize("wrong", NO_PATH, ids=repr)
+def test_what_is_no_path_is_an_error_everywhere(wrong, canvas, drag, pad, tmp_path):
+    for call in (
+        lambda: hg.Graph.load(wrong),
+        lambda: hg.Graph.parse("Graph(format: 1, nodes: {})", path=wrong),
+        lambda: pad.run(0.01, folder=wrong),
+        lambda: pad.player(folder=wrong),
+        lambda: hg.Surface.load(wrong),
+        lambda: canvas.save(wrong),
+        lambda: hg.read(wrong),
+        lambda: hg.read([wrong]),
+        lambda: drag.save(wrong),
+        lambda: hg.batch(wrong, tmp_path),
+        lambda: hg.merge([wrong], tmp_path),
+    ):
+        with pytest.raises(hg.Error):
+            call()
+
+
+@pytest.mark.parametrize("wrong", NO_LIST, ids=lambda one: type(one).__name__)
+def test_what_is_no_list_is_an_error_everywhere(wrong, canvas, pad, tmp_path):
+    calls = [
+        lambda: hg.learn(wrong),
+        lambda: hg.render(wrong, [1.0], 0.1),
+        lambda: hg.merge(wrong, tmp_path),
+        lambda: hg.read(wrong),
+    ]
+    if wrong is not None:
+        calls += [
+            lambda: pad.run(0.01, probes=wrong),
+            lambda: pad.player(probes=wrong),
+            lambda: pad.player(hosted=wrong),
+            lambda: hg.render(canvas, [1.0], 0.1, seeds=wrong),
+            lambda: hg.Graph.parse("Graph(format: 1, nodes: {})", nodes=wrong),
+        ]
+    for call in calls:
+        with pytest.raises(hg.Error):
+            call()
+
+
+@pytest.mark.parametrize("wrong", ["gain", 5, ["gain"], np.ones(2), {"\ud800": 1}], ids=repr)
+def test_what_is_no_dictionary_is_an_error_everywhere(wrong, pad, graphs):
+    with pad.player() as player:
+        for call in (
+            lambda: hg.Graph.load(graphs / "texturepad.ron", set=wrong),
+            lambda: pad.run(0.01, set=wrong),
+            lambda: pad.run(0.01, inputs=wrong),
+            lambda: player.process(1, wrong),
+            lambda: hg.read("take.csv", columns=wrong),
+            lambda: hg.read("take.csv", units=wrong),
+            lambda: hg.read("take.csv", constants=wrong),
+        ):
+            with pytest.raises(hg.Error):
+                call()
+
+
+@pytest.mark.parametrize("value", [RECURSIVE, [[np.nan]], np.nan, 1j, {}, None, "\ud800", object()], ids=repr)
+def test_what_no_graph_file_can_say_is_no_parameter(value, pad):
+    with pytest.raises(hg.Error):
+        pad.run(0.01, set={"gain": value})
+
+
+@pytest.mark.parametrize("rate", ["1000", 10**400, np.nan, 0, -1, [1000], np.ma.masked], ids=repr)
+def test_what_is_no_rate_is_an_error_everywhere(rate, canvas, drag):
+    for call in (
+        lambda: hg.compare([1.0] * 400, [1.0] * 400, rate=rate),
+        lambda: hg.Recording([1.0], [1.0], [1.0], rate),
+        lambda: hg.learn(drag, rate=rate),
+        lambda: drag.processed(rate),
+        lambda: canvas.resampled(rate),
+    ):
+        with pytest.raises(hg.Error):
+            call()
 
 
 def test_an_array_that_another_thread_changes_is_taken_as_it_was_or_refused(canvas):
@@ -195,6 +287,39 @@ def test_a_player_that_is_fed_by_one_thread_and_run_by_another_loses_nothing(pad
     player.finish()
 
 
+def test_threads_that_race_for_one_player_run_every_frame_once_and_end_it_once(pad):
+    player, over, ran, ended = pad.player(), threading.Barrier(6), [], []
+
+    def run():
+        over.wait()
+        with contextlib.suppress(hg.Error):
+            for _ in range(50):
+                ran.append(len(player.process(96)["haptuator.current"]))
+
+    def end():
+        over.wait()
+        with contextlib.suppress(hg.Error):
+            while len(ran) < 20:
+                player.turn("out.gain", 0.5)
+        ended.append(player.finish())
+
+    threads = [threading.Thread(target=work) for work in (run, run, run, run, end, end)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    outcomes = [one for one in ended if one is not None]
+    assert len(ended) == 2 and len(outcomes) == 1
+    assert outcomes[0].frames == 96 * len(ran) == sum(ran)
+
+
+def test_threads_that_learn_from_one_recording_learn_the_same(drag):
+    found = []
+    threads = [threading.Thread(target=lambda: found.append(hg.learn(drag, order=6).at(1, 0.1))) for _ in range(3)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    wanted = hg.learn(drag, order=6).at(1, 0.1)
+    assert len(found) == 3 and all(np.array_equal(one.ar, wanted.ar) for one in found)
+
+
 def test_a_callback_may_call_the_package_again(canvas, pad):
     inner = []
 
@@ -203,6 +328,7 @@ def test_a_callback_may_call_the_package_again(canvas, pad):
             inner.append(canvas.render(1.0, 0.1, seconds=0.1))
             inner.append(pad.run(0.1, probes=["out"])["out"].values)
 
-    wanted = canvas.render(1.0, 0.1, seconds=60)
-    assert np.array_equal(canvas.render(1.0, 0.1, seconds=60, progress=again), wanted)
+    # Longer than what passes until it is first called: 50 ms.
+    wanted = canvas.render(1.0, 0.1, seconds=600)
+    assert np.array_equal(canvas.render(1.0, 0.1, seconds=600, progress=again), wanted)
     assert np.array_equal(inner[0], canvas.render(1.0, 0.1, seconds=0.1)) and inner[1].any()

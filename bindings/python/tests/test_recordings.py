@@ -17,6 +17,14 @@ def test_arrays_are_copies(drag):
     assert drag.force.max() > 1
 
 
+def test_gravity_in_arrays_is_taken_off_and_said(drag):
+    heavy = hg.Recording(drag.acceleration + 9.81, drag.force, drag.speed, drag.rate)
+    assert len(heavy.findings) == 1 and not hg.Recording(drag.acceleration, drag.force, drag.speed, drag.rate).findings
+    assert abs(heavy.acceleration.mean()) < 0.01
+    compared = hg.compare(drag.acceleration + 9.81, drag)
+    assert len(compared.findings) == 1 and compared.lsd < 1.0
+
+
 @pytest.mark.parametrize("name", ["take.csv", "take.zip"])
 def test_a_file_has_what_was_written(drag, tmp_path, name):
     drag.save(tmp_path / name)

@@ -51,6 +51,12 @@ def test_the_stubs_of_functions_are_true():
 def test_the_stubs_of_classes_are_true(stub):
     real = getattr(_native, stub.name)
     functions, properties = stubbed(stub.body)
+    constructor = functions.pop("__new__", None)
+    if constructor is None:
+        with pytest.raises(TypeError):
+            real()
+    else:
+        assert ["cls", *parameters(real)] == constructor
     assert public(real) == set(functions) | properties
     for name, wanted in functions.items():
         assert parameters(getattr(real, name)) == wanted, name

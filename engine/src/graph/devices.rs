@@ -107,6 +107,8 @@ pub struct DeclaredDevice {
     pub written: String,
     /// Whether its kind is a simulation. An unregistered kind counts as real.
     pub is_simulated: bool,
+    /// Whether it is an endpoint of the calling program.
+    pub is_host: bool,
 }
 
 /// The devices of the set that the options select, whether or not this build has their kinds.
@@ -139,6 +141,7 @@ pub fn declared_devices(
             endpoint: name.text.clone(),
             written: written(value),
             is_simulated: entry.is_some_and(|entry| entry.spec.simulated),
+            is_host: entry.is_some_and(|entry| entry.is_host()),
         }
     });
     declared.collect()

@@ -2,11 +2,12 @@
 
 use super::any::AnyOutput;
 use super::handles::{HostError, HostFrame, Output, host, unknown};
+use crate::device::Device;
 use crate::frame::Kind;
 use crate::graph::{Graph, NodeId};
 use crate::node::Stream;
 use crate::run::{
-    ChangeError, Changed, Faults, FileSinks, Live, LiveOptions, LiveOutcome, LiveState, Session,
+    ChangeError, Changed, Driven, Faults, FileSinks, Live, LiveOptions, LiveOutcome, LiveState, Session, Wake,
 };
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
@@ -51,6 +52,27 @@ pub struct Player {
     check_interval: u64,
     probes: Probes,
     _playing: Playing,
+}
+
+impl Driven for Player {
+    fn run_frames(&mut self, frames: usize) {
+        self.process(frames);
+    }
+    fn block(&self) -> usize {
+        self.live.block()
+    }
+    fn is_idle(&self) -> bool {
+        self.live.is_idle()
+    }
+    fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)> {
+        self.live.devices_mut()
+    }
+    fn report(&mut self, wake: Wake) {
+        self.live.report(wake);
+    }
+    fn resume(&mut self) {
+        self.live.resume();
+    }
 }
 
 impl Player {
@@ -125,6 +147,11 @@ impl Player {
             self.live.callback(part as usize, |_, _| {});
             left -= part;
         }
+    }
+
+    /// The live run that it plays, to connect its devices before the first frame.
+    pub fn live_mut(&mut self) -> &mut Live {
+        &mut self.live
     }
 
     /// Number of frames run.

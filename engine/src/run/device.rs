@@ -1,5 +1,6 @@
 //! The devices of a running plan.
 
+use super::arm::ArmGate;
 use super::arrivals::{InputLog, InputScript};
 use crate::device::Device;
 use crate::plan::DevicePlan;
@@ -9,7 +10,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 pub(super) struct DeviceState {
     pub device: Box<dyn Device>,
     started: bool,
-    /// Last frame of each of the plan's writes.
+    /// Gate between the limiters and the device, if it is to be armed.
+    pub gate: Option<ArmGate>,
+    /// Last frame of each of the plan's writes, before the gate.
     pub written: Vec<[f64; 6]>,
     /// Whether it panicked during the ramp to zero. It then receives no further output.
     pub lost: bool,
@@ -38,6 +41,7 @@ impl DeviceState {
         Self {
             device: plan.device.clone_box(),
             started: false,
+            gate: None,
             written: vec![[0.0; 6]; plan.writes.len()],
             lost: false,
             ownership: Ownership::Exclusive,
@@ -55,6 +59,11 @@ impl DeviceState {
     pub(super) fn take_over(&mut self, other: &mut Self, other_plan: &DevicePlan, plan: &DevicePlan) {
         std::mem::swap(&mut self.device, &mut other.device);
         (self.started, self.lost) = (other.started, other.lost);
+        match (&mut self.gate, &mut other.gate) {
+            (Some(gate), Some(other)) => gate.go_on_for(other),
+            (gate @ None, other) => std::mem::swap(gate, other),
+            (Some(_), None) => {}
+        }
         for ((.., channel), written) in plan.writes.iter().zip(&mut self.written) {
             let mut known = other_plan.writes.iter().zip(&other.written);
             if let Some((_, last)) = known.find(|((.., was), _)| was == channel) {
@@ -97,6 +106,17 @@ impl DeviceState {
         }
     }
 
+    /// Passes a limited frame to the device, as far as it is armed. Nothing else writes to a device.
+    pub(super) fn write(&mut self, channel: usize, frame: &[f64]) {
+        match &mut self.gate {
+            Some(gate) => {
+                let gated = gate.pass(channel, frame);
+                self.device.write(channel, &gated[..frame.len()]);
+            }
+            None => self.device.write(channel, frame),
+        }
+    }
+
     /// Advances the device by a tick, unless two plans share it.
     pub(super) fn advance_unless_shared(&mut self) {
         if self.ownership == Ownership::Exclusive {
@@ -106,6 +126,9 @@ impl DeviceState {
 
     /// Advances the device by a tick; the first call leaves it in its initial state.
     pub(super) fn advance(&mut self) {
+        if let Some(gate) = &mut self.gate {
+            gate.advance();
+        }
         match &mut self.script {
             Some(script) => script.advance(),
             None if self.started => self.device.advance(),

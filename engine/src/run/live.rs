@@ -66,6 +66,43 @@ pub enum LiveState {
     Panicked,
 }
 
+/// What a driver runs: a live run, or something that does more with its frames.
+pub trait Driven: Send + 'static {
+    /// Runs so many frames of the driver. Real-time code.
+    fn run_frames(&mut self, frames: usize);
+    /// The most frames that it runs at once.
+    fn block(&self) -> usize;
+    /// Whether the run has ended and every actuator is at zero.
+    fn is_idle(&self) -> bool;
+    /// The devices, for the driver that owns some of them.
+    fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)>;
+    /// Reports a wake-up.
+    fn report(&mut self, wake: Wake);
+    /// Fades in again after an interruption of the driver.
+    fn resume(&mut self);
+}
+
+impl Driven for Live {
+    fn run_frames(&mut self, frames: usize) {
+        self.callback(frames, |_, _| {});
+    }
+    fn block(&self) -> usize {
+        self.block()
+    }
+    fn is_idle(&self) -> bool {
+        self.is_idle()
+    }
+    fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)> {
+        self.devices_mut()
+    }
+    fn report(&mut self, wake: Wake) {
+        self.report(wake);
+    }
+    fn resume(&mut self) {
+        self.resume();
+    }
+}
+
 /// Makes both sides of a live run of `plan`. It starts without a fade, so that its samples equal an offline run's.
 pub fn live(plan: Arc<Plan>) -> (Live, Control) {
     live_until(plan, Arc::default())

@@ -1,6 +1,7 @@
 //! Running plans. [`Run::advance`] is real-time code: it does not allocate, lock, make system calls or panic.
 
 mod actuator;
+mod arm;
 mod arrivals;
 mod async_resampler;
 mod bridge;
@@ -31,6 +32,7 @@ pub use crate::histogram::{AgeMeter, Histogram, SharedHistogram};
 pub use crate::joining::least_ring_latency_s;
 pub use crate::plan::RingSpec;
 pub use actuator::ActuatorReport;
+pub use arm::{ARM_FALL_S, ARM_HOLD_S, ARM_RISE_S, ArmSwitch};
 pub use arrivals::{ARRIVALS, ReplayBounds, ReplayError};
 pub use async_resampler::{
     AsyncResamplerReader, AsyncResamplerWriter, DRY_FADE_S, RingCounts, RingMeter, async_resampler,
@@ -38,7 +40,7 @@ pub use async_resampler::{
 pub use control::{Control, ControlError};
 pub use fault::Faults;
 pub use file_sinks::{FileSinks, Probe, WriteError};
-pub use live::{FADE_S, Live, LiveState, live};
+pub use live::{Driven, FADE_S, Live, LiveState, live};
 pub use meter::{Meters, Wake};
 pub use offline::{Offline, OfflineError, Outcome, RingReport};
 pub use profile::{Profile, StepCost};
@@ -270,7 +272,7 @@ impl Run {
                         let actuator = &mut state.actuators[*actuator];
                         let width = actuator.limiter.ramp(factor, &mut frame);
                         actuator.level.measure(&frame[..width], width);
-                        device.unless_lost(|device| device.device.write(*channel, &frame[..width]));
+                        device.unless_lost(|device| device.write(*channel, &frame[..width]));
                     }
                     device.unless_lost(DeviceState::advance);
                 }

@@ -4,6 +4,7 @@ mod change;
 
 pub use change::{ChangeError, Changed};
 
+use super::arm::ArmSwitch;
 use super::arrivals::{self, ArrivalLog, ArrivalWriter, Input, InputLog, InputWriter, SettingWriter};
 use super::control::{Control, ControlError};
 use super::cost;
@@ -35,11 +36,14 @@ pub struct LiveOptions {
     pub offline: bool,
     /// When set, the outputs fade out and the run stops. The real-time sides poll it.
     pub stop: Arc<AtomicBool>,
+    /// With a switch, real devices get zeros until it is armed; without one they are driven from the start.
+    pub arm: Option<Arc<ArmSwitch>>,
 }
 
 /// A live run.
 pub struct Session {
     stop: Arc<AtomicBool>,
+    arm: Option<Arc<ArmSwitch>>,
     /// One for each driver, in the order of the graph.
     controls: Vec<Control>,
     /// Meters of the rings between the drivers.
@@ -118,6 +122,7 @@ impl Session {
         };
         let mut session = Self {
             stop: Arc::clone(&options.stop),
+            arm: options.arm.clone(),
             controls: Vec::new(),
             rings: Vec::new(),
             writer: WriterThread::default(),
@@ -140,6 +145,9 @@ impl Session {
             live.share_heat(Arc::clone(&hottest));
             if !options.rested {
                 live.run_mut().assume_thermally_saturated();
+            }
+            if let Some(switch) = &options.arm {
+                live.run_mut().arm_by(switch);
             }
             let frames = |seconds: f64| (seconds * plan.driver_rate().hz()).round().max(0.0) as u64;
             let data = sinks.graph.frames_of_data(plan.driver_rate());

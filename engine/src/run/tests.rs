@@ -1,5 +1,6 @@
 //! The engine against its definition: random graphs, evaluated tick by tick from whole histories.
 
+mod arm;
 mod arrivals;
 mod change;
 mod edits;

@@ -254,7 +254,7 @@ impl State {
             for (slot, placing, channel) in &device.writes {
                 let range = range_of(placing.start, placing.width, window.one(frame));
                 let buffer = &self.memory.all()[program.range(*slot)];
-                state.device.write(*channel, &buffer[range]);
+                state.write(*channel, &buffer[range]);
             }
         }
         if window.count > 0 {

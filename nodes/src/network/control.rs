@@ -11,7 +11,7 @@ use std::thread::JoinHandle;
 
 /// A received setting, name and value as text: `out.gain`, `0.5`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Told {
+pub struct SetRequest {
     /// A parameter, or a node's path and its setting.
     pub name: String,
     /// A number, a boolean or a text.
@@ -31,13 +31,13 @@ pub struct OscControl {
 }
 
 impl OscControl {
-    /// Passes every setting received at `address` to `heard`.
+    /// Passes every setting received at `address` to `on_setting`.
     ///
     /// # Errors
     /// The system's error if the address cannot be bound.
     pub fn listen(
         address: SocketAddr,
-        mut heard: impl FnMut(Told) + Send + 'static,
+        mut on_setting: impl FnMut(SetRequest) + Send + 'static,
     ) -> std::io::Result<Self> {
         let socket = UdpSocket::bind(address)?;
         socket.set_read_timeout(Some(WAIT))?;
@@ -53,8 +53,8 @@ impl OscControl {
                     let Ok(count) = socket.recv(&mut bytes) else {
                         continue;
                     };
-                    match understand(&bytes[..count]) {
-                        Some(told) => told.into_iter().for_each(&mut heard),
+                    match parse_settings(&bytes[..count]) {
+                        Some(settings) => settings.into_iter().for_each(&mut on_setting),
                         None => {
                             bad.fetch_add(1, Relaxed);
                         }
@@ -91,19 +91,19 @@ impl Drop for OscControl {
 }
 
 /// The settings in a packet; bundles apply immediately. None if any part is something else.
-pub fn understand(bytes: &[u8]) -> Option<Vec<Told>> {
-    let mut told = Vec::new();
+pub fn parse_settings(bytes: &[u8]) -> Option<Vec<SetRequest>> {
+    let mut settings = Vec::new();
     let mut packets = vec![decode(bytes).ok()?];
     while let Some(packet) = packets.pop() {
         match packet {
-            OscPacket::Message(message) => told.push(setting(&message)?),
+            OscPacket::Message(message) => settings.push(setting(&message)?),
             OscPacket::Bundle(bundle) => packets.extend(bundle.content.into_iter().rev()),
         }
     }
-    Some(told)
+    Some(settings)
 }
 
-fn setting(message: &OscMessage) -> Option<Told> {
+fn setting(message: &OscMessage) -> Option<SetRequest> {
     let address = message.addr.strip_prefix('/')?;
     if address.split('/').any(str::is_empty) {
         return None;
@@ -122,7 +122,7 @@ fn setting(message: &OscMessage) -> Option<Told> {
         _ => return None,
     };
     let fit = |text: &str| text.len() <= MOST_LETTERS && !text.chars().any(char::is_control);
-    (fit(&name) && fit(&value)).then_some(Told { name, value })
+    (fit(&name) && fit(&value)).then_some(SetRequest { name, value })
 }
 
 #[cfg(test)]
@@ -135,9 +135,14 @@ mod tests {
         OscPacket::Message(OscMessage { addr, args })
     }
 
-    fn heard(packet: &OscPacket) -> Option<Vec<(String, String)>> {
-        let told = understand(&rosc::encoder::encode(packet).unwrap())?;
-        Some(told.into_iter().map(|told| (told.name, told.value)).collect())
+    fn settings_of(packet: &OscPacket) -> Option<Vec<(String, String)>> {
+        let settings = parse_settings(&rosc::encoder::encode(packet).unwrap())?;
+        Some(
+            settings
+                .into_iter()
+                .map(|setting| (setting.name, setting.value))
+                .collect(),
+        )
     }
 
     #[test]
@@ -159,8 +164,8 @@ mod tests {
             ),
             ("/on", OscType::Bool(true), "on", "true"),
         ] {
-            let told = heard(&message(addr, vec![argument]));
-            assert_eq!(told, Some(vec![(name.to_owned(), value.to_owned())]));
+            let settings = settings_of(&message(addr, vec![argument]));
+            assert_eq!(settings, Some(vec![(name.to_owned(), value.to_owned())]));
         }
     }
 
@@ -187,7 +192,11 @@ mod tests {
                 message("/d", vec![OscType::Int(4)]),
             ],
         });
-        let names: Vec<String> = heard(&outer).unwrap().into_iter().map(|(name, _)| name).collect();
+        let names: Vec<String> = settings_of(&outer)
+            .unwrap()
+            .into_iter()
+            .map(|(name, _)| name)
+            .collect();
         assert_eq!(names, ["a", "b", "c", "d"]);
     }
 
@@ -202,9 +211,9 @@ mod tests {
             message("/gain", vec![OscType::String("\u{1b}[31mred".into())]),
             message(&format!("/{}", "long".repeat(100)), vec![OscType::Int(1)]),
         ] {
-            assert_eq!(heard(&packet), None, "{packet:?}");
+            assert_eq!(settings_of(&packet), None, "{packet:?}");
         }
         let bytes = rosc::encoder::encode(&message("/out/gain", vec![OscType::Float(1.0)])).unwrap();
-        assert!((0..bytes.len()).all(|length| understand(&bytes[..length]).is_none()));
+        assert!((0..bytes.len()).all(|length| parse_settings(&bytes[..length]).is_none()));
     }
 }

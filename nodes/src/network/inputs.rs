@@ -50,12 +50,12 @@ pub const LIVE_INPUT: NodeSpec = NodeSpec {
 };
 
 /// The channel of such an endpoint.
-pub(crate) const VALUE: &[Channel] = &[Channel {
-    name: "value",
-    kind: Kind::Scalar,
-    quantity: Quantity::NUMBER,
-    doc: "The number, in the SI unit of the quantity that the `LiveInput` names.",
-}];
+pub(crate) const VALUE: &[Channel] = &[Channel::new(
+    "value",
+    Kind::Scalar,
+    Quantity::NUMBER,
+    "The number, in the SI unit of the quantity that the `LiveInput` names.",
+)];
 
 /// Largest magnitude of a mapped number, in its SI unit.
 const LARGEST: f64 = 1e6;

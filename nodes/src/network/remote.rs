@@ -51,42 +51,33 @@ haptograph_engine::settings! {
 /// A device that another program owns.
 pub struct UdpDevice;
 
-const fn channel(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> Channel {
-    Channel {
-        name,
-        kind,
-        quantity,
-        doc,
-    }
-}
-
 /// Inputs from network devices.
 pub(super) const SENSES: &[Channel] = &[
-    channel(
+    Channel::new(
         "position",
         Kind::Vector,
         Quantity::LENGTH,
         "Position of the tip, m; holds its last value while the device is silent.",
     ),
-    channel(
+    Channel::new(
         "orientation",
         Kind::Vector,
         Quantity::ANGLE,
         "Orientation as a rotation vector, rad.",
     ),
-    channel(
+    Channel::new(
         "wrench",
         Kind::Wrench,
         Quantity::FORCE,
         "Force and torque on the tool, N and N m; zero while silent, or held with `on_silence: Hold`.",
     ),
-    channel(
+    Channel::new(
         "force",
         Kind::Scalar,
         Quantity::FORCE,
         "Normal force of the tip: the force along z, not below zero, N.",
     ),
-    channel(
+    Channel::new(
         "touching",
         Kind::Scalar,
         Quantity::NUMBER,
@@ -96,19 +87,19 @@ pub(super) const SENSES: &[Channel] = &[
 
 /// Outputs to network devices.
 pub(super) const DRIVES: &[Channel] = &[
-    channel(
+    Channel::new(
         "force",
         Kind::Vector,
         Quantity::FORCE,
         "Force of the motors on the hand, N.",
     ),
-    channel(
+    Channel::new(
         "current",
         Kind::Scalar,
         Quantity::CURRENT,
         "Current through the actuator, A.",
     ),
-    channel(
+    Channel::new(
         "brake",
         Kind::Scalar,
         Quantity::CURRENT,

@@ -63,15 +63,6 @@ haptograph_engine::settings! {
 /// A desktop arm of the Omni's kind in a simulated hand.
 pub struct SimulatedOmni;
 
-const fn sensed(name: &'static str, quantity: Quantity, doc: &'static str) -> Channel {
-    Channel {
-        name,
-        kind: Kind::Vector,
-        quantity,
-        doc,
-    }
-}
-
 impl DeviceKind for SimulatedOmni {
     type Settings = SimulatedOmniSettings;
     const SPEC: DeviceSpec = DeviceSpec {
@@ -81,12 +72,28 @@ impl DeviceKind for SimulatedOmni {
         source: "4.3",
         simulated: true,
         senses: &[
-            sensed("position", Quantity::LENGTH, "Position of the tip in steps, m."),
-            sensed("true_position", Quantity::LENGTH, "True position of the tip, m."),
-            sensed("true_velocity", Quantity::SPEED, "True velocity of the tip, m/s."),
+            Channel::new(
+                "position",
+                Kind::Vector,
+                Quantity::LENGTH,
+                "Position of the tip in steps, m.",
+            ),
+            Channel::new(
+                "true_position",
+                Kind::Vector,
+                Quantity::LENGTH,
+                "True position of the tip, m.",
+            ),
+            Channel::new(
+                "true_velocity",
+                Kind::Vector,
+                Quantity::SPEED,
+                "True velocity of the tip, m/s.",
+            ),
         ],
-        drives: &[sensed(
+        drives: &[Channel::new(
             "force",
+            Kind::Vector,
             Quantity::FORCE,
             "Force of the motors on the hand, N.",
         )],

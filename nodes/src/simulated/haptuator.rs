@@ -130,25 +130,25 @@ impl DeviceKind for SimulatedHaptuator {
         source: "3.1.2; McMahan and Kuchenbecker 2014",
         simulated: true,
         senses: &[
-            Channel {
-                name: "acceleration",
-                kind: Kind::Scalar,
-                quantity: Quantity::ACCELERATION,
-                doc: "Acceleration of the tool, m/s2.",
-            },
-            Channel {
-                name: "stroke",
-                kind: Kind::Scalar,
-                quantity: Quantity::LENGTH,
-                doc: "Displacement of the magnet in its housing, m.",
-            },
+            Channel::new(
+                "acceleration",
+                Kind::Scalar,
+                Quantity::ACCELERATION,
+                "Acceleration of the tool, m/s2.",
+            ),
+            Channel::new(
+                "stroke",
+                Kind::Scalar,
+                Quantity::LENGTH,
+                "Displacement of the magnet in its housing, m.",
+            ),
         ],
-        drives: &[Channel {
-            name: "current",
-            kind: Kind::Scalar,
-            quantity: Quantity::CURRENT,
-            doc: "Current through the coil, A.",
-        }],
+        drives: &[Channel::new(
+            "current",
+            Kind::Scalar,
+            Quantity::CURRENT,
+            "Current through the coil, A.",
+        )],
         example: r#""haptuator": SimulatedHaptuator()"#,
     };
 

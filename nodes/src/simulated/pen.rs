@@ -120,15 +120,6 @@ fn exploration() -> Vec<Doing> {
 /// An object on a force/torque sensor, and a pen with a brake in a simulated hand.
 pub struct SimulatedPenAndObject;
 
-const fn channel(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> Channel {
-    Channel {
-        name,
-        kind,
-        quantity,
-        doc,
-    }
-}
-
 impl DeviceKind for SimulatedPenAndObject {
     type Settings = SimulatedPenAndObjectSettings;
     const SPEC: DeviceSpec = DeviceSpec {
@@ -139,37 +130,37 @@ impl DeviceKind for SimulatedPenAndObject {
         source: "5.2, 5.3, 5.5",
         simulated: true,
         senses: &[
-            channel(
+            Channel::new(
                 "wrench",
                 Kind::Wrench,
                 Quantity::FORCE,
                 "The sensor's reading, N and N m.",
             ),
-            channel(
+            Channel::new(
                 "true_position",
                 Kind::Vector,
                 Quantity::LENGTH,
                 "True point of contact, m.",
             ),
-            channel(
+            Channel::new(
                 "true_velocity",
                 Kind::Vector,
                 Quantity::SPEED,
                 "True velocity of the pen along the surface, m/s.",
             ),
-            channel(
+            Channel::new(
                 "true_load",
                 Kind::Scalar,
                 Quantity::FORCE,
                 "True normal force, N.",
             ),
-            channel(
+            Channel::new(
                 "true_friction",
                 Kind::Vector,
                 Quantity::FORCE,
                 "True friction on the pen, N.",
             ),
-            channel(
+            Channel::new(
                 "acceleration",
                 Kind::Scalar,
                 Quantity::ACCELERATION,
@@ -177,13 +168,13 @@ impl DeviceKind for SimulatedPenAndObject {
             ),
         ],
         drives: &[
-            channel(
+            Channel::new(
                 "brake",
                 Kind::Scalar,
                 Quantity::CURRENT,
                 "Current through the brake's solenoid, A.",
             ),
-            channel(
+            Channel::new(
                 "current",
                 Kind::Scalar,
                 Quantity::CURRENT,

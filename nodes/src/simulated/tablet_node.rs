@@ -49,24 +49,24 @@ impl DeviceKind for SimulatedTablet {
         source: "3.1.1",
         simulated: true,
         senses: &[
-            Channel {
-                name: "position",
-                kind: Kind::Vector,
-                quantity: Quantity::LENGTH,
-                doc: "Position of the tip, m.",
-            },
-            Channel {
-                name: "force",
-                kind: Kind::Scalar,
-                quantity: Quantity::FORCE,
-                doc: "Normal force of the tip, N.",
-            },
-            Channel {
-                name: "touching",
-                kind: Kind::Scalar,
-                quantity: Quantity::NUMBER,
-                doc: "1 while the tip touches.",
-            },
+            Channel::new(
+                "position",
+                Kind::Vector,
+                Quantity::LENGTH,
+                "Position of the tip, m.",
+            ),
+            Channel::new(
+                "force",
+                Kind::Scalar,
+                Quantity::FORCE,
+                "Normal force of the tip, N.",
+            ),
+            Channel::new(
+                "touching",
+                Kind::Scalar,
+                Quantity::NUMBER,
+                "1 while the tip touches.",
+            ),
         ],
         drives: &[],
         example: r#""stylus": SimulatedTablet(stroke: Circles(radius_mm: 30.0, period_s: 1.2), force_n: 1.0)"#,

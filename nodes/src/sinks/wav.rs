@@ -4,6 +4,7 @@ use haptograph_engine::node::{
     BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, any_input,
 };
 use haptograph_signal::files;
+use haptograph_surfaces::files::write_atomically_by;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -116,27 +117,20 @@ impl FrameWriter for Fitting {
             return Ok(());
         }
         let full_scale = self.peak.log2().ceil().exp2();
-        let mut scaled = self.path.as_os_str().to_owned();
-        scaled.push(".scaled");
-        let scaled = PathBuf::from(scaled);
-        let done = scale_file(&self.path, &scaled, format, full_scale)
-            .and_then(|()| std::fs::rename(&scaled, &self.path))
-            .and_then(|()| write_note(&self.path, &self.stream, full_scale));
-        if done.is_err() {
-            // The file keeps its original scale. Report the first error.
-            let _ = std::fs::remove_file(&scaled);
-        }
-        done
+        write_atomically_by(&self.path, |scaled| {
+            scale_file(&self.path, scaled, format, full_scale)
+        })?;
+        write_note(&self.path, &self.stream, full_scale)
     }
 }
 
 /// Rewrites a file of [`WavWriter`], divided by `full_scale`.
-fn scale_file(from: &Path, to: &Path, format: Format, full_scale: f64) -> io::Result<()> {
+fn scale_file(from: &Path, to: &mut File, format: Format, full_scale: f64) -> io::Result<()> {
     let file = files::open(from, u64::MAX)?;
     let mut file = BufReader::new(file.as_file());
     let layout = read_layout(&mut file).map_err(io::Error::other)?;
     file.seek(SeekFrom::Start(layout.data_at))?;
-    let mut writer = WavWriter::new(File::create(to)?, format)?;
+    let mut writer = WavWriter::new(to, format)?;
     let mut bytes = [0; 4];
     for _ in 0..layout.data_bytes / 4 {
         file.read_exact(&mut bytes)?;

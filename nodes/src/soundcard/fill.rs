@@ -2,21 +2,21 @@
 
 use super::card::{Card, Output};
 use super::shared::{Active, Detached, Due, Shared};
-use haptograph_engine::run::{Live, Wake};
+use haptograph_engine::run::{Driven, Wake};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
 /// Fills the card's buffers from a live run.
-pub(super) struct PlaybackCallback {
-    live: Active<Live>,
+pub(super) struct PlaybackCallback<D> {
+    live: Active<D>,
     shared: Arc<Shared>,
     due: Due,
 }
 
-impl PlaybackCallback {
+impl<D: Driven> PlaybackCallback<D> {
     /// Takes the run out of the slot.
-    pub fn new(slot: &Detached<Live>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
+    pub fn new(slot: &Detached<D>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
         Self {
             live: slot.attach(),
             shared: Arc::clone(shared),
@@ -33,7 +33,7 @@ impl PlaybackCallback {
         let at_rest = live.is_idle();
         let mut clipped = 0;
         for part in data.chunks_mut(live.block() * channels) {
-            live.callback(part.len() / channels, |_, _| {});
+            live.run_frames(part.len() / channels);
             for device in live.devices_mut() {
                 let card = device.as_any_mut().downcast_mut::<Card>();
                 if let Some(output) = card.and_then(|card| card.output.as_mut()) {
@@ -87,7 +87,7 @@ mod tests {
     use haptograph_engine::node::{
         BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, output,
     };
-    use haptograph_engine::run::{FileSinks, LiveOptions, Session};
+    use haptograph_engine::run::{FileSinks, Live, LiveOptions, Session};
     use haptograph_engine::settings::NoSettings;
     use haptograph_signal::quantity::Quantity;
 
@@ -119,13 +119,13 @@ mod tests {
         Session::open(FileSinks::new(graph), &options).unwrap()
     }
 
-    fn callback(graph: &Graph, seconds: f64) -> (PlaybackCallback, Arc<Shared>, Session) {
+    fn callback(graph: &Graph, seconds: f64) -> (PlaybackCallback<Live>, Arc<Shared>, Session) {
         let (live, session) = open(graph, seconds);
         let (callback, shared) = callback_of(live);
         (callback, shared, session)
     }
 
-    fn callback_of(live: Live) -> (PlaybackCallback, Arc<Shared>) {
+    fn callback_of(live: Live) -> (PlaybackCallback<Live>, Arc<Shared>) {
         let slot = Detached::of(live);
         let shared = Arc::default();
         let callback = PlaybackCallback::new(&slot, &shared, 48_000, Instant::now());
@@ -275,12 +275,7 @@ mod tests {
             source: "",
             simulated: true,
             senses: &[],
-            drives: &[Channel {
-                name: "current",
-                kind: Kind::Scalar,
-                quantity: Quantity::CURRENT,
-                doc: "",
-            }],
+            drives: &[Channel::new("current", Kind::Scalar, Quantity::CURRENT, "")],
             example: "",
         };
 

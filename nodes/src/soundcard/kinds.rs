@@ -102,13 +102,7 @@ input_settings! {
 }
 
 const fn channel(name: &'static str, quantity: Quantity, doc: &'static str) -> Channel {
-    let kind = Kind::Scalar;
-    Channel {
-        name,
-        kind,
-        quantity,
-        doc,
-    }
+    Channel::new(name, Kind::Scalar, quantity, doc)
 }
 
 const CURRENT: Channel = channel("current", Quantity::CURRENT, "Current through the actuator, A.");

@@ -52,16 +52,19 @@ pub(super) struct InputTap {
     pub ages: Arc<AgeMeter>,
 }
 
+/// The inputs that a stream feeds.
+pub(super) struct InputTaps(pub Vec<InputTap>);
+
 /// Sends a card's samples to the endpoints that use them.
 pub(super) struct CaptureCallback {
-    taps: Active<Vec<InputTap>>,
+    taps: Active<InputTaps>,
     shared: Arc<Shared>,
     due: Due,
 }
 
 impl CaptureCallback {
     /// Takes the taps out of the slot.
-    pub fn new(slot: &Detached<Vec<InputTap>>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
+    pub fn new(slot: &Detached<InputTaps>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
         Self {
             taps: slot.attach(),
             shared: Arc::clone(shared),
@@ -79,7 +82,7 @@ impl CaptureCallback {
     ) {
         let began = Instant::now();
         let mut clipped = 0;
-        for tap in self.taps.get().into_iter().flatten() {
+        for tap in self.taps.get().into_iter().flat_map(|taps| &mut taps.0) {
             tap.writer.poll();
             for frames in data.chunks(AT_ONCE * channels) {
                 let mut heard = [0.0; AT_ONCE];
@@ -158,7 +161,7 @@ mod tests {
         fn new(built: Result<Box<dyn Device>, BuildError>, rate_hz: f64) -> Self {
             let mut device = built.unwrap();
             let card: &mut Card = device.as_any_mut().downcast_mut().unwrap();
-            let slot = Detached::of(vec![card.input.as_mut().unwrap().listen()]);
+            let slot = Detached::of(InputTaps(vec![card.input.as_mut().unwrap().listen()]));
             let shared = Arc::default();
             Self {
                 callback: CaptureCallback::new(&slot, &shared, 48_000, Instant::now()),
@@ -285,7 +288,7 @@ mod tests {
                 } })"#;
             let mut callback = None;
             let mut rig = Rig::new(&text.replace("POLICY", policy), |graph, lives| {
-                let taps: Vec<InputTap> = heard(graph, lives).map(Input::listen).collect();
+                let taps = InputTaps(heard(graph, lives).map(Input::listen).collect());
                 let (slot, shared) = (Detached::of(taps), Arc::default());
                 callback = Some(CaptureCallback::new(&slot, &shared, 48_000, Instant::now()));
             });
@@ -391,8 +394,8 @@ mod tests {
             .unwrap_or_else(|wrong| panic!("{wrong}"));
         let options = LiveOptions::default();
         let (mut lives, _session) = Session::open_all(FileSinks::new(&graph), &options, None).unwrap();
-        let taps: Vec<InputTap> = heard(&graph, &mut lives).map(Input::listen).collect();
-        let mut channels: Vec<usize> = taps.iter().map(|tap| tap.channel).collect();
+        let taps = InputTaps(heard(&graph, &mut lives).map(Input::listen).collect());
+        let mut channels: Vec<usize> = taps.0.iter().map(|tap| tap.channel).collect();
         channels.sort_unstable();
         assert_eq!(channels, [0, 1]);
         for (driver, live) in graph.drivers().into_iter().zip(&mut lives) {

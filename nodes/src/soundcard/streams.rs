@@ -1,30 +1,30 @@
 //! The soundcard streams of a live run: the one that drives it, and its inputs.
 
 use super::fill::PlaybackCallback;
-use super::listen::{CaptureCallback, InputTap, heard};
+use super::listen::{CaptureCallback, InputTap, InputTaps, heard};
 use super::reconnecting::ReconnectingStream;
 use super::system::{CallbackState, Direction, OPENING, Setup};
 use super::{CardCounts, CardNote, OpenedStream, Request, SoundcardError};
 use cpal::traits::DeviceTrait;
 use cpal::{Error, FromSample, InputCallbackInfo, OutputCallbackInfo, SizedSample, Stream, StreamConfig};
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Live, RingMeter};
+use haptograph_engine::run::{Driven, Live, RingMeter};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 /// A stream that drives a live run.
-pub struct CardDriver {
-    stream: ReconnectingStream<Live>,
+pub struct CardDriver<D: Driven = Live> {
+    stream: ReconnectingStream<D>,
     rested: Option<Instant>,
 }
 
-impl CardDriver {
+impl<D: Driven> CardDriver<D> {
     /// Opens the card, which then drives the live run.
     ///
     /// # Errors
     /// [`SoundcardError`] if there is no such card, or it does not support the request.
-    pub fn start(request: Request, live: Live) -> Result<Self, SoundcardError> {
+    pub fn start(request: Request, live: D) -> Result<Self, SoundcardError> {
         Ok(Self {
             stream: ReconnectingStream::open(request, live)?,
             rested: None,
@@ -42,7 +42,7 @@ impl CardDriver {
             self.rested = Some(Instant::now());
         }
         // The run stands still without its card.
-        self.stream.poll("the run waits", Live::resume)
+        self.stream.poll("the run waits", D::resume)
     }
 
     /// Whether the run has ended and its last buffers have been played.
@@ -64,12 +64,12 @@ impl CardDriver {
     }
 
     /// Closes the stream and returns the run.
-    pub fn join(self) -> Option<Live> {
+    pub fn join(self) -> Option<D> {
         self.stream.close()
     }
 }
 
-impl CallbackState for Live {
+impl<D: Driven> CallbackState for D {
     const DIRECTION: Direction = Direction::Play;
 
     fn build<T>(setup: &Setup<Self>, device: &cpal::Device, config: StreamConfig) -> Result<Stream, Error>
@@ -95,7 +95,7 @@ impl CallbackState for Live {
 #[derive(Default)]
 pub struct Inputs {
     /// Streams with their endpoints.
-    streams: Vec<(Vec<String>, ReconnectingStream<Vec<InputTap>>)>,
+    streams: Vec<(Vec<String>, ReconnectingStream<InputTaps>)>,
     rings: Vec<Arc<RingMeter>>,
 }
 
@@ -125,7 +125,7 @@ impl Inputs {
             }
         }
         for (request, endpoints, taps) in asked {
-            let stream = ReconnectingStream::open(request, taps)?;
+            let stream = ReconnectingStream::open(request, InputTaps(taps))?;
             inputs.streams.push((endpoints, stream));
         }
         Ok(inputs)
@@ -152,7 +152,7 @@ impl Inputs {
     }
 }
 
-impl CallbackState for Vec<InputTap> {
+impl CallbackState for InputTaps {
     const DIRECTION: Direction = Direction::Listen;
 
     fn build<T>(setup: &Setup<Self>, device: &cpal::Device, config: StreamConfig) -> Result<Stream, Error>

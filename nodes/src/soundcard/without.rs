@@ -2,12 +2,14 @@
 
 use super::{CardCounts, CardNote, Listed, OpenedStream, Request, SoundcardError, wanted};
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Live, RingMeter};
+use haptograph_engine::run::{Driven, Live, RingMeter};
+use std::convert::Infallible;
+use std::marker::PhantomData;
 use std::sync::atomic::AtomicBool;
 
 /// Cannot exist in this build.
 #[derive(Debug)]
-pub enum CardDriver {}
+pub struct CardDriver<D = Live>(Infallible, PhantomData<D>);
 
 /// The soundcards of this machine.
 ///
@@ -33,43 +35,43 @@ pub fn play_once(_: Vec<f32>, _: u32, _: &AtomicBool) -> Result<(), SoundcardErr
     Err(SoundcardError::NotBuilt)
 }
 
-impl CardDriver {
+impl<D: Driven> CardDriver<D> {
     /// Opens the card, which then drives the live run.
     ///
     /// # Errors
     /// [`SoundcardError::NotBuilt`], always.
-    pub fn start(_: Request, _: Live) -> Result<Self, SoundcardError> {
+    pub fn start(_: Request, _: D) -> Result<Self, SoundcardError> {
         Err(SoundcardError::NotBuilt)
     }
 
     /// The stream as the card opened it.
     pub fn got(&self) -> &OpenedStream {
-        match *self {}
+        match self.0 {}
     }
 
     /// Polls the stream; returns messages.
     pub fn poll(&mut self) -> Vec<CardNote> {
-        match *self {}
+        match self.0 {}
     }
 
     /// Whether the run has ended.
     pub fn is_finished(&self) -> bool {
-        match *self {}
+        match self.0 {}
     }
 
     /// Whether the card is gone.
     pub fn is_waiting(&self) -> bool {
-        match *self {}
+        match self.0 {}
     }
 
     /// Counts of the stream.
     pub fn counts(&self) -> CardCounts {
-        match *self {}
+        match self.0 {}
     }
 
     /// Closes the stream and returns the run.
-    pub fn join(self) -> Option<Live> {
-        match self {}
+    pub fn join(self) -> Option<D> {
+        match self.0 {}
     }
 }
 

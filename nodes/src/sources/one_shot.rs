@@ -100,23 +100,14 @@ impl Processor for Playing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wav::write_mono;
     use haptograph_engine::testing::Bench;
 
     #[test]
     fn it_plays_from_the_event_on_and_begins_anew_at_the_next() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("click.wav");
-        let spec = hound::WavSpec {
-            channels: 1,
-            sample_rate: 1000,
-            bits_per_sample: 32,
-            sample_format: hound::SampleFormat::Float,
-        };
-        let mut writer = hound::WavWriter::create(&file, spec).unwrap();
-        for sample in [1.0_f32, 0.5, 0.25] {
-            writer.write_sample(sample).unwrap();
-        }
-        writer.finalize().unwrap();
+        write_mono(&file, 1000, [1.0, 0.5, 0.25]);
         let heard = |per_value| {
             let settings = OneShotSettings {
                 file: file.clone(),

@@ -281,6 +281,7 @@ impl Processor for Scanning {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wav::write_mono;
     use haptograph_engine::testing::Bench;
     use std::f64::consts::TAU;
     use std::path::Path;
@@ -288,18 +289,8 @@ mod tests {
     /// A file of a sine with so many samples a period.
     fn file(folder: &Path, samples: u32, period: f64) -> PathBuf {
         let path = folder.join("felt.wav");
-        let spec = hound::WavSpec {
-            channels: 1,
-            sample_rate: 8000,
-            bits_per_sample: 32,
-            sample_format: hound::SampleFormat::Float,
-        };
-        let mut writer = hound::WavWriter::create(&path, spec).unwrap();
-        for k in 0..samples {
-            let sample = (TAU * f64::from(k) / period).sin();
-            writer.write_sample(sample as f32).unwrap();
-        }
-        writer.finalize().unwrap();
+        let sine = (0..samples).map(|k| (TAU * f64::from(k) / period).sin());
+        write_mono(&path, 8000, sine);
         path
     }
 

@@ -1,4 +1,4 @@
-//! From a scene to SVG.
+//! Renders a scene as SVG.
 
 use super::super::svg::{Anchor, Path, Rect, Svg, text_width};
 use super::super::theme::Ink;
@@ -51,7 +51,7 @@ const SHAPES: &str = ".grp{stroke-dasharray:5 4;shape-rendering:auto}.body{strok
 .wire{fill:none;stroke-width:1.4}.thick{stroke-width:2.8}.touch{stroke-width:2;stroke-dasharray:1 5;stroke-linecap:round}\
 .region{fill:none;stroke-width:26;stroke-linecap:round;stroke-linejoin:round}";
 
-/// The parts of every wire in the order in which they are joined, from its start to its end.
+/// The parts of every wire, ordered from its start to its end.
 fn whole_wires(scene: &Scene) -> BTreeMap<usize, Vec<&Route>> {
     let mut wires: BTreeMap<usize, Vec<&Route>> = BTreeMap::new();
     for (number, route) in &scene.routes {
@@ -99,14 +99,14 @@ fn paint_legend(svg: &mut Svg, sketch: &Sketch) {
     }
 }
 
-/// Clocks as coloured ground: under every node, and along the wires that stay on one clock.
+/// Regions of clocks: under every node, and along the wires that stay on one clock.
 fn paint_regions(svg: &mut Svg, sketch: &Sketch, scene: &Scene, wires: &BTreeMap<usize, Vec<&Route>>) {
     for clock in 0..sketch.clocks.len() {
         let on = |number: usize| sketch.boxes[number].clock == Some(clock);
         let ink = Ink::number(clock).class();
         for (number, routes) in wires {
             let wire = &sketch.wires[*number];
-            // A long wire would be a ribbon across the picture rather than ground.
+            // A long wire would be a ribbon across the picture.
             let short = matches!(routes[..], [Route::Forward(points)] if points.len() == 4);
             if on(wire.from.0) && on(wire.to.0) && short {
                 svg.path(&format!("region w{ink}"), &course(routes));
@@ -141,7 +141,7 @@ fn course(routes: &[&Route]) -> Path {
     path
 }
 
-/// Curves that leave and arrive horizontally.
+/// Curves that start and end horizontally.
 fn smooth(path: &mut Path, points: &[(f64, f64)]) {
     for pair in points.windows(2) {
         let [a, b] = [pair[0], pair[1]];
@@ -157,7 +157,7 @@ fn smooth(path: &mut Path, points: &[(f64, f64)]) {
     }
 }
 
-/// Straight stretches with rounded corners.
+/// Straight segments with rounded corners.
 fn rounded(path: &mut Path, points: &[(f64, f64)]) {
     let toward = |a: (f64, f64), b: (f64, f64), most: f64| {
         let (dx, dy) = (b.0 - a.0, b.1 - a.1);
@@ -254,7 +254,7 @@ fn tag(at: Rect, source: bool) -> Path {
     path
 }
 
-/// A sheet of paper with a turned corner.
+/// A sheet of paper with a folded corner.
 fn sheet(at: Rect) -> Path {
     let fold = 11.0;
     let (right, bottom) = (at.right(), at.bottom());
@@ -272,7 +272,7 @@ fn sheet(at: Rect) -> Path {
     path
 }
 
-/// The unit where a wire starts, the bridge where it ends.
+/// Labels of a wire: the unit at its start, the bridge at its end.
 fn paint_words(svg: &mut Svg, wire: &WireLine, routes: &[&Route]) {
     let (Some(first), Some(last)) = (routes.first(), routes.last()) else {
         return;

@@ -1,11 +1,11 @@
-//! What of a graph is drawn: boxes with named ports, wires with the words on them, clocks.
+//! The parts of a graph that are drawn: boxes with named ports, labelled wires, and clocks.
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::{Bridge, Graph, Node};
 use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_signal::quantity::Quantity;
 
-/// Everything that a drawing shows.
+/// Content of a drawing.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sketch {
     pub boxes: Vec<NodeBox>,
@@ -26,9 +26,9 @@ pub(super) struct NodeBox {
     pub clock: Option<usize>,
     pub inputs: Vec<Port>,
     pub outputs: Vec<Port>,
-    /// Its main settings, a line each.
+    /// The main settings, one per line.
     pub settings: Vec<String>,
-    /// What a resting pointer is told.
+    /// Text of the tooltip.
     pub doc: String,
 }
 
@@ -52,24 +52,24 @@ pub(super) struct Port {
 pub(super) struct WireLine {
     pub from: (usize, usize),
     pub to: (usize, usize),
-    /// What is written at its end, where it crosses rates or time.
+    /// Label at its end if it crosses rates or time.
     pub bridge: String,
-    /// What is written at its start.
+    /// Label at its start.
     pub unit: String,
-    /// Node and output that it comes from: `texture/filter.acceleration`.
+    /// Source node and output: `texture/filter.acceleration`.
     pub port: String,
     pub stroke: Stroke,
     pub closes_loop: bool,
 }
 
-/// How a wire is drawn.
+/// Line style of a wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stroke {
-    /// One number.
+    /// A scalar.
     Thin,
-    /// Several.
+    /// A vector or a wrench.
     Thick,
-    /// Between a body and its nodes: no signal, but touch.
+    /// A mechanical link between a body and its nodes.
     Touch,
 }
 
@@ -84,7 +84,7 @@ impl Sketch {
             ..Self::default()
         };
         let nodes = graph.nodes();
-        // Plots are for the page of a run; in a drawing they would hide the circuit.
+        // Plots appear on the page of a run; in a drawing they would hide the signal path.
         let mut place: Vec<Option<usize>> = Vec::new();
         for node in nodes.iter() {
             let drawn = node.entry.spec.group != PLOTS;
@@ -101,7 +101,7 @@ impl Sketch {
             let ends = [wire.from, wire.to].map(|end| place[end.index()]);
             let [Some(from), Some(to)] = ends else { continue };
             let from = (from, edge.output);
-            // One unit is enough where an output has several readers.
+            // One label is enough for an output with several readers.
             let named = sketch.wires.iter().any(|wire| wire.from == from);
             sketch.wires.push(WireLine {
                 from,
@@ -150,7 +150,7 @@ impl Sketch {
         sketch
     }
 
-    /// Joins a node and the body it reads or drives.
+    /// Links a node to the body that it reads or drives.
     fn touch(&mut self, node: usize, body: usize, drives: bool) {
         let port = |name: &str| Port {
             name: name.to_owned(),
@@ -214,20 +214,20 @@ fn node_box(node: &Node) -> NodeBox {
     }
 }
 
-/// Settings that a box has room for, and the characters of one.
-const MOST_SETTINGS: usize = 3;
-const MOST_CHARACTERS: usize = 30;
+/// Maximum number of settings in a box, and of characters in each.
+const MAX_SETTINGS: usize = 3;
+const MAX_CHARACTERS: usize = 30;
 
-/// What the graph says of a node, as it is written there.
+/// The settings of a node as written in the graph.
 fn settings(node: &Node) -> Vec<String> {
     let lines = node.written.iter().map(|(name, value)| {
         let line = format!("{name}: {value}");
-        match line.char_indices().nth(MOST_CHARACTERS) {
+        match line.char_indices().nth(MAX_CHARACTERS) {
             Some((end, _)) => format!("{}\u{2026}", &line[..end]),
             None => line,
         }
     });
-    lines.take(MOST_SETTINGS).collect()
+    lines.take(MAX_SETTINGS).collect()
 }
 
 fn first_sentence(doc: &str) -> String {

@@ -1,7 +1,7 @@
 use super::sketch::{Port, Stroke, WireLine};
 use super::*;
 
-/// A sketch from lines like `name: Kind @clock in,in -> out,out` and wires `a.out b.in [bridge]`.
+/// Parses a sketch from lines like `name: Kind @clock in,in -> out,out` and wires `a.out b.in [bridge]`.
 fn sketch(clocks: &[&str], nodes: &[&str], wires: &[&str]) -> Sketch {
     let clocks = clocks.iter().map(|c| c.split_once(' ').unwrap());
     let mut sketch = Sketch {

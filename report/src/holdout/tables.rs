@@ -1,16 +1,16 @@
-//! The tables of held-out parts, of which the terminal and the page show the same cells.
+//! Tables of a hold-out evaluation, shared by the terminal and the page.
 
 use haptograph_surfaces::evaluate::Holdout;
 use haptograph_surfaces::evaluate::holdout::{
     BASELINES, ByMaterial, Contact, ContactResult, Mean, Method, MethodMean, SplitResult,
 };
 
-/// A table of text: a head, and rows whose first cell is a name.
+/// A table of text: a header, and rows whose first cell is a name.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Table {
-    /// Heads of all columns; the first is that of the names.
+    /// Column headers; the first is that of the names.
     pub head: Vec<String>,
-    /// Rows, each as long as the head.
+    /// Rows, each as long as the header.
     pub rows: Vec<Vec<String>>,
 }
 
@@ -42,7 +42,7 @@ const MEASURES: [(&str, Measures); 13] = [
     ("PE", Measures::Others),
 ];
 
-/// Every method with these measures, by its title or, in narrow tables, its name; `*` marks one that loses to a plain baseline.
+/// Every method with these measures, by its title or, in narrow tables, its name; `*` marks one that is worse than a plain baseline.
 pub fn methods(split: &SplitResult, measures: Measures) -> Table {
     let row = |name: String, cells: [String; 13]| -> Vec<String> {
         let shown = cells.into_iter().zip(MEASURES);
@@ -104,7 +104,7 @@ fn shown(value: Option<Mean>, digits: usize, signed: bool) -> String {
 /// A measure of a method on each material.
 type OnMaterials = fn(&ByMaterial) -> &[f64];
 
-/// The measures that are told material by material: name, value, and whether it has a sign.
+/// The measures that are shown by material: name, value, and whether it is signed.
 const ON_MATERIALS: [(&str, OnMaterials, bool); 4] = [
     ("LSD, dB", |on| &on.lsd_db, false),
     ("100-500 Hz, dB", |on| &on.middle_lsd_db, false),
@@ -112,8 +112,8 @@ const ON_MATERIALS: [(&str, OnMaterials, bool); 4] = [
     ("total, dB", |on| &on.total_db, true),
 ];
 
-/// A table of materials and methods for each measure that all materials have; `*` marks a method that is further off than
-/// a plain baseline on that material.
+/// A table of materials and methods for each measure that all materials have; `*` marks a method that is worse than a
+/// plain baseline on that material.
 pub fn materials(found: &Holdout, split: &SplitResult) -> Vec<Table> {
     let tables = ON_MATERIALS.into_iter();
     tables
@@ -158,12 +158,13 @@ fn on_materials(
     })
 }
 
-/// Neither the floor nor a plain baseline.
+/// True for a method that is neither the floor nor a plain baseline.
 fn is_learned(method: Method) -> bool {
     method != Method::Floor && !BASELINES.contains(&method)
 }
 
-/// A table for each quantity of a contact, its splits side by side; `*` marks what loses to a plain alternative.
+/// A table for each quantity of a contact with its splits side by side; `*` marks results worse than a plain
+/// alternative.
 pub fn contacts(found: &[ContactResult]) -> Vec<Table> {
     let of = |contact: Contact| -> Vec<&ContactResult> {
         found.iter().filter(|result| result.contact == contact).collect()
@@ -193,7 +194,7 @@ fn contact(contact: Contact, results: &[&ContactResult]) -> Option<Table> {
     })
 }
 
-/// How far the parts themselves are apart: by chance, and by what force and speed leave unexplained.
+/// Sentences about the distance between the parts themselves: by chance, and unexplained by force and speed.
 pub fn limits(split: &SplitResult) -> String {
     let by_chance = format!(
         "Two stationary takes as long as these parts are {:.2} dB apart, one and the mean over seeds {:.2} dB.",

@@ -1,4 +1,4 @@
-//! Heights of items: each as near as can be to where its links would be straight, in the order of its layer.
+//! Vertical positions of items: as close as possible to straight links, in the order of each layer.
 
 use super::{Item, Segment};
 
@@ -19,7 +19,7 @@ pub(super) fn heights(items: &[Item], segments: &[Segment], order: &[Vec<usize>]
     }
     let mut pulls = vec![Vec::new(); items.len()];
     for segment in segments {
-        // A link that passes several layers is to be straight before one that does not.
+        // Links across several layers are straightened first.
         let passing = [segment.from, segment.to]
             .iter()
             .filter(|item| !items[**item].solid)
@@ -42,7 +42,7 @@ pub(super) fn heights(items: &[Item], segments: &[Segment], order: &[Vec<usize>]
     tops
 }
 
-/// From the top of an item to the top of the next one below.
+/// Distance from the top of an item to the top of the next one below.
 fn step(items: &[Item], above: usize, below: usize) -> f64 {
     let gap = match (items[above].solid, items[below].solid) {
         (true, true) if items[above].height == 0.0 && items[below].height == 0.0 => 14.0,
@@ -53,7 +53,7 @@ fn step(items: &[Item], above: usize, below: usize) -> f64 {
     items[above].height + gap
 }
 
-/// Least squares of one layer under its order: pooling adjacent violators.
+/// Least squares for one layer under its order, by pooling adjacent violators.
 fn settle(items: &[Item], layer: &[usize], pulls: &[Vec<(usize, f64, f64)>], tops: &mut [f64]) {
     struct Pool {
         mean: f64,
@@ -73,7 +73,7 @@ fn settle(items: &[Item], layer: &[usize], pulls: &[Vec<(usize, f64, f64)>], top
             .iter()
             .map(|(other, shift, w)| (tops[*other] + shift) * w)
             .sum();
-        // What nothing pulls stays where it is, yielding to all others.
+        // An item without links keeps its position but yields to all others.
         let (wanted, weight) = if weight > 0.0 {
             (wanted / weight, weight)
         } else {

@@ -1,8 +1,8 @@
-//! The order of items within their layers, with few crossings.
+//! Order of items within their layers, with few crossings.
 
 use super::{Item, Segment};
 
-/// Rounds of sorting by barycentres; the best order seen is kept.
+/// Rounds of sorting by barycentres; the best order is kept.
 const ROUNDS: usize = 16;
 
 /// Items of every layer from top to bottom.
@@ -17,11 +17,11 @@ pub(super) fn order(items: &[Item], segments: &[Segment]) -> Vec<Vec<usize>> {
     for round in 0..ROUNDS {
         if round % 2 == 0 {
             for layer in 1..count {
-                sides.sort(&mut layers, layer, Look::Left);
+                sides.sort(&mut layers, layer, Direction::Left);
             }
         } else {
             for layer in (0..count.saturating_sub(1)).rev() {
-                sides.sort(&mut layers, layer, Look::Right);
+                sides.sort(&mut layers, layer, Direction::Right);
             }
         }
         sides.exchange(&mut layers);
@@ -37,12 +37,12 @@ pub(super) fn order(items: &[Item], segments: &[Segment]) -> Vec<Vec<usize>> {
 }
 
 #[derive(Clone, Copy)]
-enum Look {
+enum Direction {
     Left,
     Right,
 }
 
-/// The neighbours of every item: (other item, how far down that item the segment is, how far down this one).
+/// The neighbours of every item: (other item, height of the segment's end on it, height on this item).
 struct Sides {
     left: Vec<Vec<(usize, f64, f64)>>,
     right: Vec<Vec<(usize, f64, f64)>>,
@@ -69,10 +69,10 @@ impl Sides {
         sides
     }
 
-    fn sort(&self, layers: &mut [Vec<usize>], layer: usize, look: Look) {
-        let (neighbours, other) = match look {
-            Look::Left => (&self.left, layer - 1),
-            Look::Right => (&self.right, layer + 1),
+    fn sort(&self, layers: &mut [Vec<usize>], layer: usize, direction: Direction) {
+        let (neighbours, other) = match direction {
+            Direction::Left => (&self.left, layer - 1),
+            Direction::Right => (&self.right, layer + 1),
         };
         let place = places(&layers[other], neighbours.len());
         let mut keyed: Vec<(f64, usize)> = layers[layer]
@@ -80,7 +80,7 @@ impl Sides {
             .enumerate()
             .map(|(now, item)| {
                 let beside = &neighbours[*item];
-                // An item without neighbours stays where it is, as a share of the layer.
+                // An item without neighbours keeps its relative position.
                 if beside.is_empty() {
                     let share = layers[other].len() as f64 / layers[layer].len() as f64;
                     return ((now as f64 + 0.5) * share, *item);
@@ -93,7 +93,7 @@ impl Sides {
         layers[layer] = keyed.into_iter().map(|(_, item)| item).collect();
     }
 
-    /// Exchanges neighbours in a layer where that saves crossings.
+    /// Exchanges neighbours in a layer if that reduces the crossings.
     fn exchange(&self, layers: &mut [Vec<usize>]) {
         for layer in 0..layers.len() {
             let left = layer.checked_sub(1).map(|l| places(&layers[l], self.left.len()));
@@ -144,7 +144,7 @@ impl Sides {
     }
 }
 
-/// Crossings between the segments of `above` and `below` when they stand in this order.
+/// Crossings between the segments of `above` and `below` in this order.
 fn pair_crossings(above: &[(usize, f64, f64)], below: &[(usize, f64, f64)], place: &[f64]) -> usize {
     let at = |end: &(usize, f64, f64)| place[end.0] + end.1;
     above

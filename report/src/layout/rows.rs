@@ -1,12 +1,12 @@
-//! Layouts too wide for a page, in rows: layers are broken as a text is into lines, and what goes from row to row runs
-//! down the right margin, back between the rows, and in at the left.
+//! Layouts wider than a page: layers are broken into rows like text into lines, and links between rows run
+//! down the right margin, back between the rows, and in from the left.
 
 use super::{Block, Columns, LANE, Layout, Link, Route, Side, backward_links, layers, layout};
 
-/// From a row to the first lane below it, and from the last lane to the next row.
+/// Distance from a row to the first lane below it, and from the last lane to the next row.
 const ROW_GAP: f64 = 22.0;
 
-/// Places everything, in rows of about `widest` where one is not enough.
+/// Computes the layout, in rows of about `widest` if one row is too wide.
 pub(crate) fn in_rows(blocks: &[Block], links: &[Link], widest: f64) -> Layout {
     let backward = backward_links(blocks.len(), links);
     let layers = layers(blocks, links, &backward);
@@ -17,7 +17,7 @@ pub(crate) fn in_rows(blocks: &[Block], links: &[Link], widest: f64) -> Layout {
     }
     let row_of_layer = rows(&columns, links, &layers, widest);
     let mut row: Vec<usize> = layers.iter().map(|layer| row_of_layer[*layer]).collect();
-    // A pin stands in the row of what it is joined to.
+    // A pin stands in the row of its neighbour.
     for link in links {
         if blocks[link.from].side == Side::Left {
             row[link.from] = row[link.to];
@@ -34,11 +34,11 @@ pub(crate) fn in_rows(blocks: &[Block], links: &[Link], widest: f64) -> Layout {
     stack(blocks, links, &rows, &crossings)
 }
 
-/// The row of every layer: as few rows as hold them, of widths as even as can be, broken where few links pass.
+/// Row of every layer: as few rows as needed, of similar widths, broken where few links pass.
 fn rows(columns: &[(f64, f64)], links: &[Link], layers: &[usize], widest: f64) -> Vec<usize> {
     let count = columns.len();
     let width = |first: usize, end: usize| columns[end - 1].0 + columns[end - 1].1 - columns[first].0;
-    // Links that pass from the layers before each to it and those behind.
+    // For each layer: the links from the layers before it to it and those behind.
     let mut passing = vec![0_i64; count + 1];
     for link in links {
         let (a, b) = (layers[link.from], layers[link.to]);
@@ -48,7 +48,7 @@ fn rows(columns: &[(f64, f64)], links: &[Link], layers: &[usize], widest: f64) -
     for layer in 1..=count {
         passing[layer] += passing[layer - 1];
     }
-    // The least cost of breaking the layers before each, and where its last row begins.
+    // For each layer: the minimum cost of breaking the layers before it, and the start of its last row.
     let mut best = vec![(0.0_f64, 0_usize); count + 1];
     for end in 1..=count {
         best[end] = (f64::INFINITY, 0);
@@ -81,7 +81,7 @@ fn rows(columns: &[(f64, f64)], links: &[Link], layers: &[usize], widest: f64) -
         .collect()
 }
 
-/// Links from one row to another that start at the same port: they run together.
+/// Links from one row to another that start at the same port and run together.
 struct Crossing {
     from: usize,
     from_y: f64,
@@ -112,13 +112,13 @@ fn crossings(links: &[Link], row: &[usize]) -> Vec<Crossing> {
     crossings
 }
 
-/// One row, laid out by itself, with pins at the ends of what crosses to or from others.
+/// One row, laid out alone, with pins at the ends of links to and from other rows.
 struct Row {
-    /// Its blocks among all blocks.
+    /// Indices of its blocks among all blocks.
     blocks: Vec<usize>,
-    /// Its links among all links, pins' parts of crossing ones included.
+    /// Indices of its links among all links, including the parts of crossing links at pins.
     links: Vec<usize>,
-    /// The pin at which a crossing leaves, and the one at which it enters, among the blocks of its layout.
+    /// Pins among the blocks of its layout at which a crossing leaves, and enters.
     exits: Vec<(usize, usize)>,
     entries: Vec<(usize, usize)>,
     placed: Layout,
@@ -197,13 +197,13 @@ impl Row {
     }
 }
 
-/// Rows one below the other, and the crossings around them.
+/// Stacks the rows and draws the crossings around them.
 fn stack(blocks: &[Block], links: &[Link], rows: &[Row], crossings: &[Crossing]) -> Layout {
     let lanes = |count: usize| count as f64 * LANE;
     let most = rows.iter().map(|row| row.entries.len()).max().unwrap_or(0);
     let left = if most > 0 { lanes(most) + 4.0 } else { 0.0 };
     let widest = rows.iter().map(|row| row.placed.size.0).fold(0.0, f64::max);
-    // A crossing's place among those into its row, by where it enters: the topmost runs lowest and innermost.
+    // Rank of a crossing among those into its row, by entry height: the topmost runs lowest and innermost.
     let mut entering = vec![0; crossings.len()];
     for row in rows {
         let mut order: Vec<(f64, usize)> = row
@@ -245,7 +245,7 @@ fn stack(blocks: &[Block], links: &[Link], rows: &[Row], crossings: &[Crossing])
             layout.routes.push((row.links[*number], route));
         }
     }
-    // The first way out that a group of crossing links shares was drawn for the first of them only.
+    // The shared exit of a group of crossing links was drawn for its first link only.
     let shared = |layout: &Layout, crossing: &Crossing| -> Vec<Route> {
         let first = crossing.links[0];
         let starts = |route: &&(usize, Route)| route.0 == first;
@@ -265,7 +265,7 @@ fn stack(blocks: &[Block], links: &[Link], rows: &[Row], crossings: &[Crossing])
         let (x, y) = rows[row].pin(&rows[row].exits, crossing);
         (x + left, y + tops[row])
     };
-    // From the lowest way out up: it has the innermost lane.
+    // In order from the lowest exit up: it has the innermost lane.
     by_exit.sort_by(|a, b| exit_of(*b).1.total_cmp(&exit_of(*a).1));
     for number in by_exit {
         let crossing = &crossings[number];
@@ -308,7 +308,7 @@ fn stack(blocks: &[Block], links: &[Link], rows: &[Row], crossings: &[Crossing])
     layout
 }
 
-/// Pins stand at the edges of it all, outside of the lanes.
+/// Moves pins to the outer edges, outside of the lanes.
 fn to_the_edges(layout: &mut Layout, blocks: &[Block], links: &[Link], right: f64) {
     for (corner, block) in layout.corners.iter_mut().zip(blocks) {
         match block.side {

@@ -1,4 +1,4 @@
-//! Lines through what was measured: friction, the force of taps, stiffness.
+//! Fitted lines of friction, tap forces and stiffness.
 
 use crate::plot::{Axis, Mark, Plot, Style, Weight};
 use crate::theme::Ink;
@@ -17,11 +17,21 @@ fn fitted(line: &Line, (from, to): (f64, f64), x_factor: f64, name: String) -> M
     )
 }
 
-/// At most this many dots, evenly taken.
-const MOST_DOTS: usize = 1500;
+/// What a line was fitted to, and what was left out of it, if anything.
+fn dots(names: [&str; 2], weight: Weight, [used, others]: [Vec<(f64, f64)>; 2]) -> Vec<Mark> {
+    let of = |ink, name, points| Mark::Dots(Style::named(ink, name).weight(weight), points);
+    let mut marks = vec![of(Ink::Blue, names[0], used)];
+    if !others.is_empty() {
+        marks.push(of(Ink::Rose, names[1], others));
+    }
+    marks
+}
+
+/// Maximum number of dots, taken evenly.
+const MAX_DOTS: usize = 1500;
 
 fn thinned(points: impl IntoIterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
-    let mut kept = Decimated::new(MOST_DOTS);
+    let mut kept = Decimated::new(MAX_DOTS);
     points.into_iter().for_each(|point| kept.push(point));
     kept.kept().to_vec()
 }
@@ -36,16 +46,7 @@ pub(super) fn friction(found: &FrictionReport) -> Plot {
         thinned(points.map(|(point, _)| *point))
     };
     let hardest = found.points.iter().fold(0.0_f64, |most, point| most.max(point.0));
-    let mut marks = vec![Mark::Dots(
-        Style::named(Ink::Blue, "moment").weight(Weight::Hair),
-        of(true),
-    )];
-    if found.used.contains(&false) {
-        marks.push(Mark::Dots(
-            Style::named(Ink::Rose, "outlier").weight(Weight::Hair),
-            of(false),
-        ));
-    }
+    let mut marks = dots(["moment", "outlier"], Weight::Hair, [of(true), of(false)]);
     let name = format!("mu = {:.3}, R² = {:.3}", found.line.slope, found.line.r_squared);
     marks.push(fitted(&found.line, (0.0, hardest), 1.0, name));
     Plot {
@@ -59,7 +60,7 @@ pub(super) fn friction(found: &FrictionReport) -> Plot {
     }
 }
 
-/// Peak force over incoming speed: the tap response factor is the slope (4.4.2).
+/// Peak force over incoming speed; its slope is the tap response factor (thesis 4.4.2).
 pub(super) fn contacts(taps: &Taps, found: &TapReport) -> Plot {
     let of = |used: bool| {
         let contacts = found.contacts.iter().filter(move |contact| contact.used == used);
@@ -71,13 +72,10 @@ pub(super) fn contacts(taps: &Taps, found: &TapReport) -> Plot {
         .contacts
         .iter()
         .fold(0.0_f64, |most, contact| most.max(contact.speed_m_s));
-    let mut marks = vec![Mark::Dots(Style::named(Ink::Blue, "tap"), of(true))];
-    if found.contacts.iter().any(|contact| !contact.used) {
-        marks.push(Mark::Dots(Style::named(Ink::Rose, "not used"), of(false)));
-    }
+    let mut marks = dots(["tap", "not used"], Weight::default(), [of(true), of(false)]);
     if let Some(line) = taps.response() {
         let name = format!("{:.1} N per m/s, R² = {:.3}", line.slope, line.r_squared);
-        // Towards rest the line can fall below zero force: it is shown where taps were.
+        // Extrapolated to rest the line can be negative, so it is drawn over the range of the taps only.
         let used = found.contacts.iter().filter(|contact| contact.used);
         let speeds = used.map(|contact| contact.speed_m_s);
         let range = speeds.fold((fastest, 0.0_f64), |(slowest, fastest), speed| {
@@ -91,21 +89,21 @@ pub(super) fn contacts(taps: &Taps, found: &TapReport) -> Plot {
         y: Axis::of("Peak normal force (N)"),
         marks,
         size: (0.0, 260.0),
-        caption: "The faster a tap, the harder: by this line a rendered tap grows with its speed.".to_owned(),
+        caption: "A faster tap is harder: a rendered tap grows with its speed along this line.".to_owned(),
         ..Plot::default()
     }
 }
 
-/// How much is shown before the line of a press begins, as a part of the line.
+/// Range shown before the contact, relative to the length of the line.
 const BEFORE_CONTACT: f64 = 0.1;
 
 pub(super) fn stiffness(found: &StiffnessReport) -> Plot {
     let deepest = found.curve.iter().fold(0.0_f64, |most, point| most.max(point.0));
     let (line, slope) = (&found.line, found.line.slope);
-    // The line from where it meets no force to where the tip went.
+    // From the zero of the line to the deepest point.
     let from = (-line.intercept / slope).clamp(0.0, deepest);
     let name = format!("{:.1} N/mm, R² = {:.3}", slope * 1e-3, line.r_squared);
-    // Most of the way down is air.
+    // Most of the travel is in the air.
     let begin = (from - BEFORE_CONTACT * (deepest - from)).max(0.0);
     let shown = found.curve.iter().filter(|(depth, _)| *depth >= begin);
     let path = thinned(shown.map(|(depth, force)| (depth * 1e3, *force)));

@@ -1,10 +1,10 @@
 use super::*;
 use haptograph_signal::noise::Gaussian;
-use haptograph_surfaces::Provenance;
 use haptograph_surfaces::learning::{LearnSettings, learn};
 use haptograph_surfaces::recording::{AnyRecording, Gesture, Signals};
+use haptograph_surfaces::{ArmaModel, ModelAt, Provenance, TextureModel};
 
-/// Nine stretches of other speeds and forces.
+/// Nine segments of different speeds and forces.
 pub(crate) fn drag(person: u64, ring: f64) -> AnyRecording {
     let mut noise = Gaussian::new(person);
     let mut y = [0.0; 2];
@@ -59,10 +59,8 @@ fn a_page_has_a_figure_for_each_part_and_says_what_is_simulated() {
     assert!(!page.contains("NaN") && !page.contains("src=\"http"));
 }
 
-#[test]
-fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
-    use haptograph_surfaces::ArmaModel;
-    // The middle of two sharp resonances' coefficients is not stable.
+/// Pairs of sharp resonances. The mean of the coefficients of two of them is unstable.
+fn resonances() -> [ArmaModel; 3] {
     let resonance = |angles: [f64; 2]| {
         let lsf: Vec<f64> = angles
             .iter()
@@ -70,13 +68,14 @@ fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
             .collect();
         ArmaModel::from_lsf(&lsf, &[], 1.0, 1.0).unwrap()
     };
-    let models = [
-        resonance([0.2, 1.0]),
-        resonance([2.0, 2.9]),
-        resonance([0.5, 2.5]),
-    ];
+    [[0.2, 1.0], [2.0, 2.9], [0.5, 2.5]].map(resonance)
+}
+
+#[test]
+fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
+    let models = resonances();
     let models = [&models[0], &models[1], &models[2]];
-    let [coefficients, frequencies] = crate::loci::both_ways(&models)
+    let [coefficients, frequencies] = crate::loci::both_loci(&models)
         .map(|path| path.iter().fold(0.0_f64, |most, (x, y)| most.max(x.hypot(*y))));
     assert!(
         coefficients > 1.0 && frequencies < 1.0,
@@ -84,42 +83,32 @@ fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
     );
 }
 
-#[test]
-fn where_both_ways_give_the_same_poles_a_sentence_says_so() {
-    let (surface, _) = learned("felt", 1.2);
-    let mut texture = surface.texture.unwrap();
-    let section = crate::loci::section(&texture);
-    assert!(section.contains("differ most") || section.contains("apart: both ways give the same filters"));
-    // One model everywhere leaves nothing between models.
-    let first = texture
-        .models()
-        .iter()
-        .find(|at| at.model.power() > 0.0)
-        .unwrap()
-        .model
-        .clone();
-    let models = texture.models().iter().map(|at| haptograph_surfaces::ModelAt {
-        model: if at.model.power() > 0.0 {
-            first.clone()
-        } else {
-            at.model.clone()
-        },
-        ..at.clone()
+/// A learned map with other models; silent where it is silent.
+fn with_models(model: impl Fn(usize) -> ArmaModel) -> TextureModel {
+    let texture = learned("felt", 1.2).0.texture.unwrap();
+    let models = texture.models().iter().enumerate().map(|(vertex, at)| {
+        let variance = at.model.variance();
+        ModelAt {
+            model: model(vertex).with_variance(variance).unwrap(),
+            ..at.clone()
+        }
     });
-    texture = haptograph_surfaces::TextureModel::new(
-        texture.rate_hz(),
-        models.collect(),
-        texture.triangles().to_vec(),
-    )
-    .unwrap();
-    let section = crate::loci::section(&texture);
-    assert!(
-        section.contains("less than 0.02 apart") && !section.contains("<svg"),
-        "{section}"
-    );
+    TextureModel::new(texture.rate_hz(), models.collect(), texture.triangles().to_vec()).unwrap()
 }
 
-/// At its poles the filter's denominator is nothing.
+#[test]
+fn poles_are_drawn_where_the_two_ways_differ_and_only_there() {
+    let [one, ..] = resonances();
+    let figures = |texture: &TextureModel| crate::loci::section(texture).matches("<svg").count();
+    assert_eq!(
+        figures(&with_models(|vertex| resonances()[vertex % 3].clone())),
+        2
+    );
+    // One model everywhere leaves nothing between models.
+    assert_eq!(figures(&with_models(|_| one.clone())), 0);
+}
+
+/// The denominator of the filter is zero at its poles.
 #[test]
 fn poles_of_a_warped_model_are_those_of_its_filter() {
     use haptograph_signal::Complex64;

@@ -1,8 +1,8 @@
 "use strict";
-// One cursor and one zoom for all plots over time, the player's place in them, and 50 ms of the vibration up close.
-// The page is whole without it.
+// Shared cursor and zoom of all plots over time, the position of the player in them, and a close-up of 50 ms of
+// the vibration. The page is complete without this script.
 (() => {
-  // Where something is cut off at a side it fades, and a line says how to see the rest.
+  // A clipped side fades out, and a line explains how to see the rest.
   for (const box of document.querySelectorAll(".scroll, figure:not(.plot)")) {
     const hint = document.createElement("p");
     hint.className = "swipe";
@@ -18,7 +18,7 @@
     new ResizeObserver(fade).observe(box);
   }
 
-  // A wide drawing is as wide as the page on a phone; a tap opens it in its own size and closes it again.
+  // On a phone a wide drawing is scaled to the page; a tap toggles its full size.
   for (const box of document.querySelectorAll("figure.wide")) {
     const narrow = matchMedia("(max-width: 600px)");
     const hint = document.createElement("p");
@@ -37,7 +37,7 @@
     label();
   }
 
-  const SPAN = 1000; // the marks' own width
+  const SPAN = 1000; // width of the marks' coordinate system
   const SVG = "http://www.w3.org/2000/svg";
   const numbers = (text) => (text.match(/-?\d+(\.\d+)?/g) || []).map(Number);
   const plots = [...document.querySelectorAll("svg[data-time]")].map(plotOf);
@@ -66,7 +66,8 @@
     return text.split(" ").map(Number);
   }
 
-  // A curve's points in the marks' coordinates, a list for each part between gaps; of a band the upper edge and the lower.
+  // The points of a curve in the marks' coordinates, one list per part between gaps; for a band the upper and the
+  // lower edge.
   function points(plot, path) {
     if (!plot.points.has(path)) {
       const pairsOf = (text) => {
@@ -77,7 +78,7 @@
       };
       const drawn = path.getAttribute("d");
       const pairs = pairsOf(drawn);
-      // A band's upper edge goes to the right, its lower one back.
+      // The upper edge of a band runs to the right, the lower one back.
       const turn = pairs.findIndex((pair, i) => i > 0 && pair[0] <= pairs[i - 1][0]);
       const edges = path.classList.contains("band") && turn > 0 ? [pairs.slice(0, turn), pairs.slice(turn).reverse()] : drawn.split("M").map(pairsOf);
       plot.points.set(path, edges);
@@ -85,7 +86,7 @@
     return plot.points.get(path);
   }
 
-  // The value of a curve at x, between its points.
+  // The value of a curve at x, interpolated between its points.
   function at(pairs, x) {
     let low = 0;
     let high = pairs.length - 1;
@@ -104,7 +105,7 @@
     const [low, high] = plot.y;
     if (plot.log) return low * (high / low) ** part;
     const value = low + part * (high - low);
-    return Math.abs(value) < (high - low) / 5000 ? 0 : value; // no finer than the curve is written
+    return Math.abs(value) < (high - low) / 5000 ? 0 : value; // below the resolution of the curve's coordinates
   }
 
   const shown = (value) => String(Number(value.toPrecision(3))).replace("-", "\u2212");
@@ -120,7 +121,7 @@
     });
   }
 
-  // Moves the cursor of every plot to a time; none takes it away.
+  // Moves the cursor of every plot to a time, or removes it.
   function point(time) {
     for (const plot of plots.filter((p) => !p.fixed)) {
       const part = (time - view[0]) / (view[1] - view[0]);
@@ -169,7 +170,7 @@
     group.replaceChildren(...parts);
   }
 
-  // Shows a stretch of time in every plot.
+  // Shows an interval of time in every plot.
   function zoom([low, high]) {
     const least = (whole[1] - whole[0]) / 50;
     const middle = (low + high) / 2;
@@ -244,7 +245,7 @@
     audio.addEventListener("seeked", follow);
   }
 
-  // The samples that the player plays: 16 bits after a header of 44 bytes.
+  // The samples of the player: 16 bits each, after a header of 44 bytes.
   let samples = null;
   function played() {
     if (samples === null) {

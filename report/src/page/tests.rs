@@ -1,6 +1,6 @@
 use super::*;
-use crate::asked::{Form, tracer};
-use crate::record::{Watch, recorder};
+use crate::plot_request::{Form, tracer};
+use crate::record::{WatchedOutput, recorder};
 use crate::sound::clip;
 use haptograph_engine::frame::{Kind, Weights};
 use haptograph_engine::node::{FrameWriter, Stream};
@@ -28,7 +28,7 @@ fn record(
     record.content()
 }
 
-/// Ten seconds of something that looks like touch.
+/// Ten seconds of synthetic touch signals.
 fn signals(seconds: u64) -> Vec<Recorded> {
     let hand = |t: f64| (0.08 * (1.0 - (5.0 * t).cos()), 1.2 + 0.6 * (1.7 * t).sin());
     let mut seed = 1u64;
@@ -92,7 +92,7 @@ fn signals(seconds: u64) -> Vec<Recorded> {
     ]
 }
 
-/// A page without its pictures, whose letters spell whatever they like.
+/// A page without its images, whose encoded text may contain anything.
 fn written(html: &str) -> String {
     let mut parts = html.split("base64,");
     let first = parts.next().unwrap_or_default();
@@ -139,7 +139,7 @@ fn a_page_shows_everything_and_fetches_nothing() {
     ] {
         assert!(html.contains(name), "{name}");
     }
-    // The sound is 1.28 MB of it.
+    // 1.28 MB of it are the sound.
     assert!(html.len() < 1_900_000, "{}", html.len());
     let body = html
         .split_once("<main>")
@@ -191,10 +191,10 @@ fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
         let (mut tracer, trace) = tracer(&stream, Form::OverTime);
         tracer.write(0, &values).unwrap();
         let (node, output) = (haptograph_engine::graph::NodeId::default(), 0);
-        (Watch { node, output, stream }, trace)
+        (WatchedOutput { node, output, stream }, trace)
     };
     let (watch, trace) = drawn("asked", steps());
-    let asked = Asked {
+    let asked = PlotRequest {
         title: "Steps".into(),
         form: Form::OverTime,
         names: vec!["asked".into()],
@@ -216,7 +216,7 @@ fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
             record("slow twin", Kind::Scalar, Quantity::LENGTH, 1000, hum(1000)),
             record("fast twin", Kind::Scalar, Quantity::LENGTH, 10_000, hum(10_000)),
         ],
-        asked: vec![(&asked, std::slice::from_ref(&trace))],
+        requests: vec![(&asked, std::slice::from_ref(&trace))],
         ..Page::default()
     };
     let html = page.to_html();

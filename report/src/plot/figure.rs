@@ -1,5 +1,5 @@
-//! A plot as a figure of a page: as wide as there is room, its letters as large as those of the page. The marks are
-//! stretched, the text is not; `page/script.js` finds by the attributes what it needs for its cursor and for zooming.
+//! A plot as a figure of a page: as wide as the page, with text in the size of the page. The marks are
+//! stretched, the text is not; the attributes give `page/script.js` the data for its cursor and for zooming.
 
 use super::super::scale::{Scale, Spread};
 use super::super::svg::{Rect, Svg, escape, num};
@@ -7,23 +7,24 @@ use super::super::theme;
 use super::marks::{draw_mark, draw_words};
 use super::{Axis, Image, Mark, Plot, Weight};
 
-/// Width of the marks' own coordinates.
+/// Width of the coordinate system of the marks.
 const SPAN: f64 = 1000.0;
-/// What a plot of a given height keeps free for its title and its axis.
+/// Height reserved for title and axis.
 const AROUND: f64 = 78.0;
-/// Width of a usual frame, by which its ticks are chosen.
+/// Width of a usual frame, which determines the ticks.
 const USUAL_WIDTH: f64 = 680.0;
-/// Room left of the frame, as in the style sheet: plots under one another share their left edge unless a name needs more.
+/// Width left of the frame, as in the style sheet: plots below each other share their left edge unless a
+/// label is wider.
 const USUAL_ROOM: f64 = 54.0;
 
 impl Plot {
-    /// The plot as an HTML figure for a page that has the style sheet.
+    /// The plot as an HTML figure for a page with the style sheet.
     pub fn to_figure(&self) -> String {
         self.figure("plot", "")
     }
 
-    /// A stretch of the page's sound, which the page may exchange for another: samples at this rate, a sample of 1 being
-    /// `full_scale` on the vertical axis.
+    /// A close-up of the page's sound, which the page's script may replace: samples at this rate, with a
+    /// sample of 1 at `full_scale` on the vertical axis.
     pub fn to_close_up(&self, rate_hz: f64, full_scale: f64) -> String {
         let what = format!(" data-rate=\"{rate_hz}\" data-peak=\"{full_scale}\"");
         self.figure("plot close-up", &what)
@@ -67,12 +68,12 @@ impl Plot {
         )
     }
 
-    /// A plot of nothing is a sentence.
+    /// An empty plot is replaced by a sentence.
     fn sentence(&self, text: &str) -> String {
         format!("<p><b>{}</b>: {}</p>\n", escape(&self.title), escape(text))
     }
 
-    /// Title, remark, names of the marks, and what the vertical axis shows.
+    /// Title, remark, legend, and label of the vertical axis.
     fn head(&self) -> String {
         let note = match self.note.as_str() {
             "" => String::new(),
@@ -94,7 +95,7 @@ impl Plot {
         )
     }
 
-    /// A mark's colour and name, with room for its value at the cursor.
+    /// Colour and name of a mark, with a field for its value at the cursor.
     fn key(&self, mark: &Mark) -> Option<String> {
         let style = mark.style()?;
         let value = match mark {
@@ -180,7 +181,7 @@ impl Plot {
     }
 }
 
-/// A line and a number; every second number goes where there is little room.
+/// A grid line and a number; odd numbers are hidden if there is little space.
 fn tick_across(svg: &mut Svg, at: &str, text: &str, number: usize) {
     svg.raw(format_args!(
         "<line class=\"grid\" x1=\"{at}\" x2=\"{at}\" y1=\"0\" y2=\"100%\"/>"
@@ -199,7 +200,7 @@ fn percent(part: f64) -> String {
     format!("{}%", text.trim_end_matches('0').trim_end_matches('.'))
 }
 
-/// The scale of an image's colours.
+/// The colour scale of an image.
 fn colours(image: &Image) -> String {
     let stops: Vec<String> = (0..=8)
         .map(|i| {
@@ -218,7 +219,7 @@ fn colours(image: &Image) -> String {
 }
 
 impl Axis {
-    /// Time in seconds: the page's plots over it share one cursor.
+    /// Time in seconds. The page's plots over time share one cursor.
     pub fn time() -> Self {
         Self {
             is_time: true,

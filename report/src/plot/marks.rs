@@ -1,4 +1,4 @@
-//! What is drawn in the frame of a plot.
+//! Rendering of the marks of a plot.
 
 use super::super::raster::Grid;
 use super::super::scale::{Scale, Spread};
@@ -91,7 +91,7 @@ pub(super) fn draw_mark(svg: &mut Svg, mark: &Mark, x: &Scale, y: &Scale) {
     }
 }
 
-/// The words of a mark; `at` leads to where they stand.
+/// The texts of a mark; `at` maps their positions.
 pub(super) fn draw_words(svg: &mut Svg, mark: &Mark, at: &dyn Fn(f64, f64) -> (String, String)) {
     let Mark::Words(words) = mark else { return };
     for (a, b, word) in words {
@@ -103,7 +103,7 @@ pub(super) fn draw_words(svg: &mut Svg, mark: &Mark, at: &dyn Fn(f64, f64) -> (S
     }
 }
 
-/// The area between two edges; where these lie on each other all the way, the curve that it is.
+/// The area between two edges, drawn as a curve if they coincide everywhere.
 fn band(svg: &mut Svg, style: &Style, points: &[(f64, f64, f64)], at: &dyn Fn((f64, f64)) -> (f64, f64)) {
     let edge = |of: &dyn Fn(&(f64, f64, f64)) -> f64| -> Vec<(f64, f64)> {
         let edge = points.iter().map(|point| at((point.0, of(point))));
@@ -124,11 +124,12 @@ fn band(svg: &mut Svg, style: &Style, points: &[(f64, f64, f64)], at: &dyn Fn((f
     svg.path(&format!("band s{0} f{0} hair", style.ink.class()), &path);
 }
 
-/// A band thinner than this is drawn as a curve, and points nearer than this to the line between others are left out: pixels.
+/// Bands thinner than this are drawn as curves; points closer than this to the line between their neighbours
+/// are omitted. Pixels.
 const THIN: f64 = 0.4;
 const STRAIGHT: f64 = 0.12;
 
-/// A curve that is interrupted where a point is not finite, without points that nobody would see.
+/// A curve, interrupted at points that are not finite, without redundant points.
 fn curve(points: &[(f64, f64)]) -> Path {
     let mut path = Path::default();
     for part in points.split(|point| !(point.0.is_finite() && point.1.is_finite())) {
@@ -139,9 +140,9 @@ fn curve(points: &[(f64, f64)]) -> Path {
     path
 }
 
-/// A curve without the points that lie on straight lines between others, to tenths of pixels. Of one that goes to the right
-/// the cone is kept through which all points left out can be seen from the last one kept; of another the points that are
-/// some way from the last.
+/// A curve without the points on straight lines between others, to tenths of a pixel. For a curve that
+/// advances to the right, the algorithm keeps the cone from the last kept point that contains all omitted
+/// ones; for other curves it keeps points at a minimum distance.
 fn straightened(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut kept: Vec<(f64, f64)> = Vec::new();
     let (mut from, mut cone) = ((0.0, 0.0), (f64::NEG_INFINITY, f64::INFINITY));
@@ -176,7 +177,7 @@ fn tenths((x, y): (f64, f64)) -> (f64, f64) {
     ((10.0 * x).round() / 10.0, (10.0 * y).round() / 10.0)
 }
 
-/// The colours of an image with their values, right of the frame.
+/// The colour scale of an image, right of the frame.
 pub(super) fn draw_colours(svg: &mut Svg, frame: Rect, image: &Image) {
     let bar = Rect {
         x: frame.right() + 12.0,

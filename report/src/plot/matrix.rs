@@ -4,30 +4,30 @@ use super::super::svg::{Anchor, Rect, Svg, num, text_width};
 use super::super::theme;
 use super::heading_width;
 
-/// A matrix of numbers as a map of colours, the smallest of every row framed.
+/// A matrix of numbers as a heat map, with the smallest value of every row framed.
 #[derive(Debug, Clone, Default)]
 pub struct Matrix {
-    /// What is seen.
+    /// Title.
     pub title: String,
-    /// A remark beside the title.
+    /// Remark beside the title.
     pub note: String,
-    /// Names of the rows, and what they are.
+    /// Names of the rows, and their label.
     pub rows: (Vec<String>, String),
-    /// Names of the columns, and what they are.
+    /// Names of the columns, and their label.
     pub columns: (Vec<String>, String),
-    /// Row by row.
+    /// Values by row.
     pub values: Vec<Vec<f64>>,
-    /// Digits after the point.
+    /// Decimals.
     pub digits: usize,
 }
 
 impl Matrix {
-    /// The matrix as an SVG element for a page that has the style sheet.
+    /// The matrix as an SVG element for a page with the style sheet.
     pub fn to_svg(&self) -> String {
         self.draw("")
     }
 
-    /// The matrix as a picture of its own.
+    /// The matrix as a standalone SVG file.
     pub fn to_standalone_svg(&self) -> String {
         self.draw(&theme::css())
     }
@@ -95,7 +95,7 @@ impl Matrix {
 }
 
 fn draw_cell(svg: &mut Svg, cell: Rect, value: f64, part: f64, digits: usize, framed: bool) {
-    // Small is good and light; the darkest colours are left out, so that all numbers can be read.
+    // Small values are good and light; the darkest colours are not used, so that all numbers are legible.
     let [r, g, b] = theme::heat(0.94 - 0.62 * if part.is_finite() { part } else { 0.0 });
     let inner = cell.inflated(-1.0);
     svg.raw(format_args!(

@@ -1,46 +1,46 @@
-//! One vibration from whatever file it is in.
+//! Reads a vibration from a WAV file, a table or a recording.
 
 use crate::cli::recording::{self as recordings, Loaded};
-use crate::cli::{Failure, remark};
+use crate::cli::{Failure, eprint};
 use crate::nodes::wav::{read_channel, read_layout};
 use crate::signal::files;
 use crate::signal::resample::{Quality, resample_whole};
 use crate::signal::time::Rate;
 use crate::surfaces::Origin;
 use crate::surfaces::learning::processing::{combined, processed};
-use crate::surfaces::recording::{ImportSettings, LoadError, ReadError, load_signal};
+use crate::surfaces::recording::{ImportSettings, LoadError, ReadError, load_signal, remove_offset};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
-/// The most samples of a WAV file that are compared: two hours at 48 kHz, 3 GB of memory.
+/// Maximum number of samples of a WAV file: two hours at 48 kHz, 3 GB of memory.
 const MAX_SAMPLES: u64 = 400_000_000;
 
-/// A vibration. Its rate is unknown where a CSV file does not say it.
+/// A vibration. Its rate is `None` if the file does not state it.
 #[derive(Debug)]
 pub struct Signal {
     path: PathBuf,
     samples: Vec<f64>,
     rate_hz: Option<f64>,
-    /// Of the samples, where the file says it.
+    /// Unit of the samples, if the file states it.
     unit: Option<String>,
     is_wav: bool,
-    /// Speed in m/s and force in N, sample by sample, where the file is a recording that has them.
+    /// Speed in m/s and force in N of each sample, if the file is a recording that has them.
     motion: Motion,
-    /// Is it known to come from simulated devices?
+    /// True if the file is known to come from simulated devices.
     pub simulated: bool,
 }
 
-/// Samples, their rate, their unit, and whether they are known to be simulated.
+/// Samples, rate, unit, and whether the file is known to be simulated.
 type Read = (Vec<f64>, Option<f64>, Option<String>, bool);
 /// Speed and force of a recording.
 type Motion = Option<[Vec<f64>; 2]>;
 
 impl Signal {
-    /// The vibration in a file; `column` names the column of a table or the channel of a WAV file.
+    /// Reads the vibration in a file; `column` names a column of a table or a channel of a WAV file.
     pub fn read(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Self, Failure> {
         let is_wav = is_wav(path)?;
         let ((samples, rate_hz, unit, simulated), motion) = match is_wav {
-            true => (wav(path, column, import.full_scale_m_s2)?, None),
+            true => (wav(path, column, import)?, None),
             false => other(path, column, import)?,
         };
         Ok(Self {
@@ -54,7 +54,7 @@ impl Signal {
         })
     }
 
-    /// The samples at this rate.
+    /// The samples at `rate_hz`.
     pub fn at(&self, rate_hz: f64) -> Result<Vec<f64>, Failure> {
         self.resampled(&self.samples, rate_hz)
     }
@@ -75,7 +75,7 @@ impl Signal {
         let failed = |error: &dyn std::fmt::Display| Failure::file("resample", &self.path, error);
         if own_hz < rate_hz {
             return Err(failed(&format!(
-                "its rate is {own_hz} Hz; give a --rate of at most that"
+                "its rate is {own_hz} Hz; give a --rate of at most {own_hz}"
             )));
         }
         let rate = |hz: f64| Rate::parse(&hz.to_string()).map_err(|error| failed(&error));
@@ -83,13 +83,13 @@ impl Signal {
     }
 }
 
-/// Says where two vibrations are not known to be alike.
+/// Warns if the units of two vibrations differ or are unknown.
 pub fn warn_of_units(signals: [&Signal; 2]) {
     if let [(a, Some(one)), (b, Some(other))] = signals.map(|signal| (signal.path.display(), &signal.unit))
         && one != other
     {
-        remark(&format!(
-            "warning: {a} is in {one}, {b} in {other}: no level means anything, LSD included\n"
+        eprint(&format!(
+            "warning: {a} is in {one}, {b} in {other}: levels are not comparable, LSD included\n"
         ));
     }
     let known = signals.iter().find_map(|signal| signal.unit.as_deref());
@@ -97,25 +97,26 @@ pub fn warn_of_units(signals: [&Signal; 2]) {
         let path = signal.path.display();
         let said = match (signal.is_wav, known) {
             (true, _) => {
-                "all levels, LSD included, hold only if 1.0 is 1 m/s2; say it by --full-scale".to_owned()
+                "levels, LSD included, assume that 1.0 is 1 m/s2; state the full scale by --full-scale"
+                    .to_owned()
             }
             (false, Some(unit)) => format!(
-                "all levels, LSD included, hold only if it is {unit}, as the other's; say it by --unit accel=g"
+                "levels, LSD included, assume {unit}, the unit of the other file; state the unit by --unit, for example --unit accel=g"
             ),
-            // Of two columns that are alike, levels hold in their own unit.
+            // Two columns without units have comparable levels.
             (false, None) => continue,
         };
-        remark(&format!("warning: {path} does not say its unit: {said}\n"));
+        eprint(&format!("warning: {path} does not state its unit: {said}\n"));
     }
 }
 
-/// The rate that two vibrations are compared at.
+/// The rate at which two vibrations are compared.
 pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f64, Failure> {
     match (asked_hz, signals.map(|signal| signal.rate_hz)) {
         (Some(asked_hz), _) => Ok(asked_hz),
         (None, [Some(a), Some(b)]) if a == b => Ok(a),
         (None, [Some(a), Some(b)]) => Err(Failure::Message(format!(
-            "{} has {a} Hz, {} has {b} Hz; say by --rate what to compare at, {} at most",
+            "the rate of {} is {a} Hz, that of {} is {b} Hz; give the rate to compare at by --rate, at most {}",
             signals[0].path.display(),
             signals[1].path.display(),
             a.min(b)
@@ -128,13 +129,13 @@ pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f6
             };
             let path = unknown.path.display();
             Err(Failure::Message(format!(
-                "{path} does not say its rate; say which column is the time (--column time=… --unit time=ms), or give the rate by --sample-rate (of both files by --rate)"
+                "{path} does not state its rate; name the column of the time (--column time=… --unit time=ms), or give the rate by --sample-rate (of both files by --rate)"
             )))
         }
     }
 }
 
-/// What is in a file that is no WAV file: the acceleration of a recording, or the signal of a table that is none.
+/// Reads a file that is not a WAV file: the acceleration of a recording, or the signal of a plain table.
 fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<(Read, Motion), Failure> {
     if column.is_none() {
         match recordings::try_load(path, import) {
@@ -149,7 +150,7 @@ fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<(
     let (signal, findings) =
         load_signal(path, column, import).map_err(|error| recordings::failure(&error))?;
     for finding in &findings {
-        remark(&format!("warning: {}\n", recordings::said(path, finding)));
+        eprint(&format!("warning: {}\n", recordings::said(path, finding)));
     }
     let unit = signal.unit.map(str::to_owned);
     let simulated = recordings::is_simulated(path)?;
@@ -158,7 +159,7 @@ fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<(
 
 fn recording(path: &Path, loaded: Loaded) -> Result<(Read, Motion), Failure> {
     for warning in &loaded.warnings {
-        remark(&format!("warning: {warning}\n"));
+        eprint(&format!("warning: {warning}\n"));
     }
     let recording = loaded.recording;
     let processed =
@@ -174,23 +175,23 @@ fn recording(path: &Path, loaded: Loaded) -> Result<(Read, Motion), Failure> {
     Ok((read, Some(motion)))
 }
 
-/// The only channel, that of the given number, or three axes combined.
-fn wav(path: &Path, channel: Option<&str>, full_scale_m_s2: Option<f64>) -> Result<Read, Failure> {
+/// The only channel, the numbered one, or three axes combined.
+fn wav(path: &Path, channel: Option<&str>, import: &ImportSettings) -> Result<Read, Failure> {
     let failed = |error: &dyn std::fmt::Display| Failure::file("read", path, error);
-    // Files of more than 4 GiB are RF64; what is read of them is bounded by the samples.
+    // Files above 4 GiB are RF64; the number of samples bounds what is read.
     let opened = files::open(path, u64::MAX).map_err(|error| failed(&error))?;
     let mut file = opened.as_file();
     let layout = read_layout(&mut file).map_err(|error| failed(&error))?;
     if layout.frames() > MAX_SAMPLES {
         let frames = layout.frames();
         return Err(failed(&format!(
-            "it has {frames} frames, and at most {MAX_SAMPLES} are compared; cut out a part"
+            "it has {frames} frames, the limit is {MAX_SAMPLES}; cut out a part"
         )));
     }
     let (channels, rate_hz) = (usize::from(layout.channels), f64::from(layout.rate_hz));
     let note = recordings::note(path)?;
-    let full_scale = full_scale_m_s2.or(note.full_scale).unwrap_or(1.0);
-    let unit = match full_scale_m_s2 {
+    let full_scale = import.full_scale_m_s2.or(note.full_scale).unwrap_or(1.0);
+    let unit = match import.full_scale_m_s2 {
         Some(_) => Some("m/s2".to_owned()),
         None => note.unit,
     };
@@ -199,12 +200,12 @@ fn wav(path: &Path, channel: Option<&str>, full_scale_m_s2: Option<f64>) -> Resu
         samples.iter_mut().for_each(|sample| *sample *= full_scale);
         Ok(samples)
     };
-    let chosen = match (channel, channels) {
+    let mut chosen = match (channel, channels) {
         (Some(number), _) => match number.parse::<usize>() {
             Ok(number) if number < channels => one(number)?,
             _ => {
                 return Err(failed(&format!(
-                    "there is no channel {number}; there are {channels}, counted from 0"
+                    "it has no channel {number}; it has {channels} channels, counted from 0"
                 )));
             }
         },
@@ -222,6 +223,18 @@ fn wav(path: &Path, channel: Option<&str>, full_scale_m_s2: Option<f64>) -> Resu
             )));
         }
     };
+    if unit.as_deref().is_none_or(|unit| unit == "m/s2")
+        && let Some(found) = remove_offset("the vibration", unit.is_some(), &mut chosen, rate_hz)
+    {
+        match import.strict {
+            true => {
+                return Err(failed(&format!(
+                    "{found}, unless nothing may be repaired, as here (--strict)"
+                )));
+            }
+            false => eprint(&format!("warning: {}: {found}\n", path.display())),
+        }
+    }
     Ok((chosen, Some(rate_hz), unit, note.simulated))
 }
 

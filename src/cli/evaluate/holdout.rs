@@ -1,4 +1,4 @@
-//! `evaluate --holdout`: what textures do on parts of recordings that they were not learned from.
+//! `evaluate --holdout`: errors of textures on parts of recordings that they were not learned from.
 
 use crate::cli::Failure;
 use crate::cli::progress::Progress;
@@ -12,29 +12,29 @@ use crate::surfaces::learning::processing::ProcessingSettings;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Holds out parts of all drags, with progress.
+/// Evaluates all drags by hold-out, with a progress bar.
 pub fn found(dir: &Path, takes: &[Take], settings: &HoldoutSettings) -> Result<Holdout, Failure> {
     let progress = Progress::of("holding out");
     hold_out(takes, settings, &|part| progress.at(part))
         .map_err(|error| Failure::file("evaluate", dir, &error))
 }
 
-/// Holds out parts of all taps, circles and presses.
+/// Evaluates all taps, circles and presses by hold-out.
 pub fn contacts(takes: &[Take], processing: &ProcessingSettings) -> Vec<ContactResult> {
     let _progress = Progress::unknown("holding out taps, friction and stiffness");
     hold_out_contact(takes, processing)
 }
 
-/// All measures of methods for each split, and those of single materials.
+/// Text: for each split tables of methods with all measures, then tables of materials.
 pub fn describe(found: &Holdout) -> String {
     let over = match found.materials.len() {
         1 => "of 1 material".to_owned(),
         several => format!("means over {several} materials ± standard error"),
     };
     let head = format!(
-        "Errors on parts that were not learned from: {over}, {} seeds of noise averaged as powers.\n\
+        "Errors on held-out parts: {over}, {} seeds of noise averaged as powers.\n\
          LSD: log-spectral distance over third octaves from 20 to 1000 Hz, dB; felt: from 40 to 250 Hz. 20-40 Hz, total: error of the\n\
-         power, dB. envelope: of levels over 50 ms, in brackets between two noises of one method. * loses to a plain baseline.\n\
+         power, dB. envelope: of levels over 50 ms, in brackets between two noises of one method. * worse than a plain baseline.\n\
          floor: the training part's own spectrum. one_model: plain, of order 20 for the part. windows: plain, of 0.2 s, the nearest.\n",
         found.seeds
     );
@@ -56,7 +56,7 @@ fn printed(of: &Table) -> String {
     table(&head, &of.rows)
 }
 
-/// A table of methods for each quantity of a contact.
+/// Text: a table of methods for each quantity of a contact.
 pub fn describe_contact(found: &[ContactResult]) -> String {
     let tables = tables::contacts(found);
     tables

@@ -1,19 +1,23 @@
-//! The takes in a folder.
+//! Loads the takes in a folder.
 
 use crate::cli::output::LEDGER;
-use crate::cli::{Failure, recording, remark};
+use crate::cli::{Failure, eprint, recording};
+use crate::signal::files;
 use crate::surfaces::evaluate::{RecordingName, Take};
 use crate::surfaces::recording::{ImportSettings, LoadError, ReadError};
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 type Files = BTreeMap<RecordingName, PathBuf>;
 
-/// All takes in a folder, by name. Files of one take are one recording: of the toolkit's triples the first stands for all, a WAV file for
-/// the table beside it; and a table that lacks quantities is joined with those of its name and more, as `oak.anna.1.csv` with
+/// All takes in a folder, by name. The files of one take count as one recording: of the toolkit's triples the
+/// first file stands for all three, a WAV file stands for the table beside it, and a table that lacks
+/// quantities is joined with tables whose names extend its own, for example `oak.anna.1.csv` with
 /// `oak.anna.1.motion.csv`.
 pub fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Failure> {
-    let files = files(dir)?;
+    let files = recordings(dir)?;
     let (mut takes, mut joined) = (vec![], BTreeSet::new());
     for (name, path) in &files {
         if joined.contains(name) {
@@ -21,7 +25,7 @@ pub fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Fail
         }
         let (loaded, parts) = load(name, path, &files, import)?;
         for warning in &loaded.warnings {
-            remark(&format!("warning: {warning}\n"));
+            eprint(&format!("warning: {warning}\n"));
         }
         joined.extend(parts);
         takes.push(Take {
@@ -32,7 +36,7 @@ pub fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Fail
     Ok(takes)
 }
 
-/// The recording of a take, and the names of the files that it was joined with.
+/// Loads the recording of a take; also returns the names of the files joined to it.
 fn load(
     name: &RecordingName,
     path: &Path,
@@ -72,13 +76,13 @@ fn load(
     Ok((loaded, parts.into_iter().map(|(name, _)| name.clone()).collect()))
 }
 
-/// What the second table of a take would be called.
+/// Suggested name for the second table of a take.
 fn part_of(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or_default().display();
     format!("{stem}.motion.csv")
 }
 
-/// Whether a file is another part of a take: `oak.anna.1.motion` of `oak.anna.1`.
+/// True if `other` names another part of `take`: `oak.anna.1.motion` of `oak.anna.1`.
 fn is_part(other: &RecordingName, take: &RecordingName) -> bool {
     let rest = other.take.strip_prefix(&take.take);
     other.material == take.material
@@ -86,15 +90,16 @@ fn is_part(other: &RecordingName, take: &RecordingName) -> bool {
         && rest.is_some_and(|rest| rest.starts_with(['.', '-', '_']))
 }
 
-/// The files that stand for the recordings of a folder; those of RON are notes beside them.
-fn files(dir: &Path) -> Result<Files, Failure> {
-    let entries = std::fs::read_dir(dir).map_err(|error| Failure::file("read", dir, &error))?;
+/// The files that represent the recordings of a folder. RON files are notes beside recordings and are skipped.
+fn recordings(dir: &Path) -> Result<Files, Failure> {
+    let entries: io::Result<Vec<_>> = files::entries(dir).and_then(Iterator::collect);
+    let entries = entries.map_err(|error| Failure::file("read", dir, &error))?;
     let mut paths: Vec<PathBuf> = entries
-        .flatten()
-        .map(|entry| entry.path())
+        .iter()
+        .map(fs::DirEntry::path)
         .filter(|path| path.is_file() && !path.ends_with(LEDGER) && !is_of(path, "ron"))
         .collect();
-    // A WAV file takes in the table beside it.
+    // WAV files first: each also represents the table beside it.
     paths.sort_by_key(|path| (!is_of(path, "wav"), path.clone()));
     let mut files = Files::new();
     for path in paths {
@@ -112,8 +117,8 @@ fn files(dir: &Path) -> Result<Files, Failure> {
             Some(name) => {
                 files.entry(name).or_insert(path);
             }
-            None => remark(&format!(
-                "warning: skipped {}: it is not named <material>.<person>.<take>.<extension>\n",
+            None => eprint(&format!(
+                "warning: skipped {}: its name is not <material>.<person>.<take>.<extension>\n",
                 path.display()
             )),
         }

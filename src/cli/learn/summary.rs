@@ -1,4 +1,4 @@
-//! What `learn` says of what it learned.
+//! The result of `learn` as text and JSON.
 
 use super::super::table::{facts, significant};
 use crate::surfaces::learning::LearningReport;
@@ -9,7 +9,8 @@ use crate::surfaces::{Surface, Taps, TextureModel};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// How much of the plane of force and speed was visited, and what to record next, unless a quantity is in the wrong unit.
+/// The coverage of the plane of force and speed, and what to record next. No advice if a quantity may be in
+/// the wrong unit.
 fn verdict(coverage: &Coverage, is_implausible: bool) -> String {
     let text = format!(
         "{} of 9 areas of speed and force, {} s used",
@@ -22,7 +23,7 @@ fn verdict(coverage: &Coverage, is_implausible: bool) -> String {
     }
 }
 
-/// The same as JSON; nothing where there is no texture.
+/// The coverage as JSON; `None` without a texture.
 pub fn coverage(surface: &Surface, report: &LearningReport, is_implausible: bool) -> Option<Value> {
     let (texture, report) = (surface.texture.as_ref()?, report.texture.as_ref()?);
     let coverage = Coverage::of(&report.segments, texture.rate_hz());
@@ -35,20 +36,20 @@ pub fn coverage(surface: &Surface, report: &LearningReport, is_implausible: bool
     }))
 }
 
-/// Too little to trust is learned from, and said.
+/// Warning about a texture learned from too little data.
 pub fn shortness(surface: &Surface, report: &LearningReport) -> Option<String> {
     let (texture, report) = (surface.texture.as_ref()?, report.texture.as_ref()?);
     let coverage = Coverage::of(&report.segments, texture.rate_hz());
     coverage.is_short().then(|| {
         format!(
-            "the texture is learned from {} s in {} segments; record 3 s and 3 segments at least, better 10 s",
+            "the texture is learned from only {} s in {} segments; record at least 3 s and 3 segments, preferably 10 s",
             significant(coverage.used_s, 3),
             coverage.segments
         )
     })
 }
 
-/// What was written where, and of what it was learned.
+/// The path of the written surface and the data that it is learned from.
 pub fn describe(surface: &Surface, report: &LearningReport, output: &Path, is_implausible: bool) -> String {
     let mut found = vec![("origin", surface.provenance.origin.as_str().to_owned())];
     if let (Some(texture), Some(report)) = (&surface.texture, &report.texture) {
@@ -89,7 +90,7 @@ fn describe_taps(taps: &Taps, report: &TapReport) -> String {
     format!("{taps} of {contacts} contacts, {used} used{response}")
 }
 
-/// From what a texture was learned, and as far as that went.
+/// The data that a texture is learned from, and its range of speed and force.
 fn describe_texture(texture: &TextureModel, report: &TextureReport) -> String {
     let count = |fate: fn(&Fate) -> bool| {
         let segments = report.segments.iter();
@@ -108,7 +109,7 @@ fn describe_texture(texture: &TextureModel, report: &TextureReport) -> String {
             "{kept} models of order {order} from {all} segments ({outliers} outliers), to {known}"
         );
     }
-    // A law's models are not the windows', and go on beyond them.
+    // A law extends beyond the recorded windows.
     let recorded = report
         .segments
         .iter()
@@ -118,6 +119,6 @@ fn describe_texture(texture: &TextureModel, report: &TextureReport) -> String {
         });
     let recorded = most(recorded.0, recorded.1);
     format!(
-        "a law of order {order} from {kept} of {all} windows, recorded to {recorded}; it goes on to {known}"
+        "a law of order {order} from {kept} of {all} windows, recorded to {recorded}; extrapolated to {known}"
     )
 }

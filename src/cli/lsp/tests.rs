@@ -3,7 +3,7 @@ use super::*;
 const GRAPH: &str = "Graph(format: 1, clocks: { \"c\": Driver(rate_hz: 1000) }, nodes: {\n    \
                      \"tön\": Sine(clock: \"c\", frequency_h: 5),\n    \"quiet\": Gain(input: \"tön\", gain: 0.5),\n})\n";
 
-/// What the server answers to these messages.
+/// Responses of the server to these messages.
 fn talk(messages: &[Value]) -> Vec<Value> {
     let registry = crate::nodes::registry();
     let mut server = Server {
@@ -50,7 +50,7 @@ fn findings_stand_where_they_are_in_units_of_the_protocol() {
         .iter()
         .find(|finding| finding["code"] == "E0204")
         .unwrap();
-    // The field begins after 28 letters of the second line, of which one has two bytes.
+    // The field begins after 28 characters of the second line, one of which has two bytes.
     let at = json!({ "line": 1, "character": 28 });
     assert_eq!(unknown["range"]["start"], at, "{unknown}");
     assert!(

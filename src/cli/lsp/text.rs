@@ -1,8 +1,9 @@
-//! Places in a text: by bytes here, by lines and UTF-16 units in the protocol; and what is being written at a place.
+//! Positions in a text, as bytes and as the protocol's lines and UTF-16 units, and the syntactic context of a
+//! position.
 
 use serde_json::{Value, json};
 
-/// Where the lines of a text begin.
+/// Start bytes of the lines of a text.
 pub struct Positions<'t> {
     text: &'t str,
     lines: Vec<usize>,
@@ -17,7 +18,7 @@ impl<'t> Positions<'t> {
         }
     }
 
-    /// A range of bytes as the protocol has it.
+    /// The protocol's `Range` of a range of bytes.
     pub fn range(&self, start: usize, end: usize) -> Value {
         json!({ "start": self.position(start), "end": self.position(end.max(start)) })
     }
@@ -29,7 +30,7 @@ impl<'t> Positions<'t> {
         json!({ "line": line, "character": before.encode_utf16().count() })
     }
 
-    /// The byte at a line and a number of UTF-16 units; the nearest one where there is none.
+    /// The byte at a line and a number of UTF-16 units, clamped to the text.
     pub fn byte(&self, text: &str, line: usize, units: usize) -> usize {
         let Some(&start) = self.lines.get(line) else {
             return text.len();
@@ -53,21 +54,21 @@ fn floor_boundary(text: &str, byte: usize) -> usize {
         .unwrap_or(0)
 }
 
-/// What is being written at a place.
+/// Syntactic context of a position.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Context {
-    /// Within quotes.
+    /// Inside quotes.
     Connection,
-    /// A field of this kind.
+    /// Inside the parentheses of this kind.
     Fields(String),
-    /// Something else: a kind.
+    /// Anywhere else, where a kind may stand.
     Other,
 }
 
-/// What is being written at a byte of a text.
+/// The syntactic context of a byte of a text.
 pub fn context(text: &str, at: usize) -> Context {
     let before = &text[..floor_boundary(text, at)];
-    // The names before the brackets that are open, and what the latest of them has seen of its field.
+    // The names before the open brackets; the flag is true if the last one is after a field's colon.
     let mut open: Vec<(&str, bool)> = Vec::new();
     let (mut in_string, mut name_start, mut last_name) = (false, None, "");
     let mut letters = before.char_indices().peekable();

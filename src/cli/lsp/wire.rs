@@ -1,19 +1,19 @@
-//! Messages of the Language Server Protocol: a header with a length, and JSON.
+//! Messages of the Language Server Protocol: a header with a length, then JSON.
 
 use serde_json::Value;
 use std::io::{BufRead, Error, ErrorKind, Read, Result, Write};
 
-/// Longer messages are refused, bytes: graphs are at most half of it.
-const MOST_BYTES: usize = 32 << 20;
-/// The longest line of a header.
-const MOST_HEADER: u64 = 1024;
+/// Maximum size of a message, bytes; graph files are limited to half of it.
+const MAX_BYTES: usize = 32 << 20;
+/// Maximum length of a header line, bytes.
+const MAX_HEADER_BYTES: u64 = 1024;
 
-/// The next message; nothing at the end of the input.
+/// Reads the next message; `None` at the end of the input.
 pub fn read(input: &mut impl BufRead) -> Result<Option<Value>> {
     let mut length = None;
     loop {
         let mut line = String::new();
-        if input.by_ref().take(MOST_HEADER).read_line(&mut line)? == 0 {
+        if input.by_ref().take(MAX_HEADER_BYTES).read_line(&mut line)? == 0 {
             return Ok(None);
         }
         let line = line.trim_end();
@@ -28,7 +28,7 @@ pub fn read(input: &mut impl BufRead) -> Result<Option<Value>> {
     }
     let wrong = |why: &str| Error::new(ErrorKind::InvalidData, why.to_owned());
     let length = length
-        .filter(|length| *length <= MOST_BYTES)
+        .filter(|length| *length <= MAX_BYTES)
         .ok_or_else(|| wrong("a message needs a Content-Length of at most 32 MiB"))?;
     let mut body = vec![0; length];
     input.read_exact(&mut body)?;

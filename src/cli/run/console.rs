@@ -1,34 +1,34 @@
-//! What is typed while a graph runs, or told by Open Sound Control.
+//! Commands command while a graph runs, and settings by Open Sound Control.
 
 use super::super::keys::Editor;
-use super::super::{remark, remarks, screen};
+use super::super::{eprint, screen, stderr};
 use crate::engine::settings::closest;
-use crate::nodes::network::Told;
+use crate::nodes::network::SetRequest;
 use crate::signal::files::{self, Refusal};
 use std::io::Read;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
 
-/// A line that was typed.
+/// A command command.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Typed {
-    /// Gives a parameter of the graph or a live setting another value.
+pub enum ConsoleCommand {
+    /// Sets a parameter of the graph or a live setting.
     Set { name: String, value: String },
-    /// Shows what can be set.
+    /// Prints the parameters and live settings.
     List,
-    /// Shows what was set, and by whom.
+    /// Prints what was set, and by whom.
     History,
-    /// Shows what can be typed.
+    /// Prints the commands.
     Help,
     /// Ends the run.
     Stop,
-    /// Anything else, with what could have been meant.
+    /// Any other line.
     Unknown(String),
 }
 
 pub const HELP: &str = "set NAME=VALUE, list, history, help, stop";
-/// The same at length.
+/// Help text of the commands.
 pub const HELP_LINES: &str = "\
 set NAME=VALUE   gives a parameter (gain) or a live setting of a node (out.gain) another value
 list             shows the parameters and the live settings, with their values
@@ -37,7 +37,7 @@ help             shows this
 stop             ends the run, like ctrl-C
 ";
 
-impl Typed {
+impl ConsoleCommand {
     fn parse(line: &str) -> Option<Self> {
         let line = line.trim();
         let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
@@ -55,8 +55,8 @@ impl Typed {
         }
     }
 
-    /// What may have been meant by a line that is not understood.
-    pub fn meant(line: &str) -> Option<String> {
+    /// The command closest to an unknown line.
+    pub fn suggestion(line: &str) -> Option<String> {
         let line = line.trim();
         let with_set = format!("set {line}");
         match Self::parse(&with_set) {
@@ -72,55 +72,57 @@ impl Typed {
     }
 }
 
-/// What is asked for, and by whom.
+/// A request to the running graph, by origin.
 #[derive(Debug)]
-pub enum Asked {
-    Typed(Typed),
-    Told(Told),
+pub enum RunRequest {
+    Console(ConsoleCommand),
+    Osc(SetRequest),
 }
 
-/// Listens on standard input, on a thread of its own that waits while too much is asked. The end of the input ends
-/// nothing. With `keys` each key is shown by this program.
-pub fn listen(asked: SyncSender<Asked>, stop: Arc<AtomicBool>, keys: bool) {
-    let mut hear = move |typed: Typed| {
-        // A stop waits for nobody.
-        if typed == Typed::Stop {
+/// Reads commands from standard input on a thread of its own, which blocks while the queue is full. The end
+/// of the input ends only this thread. With `keys` the program echoes each key itself.
+pub fn read_commands(requests: SyncSender<RunRequest>, stop: Arc<AtomicBool>, keys: bool) {
+    let mut send = move |command: ConsoleCommand| {
+        // A stop bypasses the queue.
+        if command == ConsoleCommand::Stop {
             stop.store(true, Ordering::Relaxed);
             return true;
         }
-        asked.send(Asked::Typed(typed)).is_ok()
+        requests.send(RunRequest::Console(command)).is_ok()
     };
     std::thread::spawn(move || match keys {
-        true => listen_to_keys(&mut hear),
-        false => listen_to_lines(&mut hear),
+        true => read_keys(&mut send),
+        false => read_lines(&mut send),
     });
 }
 
-fn listen_to_lines(hear: &mut impl FnMut(Typed) -> bool) {
+fn read_lines(send: &mut impl FnMut(ConsoleCommand) -> bool) {
     for line in files::lines(std::io::stdin().lock(), files::MAX_LINE_BYTES) {
-        let typed = match line {
-            // What is no text is told of like any other line that is not understood.
-            Ok(line) => Typed::parse(&String::from_utf8_lossy(&line)),
-            Err(error) if Refusal::of(&error).is_some() => Some(Typed::Unknown(format!("a line: {error}"))),
+        let command = match line {
+            // Invalid UTF-8 is reported as an unknown command.
+            Ok(line) => ConsoleCommand::parse(&String::from_utf8_lossy(&line)),
+            Err(error) if Refusal::of(&error).is_some() => {
+                Some(ConsoleCommand::Unknown(format!("a line: {error}")))
+            }
             Err(_) => break,
         };
-        if typed.is_some_and(|typed| !hear(typed)) {
+        if command.is_some_and(|command| !send(command)) {
             break;
         }
     }
 }
 
-fn listen_to_keys(hear: &mut impl FnMut(Typed) -> bool) {
+fn read_keys(send: &mut impl FnMut(ConsoleCommand) -> bool) {
     let mut editor = Editor::default();
     screen::type_in(Some(editor.prompt()));
     for byte in std::io::stdin().lock().bytes() {
         let Ok(byte) = byte else { break };
-        let line = editor.take(byte);
+        let line = editor.feed(byte);
         screen::type_in(Some(editor.prompt()));
-        remarks::typed();
+        stderr::redraw_input();
         let Some(line) = line else { continue };
-        remark(&format!("> {line}\n"));
-        if Typed::parse(&line).is_some_and(|typed| !hear(typed)) {
+        eprint(&format!("> {line}\n"));
+        if ConsoleCommand::parse(&line).is_some_and(|command| !send(command)) {
             break;
         }
     }
@@ -132,24 +134,24 @@ mod tests {
 
     #[test]
     fn lines_are_understood_or_given_back() {
-        let set = |name: &str, value: &str| Typed::Set {
+        let set = |name: &str, value: &str| ConsoleCommand::Set {
             name: name.into(),
             value: value.into(),
         };
-        for (line, typed) in [
+        for (line, command) in [
             ("", None),
             ("  set gain=0.5 ", Some(set("gain", "0.5"))),
             ("set out.gain = 0.5", Some(set("out.gain", "0.5"))),
             ("set surface=a=b.ron", Some(set("surface", "a=b.ron"))),
-            ("set gain", Some(Typed::Unknown("set gain".into()))),
-            ("set =1", Some(Typed::Unknown("set =1".into()))),
-            ("list", Some(Typed::List)),
-            ("stop", Some(Typed::Stop)),
-            ("help", Some(Typed::Help)),
-            (" history", Some(Typed::History)),
-            ("stop it", Some(Typed::Unknown("stop it".into()))),
+            ("set gain", Some(ConsoleCommand::Unknown("set gain".into()))),
+            ("set =1", Some(ConsoleCommand::Unknown("set =1".into()))),
+            ("list", Some(ConsoleCommand::List)),
+            ("stop", Some(ConsoleCommand::Stop)),
+            ("help", Some(ConsoleCommand::Help)),
+            (" history", Some(ConsoleCommand::History)),
+            ("stop it", Some(ConsoleCommand::Unknown("stop it".into()))),
         ] {
-            assert_eq!(Typed::parse(line), typed, "{line}");
+            assert_eq!(ConsoleCommand::parse(line), command, "{line}");
         }
         for (line, meant) in [
             ("gain=0.3", Some("set gain=0.3")),
@@ -159,7 +161,7 @@ mod tests {
             ("=1", None),
             ("set a b=1", None),
         ] {
-            assert_eq!(Typed::meant(line).as_deref(), meant, "{line}");
+            assert_eq!(ConsoleCommand::suggestion(line).as_deref(), meant, "{line}");
         }
     }
 }

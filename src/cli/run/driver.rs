@@ -1,4 +1,4 @@
-//! What a live run is driven by: a soundcard where one of its endpoints is one, or else a timer.
+//! Driver of a live run: a soundcard if one of its endpoints is one, otherwise a timer.
 
 use super::super::Failure;
 use super::message;
@@ -6,14 +6,14 @@ use crate::engine::run::{Histogram, Live, Timer, TimerThread};
 use crate::nodes::soundcard::{CardCounts, CardDriver, CardNote, OpenedStream, Request};
 use serde_json::{Value, json};
 
-/// What to start, and then what runs.
+/// A started driver.
 pub enum Driver {
     Timer(TimerThread),
     Card(Box<CardDriver>, Request),
 }
 
 impl Driver {
-    /// Starts the driver that the graph asks for.
+    /// Starts the driver that the graph needs.
     pub fn start(wanted: Option<Request>, live: Live) -> Result<Self, Failure> {
         match wanted {
             Some(request) => {
@@ -24,15 +24,15 @@ impl Driver {
         }
     }
 
-    /// What it is, in words.
-    pub fn about(&self) -> String {
+    /// Description for the user.
+    pub fn description(&self) -> String {
         match self {
             Self::Timer(_) => "a timer with 1000 wake-ups a second".to_owned(),
             Self::Card(card, request) => stream(card.got(), request),
         }
     }
 
-    /// What the system did not allow at the start.
+    /// Scheduling requests that the system refused at the start.
     pub fn notes(&self) -> Vec<String> {
         match self {
             Self::Timer(timer) => timer.notes.refused.clone(),
@@ -40,15 +40,15 @@ impl Driver {
         }
     }
 
-    /// Looks after it; returns what there is to say.
-    pub fn tend(&mut self) -> Vec<CardNote> {
+    /// Polls the driver; returns notes for the user.
+    pub fn poll(&mut self) -> Vec<CardNote> {
         match self {
             Self::Timer(_) => Vec::new(),
             Self::Card(card, _) => card.poll(),
         }
     }
 
-    /// Is the run over, or with `stopping` is nobody there to end it?
+    /// True if the run is over or, with `stopping`, if its soundcard is gone and nothing can end it.
     pub fn is_finished(&self, stopping: bool) -> bool {
         match self {
             Self::Timer(timer) => timer.is_finished(),
@@ -56,16 +56,16 @@ impl Driver {
         }
     }
 
-    /// Waits for the end.
+    /// Waits for the end of the run.
     pub fn join(self) -> Result<Live, Failure> {
         let live = match self {
             Self::Timer(timer) => timer.join(),
             Self::Card(card, _) => card.join(),
         };
-        live.ok_or_else(|| Failure::Message("the thread that drives the run ended early".to_owned()))
+        live.ok_or_else(|| Failure::Message("the driver thread ended early".to_owned()))
     }
 
-    /// What is shown of it every second, besides the time it keeps.
+    /// Driver-specific part of the status line.
     pub fn status(&self) -> String {
         match self {
             Self::Timer(_) => String::new(),
@@ -73,9 +73,9 @@ impl Driver {
         }
     }
 
-    /// What is to be known of it when it is over.
+    /// Facts about the finished driver for `run.json`.
     pub fn facts(&self) -> Vec<(&'static str, &'static str, Value)> {
-        let mut facts = vec![("driver", "Driver", json!(self.about()))];
+        let mut facts = vec![("driver", "Driver", json!(self.description()))];
         if let Self::Card(card, _) = self {
             let counts = card.counts();
             facts.extend([
@@ -96,7 +96,7 @@ impl Driver {
         facts
     }
 
-    /// What went wrong, for the summary.
+    /// Warnings for the summary.
     pub fn warnings(&self) -> Vec<String> {
         let Self::Card(card, _) = self else {
             return Vec::new();
@@ -104,7 +104,7 @@ impl Driver {
         troubles("the soundcard", "ran dry", &card.counts())
     }
 
-    /// The latency that the system states of what it plays on.
+    /// The output latency stated by the system.
     pub fn output_latency(&self) -> Option<Histogram> {
         match self {
             Self::Timer(_) => None,
@@ -113,18 +113,18 @@ impl Driver {
     }
 }
 
-/// A stream of a card, in words.
-pub fn stream(got: &OpenedStream, asked: &Request) -> String {
+/// Description of a soundcard stream.
+pub fn stream(got: &OpenedStream, request: &Request) -> String {
     let frames = got
         .buffer_frames
         .map_or_else(|| "?".to_owned(), |frames| frames.to_string());
     format!(
-        "soundcard {}: {} Hz, {} channels, {}, buffers of {frames} frames ({} asked for)",
-        got.card, got.rate_hz, got.channels, got.format, asked.buffer_frames
+        "soundcard {}: {} Hz, {} channels, {}, buffers of {frames} frames ({} requested)",
+        got.card, got.rate_hz, got.channels, got.format, request.buffer_frames
     )
 }
 
-/// How often a stream was interrupted.
+/// Interruptions of a stream, as JSON.
 pub fn xruns(counts: &CardCounts) -> Value {
     json!({
         "count": counts.xruns,
@@ -133,7 +133,7 @@ pub fn xruns(counts: &CardCounts) -> Value {
     })
 }
 
-/// What went wrong with a stream: of whom, and what an xrun is to it.
+/// Warnings about a stream; `xrun` describes an xrun of it.
 pub fn troubles(whose: &str, xrun: &str, counts: &CardCounts) -> Vec<String> {
     let mut list = Vec::new();
     if counts.xruns > 0 {
@@ -151,13 +151,13 @@ pub fn troubles(whose: &str, xrun: &str, counts: &CardCounts) -> Vec<String> {
     list
 }
 
-/// Durations in milliseconds.
+/// Quantiles in milliseconds, as JSON.
 pub fn quantiles_ms(histogram: &Histogram) -> Value {
     let at = |fraction: f64| ms(histogram.quantile_ns(fraction));
     json!({ "p50": at(0.5), "p99": at(0.99), "max": ms(histogram.max_ns()) })
 }
 
-/// Milliseconds.
+/// Nanoseconds to milliseconds.
 pub fn ms(ns: u64) -> f64 {
     (ns as f64 / 1e3).round() / 1e3
 }

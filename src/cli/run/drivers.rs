@@ -1,4 +1,4 @@
-//! All that a live run is driven by: a driver for each of the graph's, and the soundcards that it listens to.
+//! Drivers of a live run, one per driver clock of the graph, and its soundcard inputs.
 
 use super::super::Failure;
 use super::driver::{self, Driver};
@@ -11,27 +11,28 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Drivers of one run end together, but for their last buffers.
-const APART: Duration = Duration::from_secs(1);
-/// How long a stop may take: outputs fall in a hundredth of a second, or as slowly as their limits want it.
-const STOPPING: Duration = Duration::from_secs(5);
-/// How often that is looked at.
-const LOOK: Duration = Duration::from_millis(5);
+/// Maximum time between the ends of the drivers of one run, which differ by their last buffers.
+const MAX_END_DELAY: Duration = Duration::from_secs(1);
+/// Maximum duration of a stop. Outputs fall to zero in 10 ms, or more slowly if their slew limits require it.
+const STOP_TIMEOUT: Duration = Duration::from_secs(5);
+/// Polling period of a stop.
+const POLL_PERIOD: Duration = Duration::from_millis(5);
 
-/// The drivers of a run, by their clocks' names.
+/// The drivers of a run with the names of their clocks.
 pub struct Drivers {
     list: Vec<(String, Driver)>,
     inputs: Inputs,
-    /// What the graph asks of soundcards.
+    /// The soundcard streams that the graph needs.
     wanted: Wanted,
-    /// When the first of them was seen to have ended.
+    /// When the first driver was found to have ended.
     first_end: Option<Instant>,
-    /// Stops them.
+    /// Stops all drivers.
     stop: Arc<AtomicBool>,
 }
 
 impl Drivers {
-    /// Starts a driver for each of `lives`, which `stop` stops: the soundcard where the graph wants it, timers else.
+    /// Starts a driver for each of `lives`: the soundcard if the graph needs it, timers otherwise. `stop`
+    /// stops them.
     pub fn start(
         graph: &Graph,
         wanted: Wanted,
@@ -42,7 +43,7 @@ impl Drivers {
         let played = played(graph);
         let card = played.first().and_then(|played| graph.driver_of(played.sink));
         let mut waiting: Vec<(usize, Live)> = graph.drivers().into_iter().zip(lives).collect();
-        // A card that is not there is found before anything else moves.
+        // The soundcard first, so that a missing card is found before any actuator moves.
         waiting.sort_by_key(|(clock, _)| card != Some(*clock));
         let mut drivers = Self {
             list: Vec::new(),
@@ -68,8 +69,8 @@ impl Drivers {
         self.list.iter().map(|(_, driver)| driver)
     }
 
-    /// What keeps them from driving this graph too.
-    pub fn lack(&self, wanted: &Wanted) -> Option<&'static str> {
+    /// Why the running streams do not fit another graph; `None` if they do.
+    pub fn mismatch(&self, wanted: &Wanted) -> Option<&'static str> {
         match () {
             () if self.wanted.output != wanted.output => Some("another soundcard"),
             () if self.wanted.inputs != wanted.inputs => Some("another soundcard input"),
@@ -77,39 +78,39 @@ impl Drivers {
         }
     }
 
-    /// What they are, in words.
-    pub fn about(&self) -> String {
+    /// Description for the user.
+    pub fn description(&self) -> String {
         match &self.list[..] {
-            [(_, one)] => one.about(),
+            [(_, one)] => one.description(),
             several => {
                 let each = several
                     .iter()
-                    .map(|(name, one)| format!("{name} by {}", one.about()));
+                    .map(|(name, one)| format!("{name} by {}", one.description()));
                 each.collect::<Vec<_>>().join("; ")
             }
         }
     }
 
-    /// What is listened to, in words: a line for each stream.
+    /// Description of each input stream.
     pub fn listened(&self) -> impl Iterator<Item = String> {
         let streams = self.inputs.streams();
-        streams.map(|(endpoints, asked, got, _)| {
+        streams.map(|(endpoints, request, got, _)| {
             let names: Vec<String> = endpoints.iter().map(|name| format!("`{name}`")).collect();
-            format!("{} by {}", names.join(" and "), driver::stream(got, asked))
+            format!("{} by {}", names.join(" and "), driver::stream(got, request))
         })
     }
 
-    /// The rings that lead from soundcards to the graph.
+    /// The rings from soundcard inputs to the graph.
     pub fn rings(&self) -> impl Iterator<Item = RingReport> {
         self.inputs.rings().map(RingReport::of)
     }
 
-    /// The latency that the system states of what the soundcard plays.
+    /// The output latency stated by the system.
     pub fn output_latency(&self) -> Option<Histogram> {
         self.all().find_map(Driver::output_latency)
     }
 
-    /// What the system did not allow at the start, said once.
+    /// Scheduling requests that the system refused at the start, without repetition.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         for note in self.all().flat_map(Driver::notes) {
@@ -120,43 +121,44 @@ impl Drivers {
         notes
     }
 
-    /// Looks after them; returns what there is to say.
-    pub fn tend(&mut self) -> Vec<CardNote> {
+    /// Polls all drivers; returns notes for the user.
+    pub fn poll(&mut self) -> Vec<CardNote> {
         let drivers = self.list.iter_mut();
-        let mut said: Vec<CardNote> = drivers.flat_map(|(_, driver)| driver.tend()).collect();
+        let mut said: Vec<CardNote> = drivers.flat_map(|(_, driver)| driver.poll()).collect();
         said.extend(self.inputs.poll());
         said
     }
 
-    /// Is the run over, or with `stopping` is nobody there to end it?
+    /// True if the run is over or, with `stopping`, if nothing can end it.
     pub fn is_finished(&self, stopping: bool) -> bool {
         self.all().all(|driver| driver.is_finished(stopping))
     }
 
-    /// Has one ended while the others go on? Then they have to be stopped.
-    pub fn is_torn(&mut self) -> bool {
+    /// True if one driver has ended while others still run; they must then be stopped.
+    pub fn is_partly_finished(&mut self) -> bool {
         if self.first_end.is_none() && self.all().any(|driver| driver.is_finished(false)) {
             self.first_end = Some(Instant::now());
         }
-        self.first_end.is_some_and(|since| since.elapsed() > APART)
+        self.first_end
+            .is_some_and(|since| since.elapsed() > MAX_END_DELAY)
     }
 
-    /// Waits for the end.
+    /// Waits for the end of the run.
     pub fn join(mut self) -> Result<Vec<Live>, Failure> {
         let list = std::mem::take(&mut self.list);
         list.into_iter().map(|(_, driver)| driver.join()).collect()
     }
 
-    /// Stops them, and waits until nothing is driven any more.
+    /// Stops all drivers and waits until none drives any device.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
         let since = Instant::now();
-        while !self.is_finished(true) && since.elapsed() < STOPPING {
-            std::thread::sleep(LOOK);
+        while !self.is_finished(true) && since.elapsed() < STOP_TIMEOUT {
+            std::thread::sleep(POLL_PERIOD);
         }
     }
 
-    /// What is shown of them every second, besides the time they keep.
+    /// Driver-specific part of the status line.
     pub fn status(&self) -> String {
         let drivers = self.all().map(Driver::status);
         let inputs = self.inputs.streams();
@@ -165,14 +167,14 @@ impl Drivers {
         drivers.chain(heard).collect()
     }
 
-    /// What is to be known of them when it is over.
+    /// Facts about the finished drivers for `run.json`.
     pub fn facts(&self) -> Vec<(&'static str, &'static str, Value)> {
-        let mut facts = vec![("driver", "Driver", json!(self.about()))];
+        let mut facts = vec![("driver", "Driver", json!(self.description()))];
         let more = self.all().flat_map(Driver::facts);
         facts.extend(more.filter(|(key, ..)| *key != "driver"));
-        let inputs = self.inputs.streams().map(|(names, asked, got, counts)| {
+        let inputs = self.inputs.streams().map(|(names, request, got, counts)| {
             let kept = json!({
-                "stream": driver::stream(got, asked), "xruns": driver::xruns(&counts),
+                "stream": driver::stream(got, request), "xruns": driver::xruns(&counts),
                 "clipped_samples": counts.clipped, "vanished": counts.vanished,
                 "input_latency_ms": driver::quantiles_ms(&counts.latency),
             });
@@ -185,7 +187,7 @@ impl Drivers {
         facts
     }
 
-    /// What went wrong, for the summary.
+    /// Warnings for the summary.
     pub fn warnings(&self) -> Vec<String> {
         let mut list: Vec<String> = self.all().flat_map(Driver::warnings).collect();
         for (names, .., counts) in self.inputs.streams() {
@@ -196,7 +198,7 @@ impl Drivers {
     }
 }
 
-/// Whatever happens on the way, nothing is left driven.
+/// Stops the drivers on every path, including errors and panics.
 impl Drop for Drivers {
     fn drop(&mut self) {
         if !self.list.is_empty() {

@@ -1,10 +1,10 @@
-//! What a run's devices are: each with its role, simulated or real, on the terminal, in `run.json` and on the page.
+//! The devices of a run by role, simulated or real, for the terminal, `run.json` and the page.
 
 use crate::engine::graph::{Graph, GraphDevice};
 use crate::report::page::Simulation;
 use serde_json::{Value, json};
 
-/// Whether a device is read or driven; one that is both has an endpoint for each.
+/// Direction of a device; a device with both directions has an endpoint for each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Role {
     Input,
@@ -28,16 +28,16 @@ struct Endpoint {
     is_simulated: bool,
 }
 
-/// The devices of a run, by role.
+/// The endpoints of a run.
 #[derive(Debug, Clone)]
 pub struct Endpoints {
     list: Vec<Endpoint>,
-    /// Real devices are reached by live runs only.
+    /// True for a live run. Other runs do not reach real devices.
     is_live: bool,
 }
 
 impl Endpoints {
-    /// Of a graph that runs live, or not.
+    /// The endpoints of a graph.
     pub fn of(graph: &Graph, is_live: bool) -> Self {
         let endpoint = |device: &GraphDevice, role| Endpoint {
             name: device.name.clone(),
@@ -60,7 +60,7 @@ impl Endpoints {
             .sort_by(|a, b| (a.role.as_str(), &a.name, a.kind).cmp(&(b.role.as_str(), &b.name, b.kind)));
     }
 
-    /// Those of a graph that took over are the run's too.
+    /// Adds the endpoints of a graph that was swapped in.
     pub fn add(&mut self, graph: &Graph) {
         for endpoint in Self::of(graph, self.is_live).list {
             if !self.list.contains(&endpoint) {
@@ -70,7 +70,7 @@ impl Endpoints {
         self.sort();
     }
 
-    /// The facts of a run that are about its devices.
+    /// The facts about devices for `run.json`.
     pub fn facts(&self) -> [(&'static str, &'static str, Value); 3] {
         [
             ("devices", "Devices", self.to_json()),
@@ -89,17 +89,17 @@ impl Endpoints {
             .filter(move |endpoint| endpoint.is_simulated == simulated)
     }
 
-    /// Is any of them simulated?
+    /// True if any endpoint is simulated.
     pub fn any_simulated(&self) -> bool {
         self.which(true).next().is_some()
     }
 
-    /// Is any of them real?
+    /// True if any endpoint is real.
     pub fn any_real(&self) -> bool {
         self.which(false).next().is_some()
     }
 
-    /// What real devices were to this run.
+    /// What real devices are called in this run.
     fn real(&self) -> &'static str {
         if self.is_live { "real" } else { "not reached" }
     }
@@ -114,7 +114,7 @@ impl Endpoints {
         Value::Array(each.collect())
     }
 
-    /// For the line at the end of a run: `` (simulated: output `arm`; real: input `stylus`)``.
+    /// For the line at the end of a run, for example `` (simulated: output `arm`; real: input `stylus`)``.
     pub fn in_brackets(&self) -> String {
         let named = |simulated| names(self.which(simulated), |_| String::new());
         match (self.any_simulated(), self.any_real()) {
@@ -137,7 +137,7 @@ impl Endpoints {
         })
     }
 
-    /// What the page says of simulation.
+    /// The statement about simulation on the page.
     pub fn simulation(&self) -> Simulation {
         let kinds = |simulated| names(self.which(simulated), |endpoint| format!(" ({})", endpoint.kind));
         match (self.any_simulated(), self.any_real()) {

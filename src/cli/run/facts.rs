@@ -1,4 +1,4 @@
-//! What is known of a live run at its end.
+//! Facts and warnings of a finished live run.
 
 use crate::engine::run::{Histogram, LiveOutcome, Meters};
 use crate::nodes::network::{Connections, Counts};
@@ -16,12 +16,12 @@ pub fn facts_of(ended: &LiveOutcome) -> Vec<(&'static str, &'static str, Value)>
         ("lost_wakes", "Wake-ups lost in stalls", json!(meters.lost_wakes)),
         (
             "lost_numbers",
-            "Numbers lost on the way to files",
+            "Values lost on the way to files",
             json!(ended.lost_numbers),
         ),
         (
             "lost_callbacks",
-            "Callbacks that a replay lacks",
+            "Callbacks missing from the replay record",
             json!(ended.lost_arrivals),
         ),
     ];
@@ -38,7 +38,7 @@ pub fn facts_of(ended: &LiveOutcome) -> Vec<(&'static str, &'static str, Value)>
     facts
 }
 
-/// What was seen of the packets of each network device.
+/// Packet counts of each network device.
 pub fn packets(network: &Connections) -> Option<(&'static str, &'static str, Value)> {
     let counted = |(device, counts): (&str, Counts)| {
         let Counts {
@@ -82,32 +82,30 @@ pub fn warnings_of(ended: &LiveOutcome) -> Vec<String> {
     } = ended.meters;
     let mut list = Vec::new();
     if ended.panicked {
-        list.push("a node panicked; the actuators were taken to zero and the run ended there".to_owned());
+        list.push("a node panicked; the actuators were ramped to zero and the run ended".to_owned());
     }
     for device in &ended.lost_devices {
         list.push(format!(
-            "`{device}` panicked when it was taken to zero: it was left as it was, switch it off"
+            "`{device}` panicked during its ramp to zero and keeps its last value: switch it off"
         ));
     }
     if overruns > 0 {
-        list.push(format!(
-            "{overruns} ticks took longer than the time there was for them"
-        ));
+        list.push(format!("{overruns} ticks took longer than their period"));
     }
     if stalls > 0 {
         list.push(format!(
-            "the machine stalled {stalls} times, {lost_wakes} wake-ups in all; time went on from there"
+            "the machine stalled {stalls} times and lost {lost_wakes} wake-ups; the run continued from there"
         ));
     }
     if ended.lost_numbers > 0 {
         list.push(format!(
-            "{} numbers were lost on the way to the files: they have gaps",
+            "{} values were lost on the way to the files, which have gaps",
             ended.lost_numbers
         ));
     }
     if ended.lost_arrivals > 0 {
         list.push(format!(
-            "a replay ends {} callbacks early: the disk was too slow for what it goes by",
+            "a replay will end {} callbacks early: the disk was too slow for its record",
             ended.lost_arrivals
         ));
     }

@@ -1,7 +1,8 @@
-//! The folder of a run: filled beside its target and put in its place when the run is complete. Whatever fails, what was
-//! recorded stays: in a folder `NAME.partial-1` beside the target, with a marker that tells dead runs from running ones.
+//! The output folder of a run. It is filled beside its target and moved there when the run is complete. After
+//! a failure the recorded data stay in a folder `NAME.partial-1` beside the target; a locked marker
+//! distinguishes running runs from crashed ones.
 
-use super::super::{Failure, remark};
+use super::super::{Failure, eprint};
 use super::placing::{self, MOVES, MovePlan, Placed};
 use crate::signal::files;
 use serde_json::{Value, json};
@@ -12,26 +13,27 @@ use std::path::{Path, PathBuf};
 
 /// The facts of a run, in its folder.
 pub const MARK: &str = "run.json";
-/// The longest file of facts that is read, bytes.
+/// Maximum size of `run.json`, bytes.
 pub const MAX_FACTS_BYTES: u64 = 64 << 20;
-/// The list of a run's files and their hashes, in its folder: see [`Written`](super::super::written::Written).
+/// The list of a run's files and their hashes: see [`FileManifest`](super::super::written::FileManifest).
 pub const MANIFEST: &str = "manifest.json";
-/// Marks the folder of a run that is not in its place. JSON with `target`, `pid` and `haptograph`; locked while the run lives.
+/// Marks the folder of a run that is not in its place. JSON with `target`, `pid` and `haptograph`; locked
+/// during the run.
 pub const MARKER: &str = ".haptograph-partial";
-/// Stands between the target's name and a number in the name of such a folder: `identify.partial-1`.
+/// Infix of the names of such folders: `identify.partial-1`.
 pub const PARTIAL: &str = ".partial-";
-/// Where probes wait in such a folder, one folder each.
+/// Subfolder for the files of probes, one folder each, until they are moved.
 pub const PROBES: &str = ".probes";
-/// Where an earlier run's files wait in such a folder while it is put in its place.
+/// Subfolder for the files of the run that is replaced, during the move.
 pub const REPLACED: &str = ".replaced";
 
 /// A folder that is being filled.
 #[derive(Debug)]
 pub struct RunFolder {
     content: PathBuf,
-    /// As it was given.
+    /// As given by the user.
     target: PathBuf,
-    /// The same without links: a link stays one.
+    /// The same with links resolved, so that a link stays a link.
     place: PathBuf,
     /// Holds the marker's lock.
     _marker: File,
@@ -39,7 +41,8 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// An empty folder for a run that is to be put at `target`, which must be free, empty or left by an earlier run.
+    /// Creates an empty folder for a run at `target`, which must be free, empty or the folder of an earlier
+    /// run.
     pub fn beside(target: &Path) -> Result<Self, Failure> {
         let place = resolved(target)?;
         complete_moves(&place)?;
@@ -52,11 +55,11 @@ impl RunFolder {
             if is_alive(&leftover) {
                 let (target, other) = (target.display(), leftover.display());
                 let message = format!(
-                    "another run is being written for {target} now, in {other}; give another folder by --out"
+                    "another run is writing to {target} now, in {other}; give another folder by --out"
                 );
                 return Err(Failure::Message(message));
             }
-            remark(&format!("note: {}\n", about(&leftover)));
+            eprint(&format!("note: {}\n", about(&leftover)));
         }
         Ok(folder)
     }
@@ -84,17 +87,17 @@ impl RunFolder {
         })
     }
 
-    /// Where the run's files go.
+    /// The folder to write files into.
     pub fn path(&self) -> &Path {
         &self.content
     }
 
-    /// From here on something is recorded: it is kept whatever happens.
+    /// From here on the folder holds data and is kept whatever happens.
     pub fn begin(&mut self) {
         self.has_begun = true;
     }
 
-    /// Where probes wait until the run is complete; one folder each.
+    /// Creates the folder of a probe, whose files stay there until the run is complete.
     pub fn probe(&self, number: usize) -> Result<PathBuf, Failure> {
         let path = self.content.join(PROBES).join(number.to_string());
         fs::create_dir_all(&path).map_err(|error| Failure::file("make the folder", &path, &error))?;
@@ -107,24 +110,25 @@ impl RunFolder {
         fs::write(&path, text).map_err(|error| Failure::file("write", &path, &error))
     }
 
-    /// The run is complete: from here on what a kill interrupts is completed by the next run.
+    /// Marks the run as complete: the next run completes an interrupted move.
     pub fn seal(&self, probes: &[PathBuf]) -> Result<(), Failure> {
         let plan = MovePlan::of(&self.content, &self.place);
         let saved = plan.save(&self.content, probes);
         saved.map_err(|error| Failure::file("write", &self.content.join(MOVES), &error))
     }
 
-    /// It is not moved after all.
+    /// Takes the mark back if the move does not happen.
     pub fn unseal(&self) {
-        // Where it stays, the next run tries again.
+        // If the mark remains, the next run completes the move.
         let _ = fs::remove_file(self.content.join(MOVES));
     }
 
-    /// Puts the files in their place. What an earlier run wrote there and nobody changed is replaced, all else is kept.
+    /// Moves the files to their place. Unchanged files of an earlier run are replaced; all other files are
+    /// kept.
     pub fn put_in_place(mut self) -> Result<Placed, Failure> {
         self.has_begun = true;
         let placed = self.try_to_place().inspect_err(|_| self.unseal())?;
-        // It holds nothing any more that is not in its place.
+        // The folder holds nothing any more that must be kept.
         self.has_begun = false;
         Ok(placed)
     }
@@ -138,7 +142,7 @@ impl RunFolder {
     }
 }
 
-/// Goes on with the moves to `place` that were interrupted.
+/// Completes interrupted moves to `place`.
 fn complete_moves(place: &Path) -> Result<(), Failure> {
     for leftover in leftovers_of(place) {
         if let Some(plan) = MovePlan::read(&leftover)
@@ -147,8 +151,8 @@ fn complete_moves(place: &Path) -> Result<(), Failure> {
         {
             placing::resume(&leftover, place, &plan)?;
             let (leftover, place) = (leftover.display(), place.display());
-            remark(&format!(
-                "note: the run in {leftover} was complete, and its move to {place} was interrupted; it is there now\n"
+            eprint(&format!(
+                "note: completed the interrupted move of the run in {leftover} to {place}\n"
             ));
         }
     }
@@ -159,36 +163,35 @@ impl Drop for RunFolder {
     fn drop(&mut self) {
         if self.has_begun {
             let (content, target) = (self.content.display(), self.target.display());
-            remark(&format!(
-                "note: the run is not at {target}; what it recorded stays in {content}\n"
+            eprint(&format!(
+                "note: the run was not moved to {target}; its data are in {content}\n"
             ));
         } else {
-            // Nothing was recorded; what cannot be removed is named by the next run.
+            // Nothing was recorded. The next run reports a folder that cannot be removed.
             let _ = fs::remove_dir_all(&self.content);
         }
     }
 }
 
-/// The folder that a path means, without links; it need not exist.
+/// The path of a folder with links resolved; it need not exist.
 fn resolved(target: &Path) -> Result<PathBuf, Failure> {
     if let Ok(place) = target.canonicalize() {
         return Ok(place);
     }
     if fs::symlink_metadata(target).is_ok() {
-        let message =
-            "it is a link that leads nowhere; make the folder it leads to, or give another one by --out";
+        let message = "it is a broken link; create its target folder, or give another folder by --out";
         return Err(Failure::file("write into", target, &message));
     }
     let named = std::path::absolute(target).map_err(|error| Failure::file("write into", target, &error))?;
     if named.file_name().is_none() {
-        let message = "it names no folder; give another one by --out";
+        let message = "it does not name a folder; give another one by --out";
         return Err(Failure::file("write into", target, &message));
     }
     Ok(named)
 }
 
-/// Where the folder can wait so that its files are moved and not copied: beside the place, or in it where that lies on another
-/// file system or nothing may be written beside it.
+/// Parents for the temporary folder from which files can be moved instead of copied: beside the place, or
+/// inside it if the parent is on another file system or not writable.
 fn homes(place: &Path) -> Vec<PathBuf> {
     let parent = place.parent();
     let inside = place.is_dir().then(|| place.to_owned());
@@ -208,14 +211,14 @@ fn are_on_one_file_system(_: &Path, _: &Path) -> bool {
     true
 }
 
-/// The beginning of the names of folders that wait for `place`.
+/// Prefix of the names of temporary folders for `place`.
 fn prefix(place: &Path) -> OsString {
     let mut name = place.file_name().unwrap_or("run".as_ref()).to_owned();
     name.push(PARTIAL);
     name
 }
 
-/// The first such folder that is free.
+/// Creates the first such folder with a free name.
 fn made_in(near: &Path, place: &Path) -> io::Result<PathBuf> {
     let mut number = 0_u64;
     loop {
@@ -232,7 +235,7 @@ fn made_in(near: &Path, place: &Path) -> io::Result<PathBuf> {
 
 fn mark(content: &Path, place: &Path) -> io::Result<File> {
     let mut marker = File::create_new(content.join(MARKER))?;
-    // Where files cannot be locked, a leftover is never taken for a running one; nothing is ever removed for that.
+    // Without file locks no leftover counts as running; nothing is removed on account of that.
     let _ = marker.try_lock();
     let facts = json!({
         "target": place.to_string_lossy(),
@@ -243,21 +246,21 @@ fn mark(content: &Path, place: &Path) -> io::Result<File> {
     Ok(marker)
 }
 
-/// Is the run of such a folder still going on?
+/// True if the run of such a folder is still going on.
 fn is_alive(leftover: &Path) -> bool {
     let marker = files::open(&leftover.join(MARKER), MAX_FACTS_BYTES);
     let locked = marker.map(|marker| marker.as_file().try_lock());
     matches!(locked, Ok(Err(TryLockError::WouldBlock)))
 }
 
-/// The lock of a folder whose run is dead.
+/// The lock of a folder whose run has crashed.
 fn lock_dead(leftover: &Path) -> Option<files::Bounded> {
     let marker = files::open(&leftover.join(MARKER), MAX_FACTS_BYTES).ok()?;
     let is_locked = matches!(marker.as_file().try_lock(), Err(TryLockError::WouldBlock));
     (!is_locked).then_some(marker)
 }
 
-/// What runs left that wait for `place`, dead and running.
+/// All temporary folders for `place`, of crashed and running runs.
 fn leftovers_of(place: &Path) -> Vec<PathBuf> {
     let prefix = prefix(place);
     let is_its = |path: &PathBuf| {
@@ -268,23 +271,23 @@ fn leftovers_of(place: &Path) -> Vec<PathBuf> {
     near.flat_map(leftovers_in).filter(is_its).collect()
 }
 
-/// All folders of runs that are not in their places.
+/// All temporary folders of runs in `folder`.
 fn leftovers_in(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let entries = files::entries(folder).into_iter().flatten().flatten();
     let paths = entries.map(|entry| entry.path());
     let mut found: Vec<PathBuf> = paths.filter(|path| path.join(MARKER).is_file()).collect();
     found.sort();
     found
 }
 
-/// The folders in `folder` that dead runs left.
+/// The folders of crashed runs in `folder`.
 pub fn dead_in(folder: &Path) -> Vec<PathBuf> {
     let mut found = leftovers_in(folder);
     found.retain(|path| !is_alive(path));
     found
 }
 
-/// What is said of a folder that a dead run left.
+/// Message about the folder of a crashed run.
 fn about(leftover: &Path) -> String {
     let facts = files::read_text(&leftover.join(MARKER), MAX_FACTS_BYTES).unwrap_or_default();
     let facts: Value = serde_json::from_str(&facts).unwrap_or_default();
@@ -292,7 +295,7 @@ fn about(leftover: &Path) -> String {
     let process = process.map_or_else(String::new, |id| format!(" (process {id})"));
     let leftover = leftover.display();
     format!(
-        "{leftover} is left of a run that did not end{process}; `haptograph recover {leftover}` makes its files whole"
+        "{leftover} holds the data of a crashed run{process}; `haptograph recover {leftover}` repairs its files"
     )
 }
 

@@ -1,24 +1,24 @@
-//! What was said and what was set while a graph ran live.
+//! Notes about soundcards and devices, and the history of settings, of a live run.
 
-use super::super::remark;
-use super::attended::shown;
+use super::super::eprint;
+use super::supervisor::settings_text;
 use crate::engine::run::Change;
 use serde_json::{Value, json};
 
-/// What was said of cards and devices, and how often.
+/// Counted notes about soundcards and devices.
 #[derive(Debug, Default)]
 pub struct Notes {
     list: Vec<(String, u64)>,
 }
 
 impl Notes {
-    /// Something went or came: that is said each time.
+    /// Adds a note about a device that was lost or found; it is printed each time.
     pub fn turn(&mut self, note: String) {
-        remark(&format!("note: {note}\n"));
+        eprint(&format!("note: {note}\n"));
         self.count(note);
     }
 
-    /// A card in trouble says the same a thousand times: it is said once.
+    /// Adds a complaint; it is printed once, since a failing card repeats it thousands of times.
     pub fn complaint(&mut self, note: String) {
         if self.list.iter().any(|(known, _)| *known == note) {
             self.count(note);
@@ -43,7 +43,7 @@ impl Notes {
     }
 }
 
-/// What was set while it ran.
+/// The settings changed during the run.
 #[derive(Debug, Default)]
 pub struct History {
     list: Vec<String>,
@@ -51,42 +51,42 @@ pub struct History {
 }
 
 impl History {
-    /// A fader can be moved for hours.
-    pub const MOST: usize = 200;
+    /// Maximum number of entries.
+    pub const MAX: usize = 200;
 
     pub fn note(&mut self, at_s: f64, name: &str, value: &str, by: &str) {
         self.push(format!("{at_s:.2} s {name}={value} ({by})"));
     }
 
-    /// A file was saved: what that changed.
+    /// Adds the effect of a saved file.
     pub fn saved(&mut self, at_s: f64, change: Change, set: &[(String, f64)]) {
         let what = match change {
-            Change::Settings(_) => shown(set),
+            Change::Settings(_) => settings_text(set),
             change => change.to_string(),
         };
         self.push(format!("{at_s:.2} s {what} (saved)"));
     }
 
     fn push(&mut self, line: String) {
-        match self.list.len() < Self::MOST {
+        match self.list.len() < Self::MAX {
             true => self.list.push(line),
             false => self.more += 1,
         }
     }
 
-    /// What was set last.
+    /// The last entry.
     pub fn last(&self) -> Option<&str> {
         self.list.last().map(String::as_str)
     }
 
-    /// All that is known, a line each.
+    /// All entries, one per line.
     pub fn lines(&self) -> String {
         let more = match self.more {
             0 => String::new(),
             more => format!("and {more} more\n"),
         };
         match &self.list[..] {
-            [] => "nothing was set yet\n".to_owned(),
+            [] => "nothing has been set yet\n".to_owned(),
             list => list.join("\n") + "\n" + &more,
         }
     }

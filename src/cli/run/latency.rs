@@ -1,4 +1,4 @@
-//! How late what was sensed was driven, as measured while a graph ran live.
+//! Measured latencies of a live run, from sources to actuators.
 
 use super::driver::{ms, quantiles_ms};
 use crate::engine::graph::{Graph, PathLatency};
@@ -6,21 +6,21 @@ use crate::engine::run::Histogram;
 use crate::nodes::soundcard::played;
 use serde_json::{Map, Value, json};
 
-/// What is said before the latencies.
+/// Heading of the latencies.
 pub const BY_WHOSE_CLOCK: &str =
-    "latencies by the clock of this computer; what converters, amplifiers and bodies add is not in them";
+    "latencies by the clock of this computer, without those of converters, amplifiers and mechanics";
 
 /// The latency from a source that reads a device to a sink that drives one.
 #[derive(Debug)]
 pub struct Measured {
     planned: PathLatency,
-    /// How old what was read was.
+    /// Age of the data when they were read.
     age: Part,
-    /// How long what was written took to be played, as the system states; a device beyond a network does not.
+    /// Output latency stated by the system; unknown for a device on the network.
     leaving: Part,
 }
 
-/// What one end of the way adds.
+/// The latency at one end of the path.
 #[derive(Debug)]
 enum Part {
     Simulated,
@@ -28,7 +28,8 @@ enum Part {
     Unknown,
 }
 
-/// What is known of each such pair of the graph now; `output_latency` is what the system stated of what soundcards played.
+/// The latencies of all source-sink pairs of a graph; `output_latency` is the one stated by the system for
+/// the soundcard.
 pub fn measured(graph: &Graph, output_latency: Option<&Histogram>) -> Vec<Measured> {
     let cards: Vec<_> = played(graph).iter().map(|played| played.sink).collect();
     let pairs = graph.latencies().into_iter().filter_map(|planned| {
@@ -85,7 +86,7 @@ impl Part {
 }
 
 impl Measured {
-    /// The whole of it but for group delays, as far as it is known; none where nothing was read.
+    /// Sum of all known parts except group delays; `None` if nothing was read.
     fn transport_ms(&self, fraction: f64) -> Option<f64> {
         Some(
             self.age.at_ms(fraction)?
@@ -94,7 +95,7 @@ impl Measured {
         )
     }
 
-    /// For people: a line.
+    /// One line for the terminal.
     pub fn shown(&self) -> String {
         let PathLatency { source, sink, .. } = &self.planned;
         let all = [0.5, 0.99, 1.0].map(|fraction| self.transport_ms(fraction));
@@ -102,11 +103,11 @@ impl Measured {
             [Some(half), Some(most), Some(longest)] => {
                 format!("transport {half:.2} ms p50, {most:.2} p99, {longest:.2} max")
             }
-            _ => "nothing was sensed".to_owned(),
+            _ => "no input was read".to_owned(),
         };
         format!(
-            "latency {source} -> {sink}: {transport} (age when read {}, held by the graph {:.2}, until played, as the \
-             system states, {}); group delay {:.2} ms",
+            "latency {source} -> {sink}: {transport} (age when read {}, in the graph {:.2}, output as stated by the \
+             system {}); group delay {:.2} ms",
             self.age.shown(),
             1e3 * self.planned.held_s,
             self.leaving.shown(),
@@ -115,7 +116,7 @@ impl Measured {
     }
 }
 
-/// For programs.
+/// All latencies as JSON.
 pub fn to_json(all: &[Measured]) -> Value {
     let round = |seconds: f64| (seconds * 1e6).round() / 1e3;
     let each = all.iter().map(|measured| {

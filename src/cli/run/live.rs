@@ -1,17 +1,17 @@
-//! `haptograph run --live`: the graph runs against the clock, can be changed while it runs, and leaves what an
-//! offline run leaves.
+//! `haptograph run --live`: runs a graph in real time, with changes while it runs, and writes the same files
+//! as an offline run.
 
 use super::super::keys::RawMode;
-use super::super::{Failure, built, fault, remark, remarks, screen, warn};
-use super::attended::{Attended, MOST_ASKED};
-use super::console::{self, Asked, HELP};
+use super::super::{Failure, built, eprint, panic_hook, screen, stderr, warn};
+use super::console::{self, HELP, RunRequest};
 use super::drivers::Drivers;
 use super::facts::{facts_of, packets, warnings_of};
 use super::latency;
 use super::loading::{self, Job, Loader};
 use super::summary::Summary;
-use super::watch::Watch;
-use super::{Arguments, Making, lasts_a_frame, message, stop_on_interrupt};
+use super::supervisor::{MAX_QUEUED, Supervisor};
+use super::watch::FileWatch;
+use super::{Arguments, RunSetup, lasts_a_frame, message, stop_on_interrupt};
 use crate::engine::registry::Registry;
 use crate::engine::run::{LiveOptions, RingReport, Session};
 use crate::nodes::network::{Connections, OscControl};
@@ -31,8 +31,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     )
 }
 
-/// Runs until what `stopping` gives is set, takes over what `loader` loads, and does `each` whenever it looks after the
-/// run: this is where tests come in.
+/// Runs until the flag of `stopping` is set. Graphs are loaded by `loader`, and `each` is called in every
+/// round of the supervisor; tests replace both.
 fn run_with(
     arguments: &Arguments,
     stopping: impl FnOnce() -> Result<Arc<AtomicBool>, Failure>,
@@ -45,16 +45,16 @@ fn run_with(
     let first = loading::load(Job::first(&arguments), loader.registry());
     let (graph, parameters) = (first.result.map_err(Failure::Graph)?.graph, first.parameters);
     warn(&graph);
-    // What is saved from here on is seen.
-    let watch = arguments.watch.then(|| Watch::of(&graph));
+    // Changes of the files from here on are noticed.
+    let watch = arguments.watch.then(|| FileWatch::of(&graph));
     lasts_a_frame(&graph, arguments.duration_s)?;
     built::refuse_missing(&graph, arguments.graph.endpoints())?;
     let wanted = wanted(&graph).map_err(message)?;
     let mut network = Connections::default();
     network.connect(&graph).map_err(message)?;
-    let (asking, asked) = sync_channel(MOST_ASKED);
-    let osc = listen_for_settings(&arguments, &asking)?;
-    let mut made = Making::begin(&arguments, &graph)?;
+    let (sender, requests) = sync_channel(MAX_QUEUED);
+    let osc = listen_for_settings(&arguments, &sender)?;
+    let mut setup = RunSetup::begin(&arguments, &graph)?;
     let stop = stopping()?;
     let options = LiveOptions {
         block: usize::from(arguments.block),
@@ -63,24 +63,24 @@ fn run_with(
         stop: Arc::clone(&stop),
         ..LiveOptions::default()
     };
-    let folder = Some(made.kept.folder.path());
-    let (lives, session) = Session::open_all(made.outlets, &options, folder).map_err(message)?;
+    let folder = Some(setup.completion.folder.path());
+    let (lives, session) = Session::open_all(setup.file_sinks, &options, folder).map_err(message)?;
     let unrested: Vec<String> = lives
         .iter()
         .flat_map(|live| live.run().unrested().map(str::to_owned))
         .collect();
     let start = Instant::now();
-    let quiet = fault::Live::begin();
+    let live_guard = panic_hook::LiveGuard::begin();
     let mut driver = Drivers::start(&graph, wanted, lives, &stop)?;
-    made.kept.folder.begin();
+    setup.completion.folder.begin();
     let mut notes = driver.notes();
-    notes.iter().for_each(|note| remark(&format!("note: {note}\n")));
+    notes.iter().for_each(|note| eprint(&format!("note: {note}\n")));
     introduce(&arguments, &driver, &network, osc.as_ref());
-    tell_unrested(&unrested);
+    print_warm_starts(&unrested);
     let keys = RawMode::begin();
-    console::listen(asking.clone(), Arc::clone(&stop), keys.is_some());
-    let folder = made.kept.folder.path();
-    let mut attended = Attended::begin(
+    console::read_commands(sender.clone(), Arc::clone(&stop), keys.is_some());
+    let folder = setup.completion.folder.path();
+    let mut supervisor = Supervisor::begin(
         &arguments,
         &graph,
         folder,
@@ -88,66 +88,66 @@ fn run_with(
         (watch, parameters, loader),
         keys.is_some(),
     );
-    let attending = AssertUnwindSafe(|| attended.attend(&mut driver, &asked, (&stop, each)));
-    let panicked = match catch_unwind(attending) {
+    let supervision = AssertUnwindSafe(|| supervisor.run(&mut driver, &requests, (&stop, each)));
+    let panicked = match catch_unwind(supervision) {
         Ok(said) => {
             notes.extend(said);
             false
         }
         Err(_) => {
             driver.stop();
-            notes.push("haptograph panicked; the run was stopped there".to_owned());
+            notes.push("haptograph panicked; the run was stopped".to_owned());
             true
         }
     };
-    attended.tell_panics();
+    supervisor.report_panics();
     screen::type_in(None);
-    remarks::close();
+    stderr::remove_block();
     drop(keys);
-    // Until here somebody asks, if only this one, so that waiting for it is waiting.
-    drop(asking);
+    // This sender kept the channel open, so that a receive waits even without other senders.
+    drop(sender);
     let mut facts = driver.facts();
     notes.extend(driver.warnings());
-    notes.extend(attended.silence.warnings(
+    notes.extend(supervisor.silence.warnings(
         Instant::now(),
-        &attended.session.live_inputs(),
-        &attended.network,
+        &supervisor.session.live_inputs(),
+        &supervisor.network,
     ));
     let heard: Vec<RingReport> = driver.rings().collect();
     let output_latency = driver.output_latency();
     let latencies_at = facts.len();
     let lives = driver.join()?;
-    // From here on nothing moves.
-    drop(quiet);
-    facts.extend(changed(&attended));
+    // All devices are idle from here on.
+    drop(live_guard);
+    facts.extend(changed(&supervisor));
     facts.push((
         "unrested",
         "Sinks whose actuators began as warm as their limits allow",
         json!(unrested),
     ));
-    facts.extend(packets(&attended.network));
+    facts.extend(packets(&supervisor.network));
     facts.push((
         "silences",
         "Live inputs that fell silent",
-        json!(attended.silence.into_events()),
+        json!(supervisor.silence.into_events()),
     ));
     facts.push((
         "set_while_running",
         "Set while running",
-        attended.history.into_json(),
+        supervisor.history.into_json(),
     ));
     facts.extend(osc.map(|osc| {
         (
             "osc_malformed",
-            "OSC packets that were no settings",
+            "OSC packets that set nothing",
             json!(osc.malformed()),
         )
     }));
-    drop(attended.network);
-    let mut ended = attended.session.finish_all(lives);
+    drop(supervisor.network);
+    let mut ended = supervisor.session.finish_all(lives);
     ended.outcome.rings.extend(heard);
     let took_s = start.elapsed().as_secs_f64();
-    // Only now, as the files are complete: of a large graph this takes a while.
+    // Computed after the files are complete, since it takes long for a large graph.
     let latencies = latency::measured(&graph, output_latency.as_ref());
     facts.insert(
         latencies_at,
@@ -157,88 +157,88 @@ fn run_with(
             latency::to_json(&latencies),
         ),
     );
-    remark(&format!("{}\n", ended.meters));
+    eprint(&format!("{}\n", ended.meters));
     if !latencies.is_empty() {
-        remark(&format!("{}:\n", latency::BY_WHOSE_CLOCK));
+        eprint(&format!("{}:\n", latency::BY_WHOSE_CLOCK));
     }
     for latency in &latencies {
-        remark(&format!("{}\n", latency.shown()));
+        eprint(&format!("{}\n", latency.shown()));
     }
-    let panicked = panicked || ended.panicked || !attended.panics.is_empty();
+    let panicked = panicked || ended.panicked || !supervisor.panics.is_empty();
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome, took_s);
-    summary.set_endpoints(attended.endpoints);
+    summary.set_endpoints(supervisor.endpoints);
     facts.extend(facts_of(&ended));
-    facts.push(("panics", "Panics", json!(attended.panics)));
+    facts.push(("panics", "Panics", json!(supervisor.panics)));
     notes.extend(warnings_of(&ended));
     summary.add(facts, notes);
-    let completed = made.kept.complete(&arguments, &graph, &summary);
+    let completed = setup.completion.complete(&arguments, &graph, &summary);
     match completed {
         Ok(_) | Err(Failure::Interrupted) if panicked => Err(Failure::Message(
-            "haptograph panicked during the run, as said above; the files of the run are complete up to there".to_owned(),
+            "haptograph panicked during the run, with the message above; the files of the run are complete up to the panic".to_owned(),
         )
         .after_facts(arguments.json)),
         completed => completed.map(drop),
     }
 }
 
-/// Says what runs, and where it listens.
+/// Prints what runs and which inputs are open.
 fn introduce(arguments: &Arguments, driver: &Drivers, network: &Connections, osc: Option<&OscControl>) {
     let ends = match arguments.duration_s {
         Some(seconds) => format!("for {seconds} s"),
         None => "until ctrl-C".to_owned(),
     };
-    remark(&format!(
+    eprint(&format!(
         "running {} with its {} endpoints {ends}, driven by {}; type {HELP}\n",
         arguments.graph.name(),
         arguments.graph.endpoints(),
-        driver.about()
+        driver.description()
     ));
     for listened in driver.listened() {
-        remark(&format!("listening to {listened}\n"));
+        eprint(&format!("listening to {listened}\n"));
     }
     for (device, place) in network.places() {
-        remark(&format!("listening for `{device}` at {place}\n"));
+        eprint(&format!("listening for `{device}` at {place}\n"));
     }
     if let Some(osc) = osc {
-        remark(&format!("settings by Open Sound Control at {}\n", osc.address()));
+        eprint(&format!("settings by Open Sound Control at {}\n", osc.address()));
     }
 }
 
-/// Says which sinks begin as if their actuators were warm.
-fn tell_unrested(unrested: &[String]) {
+/// Prints which sinks start with warm actuators.
+fn print_warm_starts(unrested: &[String]) {
     if !unrested.is_empty() {
-        remark(&format!(
-            "the actuators of `{}` begin as warm as their limits allow, as it is not known how long they have rested; \
-             --rested says that they are cold\n",
+        eprint(&format!(
+            "the actuators of `{}` start as warm as their limits allow, since their temperature is unknown; \
+             give --rested if they are cold\n",
             unrested.join("`, `")
         ));
     }
 }
 
-/// What was changed while it ran.
-fn changed(attended: &Attended) -> [(&'static str, &'static str, serde_json::Value); 3] {
+/// Facts about graphs that were swapped in.
+fn changed(supervisor: &Supervisor) -> [(&'static str, &'static str, serde_json::Value); 3] {
     [
-        ("changes", "Changed while running", json!(attended.changes)),
-        ("swaps", "Other graphs that took over", json!(attended.swaps)),
+        ("changes", "Changed while running", json!(supervisor.changes)),
+        ("swaps", "Graphs swapped in", json!(supervisor.swaps)),
         (
             "saved_while_running",
-            "Graphs that were saved while it ran",
-            json!(attended.saved),
+            "Graphs saved while running",
+            json!(supervisor.saved),
         ),
     ]
 }
 
 fn listen_for_settings(
     arguments: &Arguments,
-    asking: &SyncSender<Asked>,
+    sender: &SyncSender<RunRequest>,
 ) -> Result<Option<OscControl>, Failure> {
     let Some(address) = arguments.osc else {
         return Ok(None);
     };
-    let asking = asking.clone();
-    OscControl::listen(address, move |told| {
-        // One that finds no room is lost: faders tell again. A run that is over needs none.
-        let _ = asking.try_send(Asked::Told(told));
+    let sender = sender.clone();
+    OscControl::listen(address, move |setting| {
+        // A full queue drops the value: faders repeat theirs. A closed queue belongs to a finished run.
+        let _ = sender.try_send(RunRequest::Osc(setting));
     })
     .map(Some)
     .map_err(|error| Failure::Message(format!("cannot listen for settings at {address}: {error}")))
@@ -247,7 +247,7 @@ fn listen_for_settings(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::run::loading::{Loaded, Work};
+    use crate::cli::run::loading::{LoadFn, LoadOutcome};
     use clap::Parser;
     use std::fs;
     use std::sync::atomic::{AtomicU32, Ordering};
@@ -267,14 +267,14 @@ mod tests {
 
     static LOADS: AtomicBool = AtomicBool::new(false);
 
-    fn hang(_: Job, _: &Registry) -> Loaded {
+    fn hang(_: Job, _: &Registry) -> LoadOutcome {
         LOADS.store(true, Ordering::Relaxed);
         loop {
             std::thread::park();
         }
     }
 
-    /// What came of a run, what was delivered in it, and its facts.
+    /// Result of a run, the values delivered to the actuator, and the facts.
     struct Ended {
         result: Result<(), Failure>,
         given: Vec<f64>,
@@ -282,7 +282,7 @@ mod tests {
     }
 
     impl Ended {
-        /// That the actuator fell to zero, in a hundredth of a second and not at once, and that the files go as far.
+        /// Asserts that the actuator ramped to zero over 10 ms, and that the files end with the ramp.
         fn assert_ramped_down(&self) {
             let given = &self.given;
             let fall = &given[given.len().saturating_sub(20)..];
@@ -294,10 +294,11 @@ mod tests {
         }
     }
 
-    /// A loader, and what is done at each look at the run.
-    type Around = (Work, fn());
+    /// A loader, and a function for every round of the supervisor.
+    type Around = (LoadFn, fn());
 
-    /// Runs with a loader that does `work`, `each` done at every look, and saves the graph until `until` is so; then stops if it runs still.
+    /// Runs with a loader that does `work` and with `each`, and saves the graph until `until` is true; then
+    /// stops the run.
     fn run_with_saves((work, each): Around, until: impl Fn() -> bool + Send + 'static) -> Ended {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
@@ -346,7 +347,7 @@ mod tests {
         ended.assert_ramped_down();
     }
 
-    /// Rounds in which the run was looked after, of the one test that counts them.
+    /// Rounds of the supervisor, counted by one test only.
     static ROUNDS: AtomicU32 = AtomicU32::new(0);
 
     fn panic_later() {

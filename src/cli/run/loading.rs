@@ -1,10 +1,10 @@
-//! Loading a graph while another runs: on a thread of its own, which may take its time, hang or panic. Whoever asked
-//! looks in on it, and gives it up when there is no more time for it.
+//! Loading of a graph while another one runs, on a thread of its own that may be slow, hang or panic. The
+//! caller polls the result and abandons it after a time limit.
 
 use super::super::GraphArguments;
-use super::guards::Guards;
-use super::watch::{Watch, stamp};
-use super::{Arguments, spare_own_files};
+use super::protected::ProtectedSettings;
+use super::watch::{FileWatch, stamp};
+use super::{Arguments, refuse_own_files};
 use crate::engine::diagnostic::Diagnostics;
 use crate::engine::document::{Document, LoadOptions};
 use crate::engine::graph::{CheckOptions, Graph, check};
@@ -16,30 +16,31 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::time::{Duration, Instant, SystemTime};
 
-/// How long a graph may take to load while another runs.
+/// Time limit of a load.
 pub const BUDGET: Duration = Duration::from_secs(10);
-/// Threads that were given up and hang still, beyond which nothing is loaded any more.
-const MOST_HANGING: usize = 4;
-/// A file that was written so shortly before it was read may be written again without looking any newer.
+/// Maximum number of abandoned threads that still hang; beyond it nothing is loaded.
+const MAX_HANGING: usize = 4;
+/// A file written this shortly before it was read may change again without a newer time stamp.
 const SETTLED: Duration = Duration::from_secs(1);
 
-/// Parameters by name that were typed or told, with the default that the file had for each then.
-pub type Typed = Vec<(String, Option<String>)>;
+/// Parameters set by name, each with the default that the file had at that time.
+pub type ParameterDefaults = Vec<(String, Option<String>)>;
 
-/// What is to be loaded.
+/// What to load, and with which parameters.
 #[derive(Clone)]
 pub struct Job {
     pub arguments: GraphArguments,
     pub seed: Option<u64>,
     pub record: bool,
-    /// After a save: parameters whose defaults are others now are the file's again, or as the command line gave them.
-    pub saved: Option<Saved>,
-    /// The document as it was read before.
-    pub known: Option<Known>,
+    /// Set after a save: parameters whose defaults have changed in the file are no longer overridden by typed
+    /// values.
+    pub saved: Option<SavedOverrides>,
+    /// The document from the previous load.
+    pub known: Option<KnownDocument>,
 }
 
 impl Job {
-    /// The graph of the command line.
+    /// The job for the graph of the command line.
     pub fn first(arguments: &Arguments) -> Self {
         Self {
             arguments: arguments.graph.clone(),
@@ -51,101 +52,101 @@ impl Job {
     }
 }
 
-/// What a save may take back.
+/// Parameters that a save may reset.
 #[derive(Clone)]
-pub struct Saved {
+pub struct SavedOverrides {
     pub given: Vec<(String, String)>,
-    pub typed: Typed,
+    pub typed: ParameterDefaults,
 }
 
-/// A document, and its files as they were then; only where they would look different if they were others now.
+/// A document with the time stamps of its files, kept only if a later change would alter them.
 #[derive(Clone)]
-pub struct Known {
+pub struct KnownDocument {
     document: Arc<Document>,
     stamps: Vec<(PathBuf, (SystemTime, u64))>,
 }
 
-/// What came of it.
-pub struct Loaded {
-    pub result: Result<Ready, Diagnostics>,
-    /// The parameters with which it was loaded, and which of them were typed.
+/// Result of a load.
+pub struct LoadOutcome {
+    pub result: Result<LoadedGraph, Diagnostics>,
+    /// The parameters used for the load, and those of them that were typed.
     pub set: Vec<(String, String)>,
-    pub typed: Option<Typed>,
-    /// The parameters that the file has, with their defaults.
-    pub parameters: Typed,
-    pub known: Option<Known>,
+    pub typed: Option<ParameterDefaults>,
+    /// The parameters of the file, with their defaults.
+    pub parameters: ParameterDefaults,
+    pub known: Option<KnownDocument>,
 }
 
-/// A sound graph, and what has to be known of it before it takes over.
-pub struct Ready {
+/// A checked graph with the data that a swap needs.
+pub struct LoadedGraph {
     pub graph: Graph,
-    pub watch: Watch,
-    pub guards: Guards,
+    pub watch: FileWatch,
+    pub protected: ProtectedSettings,
     pub wanted: Result<Wanted, String>,
     pub own_files: Result<(), String>,
     pub texts: Vec<String>,
 }
 
-/// How a graph is loaded.
-pub type Work = fn(Job, &Registry) -> Loaded;
+/// Function that loads a graph.
+pub type LoadFn = fn(Job, &Registry) -> LoadOutcome;
 
 /// Loads graphs, one at a time.
 pub struct Loader {
-    work: Work,
-    /// The kinds that graphs can use.
+    load: LoadFn,
+    /// The node and device kinds that graphs can use.
     registry: Arc<Registry>,
-    /// Held by every thread that works, too.
+    /// Counts the running threads; each holds a clone.
     working: Arc<()>,
 }
 
-/// A graph that is being loaded.
+/// A load in progress.
 pub struct Loading {
     began: Instant,
-    result: Receiver<std::thread::Result<Loaded>>,
+    result: Receiver<std::thread::Result<LoadOutcome>>,
 }
 
 impl Loader {
-    pub fn new(work: Work, registry: &Registry) -> Self {
+    pub fn new(load: LoadFn, registry: &Registry) -> Self {
         Self {
-            work,
+            load,
             registry: Arc::new(registry.clone()),
             working: Arc::default(),
         }
     }
 
-    /// The kinds that graphs can use.
+    /// The node and device kinds that graphs can use.
     pub fn registry(&self) -> &Registry {
         &self.registry
     }
 
-    /// Begins to load.
+    /// Starts a load.
     ///
     /// # Errors
-    /// Why nothing is loaded any more.
+    /// A message if too many earlier loads hang, or if no thread can be started.
     pub fn begin(&self, job: Job) -> Result<Loading, String> {
-        if Arc::strong_count(&self.working) > MOST_HANGING {
-            return Err(format!("{MOST_HANGING} graphs before it are loading still"));
+        if Arc::strong_count(&self.working) > MAX_HANGING {
+            return Err(format!("{MAX_HANGING} earlier loads have not finished"));
         }
-        let (told, result) = sync_channel(1);
-        let (work, registry) = (self.work, Arc::clone(&self.registry));
+        let (sender, result) = sync_channel(1);
+        let (load, registry) = (self.load, Arc::clone(&self.registry));
         let working = Arc::clone(&self.working);
         std::thread::Builder::new()
             .name("haptograph-loading".to_owned())
             .spawn(move || {
-                let loaded = catch_unwind(AssertUnwindSafe(|| work(job, &registry)));
+                let loaded = catch_unwind(AssertUnwindSafe(|| load(job, &registry)));
                 drop(working);
-                // It may have been given up.
-                let _ = told.send(loaded);
+                // The load may have been abandoned.
+                let _ = sender.send(loaded);
             })
-            .map_err(|error| format!("no thread to load it: {error}"))?;
+            .map_err(|error| format!("cannot start a thread to load it: {error}"))?;
         let began = Instant::now();
         Ok(Loading { began, result })
     }
 }
 
 impl Loading {
-    /// What came of it, if it is over. A panic goes on here.
-    pub fn look(&self) -> Option<Loaded> {
+    /// The result if the load has finished. Resumes a panic of the loading thread.
+    pub fn poll(&self) -> Option<LoadOutcome> {
         match self.result.try_recv() {
             Ok(Ok(loaded)) => Some(loaded),
             Ok(Err(panic)) => resume_unwind(panic),
@@ -153,18 +154,18 @@ impl Loading {
         }
     }
 
-    pub fn took(&self) -> Duration {
+    pub fn elapsed(&self) -> Duration {
         self.began.elapsed()
     }
 }
 
-/// Loads a graph, proves it sound, and looks at what it asks for.
-pub fn load(mut job: Job, registry: &Registry) -> Loaded {
+/// Loads and checks a graph and derives the data that a swap needs.
+pub fn load(mut job: Job, registry: &Registry) -> LoadOutcome {
     let document = read(&job.arguments.graph, job.known.take());
     let (document, known) = match document {
         Ok(read) => read,
         Err(wrong) => {
-            return Loaded {
+            return LoadOutcome {
                 result: Err(wrong),
                 set: job.arguments.set,
                 typed: None,
@@ -174,13 +175,13 @@ pub fn load(mut job: Job, registry: &Registry) -> Loaded {
         }
     };
     let parameters = document.parameters();
-    let parameters: Typed = parameters
+    let parameters: ParameterDefaults = parameters
         .map(|(name, text)| (name.to_owned(), Some(text.to_owned())))
         .collect();
     let typed = job
         .saved
         .take()
-        .map(|saved| saved.take_back(&mut job.arguments.set, &parameters));
+        .map(|saved| saved.reset(&mut job.arguments.set, &parameters));
     let options = CheckOptions {
         set: job.arguments.set.clone(),
         endpoints: job.arguments.endpoints().to_owned(),
@@ -188,8 +189,8 @@ pub fn load(mut job: Job, registry: &Registry) -> Loaded {
         ..CheckOptions::default()
     };
     let graph = check(&document, registry, &options);
-    Loaded {
-        result: graph.map(|graph| Ready::of(graph, job.record)),
+    LoadOutcome {
+        result: graph.map(|graph| LoadedGraph::of(graph, job.record)),
         set: job.arguments.set,
         typed,
         parameters,
@@ -197,8 +198,12 @@ pub fn load(mut job: Job, registry: &Registry) -> Loaded {
     }
 }
 
-/// The document, read again only where a file of it may have changed, and what is to be known of it the next time.
-fn read(path: &Path, known: Option<Known>) -> Result<(Arc<Document>, Option<Known>), Diagnostics> {
+/// Reads the document, or reuses the known one if its files are unchanged; also returns what the next load
+/// may reuse.
+fn read(
+    path: &Path,
+    known: Option<KnownDocument>,
+) -> Result<(Arc<Document>, Option<KnownDocument>), Diagnostics> {
     if let Some(known) = known
         && known.stamps.iter().all(|(path, then)| stamp(path) == Some(*then))
     {
@@ -210,18 +215,18 @@ fn read(path: &Path, known: Option<Known>) -> Result<(Arc<Document>, Option<Know
     let stamps: Option<Vec<_>> = files.map(|path| Some((path.clone(), stamp(&path)?))).collect();
     let settled = |(time, _): (SystemTime, u64)| began.duration_since(time).is_ok_and(|age| age > SETTLED);
     let stamps = stamps.filter(|stamps| stamps.iter().all(|(_, stamp)| settled(*stamp)));
-    let known = stamps.map(|stamps| Known {
+    let known = stamps.map(|stamps| KnownDocument {
         document: Arc::clone(&document),
         stamps,
     });
     Ok((document, known))
 }
 
-impl Saved {
-    /// Takes back what was typed where the file says something else now; what stays typed.
-    fn take_back(self, set: &mut Vec<(String, String)>, parameters: &Typed) -> Typed {
+impl SavedOverrides {
+    /// Resets typed parameters whose defaults the file has changed; returns the remaining typed ones.
+    fn reset(self, set: &mut Vec<(String, String)>, parameters: &ParameterDefaults) -> ParameterDefaults {
         let default = |name: &str| parameters.iter().find(|(known, _)| known == name);
-        let (same, other): (Typed, Typed) = self
+        let (same, other): (ParameterDefaults, ParameterDefaults) = self
             .typed
             .into_iter()
             .partition(|(name, then)| default(name).and_then(|(_, now)| now.clone()) == *then);
@@ -233,20 +238,20 @@ impl Saved {
     }
 }
 
-impl Ready {
+impl LoadedGraph {
     fn of(graph: Graph, record: bool) -> Self {
         Self {
-            watch: Watch::of(&graph),
-            guards: Guards::of(&graph),
+            watch: FileWatch::of(&graph),
+            protected: ProtectedSettings::of(&graph),
             wanted: wanted(&graph).map_err(|error| error.to_string()),
-            own_files: spare_own_files(&graph, record),
+            own_files: refuse_own_files(&graph, record),
             texts: texts(&graph),
             graph,
         }
     }
 }
 
-/// The texts of a graph's files; what was given on the command line has no file.
+/// The texts of a graph's files, without those given on the command line.
 pub fn texts(graph: &Graph) -> Vec<String> {
     let files = graph.sources().iter().filter(|source| source.is_file);
     files.map(|source| source.text.to_string()).collect()

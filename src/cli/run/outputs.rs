@@ -1,4 +1,4 @@
-//! Signals written besides those of the graph's own sinks: probes and records.
+//! Signals written in addition to the graph's own sinks: probes and records.
 
 use super::super::output::{self, Force};
 use super::super::{Failure, recording};
@@ -10,14 +10,15 @@ use crate::engine::settings::closest;
 use crate::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
 use crate::nodes::sinks::wav::{WavSink, WavSinkSettings, open_to_fit};
 use crate::nodes::soundcard::{Played, played};
-use crate::report::record::{Watch, watch};
+use crate::report::record::{WatchedOutput, watch};
+use crate::signal::files;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Where all signals go.
+/// Subfolder for `--record`.
 pub const RECORD: &str = "record";
 
-/// `NODE.PORT=FILE` as given.
+/// An argument `NODE.PORT=FILE`.
 #[derive(Debug, Clone)]
 pub struct ProbeArgument {
     output: String,
@@ -32,16 +33,16 @@ pub fn probe_argument(text: &str) -> Result<ProbeArgument, String> {
             output: output.to_owned(),
             file,
         }),
-        _ => Err("the file has to end in .wav or .csv".to_owned()),
+        _ => Err("the file name must end in .wav or .csv".to_owned()),
     }
 }
 
-/// Opens the probes; each writes into a folder of its own until the run is complete.
+/// Opens the probes. Each writes into a folder of its own until the run is complete.
 pub fn open_probes(
     graph: &Graph,
     arguments: &[ProbeArgument],
     folder: &RunFolder,
-    outlets: &mut FileSinks<'_>,
+    file_sinks: &mut FileSinks<'_>,
 ) -> Result<Vec<PathBuf>, Failure> {
     for (number, argument) in arguments.iter().enumerate() {
         let watch = find(graph, &argument.output)?;
@@ -52,7 +53,7 @@ pub fn open_probes(
                 .map_err(|error| Failure::file("write", &argument.file, &error))?,
             false => writer(&path, &watch.stream)?,
         };
-        outlets.probe(Probe {
+        file_sinks.probe(Probe {
             node: watch.node,
             output: watch.output,
             writer,
@@ -61,7 +62,7 @@ pub fn open_probes(
     Ok(arguments.iter().map(|argument| argument.file.clone()).collect())
 }
 
-/// Where the probes are, which is not in the folder of the run; nothing where there are none.
+/// Line with the paths of the probes' files, which are outside the run's folder; empty without probes.
 pub fn beside(files: &[PathBuf]) -> String {
     let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
     match names.is_empty() {
@@ -70,7 +71,7 @@ pub fn beside(files: &[PathBuf]) -> String {
     }
 }
 
-/// What a sample of 1.0 stands for in the WAV files of probes, for the user.
+/// Lines with the full scales of the probes' WAV files.
 pub fn full_scales(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     let wav = files.iter().filter(|file| is_wav(file));
     wav.map(|file| {
@@ -92,7 +93,7 @@ fn is_wav(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending == "wav")
 }
 
-/// Moves the probes' files to where they were asked for; those that are there with their notes are returned.
+/// Moves the probes' files and their notes to the requested paths; returns the final paths.
 pub fn place_probes(folder: &RunFolder, files: &[PathBuf], force: Force) -> Result<Vec<PathBuf>, Failure> {
     let mut placed = Vec::new();
     for (number, file) in files.iter().enumerate() {
@@ -100,7 +101,7 @@ pub fn place_probes(folder: &RunFolder, files: &[PathBuf], force: Force) -> Resu
         let entries = file
             .parent()
             .map_or(Ok(()), fs::create_dir_all)
-            .and_then(|()| fs::read_dir(&waiting)?.collect());
+            .and_then(|()| files::entries(&waiting)?.collect());
         let entries: Vec<fs::DirEntry> = entries.map_err(|error| Failure::file("write", file, &error))?;
         for entry in entries {
             let target = file.with_file_name(entry.file_name());
@@ -111,15 +112,15 @@ pub fn place_probes(folder: &RunFolder, files: &[PathBuf], force: Force) -> Resu
     Ok(files.iter().filter(is_placed).cloned().collect())
 }
 
-/// The note that goes with a probe's file.
+/// The path of the note beside a probe's file.
 pub fn note_of(file: &Path) -> PathBuf {
     let mut note = file.as_os_str().to_owned();
     note.push(".ron");
     note.into()
 }
 
-/// Writes every output into `record/`: WAV where that can hold it, CSV where not.
-pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut FileSinks<'_>) -> Result<(), Failure> {
+/// Writes every output into `record/`: as WAV if that format can hold it, otherwise as CSV.
+pub fn record_all(graph: &Graph, folder: &RunFolder, file_sinks: &mut FileSinks<'_>) -> Result<(), Failure> {
     let place = folder.path().join(RECORD);
     fs::create_dir_all(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
     let mut names = Vec::new();
@@ -130,7 +131,7 @@ pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut FileSinks<'_>
             Ok(writer) if watch.stream.kind.is_linear() => writer,
             _ => writer(&place.join(format!("{name}.csv")), &watch.stream)?,
         };
-        outlets.probe(Probe {
+        file_sinks.probe(Probe {
             node: watch.node,
             output: watch.output,
             writer,
@@ -139,14 +140,14 @@ pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut FileSinks<'_>
     Ok(())
 }
 
-/// Writes what soundcards play, in their full scale: what they get live, they would get offline.
-pub fn keep_played(graph: &Graph, folder: &Path, outlets: &mut FileSinks<'_>) -> Result<(), Failure> {
+/// Writes the signals of soundcard outputs, in their full scale, as they would be played live.
+pub fn keep_played(graph: &Graph, folder: &Path, file_sinks: &mut FileSinks<'_>) -> Result<(), Failure> {
     for (played, name) in played_files(graph) {
         let Some(watch) = watch(graph, played.sink, 0) else {
             continue;
         };
         let writer = scaled_writer(&folder.join(name), &watch.stream, played.full_scale)?;
-        outlets.probe(Probe {
+        file_sinks.probe(Probe {
             node: watch.node,
             output: watch.output,
             writer,
@@ -155,7 +156,7 @@ pub fn keep_played(graph: &Graph, folder: &Path, outlets: &mut FileSinks<'_>) ->
     Ok(())
 }
 
-/// What soundcards play, and the file of each.
+/// The soundcard outputs and the file of each.
 pub fn played_files(graph: &Graph) -> Vec<(Played, String)> {
     let mut names = Vec::new();
     let file = |played: Played| {
@@ -165,7 +166,7 @@ pub fn played_files(graph: &Graph) -> Vec<(Played, String)> {
     played(graph).into_iter().map(file).collect()
 }
 
-/// A name as that of a file, with a number where another has it already.
+/// A file name made of `name`, with a number if it is taken.
 fn unlike(names: &mut Vec<String>, name: &str) -> String {
     let plain = name.replace('/', ".");
     let mut free = plain.clone();
@@ -179,7 +180,7 @@ fn unlike(names: &mut Vec<String>, name: &str) -> String {
     free
 }
 
-fn outputs(graph: &Graph) -> impl Iterator<Item = Watch> {
+fn outputs(graph: &Graph) -> impl Iterator<Item = WatchedOutput> {
     let nodes = graph.nodes();
     nodes.ids().flat_map(move |node| {
         (0..nodes[node].outputs.len()).filter_map(move |output| watch(graph, node, output))
@@ -207,8 +208,8 @@ fn scaled_writer(path: &Path, stream: &Stream, full_scale: f64) -> Result<Box<dy
         .map_err(|error| Failure::file("write", path, &error))
 }
 
-/// The output that an input would name so.
-fn find(graph: &Graph, name: &str) -> Result<Watch, Failure> {
+/// The output with this name, as an input would state it.
+fn find(graph: &Graph, name: &str) -> Result<WatchedOutput, Failure> {
     let found = graph.find_output(name).ok();
     let found = found.and_then(|(node, output)| watch(graph, node, output));
     found.ok_or_else(|| {
@@ -217,7 +218,7 @@ fn find(graph: &Graph, name: &str) -> Result<Watch, Failure> {
     })
 }
 
-/// What to do about the name of an output that is none.
+/// Advice about the name of an unknown output.
 fn meant(graph: &Graph, name: &str) -> String {
     let mut names: Vec<String> = outputs(graph).map(|watch| watch.stream.name).collect();
     names.extend(graph.template_outputs().iter().map(TemplateOutput::name));
@@ -231,7 +232,7 @@ fn meant(graph: &Graph, name: &str) -> String {
     if !own.is_empty() {
         return format!("name one of {}", own.join(", "));
     }
-    // One inside a template whose use was left out of its name.
+    // An output inside a template, named without the instance.
     let inside = format!("/{name}");
     let near = names.iter().find(|known| known.ends_with(&inside));
     let near = near.map(String::as_str);

@@ -1,12 +1,12 @@
-//! How the files of a run come to their place: what an earlier run wrote there and nobody changed goes, all else stays, and
-//! where a step fails every step before it is taken back.
+//! Move of a complete run to its place. Unchanged files of an earlier run are removed, all other files are
+//! kept; if a step fails, all earlier steps are undone.
 //!
-//! Where the process is killed in between, files are in two places. What was to be done stands in the folder until it is
-//! done, so that the next run or `haptograph recover` goes on with it: see [`MovePlan`].
+//! A kill in between leaves files in two places. A plan of the move is stored in the folder until the move is
+//! complete, so that the next run or `haptograph recover` completes it: see [`MovePlan`].
 
 use super::super::Failure;
 use super::super::output::{self, Force};
-use super::super::written::{Written, free_beside};
+use super::super::written::{FileManifest, free_beside};
 use super::folder::{MANIFEST, MARK, MARKER, MAX_FACTS_BYTES, PROBES, REPLACED};
 use crate::signal::files;
 use crate::surfaces::files::write_atomically;
@@ -16,36 +16,35 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What was kept when a run was put in its place.
+/// What was kept when a run was moved to its place.
 #[derive(Debug, Default, PartialEq)]
 pub struct Placed {
-    /// Where an earlier run went that cannot be repeated.
+    /// New path of an earlier run that cannot be repeated.
     pub earlier: Option<PathBuf>,
-    /// Files that no run wrote, or that were changed, and are where they were.
+    /// Foreign or changed files that stayed where they were.
     pub left: Vec<PathBuf>,
-    /// The same where the run has a file of that name: what they were called, and where they are.
+    /// Foreign or changed files in the way of a new one: their former and new paths.
     pub moved: Vec<(PathBuf, PathBuf)>,
 }
 
-/// Files named in one line.
-const MOST_NAMED: usize = 5;
+/// Maximum number of files named in one line.
+const MAX_NAMED: usize = 5;
 
 impl Placed {
-    /// A line for each thing that was kept.
+    /// A line for each kept item.
     pub fn lines(&self) -> Vec<String> {
         let mut lines = Vec::new();
         if let Some(earlier) = &self.earlier {
-            lines.push(format!(
-                "the live run that was there is kept as {}",
-                earlier.display()
-            ));
+            lines.push(format!("the earlier live run is kept as {}", earlier.display()));
         }
         for (from, to) in &self.moved {
             let (from, to) = (from.display(), to.display());
-            lines.push(format!("{from} was not as a run wrote it; it is kept as {to}"));
+            lines.push(format!(
+                "{from} was changed since a run wrote it; it is kept as {to}"
+            ));
         }
         if !self.left.is_empty() {
-            let named = self.left.iter().take(MOST_NAMED);
+            let named = self.left.iter().take(MAX_NAMED);
             let named: Vec<String> = named.map(|path| path.display().to_string()).collect();
             let more = self.left.len() - named.len();
             let more = if more > 0 {
@@ -54,7 +53,7 @@ impl Placed {
                 String::new()
             };
             lines.push(format!(
-                "left as they were, not of this run: {}{more}",
+                "kept files that are not part of this run: {}{more}",
                 named.join(", ")
             ));
         }
@@ -62,10 +61,10 @@ impl Placed {
     }
 }
 
-/// Refuses a place that is no folder, or a folder with files and without the manifest of a run.
+/// Refuses a place that is not a folder, or a folder with files but without a run's manifest.
 pub fn refuse_foreign(target: &Path, place: &Path) -> Result<(), Failure> {
     let shown = target.display();
-    let is_empty = match fs::read_dir(place) {
+    let is_empty = match files::entries(place) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => true,
         Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
             return Err(Failure::Message(format!(
@@ -75,31 +74,31 @@ pub fn refuse_foreign(target: &Path, place: &Path) -> Result<(), Failure> {
         Err(error) => return Err(Failure::file("read the folder", target, &error)),
         Ok(mut entries) => entries.all(|entry| entry.is_ok_and(|entry| entry.path().join(MARKER).exists())),
     };
-    if is_empty || Written::read(&place.join(MANIFEST)).is_some() {
+    if is_empty || FileManifest::read(&place.join(MANIFEST)).is_some() {
         return Ok(());
     }
     Err(Failure::Message(format!(
-        "{shown} holds files, and no {MANIFEST} tells which of them a run wrote; give another folder by --out (a run of an \
-         earlier version has none either: rename its folder)"
+        "{shown} holds files but no {MANIFEST} of a run; give another folder by --out (runs of earlier versions \
+         have none: rename their folders)"
     )))
 }
 
-/// The plan of a move, in the folder of a complete run from before its first file is moved until its last one is.
+/// File with the plan of a move, present from before the first move until after the last.
 pub const MOVES: &str = ".haptograph-moves";
 
-/// What was settled before the first file was moved, and cannot be found out afterwards. JSON.
+/// Decisions that cannot be reconstructed after the first move. JSON.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct MovePlan {
-    /// Does the folder wait in its place, and not beside it?
+    /// True if the temporary folder is inside the place and not beside it.
     inside: bool,
-    /// Where an earlier run goes that cannot be repeated: a name beside the place.
+    /// New name, beside the place, of an earlier run that cannot be repeated.
     earlier: Option<String>,
-    /// Where the probes go, by their numbers; absolute.
+    /// Absolute paths of the probes' files, by number.
     probes: Vec<String>,
 }
 
 impl MovePlan {
-    /// Of a run in `content` that is to be at `place`.
+    /// Plans the move of a run from `content` to `place`.
     pub fn of(content: &Path, place: &Path) -> Self {
         let earlier = holds_what_cannot_be_repeated(place).then(|| free_beside(place));
         let name = |path: PathBuf| Some(path.file_name()?.to_string_lossy().into_owned());
@@ -110,8 +109,8 @@ impl MovePlan {
         }
     }
 
-    /// Writes it down: from here on the move can be completed whatever happens. Where a path is no Unicode, nothing is
-    /// written, and what a kill leaves is two halves.
+    /// Writes the plan, after which an interrupted move can be completed. Paths that are not Unicode cannot
+    /// be stored: then nothing is written, and a killed move stays incomplete.
     pub fn save(mut self, content: &Path, probes: &[PathBuf]) -> io::Result<()> {
         for probe in probes {
             let Some(path) = std::path::absolute(probe)?.to_str().map(str::to_owned) else {
@@ -123,13 +122,13 @@ impl MovePlan {
         write_atomically(&content.join(MOVES), text.as_bytes())
     }
 
-    /// The plan of a folder whose run was being moved.
+    /// Reads the plan of an interrupted move.
     pub fn read(content: &Path) -> Option<Self> {
         let text = files::read_text(&content.join(MOVES), MAX_FACTS_BYTES).ok()?;
         serde_json::from_str(&text).ok()
     }
 
-    /// Where the run in `content` goes; none where that is not told by its name.
+    /// Target of the move of `content`; `None` if its name does not state it.
     pub fn place(&self, content: &Path) -> Option<PathBuf> {
         let near = content.parent()?;
         let name = content.file_name()?.to_str()?;
@@ -142,7 +141,7 @@ impl MovePlan {
     }
 }
 
-/// Goes on with a move that a kill interrupted. A plan can be forged: nothing is replaced that haptograph did not write.
+/// Completes an interrupted move. A plan can be forged, so only files written by haptograph are replaced.
 pub fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failure> {
     for (number, probe) in plan.probes.iter().enumerate() {
         let waiting = content.join(PROBES).join(number.to_string());
@@ -159,7 +158,7 @@ pub fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failu
         }
     }
     let failed = |error| Failure::file("complete the move of", content, &error);
-    // The facts are moved last but one, and the manifest last.
+    // The facts are moved last but one, the manifest last.
     if [MARK, MANIFEST].iter().any(|name| content.join(name).is_file()) {
         self::place(content, place, plan).map_err(failed)?;
     }
@@ -167,19 +166,19 @@ pub fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failu
     Ok(())
 }
 
-/// Moves all files of `content` to `place`, and removes `content`.
+/// Moves all files of `content` to `place` and removes `content`.
 pub fn place(content: &Path, place: &Path, plan: &MovePlan) -> io::Result<Placed> {
     let new = files_in(content, &[MARKER, PROBES, REPLACED, MOVES, MANIFEST])?;
     let new_manifest = content.join(MANIFEST);
-    // It is there where a move was interrupted, and lists what was moved then too.
-    if Written::read(&new_manifest).is_none() {
-        let mut manifest = Written::default();
+    // The manifest of an interrupted move also lists the files already moved.
+    if FileManifest::read(&new_manifest).is_none() {
+        let mut manifest = FileManifest::default();
         new.iter().try_for_each(|name| manifest.note(content, name))?;
         manifest.save(&new_manifest)?;
     }
     let mut moves = Moves::default();
     let placed = clear((content, place), &new, plan, &mut moves).and_then(|placed| {
-        // The facts last but one, so that a folder with new facts is whole.
+        // The facts last but one, so that a folder with new facts is complete.
         let (facts, files): (Vec<_>, Vec<_>) = new.iter().partition(|name| *name == Path::new(MARK));
         let last = PathBuf::from(MANIFEST);
         for name in files.into_iter().chain(facts).chain([&last]) {
@@ -193,10 +192,10 @@ pub fn place(content: &Path, place: &Path, plan: &MovePlan) -> io::Result<Placed
     Ok(placed)
 }
 
-/// Removes a folder whose run is in its place, the marker by which it is found last.
+/// Removes the temporary folder of a moved run; the marker that identifies it goes last.
 fn remove(content: &Path) {
     step();
-    // Named by the next run where it cannot be removed.
+    // The next run reports a folder that cannot be removed.
     for name in [REPLACED, PROBES] {
         let _ = fs::remove_dir_all(content.join(name));
     }
@@ -204,7 +203,7 @@ fn remove(content: &Path) {
     let _ = fs::remove_dir_all(content);
 }
 
-/// Makes room in `place`: moves away what an earlier run wrote, and what is in the way.
+/// Clears `place`: moves away the files of an earlier run, and anything in the way.
 fn clear(
     (content, place): (&Path, &Path),
     new: &[PathBuf],
@@ -213,12 +212,12 @@ fn clear(
 ) -> io::Result<Placed> {
     let mut placed = Placed::default();
     let list = place.join(MANIFEST);
-    let old = Written::read(&list).unwrap_or_default();
+    let old = FileManifest::read(&list).unwrap_or_default();
     let mut names: Vec<PathBuf> = old.names().filter(|name| place.join(name).is_file()).collect();
-    // A name alone: a plan can be forged.
+    // Only a file name, since a plan can be forged.
     let kept = plan.earlier.as_ref().and_then(|name| Path::new(name).file_name());
     let kept = kept.map(|name| place.with_file_name(name));
-    // An earlier run that is kept is kept as it is now.
+    // A kept earlier run keeps all files that it has now.
     let is_kept = kept.is_some();
     names.retain(|name| is_kept || old.is_unchanged(place, name));
     let aside = kept.clone().unwrap_or_else(|| content.join(REPLACED));
@@ -239,14 +238,14 @@ fn clear(
     Ok(placed)
 }
 
-/// What lies where a file or one of its folders is to be.
+/// The existing entry at the path of a new file or of one of its folders.
 fn in_the_way(place: &Path, name: &Path) -> Option<PathBuf> {
     let mut path = place.to_owned();
     let mut parts = name.components().peekable();
     while let Some(part) = parts.next() {
         path.push(part);
         let found = fs::symlink_metadata(&path).ok()?;
-        // A link is not followed: what it leads to is not the run's.
+        // Links are not followed: their targets are not the run's.
         if parts.peek().is_none() || !found.is_dir() {
             return Some(path);
         }
@@ -254,12 +253,15 @@ fn in_the_way(place: &Path, name: &Path) -> Option<PathBuf> {
     None
 }
 
-/// Files in the folders that runs write into, that no run wrote.
+/// Foreign files in the folders of the runs.
 fn left(place: &Path, old: &[PathBuf], new: &[PathBuf], moved: &[(PathBuf, PathBuf)]) -> Vec<PathBuf> {
     let folders: BTreeSet<&Path> = old.iter().chain(new).filter_map(|name| name.parent()).collect();
     let mut found = Vec::new();
     for folder in &folders {
-        let entries = fs::read_dir(place.join(folder)).into_iter().flatten().flatten();
+        let entries = files::entries(&place.join(folder))
+            .into_iter()
+            .flatten()
+            .flatten();
         for path in entries.map(|entry| entry.path()) {
             let is_runs = path.join(MARKER).exists() || moved.iter().any(|(_, to)| *to == path);
             let name = path.strip_prefix(place).unwrap_or(&path);
@@ -273,12 +275,12 @@ fn left(place: &Path, old: &[PathBuf], new: &[PathBuf], moved: &[(PathBuf, PathB
     found
 }
 
-/// All files below a folder, by their names from there, but for some of its entries.
+/// All files below a folder, as relative paths, without some of its entries.
 fn files_in(folder: &Path, but: &[&str]) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(next) = folders.pop() {
-        for entry in fs::read_dir(next)? {
+        for entry in files::entries(&next)? {
             let entry = entry?;
             let path = entry.path();
             let name = path.strip_prefix(folder).unwrap_or(&path);
@@ -296,11 +298,11 @@ fn files_in(folder: &Path, but: &[&str]) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Removes folders that files were moved out of, where nothing is left in them.
+/// Removes emptied source folders.
 fn remove_empty(place: &Path, left: &BTreeSet<PathBuf>) {
     for folder in left.iter().rev() {
         let mut folder = folder.as_path();
-        // What is not empty stays, by what removing a folder is.
+        // `remove_dir` keeps a folder that is not empty.
         while folder != place && folder.starts_with(place) && fs::remove_dir(folder).is_ok() {
             let Some(parent) = folder.parent() else { break };
             folder = parent;
@@ -308,7 +310,7 @@ fn remove_empty(place: &Path, left: &BTreeSet<PathBuf>) {
     }
 }
 
-/// Files that were moved, so that they can be moved back.
+/// The moves done so far, which can be undone.
 #[derive(Debug, Default)]
 struct Moves {
     done: Vec<(PathBuf, PathBuf)>,
@@ -317,13 +319,13 @@ struct Moves {
 }
 
 impl Moves {
-    /// Moves a file to where none is, making folders as need be.
+    /// Moves a file to a free path and creates the folders for it.
     fn of(&mut self, from: &Path, to: &Path) -> io::Result<()> {
         if let Some(folder) = to.parent() {
             fs::create_dir_all(folder)?;
         }
         if fs::symlink_metadata(to).is_ok() {
-            let message = format!("{} appeared meanwhile", to.display());
+            let message = format!("{} was created during the move", to.display());
             return Err(io::Error::new(io::ErrorKind::AlreadyExists, message));
         }
         step();
@@ -335,19 +337,19 @@ impl Moves {
 
     fn take_back(&self) {
         for (from, to) in self.done.iter().rev() {
-            // The first error is the one to tell; what cannot be moved back is still where it was moved to.
+            // Report the first error only; a file that cannot be moved back stays at its new path.
             let _ = fs::rename(to, from);
         }
     }
 }
 
-/// Where a test interrupts a move.
+/// Hook for tests that interrupt a move.
 #[cfg(not(test))]
 fn step() {}
 
 #[cfg(test)]
 std::thread_local! {
-    /// Steps until a kill, in this thread.
+    /// Steps until the simulated kill, in this thread.
     pub static STEPS_LEFT: std::cell::Cell<Option<u32>> = const { std::cell::Cell::new(None) };
 }
 
@@ -359,13 +361,13 @@ fn step() {
     }
 }
 
-/// A live run of real devices can hold somebody's hour.
+/// True if the folder holds a live run of real devices, which may be an hour of someone's work.
 fn holds_what_cannot_be_repeated(place: &Path) -> bool {
     let facts = files::read_text(&place.join(MARK), MAX_FACTS_BYTES).ok();
     let facts = facts.and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok());
     match facts {
         Some(facts) => facts["live"] == true && facts["real_devices"] == true,
-        // It was a run, and nothing says any more that it was none of these.
+        // A damaged run could be one of these.
         None => place.join(MANIFEST).exists() || place.join(MARK).exists(),
     }
 }

@@ -1,14 +1,14 @@
-//! What follows a run: its page is opened, its sound is played, where that was asked for.
+//! Opens the page and plays the sound after a run, if requested.
 
 use super::super::built::cannot_play;
-use super::super::{Failure, remark};
+use super::super::{Failure, eprint};
 use crate::nodes::soundcard::{play_once, ready_to_play};
 use crate::report::sound::{self, Sound};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What is done with the page and the sound of a run.
+/// Flags for the page and the sound of a run.
 #[derive(Debug, Clone, Copy, Default, clap::Args)]
 pub struct Present {
     /// Play the vibration on the default soundcard when the run is done, at a safe level; ctrl-C stops it
@@ -20,36 +20,44 @@ pub struct Present {
 }
 
 impl Present {
-    /// Opens the page. A machine without a desktop is no failure of the run.
+    /// Refuses to play where this build or this machine cannot, before anything runs.
+    pub fn refuse_silent(self) -> Result<(), Failure> {
+        match self.play {
+            true => ready_to_play().map_err(|error| cannot_play(&error, "leave it out")),
+            false => Ok(()),
+        }
+    }
+
+    /// Opens the page. A failure, for example without a desktop, does not fail the run.
     pub fn open_page(self, page: &Path) {
         if self.open
             && let Err(why) = open(page)
         {
-            remark(&format!("warning: cannot open {}: {why}\n", page.display()));
+            eprint(&format!("warning: cannot open {}: {why}\n", page.display()));
         }
     }
 
-    /// Plays the sound, until its end or ctrl-C.
+    /// Plays the sound to its end or until ctrl-C.
     pub fn play_sound(self, sound: Option<Sound>, stop: &AtomicBool) -> Result<(), Failure> {
         if !self.play || stop.load(Ordering::Relaxed) {
             return Ok(());
         }
         let Some(sound) = sound else {
-            remark("warning: nothing to play: no actuator or file of this graph gets a vibration\n");
+            eprint("warning: nothing to play: no actuator or file of this graph receives a vibration\n");
             return Ok(());
         };
-        ready_to_play().map_err(|error| cannot_play(&error))?;
-        remark(&format!(
+        eprint(&format!(
             "playing {:.1} s of {}, its highest peak at {} dBFS; ctrl-C stops it\n",
             sound.duration_s(),
             sound.stream.name,
             sound::PEAK_DBFS
         ));
-        play_once(sound.samples, sound::RATE_HZ, stop).map_err(|error| cannot_play(&error))
+        play_once(sound.samples, sound::RATE_HZ, stop)
+            .map_err(|error| cannot_play(&error, "the run is complete"))
     }
 }
 
-/// Opens a file with the program that the desktop has for it.
+/// Opens a file with the desktop's program for it.
 fn open(page: &Path) -> Result<(), String> {
     const OPENER: &str = if cfg!(target_os = "macos") {
         "open"
@@ -61,10 +69,10 @@ fn open(page: &Path) -> Result<(), String> {
     let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     if OPENER == "xdg-open" && !is_set("DISPLAY") && !is_set("WAYLAND_DISPLAY") {
         return Err(
-            "there is no desktop here (neither DISPLAY nor WAYLAND_DISPLAY is set); open it in a browser yourself".to_owned(),
+            "no desktop found (neither DISPLAY nor WAYLAND_DISPLAY is set); open the page in a browser yourself".to_owned(),
         );
     }
-    // As an absolute path, no name is taken for an option.
+    // An absolute path is never read as an option.
     let page = page.canonicalize().map_err(|error| error.to_string())?;
     let mut command = Command::new(OPENER);
     command
@@ -75,5 +83,5 @@ fn open(page: &Path) -> Result<(), String> {
     command
         .spawn()
         .map(drop)
-        .map_err(|error| format!("`{OPENER}` does not start: {error}; open it in a browser yourself"))
+        .map_err(|error| format!("cannot start `{OPENER}`: {error}; open the page in a browser yourself"))
 }

@@ -1,9 +1,9 @@
-//! `haptograph run --replay`: a live run again, as its drivers saw it then.
+//! `haptograph run --replay`: repeats a live run from the record of its driver callbacks.
 
 use super::super::Failure;
 use super::folder::MAX_FACTS_BYTES;
 use super::summary::Summary;
-use super::{Arguments, Making, message, progress_bar, stop_on_interrupt};
+use super::{Arguments, RunSetup, message, progress_bar, stop_on_interrupt};
 use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
 use crate::engine::run::{ARRIVALS, Offline, ReplayBounds};
@@ -15,7 +15,7 @@ use std::time::Instant;
 const FACTS: &str = "run.json";
 
 pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<(), Failure> {
-    spare(folder, &super::target(arguments))?;
+    refuse_target(folder, &super::target(arguments))?;
     let graph = arguments.graph.load_and_warn(registry, arguments.seed)?;
     let facts = facts(folder)?;
     let set = arguments.graph.set.iter();
@@ -28,23 +28,23 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
         let then = &facts[fact];
         if *then != now {
             return Err(Failure::Message(format!(
-                "that run had another value of {what}: {then}, and not {now}"
+                "{what} differs: {then} in that run, {now} now"
             )));
         }
     }
     let bounds = bounds(&graph, &facts).map_err(|why| {
         let path = folder.join(FACTS);
         Failure::Message(format!(
-            "{}: {why}; the file is damaged, or of another run",
+            "{}: {why}; the file is damaged or belongs to another run",
             path.display()
         ))
     })?;
-    let mut made = Making::begin(arguments, &graph)?;
+    let mut setup = RunSetup::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
-    made.kept.folder.begin();
+    setup.completion.folder.begin();
     let bar = progress_bar(facts["seconds"].as_f64().unwrap_or(1.0));
     let start = Instant::now();
-    let offline = Offline::new(made.outlets, usize::from(arguments.block));
+    let offline = Offline::new(setup.file_sinks, usize::from(arguments.block));
     let outcome = offline.replay((folder, &bounds), &stop, &mut |done_s| {
         bar.set_position((done_s * 1e3) as u64)
     });
@@ -55,51 +55,50 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
         vec![("replay", "Repeats", json!(folder.to_string_lossy()))],
         differs(&facts),
     );
-    let sound = made.kept.complete(arguments, &graph, &summary)?;
+    let sound = setup.completion.complete(arguments, &graph, &summary)?;
     arguments.present.play_sound(sound, &stop)
 }
 
-/// Refuses to put the new run in the place of the one that it repeats, or of a folder which that is in.
-fn spare(folder: &Path, target: &Path) -> Result<(), Failure> {
+/// Refuses a target that is the repeated run or contains it.
+fn refuse_target(folder: &Path, target: &Path) -> Result<(), Failure> {
     match (folder.canonicalize(), target.canonicalize()) {
         (Ok(repeated), Ok(replaced)) if repeated.starts_with(&replaced) => Err(Failure::Message(format!(
-            "{} holds the run that is to be repeated, and would be replaced; give another folder by --out",
+            "{} holds the run to repeat and would be replaced; give another folder by --out",
             target.display()
         ))),
-        // What is not there cannot be lost.
+        // A target that does not exist cannot be overwritten.
         _ => Ok(()),
     }
 }
 
-/// The longest run, s, and how much longer its drivers may have run than the clock on the wall says: a part of that, and s.
+/// Maximum duration of a run, s, and the tolerance between its drivers' time and the wall clock: relative,
+/// and absolute in s.
 const MAX_S: f64 = 1e7;
 const CLOCKS_DIFFER: f64 = 0.01;
 const SPARE_S: f64 = 1.0;
 
-/// What the facts of a run say of its length, if they go together and with the graph.
+/// Bounds of a replay from the facts of the run, if these are consistent with each other and with the graph.
 fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
     if facts["live"] != true {
-        return Err("it is not of a live run".to_owned());
+        return Err("it does not describe a live run".to_owned());
     }
     let clocks: Vec<String> = { graph.clocks().iter() }
         .map(|clock| format!("{} {}", clock.name, clock.rate))
         .collect();
     if facts["clocks"] != json!(clocks) {
         let (then, now) = (&facts["clocks"], json!(clocks));
-        return Err(format!("`clocks` is {then}, and the graph's are {now}"));
+        return Err(format!("`clocks` is {then}, the clocks of the graph are {now}"));
     }
     let time = |name: &str| {
         let time_s = facts[name]
             .as_f64()
             .filter(|time_s| (0.0..=MAX_S).contains(time_s));
-        time_s.ok_or_else(|| format!("`{name}` is {}, and no run takes that", facts[name]))
+        time_s.ok_or_else(|| format!("`{name}` is {}, which is not a possible duration", facts[name]))
     };
     let (seconds, took_s) = (time("seconds")?, time("took_s")?);
     let longest_s = took_s * (1.0 + CLOCKS_DIFFER) + SPARE_S;
     if seconds > longest_s {
-        return Err(format!(
-            "`seconds` is {seconds}, and that is more than `took_s`, {took_s}"
-        ));
+        return Err(format!("`seconds` is {seconds}, more than `took_s`, {took_s}"));
     }
     let driver = graph
         .drivers()
@@ -110,10 +109,10 @@ fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
     let is_right = |frames: &u64| (*frames as f64 - seconds * rate_hz).abs() <= 0.5 + 1e-9 * *frames as f64;
     let frames = frames.filter(is_right).ok_or_else(|| {
         let frames = &facts["driver_frames"];
-        format!("`driver_frames` is {frames}, and that is not {seconds} s at {rate_hz} Hz")
+        format!("`driver_frames` is {frames}, inconsistent with {seconds} s at {rate_hz} Hz")
     })?;
     let none = |name: &str| facts[name] == 0;
-    // Panics were called faults before they were two things.
+    // Earlier versions called panics `faults`.
     let panics = facts.get("panics").or_else(|| facts.get("faults"));
     let is_whole = none("swaps") && none("lost_callbacks") && panics == Some(&json!([]));
     Ok(ReplayBounds {
@@ -122,26 +121,26 @@ fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
     })
 }
 
-/// Why the samples cannot be those of the run, or end before it.
+/// Reasons why the samples differ from those of the run, or end early.
 fn differs(facts: &Value) -> Vec<String> {
     let count = |fact: &str| facts[fact].as_u64().unwrap_or(0);
     let mut list = Vec::new();
     let swaps = count("swaps");
     if swaps > 0 {
         list.push(format!(
-            "another version of the graph took over while it ran, times: {swaps}; the replay ends where the first did"
+            "the graph was swapped {swaps} times during that run; the replay ends at the first swap"
         ));
     }
     if count("vanished") > 0 {
         list.push(
-            "the soundcard was gone for a while in that run; how its outputs rose again is not repeated"
+            "the soundcard was lost for a while in that run; the fade-in after its return is not repeated"
                 .to_owned(),
         );
     }
     list
 }
 
-/// The facts of the run that is to be repeated.
+/// The facts of the run to repeat.
 fn facts(folder: &Path) -> Result<Value, Failure> {
     let path = folder.join(FACTS);
     let text = files::read_text(&path, MAX_FACTS_BYTES).map_err(|error| {
@@ -166,7 +165,7 @@ mod tests {
         assert_eq!(differs(&quiet), Vec::<String>::new());
         let told = differs(&json!({"swaps": 2, "vanished": 1}));
         assert!(
-            told[0].contains("times: 2") && told[1].contains("soundcard"),
+            told[0].contains("swapped 2 times") && told[1].contains("soundcard"),
             "{told:?}"
         );
     }
@@ -222,10 +221,10 @@ mod tests {
         let live = folder.path().join("runs/live");
         fs::create_dir_all(live.join("within")).unwrap();
         for target in [&live, &live.join("within/.."), &folder.path().join("runs")] {
-            assert!(spare(&live, target).is_err(), "{}", target.display());
+            assert!(refuse_target(&live, target).is_err(), "{}", target.display());
         }
         for target in [live.join("within"), folder.path().join("runs/live-replay")] {
-            assert!(spare(&live, &target).is_ok(), "{}", target.display());
+            assert!(refuse_target(&live, &target).is_ok(), "{}", target.display());
         }
     }
 }

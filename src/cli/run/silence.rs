@@ -1,4 +1,5 @@
-//! What is said of live inputs that fall silent: the actuators that depend on each, and what they were delivered.
+//! Messages about silent live inputs, with the actuators that depend on each and the values delivered to
+//! them.
 
 use crate::engine::run::{ActuatorStatus, InputStatus};
 use crate::engine::silence::InputState;
@@ -6,15 +7,16 @@ use crate::nodes::network::Connections;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
-/// An input is waited for so long at the start before anything is said.
+/// Initial wait for an input before a message.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// A silence is said after so long, when its actuators have come to zero, and at last after the longer time.
+/// A silence is reported after the shorter time if the dependent actuators have reached zero, after the
+/// longer time in any case.
 const SHORTEST: Duration = Duration::from_millis(150);
 const LONGEST: Duration = Duration::from_secs(1);
-/// Silences that are kept for `run.json`.
-const MOST_EVENTS: usize = 1000;
+/// Maximum number of silences kept for `run.json`.
+const MAX_EVENTS: usize = 1000;
 
-/// Follows the live inputs of a run.
+/// Monitors the live inputs of a run.
 #[derive(Debug)]
 pub struct SilenceMonitor {
     start: Instant,
@@ -22,23 +24,23 @@ pub struct SilenceMonitor {
     events: Vec<Value>,
 }
 
-/// An input, and what was said of it.
+/// An input and its state at the last poll.
 #[derive(Debug)]
 struct Known {
     device: String,
     is_heard: bool,
-    /// Was it heard before? Then it is heard again.
+    /// True if it delivered data before.
     was_heard: bool,
-    /// How often it fell silent, and for how long before it was heard again.
+    /// Number and total duration of past silences.
     silences: u32,
     silent: Duration,
-    /// Since when it is, or is not.
+    /// Time of the last change between heard and silent.
     since: Instant,
     was_said: bool,
 }
 
 impl SilenceMonitor {
-    /// Of a run that begins now.
+    /// Starts at `now`.
     pub fn new(now: Instant) -> Self {
         Self {
             start: now,
@@ -47,9 +49,9 @@ impl SilenceMonitor {
         }
     }
 
-    /// Takes in how the inputs are; returns what there is to say.
+    /// Takes the states of the inputs; returns messages for the user.
     pub fn poll(&mut self, now: Instant, inputs: &[InputStatus], network: &Connections) -> Vec<String> {
-        // An input that the graph does not have any more is new when it comes back.
+        // An input that leaves the graph and returns counts as new.
         self.known
             .retain(|known| inputs.iter().any(|input| input.device == known.device));
         inputs
@@ -89,7 +91,7 @@ impl SilenceMonitor {
             return None;
         }
         known.was_said = true;
-        if self.events.len() < MOST_EVENTS {
+        if self.events.len() < MAX_EVENTS {
             self.events
                 .push(event(input, now.saturating_duration_since(self.start)));
         }
@@ -112,7 +114,7 @@ impl SilenceMonitor {
         })
     }
 
-    /// What is shown every second: who is silent.
+    /// Part of the status line: the silent inputs.
     pub fn status(&self) -> String {
         let silent = self.known.iter().filter(|known| known.was_said);
         silent
@@ -120,7 +122,7 @@ impl SilenceMonitor {
             .collect()
     }
 
-    /// How long an input has not been heard, beyond its timeout.
+    /// Duration of an input's silence, beyond its timeout.
     pub fn silent_for(&self, device: &str, now: Instant) -> Option<Duration> {
         let known = self
             .known
@@ -129,7 +131,7 @@ impl SilenceMonitor {
         Some(now.saturating_duration_since(known.since))
     }
 
-    /// What is left to say at the end of a run, one line for each input that sent nothing or fell silent.
+    /// Final warnings, one for each input that never sent or fell silent.
     pub fn warnings(&self, now: Instant, inputs: &[InputStatus], network: &Connections) -> Vec<String> {
         let warning = |input: &InputStatus| {
             if input.state == InputState::Never {
@@ -146,10 +148,10 @@ impl SilenceMonitor {
                 true => (Duration::ZERO, String::new()),
                 false => (
                     now.saturating_duration_since(known.since),
-                    format!(", at the end too: {}", delivered(input)),
+                    format!(", and still is at the end: {}", delivered(input)),
                 ),
             };
-            // Each silence is noticed a timeout after it began.
+            // Each silence is noticed one timeout after its start.
             let unnoticed_s = f64::from(known.silences) * input.timeout_s;
             let silent_s = (known.silent + lasts).as_secs_f64() + unnoticed_s;
             let times = match known.silences {
@@ -164,13 +166,13 @@ impl SilenceMonitor {
         inputs.iter().filter_map(warning).collect()
     }
 
-    /// The silences that were said, for `run.json`.
+    /// The reported silences, for `run.json`.
     pub fn into_events(self) -> Vec<Value> {
         self.events
     }
 }
 
-/// Is it time to say that an input is silent?
+/// True if a silence must be reported now.
 fn is_due(input: &InputStatus, lasts: Duration) -> bool {
     if input.state == InputState::Never {
         return lasts > PATIENCE;
@@ -191,7 +193,7 @@ fn name(input: &InputStatus, network: &Connections) -> String {
     }
 }
 
-/// Each actuator that depends on a silent input, and what it is given.
+/// The actuators that depend on a silent input, with the delivered values.
 fn delivered(input: &InputStatus) -> String {
     let each = input.actuators.iter().map(|actuator| {
         let ActuatorStatus {
@@ -203,8 +205,8 @@ fn delivered(input: &InputStatus) -> String {
         let does = match (actuator.at_zero, actuator.is_closed, input.state) {
             (true, _, InputState::Never) => "is at zero",
             (true, ..) => "ramped to zero",
-            (false, true, _) => "is still on its way to zero",
-            (false, false, _) => "goes on",
+            (false, true, _) => "is still ramping to zero",
+            (false, false, _) => "continues",
         };
         format!("actuator `{path}` {does} (delivered {delivered:.3} {unit})")
     });
@@ -214,7 +216,7 @@ fn delivered(input: &InputStatus) -> String {
     }
 }
 
-/// What came to the port of an input that nobody listens to.
+/// Messages received at the port of an input under unknown addresses.
 pub fn received(device: &str, network: &Connections) -> String {
     let each = network.unclaimed(device).into_iter();
     let each: Vec<String> = each
@@ -234,7 +236,7 @@ fn returned(input: &InputStatus, is_again: bool) -> String {
     let each = input.actuators.iter().map(|actuator| {
         let path = &actuator.path;
         match actuator.is_closed {
-            true => format!("actuator `{path}` stays at zero as another input is silent"),
+            true => format!("actuator `{path}` stays at zero because another input is silent"),
             false => format!("actuator `{path}` follows it{again}"),
         }
     });
@@ -294,7 +296,7 @@ mod tests {
         assert_eq!(said(1200, input(Silent, 0.2, true)), "", "it is on its way");
         let late = said(2050, input(Silent, 0.1, true));
         assert!(
-            late.contains("on its way") && late.contains("delivered 0.100 A"),
+            late.contains("still ramping to zero") && late.contains("delivered 0.100 A"),
             "{late}"
         );
         assert_eq!(said(2100, input(Silent, 0.0, true)), "", "said once");
@@ -308,14 +310,14 @@ mod tests {
         assert!(said(4000, input(Heard, 0.0, true)).contains("another input is silent"));
         said(5000, input(Silent, 0.4, false));
         let held = said(5200, input(Silent, 0.4, false));
-        assert!(held.contains("`out` goes on (delivered 0.400 A)"), "{held}");
+        assert!(held.contains("`out` continues (delivered 0.400 A)"), "{held}");
         let end = start + Duration::from_millis(6000);
         let last = [input(Silent, 0.4, false)];
         let [warning] = &monitor.warnings(end, &last, &Connections::default())[..] else {
             panic!("one line a source");
         };
         assert!(
-            warning.contains("`stylus` was silent 3 times, 3.8 s in all, at the end too"),
+            warning.contains("`stylus` was silent 3 times, 3.8 s in all, and still is at the end"),
             "{warning}"
         );
         let events = monitor.into_events();

@@ -1,6 +1,6 @@
-//! How a live run is: a line a second, or on a terminal a block of lines that stays in place.
+//! Status display of a live run: a line per second, or a block of lines on a terminal.
 
-use super::super::{remark, remarks, screen};
+use super::super::{eprint, screen, stderr};
 use super::drivers::Drivers;
 use super::silence::{SilenceMonitor, received};
 use crate::engine::node::FileProgress;
@@ -10,41 +10,41 @@ use crate::nodes::network::Connections;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How often a line is said, or a block drawn.
+/// Periods of the line and of the block.
 const LINE: Duration = Duration::from_secs(1);
 const BLOCK: Duration = Duration::from_millis(200);
-/// How often rates of inputs are counted.
+/// Period over which input rates are counted.
 const RATE: Duration = Duration::from_secs(1);
-/// Columns of a level.
+/// Width of a level bar, columns.
 const BAR: usize = 24;
 
-/// What the status is made of.
+/// The data shown in the status.
 pub struct Facts<'a> {
     pub session: &'a mut Session,
     pub drivers: &'a Drivers,
     pub network: &'a Connections,
     pub silence: &'a SilenceMonitor,
-    /// What was set last, and by whom.
+    /// The last setting, and its origin.
     pub set: Option<String>,
 }
 
-/// Files that say how they are getting on, by the paths of their sinks.
+/// Progress of file sinks, by the paths of the sinks.
 pub type Progress = Vec<(String, Arc<dyn FileProgress>)>;
 
-/// Follows a run.
+/// State of the display.
 pub struct Status {
     start: Instant,
-    /// Is there a terminal for a block?
+    /// True on a terminal that can show a block.
     block: bool,
     shown: Instant,
     progress: Progress,
-    /// Packets of each input by its name, when they were counted, and their rate.
+    /// Per input: name, packet count, and packet rate.
     inputs: Vec<(String, u64, f64)>,
     counted: Instant,
 }
 
 impl Status {
-    /// Of a run that begins now.
+    /// Starts the display.
     pub fn new(start: Instant, progress: Progress, block: bool) -> Self {
         Self {
             start,
@@ -56,22 +56,22 @@ impl Status {
         }
     }
 
-    /// Shows how the run is, when it is time for that.
+    /// Displays the status when it is due.
     pub fn show(&mut self, facts: Facts<'_>) {
         let every = if self.block { BLOCK } else { LINE };
         if self.shown.elapsed() < every {
-            // What the drivers report is taken in all the same.
+            // Polls the session all the same, to collect the drivers' reports.
             facts.session.poll();
             return;
         }
         self.shown += every;
         match self.block {
-            true => remarks::show(self.lines(facts)),
-            false => remark(&self.line(facts)),
+            true => stderr::show_block(self.lines(facts)),
+            false => eprint(&self.line(facts)),
         }
     }
 
-    /// A line.
+    /// The status line.
     fn line(&self, facts: Facts<'_>) -> String {
         let seconds = self.start.elapsed().as_secs_f64();
         let drivers = facts.session.poll();
@@ -102,7 +102,7 @@ impl Status {
         )
     }
 
-    /// A block of lines.
+    /// The status block.
     fn lines(&mut self, facts: Facts<'_>) -> Vec<String> {
         let now = Instant::now();
         let seconds = self.start.elapsed().as_secs_f64();
@@ -145,7 +145,7 @@ impl Status {
         lines
     }
 
-    /// Takes in how many packets have come.
+    /// Updates the packet counts and rates.
     fn count(&mut self, now: Instant, network: &Connections) {
         let lasts = now.saturating_duration_since(self.counted);
         if !self.inputs.is_empty() && lasts < RATE {
@@ -183,13 +183,13 @@ impl Status {
                 format!("nothing heard yet{place}{received}")
             }
             InputState::Silent => format!("silent for {:.1} s", silent_s + input.timeout_s),
-            InputState::Jumped => format!("{rate}, jumped: held back"),
+            InputState::Jumped => format!("{rate}, jumped: force held at zero"),
             InputState::Heard => {
                 let mut counts = facts.network.counts();
                 let counts = counts.find(|(device, _)| *device == input.device);
                 match counts.map_or(0, |(_, counts)| counts.refused_zeros) {
                     0 => rate,
-                    refused => format!("{rate}, force not steady: no zero taken {refused} times"),
+                    refused => format!("{rate}, force not steady: taring failed {refused} times"),
                 }
             }
         }
@@ -207,7 +207,7 @@ fn ring_line(ring: &RingReport) -> String {
     )
 }
 
-/// How a driver keeps time, the most telling part first.
+/// Timing of a driver, the most important part first.
 fn lateness(meters: &Meters) -> Vec<String> {
     let ms = |ns: u64| ns as f64 / 1e6;
     let (late, work) = (&meters.lateness, &meters.work);
@@ -222,7 +222,7 @@ fn lateness(meters: &Meters) -> Vec<String> {
     ]
 }
 
-/// Whether drivers keep time: how many of their wake-ups were late for the next one, or lost in a stall.
+/// Number of wake-ups of all drivers that were late by a period or lost in a stall.
 fn verdict<'m>(drivers: impl Iterator<Item = &'m Meters>) -> String {
     match drivers.map(|meters| meters.overruns + meters.lost_wakes).sum() {
         0_u64 => "keeps time".to_owned(),
@@ -230,7 +230,7 @@ fn verdict<'m>(drivers: impl Iterator<Item = &'m Meters>) -> String {
     }
 }
 
-/// A line of at most so many characters that ends with `last`: parts that do not fit are left out, the last ones first.
+/// A line of at most `width` characters that ends with `last`; parts at the end are dropped to fit.
 fn fitting(head: &str, mut parts: Vec<String>, last: &str, width: usize) -> String {
     loop {
         let all: Vec<&str> = parts.iter().map(String::as_str).chain([last]).collect();
@@ -241,7 +241,7 @@ fn fitting(head: &str, mut parts: Vec<String>, last: &str, width: usize) -> Stri
     }
 }
 
-/// A bar of what an actuator is given, up to its peak limit, and both numbers with their limits.
+/// A bar of an actuator's peak level up to its limit, with RMS and peak values and their limits.
 fn shown_level(level: &ActuatorLevel) -> String {
     let ActuatorLevel {
         rms,

@@ -1,7 +1,7 @@
-//! What is to be known of a run: as JSON, as a sentence, and on its page.
+//! Summary of a run: as JSON, as text, and on its page.
 
 use super::endpoints::Endpoints;
-use super::{Arguments, Shown, has_end};
+use super::{Arguments, PlottedSignals, has_end};
 use crate::engine::graph::Graph;
 use crate::engine::run::Outcome;
 use crate::report::drawing;
@@ -14,7 +14,7 @@ use crate::surfaces::{Surface, files};
 use serde_json::json;
 use std::path::Path;
 
-/// The facts of a run, and what is said of it.
+/// The facts and warnings of a run.
 #[derive(Debug)]
 pub struct Summary {
     name: String,
@@ -58,13 +58,13 @@ impl Summary {
         }
     }
 
-    /// Adds what only some runs have.
+    /// Adds facts and warnings of particular kinds of runs.
     pub fn add(&mut self, facts: Vec<Fact>, warnings: Vec<String>) {
         self.facts.extend(facts);
         self.facts.warnings.extend(warnings);
     }
 
-    /// The run had these devices: graphs with others took over.
+    /// Replaces the endpoints, which swaps may have changed.
     pub fn set_endpoints(&mut self, endpoints: Endpoints) {
         self.facts.extend(endpoints.facts());
         self.endpoints = endpoints;
@@ -74,7 +74,7 @@ impl Summary {
         self.endpoints.simulation()
     }
 
-    /// Was the run stopped before its end?
+    /// True if the run was stopped before its end.
     pub fn was_stopped(&self) -> bool {
         self.stopped
     }
@@ -87,18 +87,18 @@ impl Summary {
         self.facts.to_json()
     }
 
-    /// What was done; the last line says what to look at and what to listen to.
+    /// Text for the terminal; the last line names the page and the sound.
     pub fn sentence(&self, target: &Path, graph: &Graph, sound: Option<&Sound>) -> String {
         let stopped = if self.stopped { "stopped after" } else { "ran" };
         let simulated = self.endpoints.in_brackets();
         let heard = match sound {
             Some(sound) => format!(", and listen to `{}` there or with --play", sound.stream.name),
             None if audible(graph).is_empty() => {
-                "; nothing to listen to: no actuator or file gets an acceleration, a force, a voltage or a current at \
+                "; nothing to listen to: no actuator or file receives an acceleration, a force, a voltage or a current at \
                  2 kHz or more"
                     .to_owned()
             }
-            None => "; nothing to listen to: what could be heard is silent".to_owned(),
+            None => "; nothing to listen to: the signals are silent".to_owned(),
         };
         format!(
             "{stopped} {:.3} s of {}{simulated} in {:.3} s, {:.1} times real time\nlook at {}{heard}\n",
@@ -110,14 +110,14 @@ impl Summary {
         )
     }
 
-    /// The page that is left behind.
-    pub fn page(&self, graph: &Graph, shown: &Shown, sound: Option<&Sound>) -> String {
+    /// The page as HTML.
+    pub fn page(&self, graph: &Graph, plotted: &PlottedSignals, sound: Option<&Sound>) -> String {
         let surfaces = surfaces(graph);
         let textures = surfaces
             .iter()
             .filter_map(|(path, surface)| Some((path.clone(), surface.texture.as_ref()?)));
         let facts = self.facts.listed();
-        // Which devices are simulated and which are real stands beside each.
+        // The list of endpoints already states which devices are simulated or real.
         let facts = facts.filter(|(key, ..)| !["simulated_devices", "real_devices"].contains(key));
         let facts = facts.map(|(key, name, value)| {
             let value = match key {
@@ -136,12 +136,12 @@ impl Summary {
             friction: friction(graph),
             files: facts::files_beside(graph, &[("graph.svg", "the drawing of the graph")]),
             sound,
-            asked: shown
-                .asked
+            requests: plotted
+                .requests
                 .iter()
-                .map(|(asked, traces)| (asked, traces.as_slice()))
+                .map(|(request, traces)| (request, traces.as_slice()))
                 .collect(),
-            signals: shown.records.iter().map(Record::content).collect(),
+            signals: plotted.records.iter().map(Record::content).collect(),
             textures: textures.collect(),
             drawing: drawing::svg(graph, ""),
         }
@@ -149,11 +149,11 @@ impl Summary {
     }
 }
 
-/// The surfaces of nodes with a place on a map, by the name of that signal.
+/// The surfaces of nodes with a position on a map, by the name of that signal.
 pub fn surfaces(graph: &Graph) -> Vec<(String, Surface)> {
     let mut found = Vec::new();
     for node in graph.nodes().iter() {
-        // The graph was built from these files a moment ago; one that is no surface, or is gone, is not drawn.
+        // The graph was built from these files; one that has become unreadable is not drawn.
         let Some(surface) = node.files.iter().find_map(|path| files::load(path).ok()) else {
             continue;
         };
@@ -166,10 +166,10 @@ pub fn surfaces(graph: &Graph) -> Vec<(String, Surface)> {
     found
 }
 
-/// What is said of a run that had an end of its own and did not reach it.
+/// Warning about a run that was stopped before its end.
 fn cut_short(outcome: &Outcome) -> Option<String> {
     let seconds = outcome.seconds;
     outcome
         .stopped
-        .then(|| format!("the run was stopped after {seconds:.3} s; its files are complete up to there"))
+        .then(|| format!("the run was stopped after {seconds:.3} s; its files are complete up to that time"))
 }

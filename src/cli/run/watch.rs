@@ -1,21 +1,22 @@
-//! Has a file of the graph changed? Asked by looking at times and lengths: that works with every editor and file
-//! system, and a few files looked at ten times a second cost nothing.
+//! Watches the files of a graph by polling times and lengths, which works with every editor and file system
+//! and costs little.
 
 use crate::engine::graph::Graph;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// The files of a graph: itself, what it includes, and what its settings name.
-pub struct Watch {
+/// The files of a graph: its own, included ones, and those named by settings.
+pub struct FileWatch {
     files: Vec<(PathBuf, Stamp)>,
-    /// A change was seen at the last look: it counts when the next finds nothing new, as then it is whole.
+    /// A change was seen at the last poll; it is reported when the next poll finds no further one, since the
+    /// file is then complete.
     settling: bool,
 }
 
-/// None while the file is gone: some editors write another and rename it.
+/// Time and length; `None` while the file is missing, since some editors write a new file and rename it.
 pub type Stamp = Option<(SystemTime, u64)>;
 
-impl Watch {
+impl FileWatch {
     pub fn of(graph: &Graph) -> Self {
         let sources = graph.sources().iter().filter(|source| source.is_file);
         let sources = sources.map(|source| source.path.clone());
@@ -32,7 +33,7 @@ impl Watch {
         }
     }
 
-    /// Also looks at the other files of another graph; of those that it looks at already, what is new is still to be seen.
+    /// Also watches the files of another graph; pending changes of files already watched stay pending.
     pub fn also(&mut self, other: Self) {
         for (path, stamp) in other.files {
             if !self.files.iter().any(|(known, _)| *known == path) {
@@ -41,7 +42,7 @@ impl Watch {
         }
     }
 
-    /// Looks at the files of another graph from now on; what is new of those that it looked at is still to be seen.
+    /// Watches the files of another graph instead; pending changes of files in both stay pending.
     pub fn turn_to(&mut self, other: Self) {
         let before = std::mem::replace(&mut self.files, other.files);
         for (path, stamp) in &mut self.files {
@@ -51,7 +52,7 @@ impl Watch {
         }
     }
 
-    /// True once for each change.
+    /// True once per change.
     pub fn has_changed(&mut self) -> bool {
         let (mut new, mut gone) = (false, false);
         for (path, known) in &mut self.files {
@@ -68,7 +69,7 @@ impl Watch {
     }
 }
 
-/// When a file was changed last, and its length; none where there is no such file.
+/// Modification time and length of a file; `None` if it does not exist.
 pub fn stamp(path: &Path) -> Stamp {
     let facts = std::fs::metadata(path).ok()?;
     Some((facts.modified().ok()?, facts.len()))
@@ -88,7 +89,7 @@ mod tests {
         std::fs::write(&path, text).unwrap();
         let document = Document::load(&path, &Default::default()).unwrap();
         let graph = check(&document, &crate::nodes::registry(), &CheckOptions::default()).unwrap();
-        let mut watch = Watch::of(&graph);
+        let mut watch = FileWatch::of(&graph);
         assert!(!watch.has_changed());
         std::fs::remove_file(&path).unwrap();
         assert!(!watch.has_changed() && !watch.has_changed());
@@ -97,11 +98,11 @@ mod tests {
         assert!(watch.has_changed());
         assert!(!watch.has_changed());
         std::fs::write(&path, format!("{text}  ")).unwrap();
-        watch.also(Watch::of(&graph));
+        watch.also(FileWatch::of(&graph));
         assert!(!watch.has_changed());
         assert!(watch.has_changed(), "it was saved before");
         std::fs::write(&path, format!("{text}   ")).unwrap();
-        watch.turn_to(Watch::of(&graph));
+        watch.turn_to(FileWatch::of(&graph));
         assert!(!watch.has_changed());
         assert!(watch.has_changed(), "it was saved while it was loaded");
     }

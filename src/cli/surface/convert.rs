@@ -1,8 +1,8 @@
-//! `haptograph surface convert`: between haptograph's files and the toolkit's.
+//! `haptograph surface convert`: converts between haptograph's and the toolkit's file formats.
 
 use super::{Failure, claim, load, save};
 use crate::cli::output::Force;
-use crate::cli::{say, say_json, spare};
+use crate::cli::{print, print_json, refuse_overwrite};
 use crate::surfaces::files::merge;
 use serde_json::json;
 use std::path::PathBuf;
@@ -10,11 +10,11 @@ use std::path::PathBuf;
 /// Convert a surface between haptograph's .ron and the toolkit's (HaTT) .xml
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The file to read, its format told by its content; several with different parts of one material (the toolkit's models and taps)
-    /// become one
+    /// The file to read; its content determines the format. Several files with different parts of one
+    /// material (the toolkit's models and taps) become one
     #[arg(value_name = "IN", required = true, num_args = 1..)]
     input: Vec<PathBuf>,
-    /// The file to write, its format told by its extension: .ron or .xml
+    /// The file to write; its extension determines the format: .ron or .xml
     #[arg(value_name = "OUT")]
     output: PathBuf,
     #[command(flatten)]
@@ -25,7 +25,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    spare(&arguments.input, &arguments.output)?;
+    refuse_overwrite(&arguments.input, &arguments.output)?;
     let output = claim(&arguments.output, arguments.force)?;
     let mut surface = None;
     for path in &arguments.input {
@@ -35,11 +35,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             Some(first) => merge(first, next).map_err(|error| Failure::file("add", path, &error))?,
         });
     }
-    // At least one file is required.
+    // Clap requires at least one file.
     let Some(surface) = surface else { return Ok(()) };
     let output = save(&surface, &output)?;
     match arguments.json {
-        true => say_json(&json!({ "written": [output] })),
-        false => say(&format!("wrote {}\n", output.display())),
+        true => print_json(&json!({ "written": [output] })),
+        false => print(&format!("wrote {}\n", output.display())),
     }
 }

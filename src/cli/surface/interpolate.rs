@@ -1,7 +1,7 @@
-//! `haptograph surface interpolate`: the filter that a texture has at any speed and force.
+//! `haptograph surface interpolate`: the filter of a texture at any speed and force.
 
 use super::{Failure, load, texture};
-use crate::cli::{say, snippet};
+use crate::cli::{print, snippet};
 use crate::signal::files;
 use crate::surfaces::files::decimal::{format_thousandfold, parse_thousandth};
 use crate::surfaces::{Coefficients, Interpolator, Spot};
@@ -10,14 +10,15 @@ use std::path::PathBuf;
 
 /// Interpolate a texture at speeds and forces read from standard input
 ///
-/// Each line holds `speed_mm_s force_n`; empty lines and those that begin with # are passed over. Speed and force saturate at the largest
-/// modelled ones, and count as zero below zero.
+/// Each line holds `speed_mm_s force_n`; empty lines and lines that begin with # are ignored. Values above
+/// the largest modelled ones are clamped to these, negative values to zero.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The surface file
     file: PathBuf,
-    /// Print one JSON object a line: speed_mm_s and force_n (after saturation; asked_speed_mm_s and asked_force_n too where they differ),
-    /// triangle (three 0-based vertex numbers), weights, ar, ma, gain, variance
+    /// Print one JSON object per line: speed_mm_s and force_n (after clamping; also asked_speed_mm_s and
+    /// asked_force_n if they differ), triangle (three 0-based vertex numbers), weights, ar, ma, gain,
+    /// variance
     #[arg(long)]
     json: bool,
 }
@@ -36,14 +37,14 @@ struct Json<'a> {
     ma: &'a [f64],
     gain: f64,
     variance: f64,
-    /// 0 for models of plain delays.
+    /// 0 for models on an unwarped axis.
     warping: f64,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surface = load(&arguments.file)?;
     let texture = texture(&surface, &arguments.file)?;
-    let most = Asked {
+    let most = Request {
         speed_mm_s: mm_s(texture.max_speed_m_s()),
         speed_m_s: texture.max_speed_m_s(),
         force_n: texture.max_force_n(),
@@ -67,21 +68,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         } else {
             describe(&at, beyond, &spot, &coefficients)
         };
-        say(&(text + "\n"))?;
+        print(&(text + "\n"))?;
     }
     Ok(())
 }
 
-/// A speed and a force as they were given. What a speed is in m/s may be shared by several numbers of mm/s.
+/// A requested speed and force, as given: several values in mm/s can map to one in m/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Asked {
+struct Request {
     speed_mm_s: f64,
     speed_m_s: f64,
     force_n: f64,
 }
 
-impl Asked {
-    /// Within what is modelled, and the given numbers themselves where they lie there.
+impl Request {
+    /// Clamped to the modelled range; values inside it stay as given.
     fn saturated(&self, most: &Self) -> Self {
         let within = |value: f64, most: f64| if value > 0.0 { value.min(most) } else { 0.0 };
         Self {
@@ -91,25 +92,25 @@ impl Asked {
         }
     }
 
-    /// By more than the last bits, which a conversion to mm/s may cost.
+    /// True if the values differ by more than the rounding of the conversion to mm/s.
     fn differs_from(&self, other: &Self) -> bool {
         let apart = |a: f64, b: f64| (a - b).abs() > 1e-9 * a.abs().max(b.abs());
         apart(self.speed_mm_s, other.speed_mm_s) || apart(self.force_n, other.force_n)
     }
 }
 
-/// What is wrong with a line, and from which byte on.
+/// An error in a line, and the byte at which it begins.
 #[derive(Debug, PartialEq)]
-struct Wrong {
+struct LineError {
     byte: usize,
     message: String,
 }
 
-impl Wrong {
+impl LineError {
     fn at(&self, line: &str, number: usize) -> Failure {
         let column = line[..self.byte].chars().count() + 1;
         let message = format!("line {number}, column {column}: {}", self.message);
-        Failure::Shown(snippet::at(
+        Failure::Rendered(snippet::at(
             "standard input",
             line.trim_end(),
             number,
@@ -119,8 +120,8 @@ impl Wrong {
     }
 }
 
-/// Speed and force; `None` for a line that says nothing.
-fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
+/// Parses speed and force; `None` for an empty line or a comment.
+fn parse(line: &str) -> Result<Option<Request>, LineError> {
     if line.trim().is_empty() || line.trim_start().starts_with('#') {
         return Ok(None);
     }
@@ -129,14 +130,14 @@ fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
         .split(|c: char| c.is_whitespace() || c == ',')
         .filter(|word| !word.is_empty());
     let mut number = |what: &str| {
-        let missing = || Wrong {
+        let missing = || LineError {
             byte: line.trim_end().len(),
             message: format!("the {what} is missing; write `speed_mm_s force_n`"),
         };
         let word = words.next().ok_or_else(missing)?;
-        let wrong = || Wrong {
+        let wrong = || LineError {
             byte: start(word),
-            message: format!("the {what} {word:?} is no finite number"),
+            message: format!("the {what} {word:?} is not a finite number"),
         };
         let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
         let thousandth = parse_thousandth(word).filter(|value| value.is_finite());
@@ -145,14 +146,14 @@ fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
     let (speed_mm_s, speed_m_s) = number("speed")?;
     let (force_n, _) = number("force")?;
     match words.next() {
-        None => Ok(Some(Asked {
+        None => Ok(Some(Request {
             speed_mm_s,
             speed_m_s,
             force_n,
         })),
         Some(word) => {
-            let message = format!("{word:?} is one word too many; write `speed_mm_s force_n`");
-            Err(Wrong {
+            let message = format!("unexpected {word:?}; write `speed_mm_s force_n`");
+            Err(LineError {
                 byte: start(word),
                 message,
             })
@@ -160,17 +161,17 @@ fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
     }
 }
 
-/// In mm/s, as the file would have it.
+/// Metres to millimetres per second, with the decimals that a file would have.
 fn mm_s(speed_m_s: f64) -> f64 {
     format_thousandfold(speed_m_s)
         .parse()
         .unwrap_or(speed_m_s * 1000.0)
 }
 
-/// `beyond` is what was asked for, where that lies outside of what is modelled.
+/// `beyond` holds the requested values if they lie outside the modelled range.
 fn json(
-    at: &Asked,
-    beyond: Option<Asked>,
+    at: &Request,
+    beyond: Option<Request>,
     spot: &Spot,
     coefficients: &Coefficients,
 ) -> Result<String, Failure> {
@@ -187,10 +188,11 @@ fn json(
         variance: coefficients.variance,
         warping: coefficients.warping,
     };
-    serde_json::to_string(&line).map_err(|error| Failure::Message(format!("cannot say it as JSON: {error}")))
+    serde_json::to_string(&line)
+        .map_err(|error| Failure::Message(format!("cannot write the result as JSON: {error}")))
 }
 
-fn describe(at: &Asked, beyond: Option<Asked>, spot: &Spot, coefficients: &Coefficients) -> String {
+fn describe(at: &Request, beyond: Option<Request>, spot: &Spot, coefficients: &Coefficients) -> String {
     let list = |values: &[f64]| {
         values
             .iter()
@@ -227,7 +229,7 @@ mod tests {
     #[test]
     fn lines_are_read_with_exact_thousandths() {
         let asked = |speed_mm_s, speed_m_s, force_n| {
-            Ok(Some(Asked {
+            Ok(Some(Request {
                 speed_mm_s,
                 speed_m_s,
                 force_n,
@@ -246,7 +248,7 @@ mod tests {
 
     #[test]
     fn what_lies_inside_is_echoed_as_it_was_given() {
-        let asked = |speed_mm_s: f64, force_n: f64| Asked {
+        let asked = |speed_mm_s: f64, force_n: f64| Request {
             speed_mm_s,
             speed_m_s: speed_mm_s / 1000.0,
             force_n,

@@ -1,9 +1,10 @@
-//! `haptograph surface leave-one-out`: which kind of map predicts textures best where nothing was measured?
+//! `haptograph surface leave-one-out`: compares the accuracy of kinds of maps between and beyond measured
+//! models.
 
 use super::{Failure, load, select};
 use crate::cli::progress::Progress;
 use crate::cli::table::table;
-use crate::cli::{say, say_json};
+use crate::cli::{print, print_json};
 use crate::surfaces::evaluate::leave_one_out::{FAR, Mean, PowerExponents};
 use crate::surfaces::evaluate::{LeaveOneOut, MapKind, Prediction, Summary, leave_one_out};
 use crate::surfaces::{Surface, TextureModel};
@@ -12,12 +13,14 @@ use std::path::PathBuf;
 
 /// Compare kinds of maps: predict each measured model of a texture from the others
 ///
-/// Takes surfaces with measured models: the toolkit's files, and what `learn --method thesis` wrote. Each model is left out and predicted by the
-/// thesis's triangulation, by the nearest model, and by the law that `learn` fits by default; then models at speeds 1.7 times away and more
-/// from a narrow third of the models. Errors are log-spectral distances over the third octaves from 20 to 1000 Hz, and of the power.
+/// Reads surfaces with measured models: the toolkit's files, and the output of `learn --method thesis`. Each
+/// model is left out and predicted by the thesis's triangulation, by the nearest model, and by the law that
+/// `learn` fits by default; then models at least 1.7 times the speed away are predicted from a narrow third
+/// of the models. Errors are log-spectral distances over the third octaves from 20 to 1000 Hz, and errors of
+/// the power.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Surface files, or folders of them; folders in them count too
+    /// Surface files, or folders, which are searched with their subfolders
     #[arg(required = true, value_name = "DIR|FILE")]
     paths: Vec<PathBuf>,
     /// Print all figures as JSON
@@ -25,8 +28,8 @@ pub struct Arguments {
     json: bool,
 }
 
-const CAVEAT: &str = "The toolkit's models were cleaned against planes in force and speed before they were published, which favours trends: \
-     a law does better on them than it may on raw recordings.";
+const CAVEAT: &str = "The toolkit's models were cleaned by planes in force and speed before publication, which favours trends: \
+     a law may do worse on raw recordings.";
 const FADE: &str = "The law is what a surface renders: models on a grid, interpolated, with an amplitude that falls linearly below a third of the lightest \
      known force, 0.9 N at most. Without fade it is what was fitted.";
 
@@ -45,13 +48,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(|error| Failure::file("compare maps of", &arguments.paths[0], &error))?;
     drop(progress);
     if arguments.json {
-        say_json(&to_json(&found))
+        print_json(&to_json(&found))
     } else {
-        say(&describe(&found))
+        print(&describe(&found))
     }
 }
 
-/// What is counted, by its name.
+/// A named subset of the predictions.
 type Part = (&'static str, fn(&Prediction) -> bool);
 const PARTS: [Part; 3] = [
     ("all", |_| true),
@@ -75,7 +78,7 @@ fn describe(found: &LeaveOneOut) -> String {
     text += &table(&HEADER, &rows);
     let far = MapKind::ALL.map(|map| Summary::of(&found.far, map, |_| true).map(|one| row("far", map, &one)));
     text += &format!(
-        "\nA narrow third of the models known, others predicted at speeds at least {FAR} times away:\n\n{}",
+        "\nFrom a narrow third of the models, predictions at speeds at least {FAR} times away:\n\n{}",
         table(&HEADER, &far.into_iter().flatten().collect::<Vec<_>>())
     );
     if let Some(exponents) = &found.exponents {
@@ -120,8 +123,8 @@ fn describe_exponents(exponents: &PowerExponents) -> String {
         textures,
     } = exponents;
     format!(
-        "Power goes as speed^{:.2} force^{:.2} over all models, each texture with a level of its own; over {textures} textures alone, \
-         as speed^{:.2} force^{:.2}, with standard deviations of {:.2} and {:.2}. The law is drawn to the former, the predicted texture left out.",
+        "Power is proportional to speed^{:.2} force^{:.2} over all models, with a level per texture; fitted to each of {textures} textures alone, \
+         to speed^{:.2} force^{:.2}, with standard deviations of {:.2} and {:.2}. The law is regularised towards the former, without the predicted texture.",
         pooled[0], pooled[1], mean[0], mean[1], deviation[0], deviation[1]
     )
 }

@@ -1,15 +1,15 @@
-//! `haptograph surface resample`: a texture at a lower rate.
+//! `haptograph surface resample`: reduces the sampling rate of a texture.
 
 use super::{Failure, claim, load, save};
 use crate::cli::output::Force;
 use crate::cli::table::significant;
-use crate::cli::{say, say_json, spare};
+use crate::cli::{print, print_json, refuse_overwrite};
 use crate::surfaces::resampling::{self, resample_surface};
 use clap::ValueEnum;
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Bring a surface's texture to a lower rate
+/// Reduce the sampling rate of a surface's texture
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The surface file
@@ -18,7 +18,7 @@ pub struct Arguments {
     /// The new rate
     #[arg(long = "rate", value_name = "HZ")]
     rate_hz: f64,
-    /// How
+    /// Resampling method
     #[arg(long, value_enum)]
     method: Method,
     /// The file to write, .ron or .xml
@@ -35,9 +35,9 @@ pub struct Arguments {
 enum Method {
     /// Exact zero-order hold, zeros outside the unit circle reflected (thesis 4.2)
     Zoh,
-    /// What the toolkit did; to compare with
+    /// The toolkit's method; for comparison
     Hatt,
-    /// The band-limited spectrum fitted anew: closest, AR only, any lower rate
+    /// Fit to the band-limited spectrum: the most accurate, AR models only, any lower rate
     Spectral,
 }
 
@@ -51,7 +51,7 @@ struct Json {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    spare([&arguments.input], &arguments.output)?;
+    refuse_overwrite([&arguments.input], &arguments.output)?;
     let output = claim(&arguments.output, arguments.force)?;
     let method = match arguments.method {
         Method::Zoh => resampling::Method::Zoh,
@@ -64,7 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let output = save(&surface, &output)?;
     let (worst, vertex) = (resampled.worst, resampled.worst_vertex);
     if arguments.json {
-        return say_json(&Json {
+        return print_json(&Json {
             rate_hz: arguments.rate_hz,
             method: method.name(),
             worst_db: worst.db,
@@ -72,7 +72,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             worst_vertex: vertex,
         });
     }
-    say(&format!(
+    print(&format!(
         "wrote {}: {} Hz by {}\nworst spectral deviation from 20 Hz to {} Hz: {} dB at {} Hz, model {vertex} (from 0)\n",
         output.display(),
         arguments.rate_hz,

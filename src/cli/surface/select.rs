@@ -1,9 +1,10 @@
-//! `haptograph surface select`: a few surfaces that stand for a folder of them (thesis 4.4).
+//! `haptograph surface select`: selects representative surfaces from a folder (thesis 4.4).
 
 use super::Failure;
 use crate::cli::progress::Progress;
 use crate::cli::table::{significant, table};
-use crate::cli::{remark, say, say_json};
+use crate::cli::{eprint, print, print_json};
+use crate::signal::files::entries;
 use crate::surfaces::evaluate::RandomWalk;
 use crate::surfaces::files::{self, merge};
 use crate::surfaces::select::{Features, Selection, features, select};
@@ -13,26 +14,28 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Choose a few surfaces that stand for all in a folder
+/// Select a few surfaces that represent all in a folder
 ///
-/// Surfaces are told apart by friction, tap response and vibration power along one trajectory, as z-scores; alike ones are clustered, and the
-/// one nearest to the centre of each cluster is chosen. Files of one material (the toolkit's models and taps) are taken together.
+/// The features are friction, tap response and vibration power along one trajectory, as z-scores. Similar
+/// surfaces are clustered, and the one nearest to the centre of each cluster is selected. Files of one
+/// material (the toolkit's models and taps) count as one surface.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A folder of surface files; folders in it count too
+    /// A folder of surface files, searched with its subfolders
     dir: PathBuf,
-    /// How many to choose; 15, as in the thesis, or half of them if there are fewer than 30
+    /// Number of surfaces to select; default: 15, as in the thesis, or half of them if there are fewer than
+    /// 30
     #[arg(long, value_name = "N")]
     count: Option<usize>,
     /// Seed of the trajectory and of the vibrations
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Print features, clusters and choice as JSON
+    /// Print features, clusters and selection as JSON
     #[arg(long)]
     json: bool,
 }
 
-/// The thesis's choice: 15 of 100.
+/// The thesis selects 15 of 100.
 const USUAL_COUNT: usize = 15;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -45,28 +48,29 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let selection =
         select(&found, count).map_err(|error| Failure::file("select from", &arguments.dir, &error))?;
     if arguments.json {
-        say_json(&to_json(&found, &selection))
+        print_json(&to_json(&found, &selection))
     } else {
-        say(&describe(&found, &selection))
+        print(&describe(&found, &selection))
     }
 }
 
-/// Tap responses by recorded and by rendered forces are not alike.
+/// Warns if some tap responses are by recorded forces and others by rendered forces, which are not
+/// comparable.
 fn warn_of_mixed_forces(surfaces: &[Surface]) {
     let with = |recorded: bool| {
         let has = |s: &&Surface| s.taps.as_ref().is_some_and(|taps| taps.has_forces() == recorded);
         surfaces.iter().find(has)
     };
     if let (Some(recorded), Some(rendered)) = (with(true), with(false)) {
-        remark(&format!(
-            "warning: tap responses are not all measured alike: {} keeps the forces recorded with its taps, {} does not, and is \
-             measured by those it is rendered with\n",
+        eprint(&format!(
+            "warning: tap responses are not comparable: that of {} is by recorded forces; {} holds none, and its response is \
+             by rendered forces\n",
             recorded.name, rendered.name
         ));
     }
 }
 
-/// All surfaces below a folder, parts of one material in one.
+/// All surfaces below a folder; parts of one material are joined.
 pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
     let mut paths = vec![];
     walk(dir, &mut paths).map_err(|error| Failure::file("read", dir, &error))?;
@@ -78,7 +82,7 @@ pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
             Ok(surface) => surface,
             Err(_) if is_note(&path) => continue,
             Err(error) => {
-                remark(&format!("warning: skipped: {error}\n"));
+                eprint(&format!("warning: skipped: {error}\n"));
                 continue;
             }
         };
@@ -95,29 +99,29 @@ pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
         by_name.insert(name, entry);
     }
     if let Some(example) = clashes.first() {
-        remark(&format!(
-            "warning: {} surfaces stand in several files under one name and count as one ({example}); of each part the first \
-             file's counts, of textures that of the highest rate\n",
+        eprint(&format!(
+            "warning: {} surfaces have several files under one name and count as one ({example}); of each part the first \
+             file's is used, of textures the one with the highest rate\n",
             clashes.len()
         ));
     }
     if by_name.is_empty() {
         return Err(Failure::Message(format!(
-            "there is no surface in {} (.ron or .xml)",
+            "{} contains no surface (.ron or .xml)",
             dir.display()
         )));
     }
     Ok(by_name.into_values().map(|(_, surface)| surface).collect())
 }
 
-/// Whether a run wrote it beside a recording, as `take.wav.ron`.
+/// True for a note that a run wrote beside a recording, as `take.wav.ron`.
 fn is_note(path: &Path) -> bool {
     let of = path.file_stem().map(Path::new).and_then(Path::extension);
     of.is_some_and(|of| of.eq_ignore_ascii_case("wav") || of.eq_ignore_ascii_case("csv"))
 }
 
 fn walk(dir: &Path, paths: &mut Vec<PathBuf>) -> std::io::Result<()> {
-    for entry in std::fs::read_dir(dir)? {
+    for entry in entries(dir)? {
         let entry = entry?;
         let path = entry.path();
         if entry.file_type()?.is_dir() {
@@ -139,7 +143,8 @@ fn share_a_part(a: &Surface, b: &Surface) -> bool {
         || a.stiffness.is_some() && b.stiffness.is_some()
 }
 
-/// Two files of one name as one surface. Where both have a part, the texture of the higher rate counts, else the first.
+/// Joins two files of one name. If both have a texture, the one with the higher rate is used; of other parts
+/// the first one's.
 fn joined(mut known: Surface, mut next: Surface) -> Surface {
     let rate_hz = |texture: &Option<TextureModel>| texture.as_ref().map_or(0.0, TextureModel::rate_hz);
     if rate_hz(&next.texture) > rate_hz(&known.texture) {
@@ -153,7 +158,7 @@ fn joined(mut known: Surface, mut next: Surface) -> Surface {
     merge(known.clone(), next).unwrap_or(known)
 }
 
-/// The features of all surfaces, on all cores.
+/// The features of all surfaces, computed on all cores.
 fn measure(surfaces: &[Surface], seed: u64) -> Result<Vec<Features>, Failure> {
     let progress = Progress::of("playing");
     let done = AtomicUsize::new(0);
@@ -166,7 +171,7 @@ fn measure(surfaces: &[Surface], seed: u64) -> Result<Vec<Features>, Failure> {
     let work = |surfaces: &[Surface]| -> Vec<_> {
         let one = |surface: &Surface| {
             let found = features(surface, &walk, seed)
-                .map_err(|error| Failure::Message(format!("{} cannot be played: {error}", surface.name)));
+                .map_err(|error| Failure::Message(format!("cannot render {}: {error}", surface.name)));
             progress.at((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / surfaces.len() as f64);
             found
         };

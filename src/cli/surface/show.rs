@@ -1,19 +1,19 @@
-//! `haptograph surface show`: all that a surface file holds.
+//! `haptograph surface show`: prints the content of a surface file.
 
 use super::{Failure, load};
 use crate::cli::table::{facts, significant, table};
-use crate::cli::{say, say_json};
+use crate::cli::{print, print_json};
 use crate::surfaces::files::decimal::format_thousandfold;
 use crate::surfaces::{Provenance, Surface, Taps, TextureModel, VertexKind};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// Show what a surface file holds
+/// Show the content of a surface file
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The surface file
     file: PathBuf,
-    /// Print all of it as JSON, every model with its coefficients
+    /// Print all of it as JSON, including the coefficients of every model
     #[arg(long)]
     json: bool,
 }
@@ -21,9 +21,9 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surface = load(&arguments.file)?;
     if arguments.json {
-        return say_json(&to_json(&surface));
+        return print_json(&to_json(&surface));
     }
-    say(&describe(&surface))
+    print(&describe(&surface))
 }
 
 fn mm_s(speed_m_s: f64) -> f64 {
@@ -166,7 +166,7 @@ fn describe_texture(texture: &TextureModel) -> String {
     };
     let order = match texture.warping() {
         0.0 => order,
-        warping => format!("warped {order} of factor {}", significant(warping, 3)),
+        warping => format!("warped {order} (factor {})", significant(warping, 3)),
     };
     let crackle = texture.crackle().map_or_else(String::new, |crackle| {
         format!(
@@ -193,7 +193,7 @@ fn describe_texture(texture: &TextureModel) -> String {
     )
 }
 
-/// The models inside the map, a row each.
+/// Table of the models inside the map.
 fn models(texture: &TextureModel) -> String {
     let rows: Vec<Vec<String>> = texture
         .models()

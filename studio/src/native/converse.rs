@@ -1,4 +1,4 @@
-//! The conversation with one page.
+//! Connection to one page.
 
 use super::{learn, lock, save::save};
 use crate::describe;
@@ -6,7 +6,7 @@ use crate::pages::{Line, LineError, Reach};
 use crate::publish::text;
 use crate::run_page::REPORT;
 use crate::stage::{Stage, StageError};
-use crate::talk::{self, Heard, Next, Work};
+use crate::talk::{self, Incoming, Response, Work};
 use crate::wire::Message;
 use axum::extract::ws::{self, WebSocket};
 use serde_json::Value;
@@ -16,13 +16,13 @@ use tokio::sync::Mutex as Turn;
 use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 
-/// Wrong messages after which a page is let go of.
+/// Number of invalid messages after which a page is disconnected.
 const MOST_REFUSED: u32 = 100;
-/// Messages that wait for a page which does not read.
+/// Maximum number of queued messages for a page that does not read.
 const MOST_WAITING: usize = 512;
-/// Requests of a page that wait for their turn.
+/// Maximum number of queued requests of a page.
 const MOST_REQUESTS: usize = 32;
-/// A text that is longer is read elsewhere, bytes.
+/// Longer texts are parsed on another thread, bytes.
 const LONG_BYTES: usize = 1 << 16;
 
 impl Line for Sender<Message> {
@@ -49,36 +49,37 @@ fn unframed(message: ws::Message) -> Option<Message> {
     }
 }
 
-/// What is done by one at a time, whichever page asks for it.
+/// Work that only one page can do at a time.
 #[derive(Debug, Clone, Default)]
-pub struct Turns {
-    /// To put another graph in place, or to write the file.
+pub struct ExclusiveWork {
+    /// Swapping the graph or writing the file.
     edit: Arc<Turn<()>>,
     learn: Arc<Turn<()>>,
 }
 
-/// A page's end of the conversation, as its work needs it.
+/// A connection as seen by its work.
 #[derive(Clone)]
-struct Desk {
+struct Connection {
     stage: Arc<Mutex<Stage>>,
     page: u64,
-    turns: Turns,
+    turns: ExclusiveWork,
     replies: Sender<Value>,
 }
 
-/// Talks to a page until one of both is gone. What takes long is done elsewhere, so that a STOP is heard meanwhile.
-pub async fn run(mut socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, turns: Turns) {
+/// Serves a page until either end closes. Long work runs on other threads, so that a STOP is handled
+/// meanwhile.
+pub async fn run(mut socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, turns: ExclusiveWork) {
     let (line, mut out) = channel(MOST_WAITING);
     let (page, first) = talk::greet(&mut lock(&stage), Box::new(line), reach);
     let (replies, mut answers) = channel(MOST_REQUESTS);
     let (queue, requests) = channel(MOST_REQUESTS);
-    let desk = Desk {
+    let connection = Connection {
         stage,
         page,
         turns,
         replies,
     };
-    tokio::spawn(in_order(desk.clone(), requests));
+    tokio::spawn(in_order(connection.clone(), requests));
     let mut refused = 0;
     for message in first {
         if socket.send(framed(message)).await.is_err() {
@@ -93,7 +94,7 @@ pub async fn run(mut socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, 
             },
             Some(answer) = answers.recv() => socket.send(framed(text(&answer))).await,
             message = socket.recv() => match message {
-                Some(Ok(message)) => match hear(&desk, &queue, message).await {
+                Some(Ok(message)) => match hear(&connection, &queue, message).await {
                     Some(answer) => {
                         refused += u32::from(answer["type"] == "refused");
                         socket.send(framed(text(&answer))).await
@@ -107,34 +108,35 @@ pub async fn run(mut socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, 
             break;
         }
     }
-    lock(&desk.stage).leave(page);
+    lock(&connection.stage).leave(page);
 }
 
-/// Does what a message asks for, or has it done; what is answered at once.
-async fn hear(desk: &Desk, queue: &Sender<(u64, Work)>, message: ws::Message) -> Option<Value> {
+/// Handles a message, or queues it; returns an immediate answer.
+async fn hear(connection: &Connection, queue: &Sender<(u64, Work)>, message: ws::Message) -> Option<Value> {
     let message = unframed(message)?;
-    let heard = match &message {
+    let incoming = match &message {
         Message::Text(text) if text.len() > LONG_BYTES => blocking(move || talk::read(&message))
             .await
-            .unwrap_or(Ok(Heard::Said(None))),
+            .unwrap_or(Ok(Incoming::Json(None))),
         _ => talk::read(&message),
     };
-    let next = talk::act_on(&mut lock(&desk.stage), desk.page, heard);
+    let next = talk::act_on(&mut lock(&connection.stage), connection.page, incoming);
     match next {
-        Next::Nothing => None,
-        Next::Say(answer) => Some(answer),
-        Next::Do { request, work } => queue.try_send((request, work)).err().map(|_| {
-            let why = format!("{MOST_REQUESTS} requests of this page wait already; send fewer at a time");
+        Response::None => None,
+        Response::Answer(answer) => Some(answer),
+        Response::Work { request, work } => queue.try_send((request, work)).err().map(|_| {
+            let why =
+                format!("{MOST_REQUESTS} requests of this page are queued already; wait for their replies");
             talk::reply(request, Err(StageError::Other(why)))
         }),
-        Next::Learn { request, name, csv } => {
-            let Ok(turn) = Arc::clone(&desk.turns.learn).try_lock_owned() else {
-                let why = "another recording is being learned; drop this one when that is done";
+        Response::Learn { request, name, csv } => {
+            let Ok(turn) = Arc::clone(&connection.turns.learn).try_lock_owned() else {
+                let why = "another recording is being learned; retry when it is done";
                 return Some(talk::reply(request, Err(StageError::Other(why.to_owned()))));
             };
-            let desk = desk.clone();
+            let connection = connection.clone();
             tokio::spawn(async move {
-                let stage = Arc::clone(&desk.stage);
+                let stage = Arc::clone(&connection.stage);
                 let learned = blocking(move || learned(&stage, &name, &csv)).await;
                 drop(turn);
                 let answer = match learned.unwrap_or_else(failed) {
@@ -145,53 +147,53 @@ async fn hear(desk: &Desk, queue: &Sender<(u64, Work)>, message: ws::Message) ->
                     }
                     Err(error) => talk::reply(request, Err(error)),
                 };
-                // A page that is gone hears nothing.
-                let _ = desk.replies.send(answer).await;
+                // A closed page needs no answer.
+                let _ = connection.replies.send(answer).await;
             });
             None
         }
     }
 }
 
-/// Does what a page asks for, in the order in which it asked.
-async fn in_order(desk: Desk, mut requests: Receiver<(u64, Work)>) {
+/// Processes the requests of a page in order.
+async fn in_order(connection: Connection, mut requests: Receiver<(u64, Work)>) {
     while let Some((request, work)) = requests.recv().await {
         let answer = match work {
-            Work::Check(_) => check(&desk, request, work).await,
+            Work::Check(_) => check(&connection, request, work).await,
             Work::Apply(_) | Work::Parameter(..) | Work::Save(_) => {
-                let turn = desk.turns.edit.lock().await;
-                let (stage, page) = (Arc::clone(&desk.stage), desk.page);
+                let turn = connection.turns.edit.lock().await;
+                let (stage, page) = (Arc::clone(&connection.stage), connection.page);
                 let done = blocking(move || edit(&stage, page, work)).await;
                 drop(turn);
                 talk::reply(request, done.unwrap_or_else(failed))
             }
         };
-        if desk.replies.send(answer).await.is_err() {
+        if connection.replies.send(answer).await.is_err() {
             break;
         }
     }
 }
 
-async fn check(desk: &Desk, request: u64, work: Work) -> Value {
+async fn check(connection: &Connection, request: u64, work: Work) -> Value {
     let begun = Instant::now();
-    let (source, text) = work.graph(&lock(&desk.stage));
+    let (source, text) = work.graph(&lock(&connection.stage));
     match blocking(move || source.load(&text).err()).await {
         Some(wrong) => talk::checked(request, wrong.as_ref(), Some(begun.elapsed())),
         None => talk::reply(request, failed()),
     }
 }
 
-/// Does what takes long elsewhere; none where that panicked.
+/// Runs `work` on a blocking thread; `None` if it panicked.
 async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
     tokio::task::spawn_blocking(work).await.ok()
 }
 
 fn failed<T>() -> Result<T, StageError> {
-    let why = "it failed: this is a fault of haptograph; the terminal says more";
+    let why = "internal error: this is a bug in haptograph; see the messages in the terminal";
     Err(StageError::Other(why.to_owned()))
 }
 
-/// Puts a graph in place, or writes the file.
+/// Swaps the graph, or writes the file.
 fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageError> {
     let saves = matches!(work, Work::Save(_));
     let (confirmed, (source, text)) = {
@@ -199,7 +201,7 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
         talk::is_owner(&stage, page)?;
         (stage.confirmed.clone(), work.graph(&stage))
     };
-    // A text that has errors shows no limits, so it is not saved either.
+    // The limits of a text with errors are unknown, so it is not saved either.
     let loaded = source.load(&text)?;
     if let Some(confirmed) = confirmed {
         match saves {
@@ -215,19 +217,20 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
     talk::put(&mut stage, source, loaded)
 }
 
-/// A recording becomes a surface in the graph's folder: its path as a parameter wants it, and the folder of its report.
+/// Learns a surface from a recording into the graph's folder; returns its path as a parameter, and the folder
+/// of its report.
 fn learned(stage: &Mutex<Stage>, name: &str, csv: &str) -> Result<(String, Option<String>), StageError> {
     let graph = lock(stage).source.folder().to_owned();
     let learned = learn::surface(name, csv.as_bytes(), &describe::surface_folder(&graph));
     let learn::Learned { path, report } = learned.map_err(StageError::Other)?;
-    // Drawn before the stage is held.
+    // Draws the swatch before the stage is locked.
     let _ = describe::surface(&path, &graph);
     let name = format!(
         "{}-learned",
         path.file_stem().unwrap_or_default().to_string_lossy()
     );
     let folder = lock(stage).new_folder(&name);
-    // The surface is there; without its report it is worth as much.
+    // A failed report does not invalidate the surface.
     let folder = folder.ok().flatten().filter(|folder| {
         haptograph_surfaces::files::write_atomically(&folder.join(REPORT), report.as_bytes()).is_ok()
     });

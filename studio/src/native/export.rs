@@ -1,4 +1,4 @@
-//! The page as a static site: the same page, with the engine in it as WebAssembly and the files of its graphs.
+//! Export as a static site: the page, the engine as WebAssembly, and the files of the graphs.
 
 use super::assets::{ENGINE, PAGE};
 use super::server::StudioError;
@@ -13,33 +13,33 @@ use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
 
-/// What the page of a site may load: its own files only. Its engine is compiled, nothing else is.
+/// Content security policy of a site: its own files only. Only its engine is compiled.
 const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; img-src 'self' data: blob:; \
                       style-src 'self' 'unsafe-inline'; base-uri 'none'; form-action 'none'";
-/// In the page's head, which a site adds to.
+/// Part of the page's head to which an export adds tags.
 const HEAD: &str = "<meta charset=\"utf-8\">";
-/// The longest file that a site takes along, bytes.
-const MOST_BYTES: u64 = 256 << 20;
+/// Maximum size of a copied file, bytes.
+const MAX_BYTES: u64 = 256 << 20;
 const SITE: &str = "site.json";
 const MODULE: &str = "engine.wasm";
 
-/// What is exported.
+/// Options of an export.
 #[derive(Debug, Clone)]
 pub struct Export {
-    /// The graphs' files.
+    /// The graph files.
     pub graphs: Vec<PathBuf>,
-    /// Parameters in place of their defaults.
+    /// Parameters that override the defaults.
     pub set: Vec<(String, String)>,
-    /// The folder that becomes the site.
+    /// The folder of the site.
     pub folder: PathBuf,
 }
 
-/// What was written.
+/// Statistics of an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Exported {
-    /// Files.
+    /// Number of files.
     pub files: usize,
-    /// Their size, bytes.
+    /// Total size, bytes.
     pub bytes: u64,
 }
 
@@ -48,7 +48,7 @@ fn other(why: impl std::fmt::Display) -> StudioError {
 }
 
 /// A graph of the site, and the files that it needs.
-struct Taken {
+struct SiteGraph {
     name: String,
     about: String,
     path: PathBuf,
@@ -57,45 +57,46 @@ struct Taken {
     files: BTreeSet<PathBuf>,
 }
 
-/// Writes a site that any server of static files can serve.
+/// Writes a site for any server of static files.
 ///
 /// # Errors
-/// [`StudioError`]: a graph is wrong, the folder holds something else, or this program was built without the module.
+/// [`StudioError`] if a graph has errors, if the folder holds other files, or if this program was built
+/// without the engine.
 pub fn export(options: &Export, registry: &Registry) -> Result<Exported, StudioError> {
     if ENGINE.is_empty() {
         return Err(other(
-            "this haptograph was built without the engine for pages: run `studio/build-site` in its sources, and build it again",
+            "this build of haptograph lacks the engine for pages: run `studio/build-site` in the sources and build again",
         ));
     }
     write_site(options, registry, ENGINE)
 }
 
 fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Exported, StudioError> {
-    // Where the folder is a link, what it leads to is replaced.
+    // If the folder is a link, its target is replaced.
     let target = options
         .folder
         .canonicalize()
         .or_else(|_| std::path::absolute(&options.folder));
     let target = target.map_err(other)?;
     is_free(&target)?;
-    let taken = options
+    let graphs = options
         .graphs
         .iter()
         .map(|path| take(path, &options.set, registry));
-    let taken = taken.collect::<Result<Vec<_>, _>>()?;
+    let graphs = graphs.collect::<Result<Vec<_>, _>>()?;
     let mut names = BTreeSet::new();
-    if let Some(twice) = taken.iter().find(|taken| !names.insert(&taken.name)) {
+    if let Some(twice) = graphs.iter().find(|graph| !names.insert(&graph.name)) {
         return Err(other(format!(
             "two graphs are called `{}`: give one of the files another name",
             twice.name
         )));
     }
-    let all: BTreeSet<&PathBuf> = taken.iter().flat_map(|taken| &taken.files).collect();
+    let all: BTreeSet<&PathBuf> = graphs.iter().flat_map(|graph| &graph.files).collect();
     let root = root_of(&all);
     let failed = |error: std::io::Error| other(format!("cannot export to {}: {error}", target.display()));
     let beside = target.parent().unwrap_or(Path::new("/"));
     std::fs::create_dir_all(beside).map_err(failed)?;
-    // Removed again unless it takes the target's place.
+    // Removed by its destructor unless it takes the target's place.
     let whole = tempfile::Builder::new()
         .prefix(".haptograph-site-")
         .tempdir_in(beside)
@@ -106,19 +107,19 @@ fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Ex
         exported: Exported { files: 0, bytes: 0 },
     };
     for path in &all {
-        let bytes = files::read(path, MOST_BYTES)
+        let bytes = files::read(path, MAX_BYTES)
             .map_err(|error| other(format!("cannot read {}: {error}", path.display())))?;
         site.write(&Path::new("files").join(in_site(path, &root)), &bytes)?;
     }
     write_page(&mut site)?;
     site.write(Path::new(MODULE), module)?;
-    let listed = listing(&taken, &all, &root);
+    let listed = listing(&graphs, &all, &root);
     site.write(Path::new(SITE), format!("{listed:#}\n").as_bytes())?;
     let exported = site.exported;
     let old = whole.path().join("old");
     if let Err(error) = replace(&target, &new, &old) {
         if old.exists() {
-            // The way back failed too: the old site stays where it is now.
+            // The rollback failed too: the old site stays at its temporary path.
             let _ = whole.keep();
         }
         return Err(failed(error));
@@ -126,7 +127,7 @@ fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Ex
     Ok(exported)
 }
 
-/// Puts a folder in the place of another, which is there until then, and again where this fails.
+/// Replaces a folder; on failure the old one is restored.
 fn replace(target: &Path, new: &Path, old: &Path) -> std::io::Result<()> {
     let was = match std::fs::rename(target, old) {
         Ok(()) => true,
@@ -140,34 +141,34 @@ fn replace(target: &Path, new: &Path, old: &Path) -> std::io::Result<()> {
     })
 }
 
-/// Refuses a folder with something in it that is no site.
+/// Refuses a folder that contains anything but a site.
 fn is_free(folder: &Path) -> Result<(), StudioError> {
-    let is_empty = match std::fs::read_dir(folder) {
+    let is_empty = match files::entries(folder) {
         Ok(mut entries) => entries.next().is_none(),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => true,
         Err(error) => return Err(other(format!("cannot export to {}: {error}", folder.display()))),
     };
     let is_site = || {
-        let text = files::read_text(&folder.join(SITE), MOST_BYTES).unwrap_or_default();
+        let text = files::read_text(&folder.join(SITE), MAX_BYTES).unwrap_or_default();
         serde_json::from_str::<Value>(&text).is_ok_and(|site| site["haptograph"].is_string())
     };
     match is_empty || is_site() {
         true => match foreign(folder) {
             Some(name) => Err(other(format!(
-                "{} also holds {}, which is not of the site and would be lost: export to an empty or new folder",
+                "{} also holds {}, which is not part of the site and would be lost: export to an empty or new folder",
                 folder.display(),
                 name.display()
             ))),
             None => Ok(()),
         },
         false => Err(other(format!(
-            "{} holds something else than an exported site: export to an empty or new folder",
+            "{} holds other files than an exported site: export to an empty or new folder",
             folder.display()
         ))),
     }
 }
 
-/// Something in the folder of a site that no export writes, like the history of a repository.
+/// A file in a site's folder that no export writes, such as a repository's history.
 fn foreign(folder: &Path) -> Option<OsString> {
     let of_page = PAGE
         .entries()
@@ -177,14 +178,14 @@ fn foreign(folder: &Path) -> Option<OsString> {
         .map(|part| part.as_os_str().to_owned())
         .chain(["files", SITE, MODULE].map(OsString::from))
         .collect();
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let entries = files::entries(folder).into_iter().flatten().flatten();
     entries
         .map(|entry| entry.file_name())
         .find(|name| !own.contains(name))
 }
 
-/// Opens a graph as the page will, and finds what it needs.
-fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Taken, StudioError> {
+/// Loads a graph as the page does, and collects the files that it needs.
+fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<SiteGraph, StudioError> {
     let source = Source::new(plain(path)?, registry, set.to_vec());
     let stage = Stage::open(source, page::HOST).map_err(|error| match error {
         StageError::Graph(wrong) => StudioError::Graph(wrong),
@@ -202,7 +203,7 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Ta
         .unwrap_or_default()
         .to_string_lossy()
         .into_owned();
-    Ok(Taken {
+    Ok(SiteGraph {
         name,
         about: graph.about().to_owned(),
         rate_hz: stage
@@ -215,7 +216,7 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Ta
     })
 }
 
-/// A path from the root, without `.` and `..`.
+/// An absolute path without `.` and `..`.
 fn plain(path: &Path) -> Result<PathBuf, StudioError> {
     let absolute = std::path::absolute(path).map_err(other)?;
     let mut plain = PathBuf::new();
@@ -230,7 +231,7 @@ fn plain(path: &Path) -> Result<PathBuf, StudioError> {
     Ok(plain)
 }
 
-/// The deepest folder that all files are in.
+/// The deepest folder that contains all files.
 fn root_of(all: &BTreeSet<&PathBuf>) -> PathBuf {
     let mut folders = all.iter().filter_map(|path| path.parent());
     let first = folders.next().unwrap_or(Path::new("")).to_owned();
@@ -242,22 +243,22 @@ fn root_of(all: &BTreeSet<&PathBuf>) -> PathBuf {
     })
 }
 
-/// A file's path in the site, with `/` between its folders.
+/// Path of a file within the site, with `/` as separator.
 fn in_site(path: &Path, root: &Path) -> String {
     let parts = path.strip_prefix(root).unwrap_or(path).components();
     let parts = parts.map(|part| part.as_os_str().to_string_lossy().into_owned());
     parts.collect::<Vec<_>>().join("/")
 }
 
-fn listing(taken: &[Taken], all: &BTreeSet<&PathBuf>, root: &Path) -> Value {
-    let graphs = taken.iter().map(|taken| {
-        let set = taken
+fn listing(graphs: &[SiteGraph], all: &BTreeSet<&PathBuf>, root: &Path) -> Value {
+    let graphs = graphs.iter().map(|graph| {
+        let set = graph
             .set
             .iter()
             .map(|(name, value)| (name, set_in_site(value, all, root)));
         json!({
-            "name": taken.name, "about": taken.about, "path": in_site(&taken.path, root),
-            "set": set.collect::<Vec<_>>(), "rate_hz": taken.rate_hz,
+            "name": graph.name, "about": graph.about, "path": in_site(&graph.path, root),
+            "set": set.collect::<Vec<_>>(), "rate_hz": graph.rate_hz,
         })
     });
     json!({
@@ -267,7 +268,7 @@ fn listing(taken: &[Taken], all: &BTreeSet<&PathBuf>, root: &Path) -> Value {
     })
 }
 
-/// A value that names a file from the working directory names it from the site's root there.
+/// Converts a value that names a file relative to the working directory to one relative to the site's root.
 fn set_in_site(value: &str, all: &BTreeSet<&PathBuf>, root: &Path) -> String {
     let name = value.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
     let path = name.and_then(|name| plain(Path::new(name)).ok());
@@ -275,7 +276,7 @@ fn set_in_site(value: &str, all: &BTreeSet<&PathBuf>, root: &Path) -> String {
     known.map_or_else(|| value.to_owned(), |path| format!("{:?}", in_site(&path, root)))
 }
 
-/// The page's own files; its head says what is in the site, and what it may load.
+/// Writes the page's own files; its head names the site's files and the policy.
 fn write_page(site: &mut Site) -> Result<(), StudioError> {
     let head = format!(
         "{HEAD}\n<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n<meta name=\"haptograph-site\" content=\"{SITE}\">"
@@ -293,7 +294,7 @@ fn write_page(site: &mut Site) -> Result<(), StudioError> {
     Ok(())
 }
 
-/// What pages load, and the licences of what is in it; not what it was bundled from.
+/// True for files that pages load and for licences; false for sources of the bundles.
 fn is_served(path: &Path) -> bool {
     let is_bundled = path.ends_with("vendor/codemirror.js") || path.ends_with("vendor/codemirror.LICENSE");
     !path.starts_with("vendor") || is_bundled
@@ -356,7 +357,7 @@ mod tests {
         let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
         assert!(page.contains("wasm-unsafe-eval") && page.contains(SITE) && !page.contains("src=\"/"));
         assert!(folder.path().join("vendor/codemirror.LICENSE").is_file() && exported.files > files.len());
-        // Once more in its own place, with nothing of the old one left, but in that of nothing else.
+        // A second export replaces the first completely, but no other folder.
         std::fs::write(folder.path().join("files/of-before.ron"), "old").expect("written");
         export(&["texturepad.ron"], folder.path()).expect("it is written again");
         assert!(!folder.path().join("files/of-before.ron").exists());

@@ -1,30 +1,30 @@
-//! A recording that was dropped on the page becomes a surface.
+//! Learns a surface from a recording dropped on the page.
 
-use haptograph_signal::files::MAX_RECORDING_BYTES;
-use haptograph_surfaces::files;
+use haptograph_surfaces::files::native;
 use haptograph_surfaces::learning::{LearnSettings, learn};
 use haptograph_surfaces::recording::{ImportSettings, load_with};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// The longest name that a surface gets from its recording.
+/// Maximum length of a surface's name.
 const MOST_LETTERS: usize = 60;
 
-/// A surface that was learned.
+/// A learned surface.
 #[derive(Debug)]
 pub struct Learned {
     /// Its file.
     pub path: PathBuf,
-    /// The page about how it was learned.
+    /// The report of the learning, as HTML.
     pub report: String,
 }
 
-/// Learns a table that was called `name` and writes its surface into `folder`, beside whatever is there.
+/// Learns the table `name` and writes its surface to a new file in `folder`.
 pub fn surface(name: &str, table: &[u8], folder: &Path) -> Result<Learned, String> {
     let stem = stem(name);
-    let workplace = tempfile::tempdir().map_err(|error| format!("no temporary folder: {error}"))?;
+    let workplace =
+        tempfile::tempdir().map_err(|error| format!("cannot create a temporary folder: {error}"))?;
     let taken = workplace.path().join(format!("{stem}.csv"));
-    std::fs::write(&taken, table).map_err(|error| format!("cannot keep the recording: {error}"))?;
+    std::fs::write(&taken, table).map_err(|error| format!("cannot store the recording: {error}"))?;
     let shown = |error: &dyn std::fmt::Display| {
         error
             .to_string()
@@ -34,14 +34,12 @@ pub fn surface(name: &str, table: &[u8], folder: &Path) -> Result<Learned, Strin
     let (surface, report) =
         learn(&stem, &[recording], &LearnSettings::default(), &|_| ()).map_err(|error| shown(&error))?;
     if surface.texture.is_none() {
-        return Err("no texture can be learned from it: it holds no drag with force and speed".to_owned());
+        return Err("cannot learn a texture: the recording holds no drag with force and speed".to_owned());
     }
-    let written = workplace.path().join("surface.ron");
-    files::save(&surface, &written).map_err(|error| shown(&error))?;
     let failed = |error: std::io::Error| format!("cannot write the surface: {error}");
-    let text = haptograph_signal::files::read(&written, MAX_RECORDING_BYTES).map_err(failed)?;
     let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-    file.write_all(&text).map_err(failed)?;
+    file.write_all(native::write(&surface).as_bytes())
+        .map_err(failed)?;
     make_readable(file.as_file()).map_err(failed)?;
     for number in 0..1000 {
         let path = match number {
@@ -57,10 +55,10 @@ pub fn surface(name: &str, table: &[u8], folder: &Path) -> Result<Learned, Strin
             Err(error) => return Err(failed(error.error)),
         }
     }
-    Err("a thousand surfaces have this name".to_owned())
+    Err("a thousand surfaces with this name exist; remove or rename some".to_owned())
 }
 
-/// Temporary files are private; surfaces are as readable as other files.
+/// Temporary files are private; surfaces get the permissions of ordinary files.
 #[cfg(unix)]
 fn make_readable(file: &std::fs::File) -> std::io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
@@ -72,7 +70,7 @@ fn make_readable(_: &std::fs::File) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Letters, digits and hyphens of a file's name without its ending.
+/// Letters, digits and hyphens of a file's name without its extension.
 fn stem(name: &str) -> String {
     let name = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let name = name.rsplit_once('.').map_or(name, |(stem, _)| stem);

@@ -1,23 +1,23 @@
-//! Where the studio listens: on this machine, and where it is asked for at one address of a network.
+//! Listening sockets of the studio: on this machine, and optionally on one address of a network.
 
 use crate::pages::Reach;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, UdpSocket};
 
-/// Free ports of the loopback address that are tried at the other one too.
+/// Number of free ports tried, since a port must be free on both addresses.
 const MOST_TRIES: u32 = 16;
 
-/// An address that is listened at.
+/// A listening socket.
 #[derive(Debug)]
 pub struct Door {
     pub listener: TcpListener,
     pub address: SocketAddr,
-    /// What browsers call it.
+    /// Host names in browsers.
     pub hosts: Vec<String>,
     pub reach: Reach,
 }
 
-/// One for pages of this machine, and perhaps one for those of others, at the same port.
+/// The socket for pages of this machine, and optionally one for other machines on the same port.
 #[derive(Debug)]
 pub struct Doors {
     pub here: Door,
@@ -25,27 +25,27 @@ pub struct Doors {
 }
 
 impl Doors {
-    /// One after the other.
+    /// All sockets.
     pub fn all(self) -> impl Iterator<Item = Door> {
         std::iter::once(self.here).chain(self.lan)
     }
 }
 
-/// Why nothing can be listened at.
+/// Error of opening the sockets.
 #[derive(Debug, thiserror::Error)]
 pub enum ListenError {
-    /// The port is taken, or the address is not this machine's.
+    /// The port is taken, or the address does not belong to this machine.
     #[error("cannot listen at {0}: {1}; choose another port, or an address of this machine")]
     Bind(SocketAddr, io::Error),
-    /// It stands for all addresses, or for the loopback one.
-    #[error("{0} is no address at which other machines find this one: give one of its own")]
+    /// The address is the unspecified or the loopback address.
+    #[error("other machines cannot reach this one at {0}; give one of its network addresses")]
     Address(IpAddr),
-    /// The system says nothing about what listens.
+    /// Any other error of the system.
     #[error("cannot listen: {0}")]
     Other(#[from] io::Error),
 }
 
-/// Listens at a port, a free one where it is 0, of the loopback address and of `lan`.
+/// Listens on a port of the loopback address and of `lan`; 0 selects a free port.
 pub fn doors(port: u16, lan: Option<IpAddr>) -> Result<Doors, ListenError> {
     if let Some(lan) = lan.filter(|lan| is_no_place(*lan)) {
         return Err(ListenError::Address(lan));
@@ -61,7 +61,7 @@ pub fn doors(port: u16, lan: Option<IpAddr>) -> Result<Doors, ListenError> {
                 let lan = Some(door);
                 return Ok(Doors { here, lan });
             }
-            // What is free at one address need not be at the other.
+            // A port that is free on one address may be taken on the other.
             Err(ListenError::Bind(_, error))
                 if port == 0 && tries < MOST_TRIES && error.kind() == io::ErrorKind::AddrInUse =>
             {
@@ -89,7 +89,7 @@ fn bind(address: IpAddr, port: u16, reach: Reach) -> Result<Door, ListenError> {
         hosts.push(format!("localhost:{}", address.port()));
     }
     if address.port() == 80 {
-        // Browsers leave this port out.
+        // Browsers omit port 80.
         let bare = hosts.iter().filter_map(|host| host.strip_suffix(":80"));
         hosts.extend(bare.map(str::to_owned).collect::<Vec<_>>());
     }
@@ -101,9 +101,9 @@ fn bind(address: IpAddr, port: u16, reach: Reach) -> Result<Door, ListenError> {
     })
 }
 
-/// The address from which this machine would call others, if it has a network. Nothing is sent.
+/// The address from which this machine would reach others, if it has a network. Nothing is sent.
 pub fn lan_address() -> Option<IpAddr> {
-    // Addresses for documentation, RFC 5737 and 3849: what matters is only which way leads to them.
+    // Addresses for documentation (RFC 5737 and 3849); only the route to them matters.
     let anybody: [(IpAddr, IpAddr); 2] = [
         (Ipv4Addr::UNSPECIFIED.into(), Ipv4Addr::new(203, 0, 113, 1).into()),
         (

@@ -1,4 +1,4 @@
-//! The studio on this machine: its server, its clock, and what it writes.
+//! The studio on this machine: server, clock, and files.
 
 mod assets;
 mod converse;
@@ -16,7 +16,7 @@ pub use server::{Options, Studio, StudioError};
 use crate::stage::Stage;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A stage, also where somebody panicked with it: each of its parts is whole by itself.
+/// Locks a stage even after a panic: each of its parts stays consistent.
 fn lock(stage: &Mutex<Stage>) -> MutexGuard<'_, Stage> {
     stage.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,4 +1,4 @@
-//! The thread that tells pages what came.
+//! Thread that sends new data to the pages.
 
 use super::lock;
 use crate::publish::{Publisher, STEP};
@@ -6,7 +6,7 @@ use crate::stage::Stage;
 use std::sync::{Mutex, Weak};
 use std::time::Instant;
 
-/// Serves the pages of a stage until it is gone.
+/// Serves the pages of a stage until the stage is dropped.
 pub fn run(stage: &Weak<Mutex<Stage>>) {
     let (mut publisher, mut last) = (Publisher::default(), Instant::now());
     loop {

@@ -1,7 +1,7 @@
-//! The server: the page, and one WebSocket a page.
+//! The web server: the page, and one WebSocket per page.
 
 use super::assets::PAGE;
-use super::converse::{self, Turns};
+use super::converse::{self, ExclusiveWork};
 use super::{listen, lock, pump};
 use crate::drive::DrivenBy;
 use crate::envelope::Confirmed;
@@ -29,26 +29,28 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use tokio::sync::oneshot;
 
-/// The longest report that is served, bytes.
+/// Maximum size of a served report, bytes.
 const MOST_REPORT_BYTES: u64 = 64 << 20;
-/// Pages at once.
+/// Maximum number of connected pages.
 const MOST_PAGES: usize = 16;
-/// The engine on this machine.
+/// The host of an engine on this machine.
 const HOST: Host = Host {
     name: "native",
     driven_by: DrivenBy::Thread,
     can_save: true,
     can_learn: true,
+    can_drive: true,
 };
-/// What the page may load and call besides the WebSocket of its own server: its own files only.
+/// Content security policy of the page: its own files only, besides the WebSocket of its own server.
 const POLICY: &str = "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; \
                       frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 
-/// What a report may do: run its own script, in an origin of its own that reaches nothing of the studio.
+/// Content security policy of a report: its own script in an opaque origin, without access to the studio.
 const REPORT_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; \
                              media-src data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'; sandbox allow-scripts";
 
-/// The policy of a server of these names. Browsers that do not count WebSockets as `'self'` are told their addresses.
+/// The policy of a server with these names. It lists the WebSocket addresses for browsers that do not include
+/// them in `'self'`.
 fn policy(hosts: &[String]) -> HeaderValue {
     let own: Vec<String> = hosts.iter().map(|host| format!("ws://{host}")).collect();
     let own = own.join(" ");
@@ -56,30 +58,32 @@ fn policy(hosts: &[String]) -> HeaderValue {
     HeaderValue::from_str(&policy).unwrap_or(HeaderValue::from_static(POLICY))
 }
 
-/// What is served.
+/// Options of the server.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// The graph's file.
     pub graph: PathBuf,
-    /// Parameters in place of its defaults.
+    /// Parameters that override the defaults.
     pub set: Vec<(String, String)>,
-    /// The port of the loopback address; 0 is a free one.
+    /// The set of endpoints to open; `simulated` if `None`.
+    pub endpoints: Option<String>,
+    /// The port of the loopback address; 0 selects a free one.
     pub port: u16,
-    /// Where the folders of recorded runs are made.
+    /// Folder in which recorded runs are created.
     pub out: PathBuf,
-    /// Folders of surfaces besides the graph's own. Its page can name files there.
+    /// Folders of surfaces besides the graph's own, whose files the page can name.
     pub surfaces: Vec<PathBuf>,
-    /// The address of this machine at which pages of other machines find the studio too; none: it is for this one alone.
+    /// Network address for pages of other machines; `None` restricts the studio to this machine.
     pub lan: Option<IpAddr>,
 }
 
-/// Why there is no studio.
+/// Error of opening a studio.
 #[derive(Debug, thiserror::Error)]
 pub enum StudioError {
-    /// The graph is wrong.
+    /// The graph has errors.
     #[error("the graph has errors")]
     Graph(Diagnostics),
-    /// It cannot be played, or nothing can be served.
+    /// The graph cannot run, or the server cannot start.
     #[error("{0}")]
     Other(String),
 }
@@ -97,7 +101,7 @@ fn other(error: impl std::fmt::Display) -> StudioError {
     StudioError::Other(error.to_string())
 }
 
-/// A page that is served, with the graph that runs behind it, until this is dropped.
+/// A served page with its running graph; dropping it ends both.
 pub struct Studio {
     stage: Arc<Mutex<Stage>>,
     address: SocketAddr,
@@ -107,22 +111,22 @@ pub struct Studio {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What every request sees.
+/// State shared by all requests.
 #[derive(Clone)]
 struct Shared {
     stage: Arc<Mutex<Stage>>,
-    turns: Turns,
+    turns: ExclusiveWork,
     token: Arc<str>,
-    /// The names under which pages reach this server.
+    /// The host names of this server.
     hosts: Arc<[String]>,
     reach: Reach,
 }
 
 impl Studio {
-    /// Runs a graph and serves its page on the loopback address, and where it is asked for on one of a network.
+    /// Runs a graph and serves its page on the loopback address and optionally on a network address.
     ///
     /// # Errors
-    /// [`StudioError`]: the graph is wrong or has several drivers, or the port is taken.
+    /// [`StudioError`] if the graph has errors or several drivers, or if the port is taken.
     pub fn open(options: &Options, registry: &Registry) -> Result<Self, StudioError> {
         let stage = set_up(options, registry)?;
         let token = token().map_err(other)?;
@@ -135,7 +139,7 @@ impl Studio {
             .name("studio pump".to_owned())
             .spawn(move || pump::run(&watched))
             .map_err(other)?;
-        let (turns, known): (_, Arc<str>) = (Turns::default(), token.as_str().into());
+        let (turns, known): (_, Arc<str>) = (ExclusiveWork::default(), token.as_str().into());
         let served = doors.all().map(|door| {
             let shared = Shared {
                 stage: Arc::clone(&stage),
@@ -158,23 +162,30 @@ impl Studio {
         })
     }
 
-    /// The address to open in a browser. Its token lets nobody else in.
+    /// The URL to open in a browser. Its token grants access.
     pub fn url(&self) -> String {
         format!("http://{}/?token={}", self.address, self.token)
     }
 
-    /// The same for other machines, where it listens for them.
+    /// The URL for other machines, if the studio listens for them.
     pub fn lan_url(&self) -> Option<String> {
         let lan = self.lan?;
         Some(format!("http://{lan}/?token={}", self.token))
     }
 
-    /// Where it listens for pages of this machine.
+    /// The listening address for pages of this machine.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What has to be given to get in.
+    /// The real devices that the graph drives once they are armed.
+    pub fn driven(&self) -> Vec<String> {
+        let stage = lock(&self.stage);
+        let driven = crate::actuators::driven(&stage.loaded.graph).into_iter();
+        driven.map(|(name, _)| name.to_owned()).collect()
+    }
+
+    /// The access token.
     pub fn token(&self) -> &str {
         &self.token
     }
@@ -196,21 +207,24 @@ impl Drop for Studio {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
-        // What still learns or loads holds the stage: its run ends now all the same, with whole files.
+        // Pending learning or loading holds the stage: its run ends now nevertheless, with complete files.
         lock(&self.stage).close();
     }
 }
 
-/// A graph that runs, and what its pages may not go beyond: the limits and devices of its file, and the files that can be
-/// named.
+/// Loads and starts a graph with what restricts its pages: the limits and devices of its file, and the files
+/// that can be named.
 fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> {
     let opened = || {
-        let source = Source::new(options.graph.clone(), registry, options.set.clone());
+        let mut source = Source::new(options.graph.clone(), registry, options.set.clone());
+        if let Some(endpoints) = &options.endpoints {
+            source.endpoints.clone_from(endpoints);
+        }
         let stage = Stage::open(source, HOST)?;
         let confirmed = Confirmed::of(&stage.source, &stage.loaded.text).map_err(StudioError::Graph)?;
         Ok::<_, StudioError>((stage, confirmed))
     };
-    // Whoever opens the studio answers for what the file names.
+    // The files named by the opened graph are permitted.
     let (opened, named) = files::noting_files(opened);
     let (mut stage, confirmed) = opened?;
     let folders = std::iter::once(stage.source.folder()).chain(options.surfaces.iter().map(PathBuf::as_path));
@@ -221,12 +235,12 @@ fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> 
     stage.source.roots = Some(Arc::new(roots.and_files(named)));
     stage.confirmed = Some(Arc::new(confirmed));
     stage.out = Some(options.out.clone());
-    // Draws the surfaces, which takes a while, before anybody waits.
+    // Draws the swatches, which takes a while, before any page waits for them.
     let _ = crate::describe::graph(&stage);
     Ok(stage)
 }
 
-/// Serves at each of these, until whoever holds the other end ends it, also by going.
+/// Serves all sockets until `ended` receives a message or is closed.
 fn serve(served: Vec<(TcpListener, Shared)>, ended: oneshot::Receiver<()>) -> io::Result<JoinHandle<()>> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -245,12 +259,12 @@ fn serve(served: Vec<(TcpListener, Shared)>, ended: oneshot::Receiver<()>) -> io
             }
             let _ = ended.await;
         });
-        // Connections that are open hold up no end.
+        // Open connections do not delay the end.
         runtime.shutdown_background();
     })
 }
 
-/// 128 bits that nobody can guess, in hexadecimal digits.
+/// 128 random bits in hexadecimal digits.
 fn token() -> Result<String, getrandom::Error> {
     let mut bytes = [0_u8; 16];
     getrandom::fill(&mut bytes)?;
@@ -270,7 +284,8 @@ fn router(shared: Shared) -> Router {
         .with_state(shared)
 }
 
-/// Does a request come from a page of this server, under its own name? One from elsewhere must not move anything.
+/// True if a request comes from a page of this server under its own name; foreign pages must not control
+/// anything.
 fn is_own(headers: &HeaderMap, own: &[String]) -> bool {
     let said = |name| {
         headers
@@ -304,7 +319,7 @@ async fn guard(State(shared): State<Shared>, request: Request, next: Next) -> Re
 fn is_let_in(shared: &Shared, query: &HashMap<String, String>) -> bool {
     let given = query.get("token").map(String::as_bytes).unwrap_or_default();
     let token = shared.token.as_bytes();
-    // As long whatever is given.
+    // Takes constant time for any token.
     let differs = token.iter().enumerate().fold(0, |differs, (at, byte)| {
         differs | (byte ^ given.get(at).unwrap_or(&0))
     });
@@ -321,7 +336,7 @@ async fn index(State(shared): State<Shared>, Query(query): Query<HashMap<String,
     }
 }
 
-/// The page in a folder of the studio's: of a run, or of what was learned.
+/// The page in a folder of the studio: of a run, or of a learned surface.
 async fn report(
     State(shared): State<Shared>,
     Path(folder): Path<String>,
@@ -362,12 +377,12 @@ async fn live(
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    // A browser always says where it comes from.
+    // Browsers always send their origin.
     let has_origin = headers.contains_key(header::ORIGIN);
     if !is_let_in(&shared, &query) || !has_origin {
         return StatusCode::FORBIDDEN.into_response();
     }
-    // Pages of the network leave room for those of this machine, and bring no recordings.
+    // Pages of the network leave capacity for those of this machine, and cannot send recordings.
     let (most_pages, most_bytes) = match shared.reach {
         Reach::Machine => (MOST_PAGES, MOST_LEARNED_BYTES),
         Reach::Network => (MOST_PAGES / 2, MOST_BYTES),

@@ -77,7 +77,7 @@ fn engine_of(graph: &str) -> Engine {
     engine.expect("it is sound")
 }
 
-/// Circles of so many mm at 100 mm/s, pressed with 1 N by a pen; then what the page was told of levels last.
+/// Circles of `radius_mm` at 100 mm/s, pressed with 1 N by a pen; returns the latest levels.
 fn stroke(engine: &mut Engine, radius_mm: f64, seconds: f64) -> serde_json::Value {
     engine.hear(&Message::Text(r#"{"type":"levels","on":true}"#.to_owned()));
     for turn in 0..(seconds * 100.0) as usize {
@@ -113,12 +113,12 @@ fn an_arm_presses_into_the_surface_that_the_pad_is_laid_on() {
         (&0.25.into(), &100.0.into())
     );
     let levels = stroke(&mut engine, 20.0, 1.5);
-    // Damping of the wall comes on top.
+    // The damping of the wall adds to this.
     let load_n = rms(&levels, "normal.load");
     assert!((load_n - 1.0).abs() < 0.05, "{load_n} N");
     let depth_m = rms(&levels, "touch.contact");
     assert!((depth_m - 0.004).abs() < 2e-4, "{depth_m} m");
-    // The sheet over the ball is wider than the ball's own surface.
+    // The offset surface over the ball is larger than the ball.
     let speed_m_s = rms(&levels, "slide.speed");
     assert!((0.08..0.102).contains(&speed_m_s), "{speed_m_s} m/s");
     assert!(
@@ -138,7 +138,7 @@ fn a_pen_on_an_object_is_located_by_the_wrench_of_the_pad() {
     assert!((rms(&levels, "touch.load") - 1.0).abs() < 0.01, "{levels}");
     let speed_m_s = rms(&levels, "slide.speed");
     assert!((speed_m_s - 0.1).abs() < 0.01, "{speed_m_s} m/s");
-    // The point leads by the delay of a filter that the pad has not: 11 ms at 100 mm/s.
+    // The point leads by the delay of a filter that the pad does not have: 11 ms at 100 mm/s.
     let error_m = rms(&levels, "error.output");
     assert!(error_m < 1.5e-3, "{error_m} m");
     assert!(rms(&levels, "coil.delivered") > 1e-4, "{levels}");

@@ -79,13 +79,14 @@ impl Claim {
 }
 
 fn has_others(folder: &Path) -> io::Result<bool> {
-    let mut names = fs::read_dir(folder)?.flatten().map(|entry| entry.file_name());
+    let mut names = files::entries(folder)?.flatten().map(|entry| entry.file_name());
     Ok(names.any(|name| name != MARKER))
 }
 
 /// Removes the temporary files of chunks and manifests.
 fn remove_leftovers(folder: &Path) -> io::Result<()> {
-    for entry in fs::read_dir(folder)?.flatten() {
+    for entry in files::entries(folder)? {
+        let entry = entry?;
         let name = entry.file_name();
         let name = name.to_string_lossy();
         let is_ours = name.starts_with("chunk-") || name.starts_with(super::MANIFEST);

@@ -1,26 +1,26 @@
 //! Finds files by a pattern.
 
 use super::problem::PlanProblem;
+use haptograph_signal::files;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// The files that match a pattern, in the order of their names: `*` in the last component matches any text.
-pub fn files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, PlanProblem> {
+pub fn matching(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, PlanProblem> {
     let path = Path::new(pattern);
     let wanted = path.file_name().unwrap_or_default().to_string_lossy();
     if !wanted.contains('*') {
         return Ok(vec![path.to_owned()]);
     }
     let place = path.parent().unwrap_or(Path::new(""));
-    let entries = std::fs::read_dir(match folder.join(place) {
+    let entries = files::entries(&match folder.join(place) {
         place if place.as_os_str().is_empty() => PathBuf::from("."),
         place => place,
     });
-    let names = entries
+    let entries = entries.into_iter().flatten();
+    let names: io::Result<Vec<_>> = entries.map(|entry| Ok(entry?.file_name())).collect();
+    let mut found: Vec<PathBuf> = names?
         .into_iter()
-        .flatten()
-        .flatten()
-        .map(|entry| entry.file_name());
-    let mut found: Vec<PathBuf> = names
         .filter(|name| fits(&wanted, &name.to_string_lossy()))
         .map(|name| place.join(name))
         .collect();

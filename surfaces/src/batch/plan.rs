@@ -96,7 +96,7 @@ impl Batch {
     fn load_surfaces(&mut self, folder: &Path) -> Result<(), (Part, PlanProblem)> {
         for (number, pattern) in self.document.surfaces.iter().enumerate() {
             let at = |problem: PlanProblem| (Part::Surface(number), problem);
-            for file in pattern::files(folder, pattern).map_err(at)? {
+            for file in pattern::matching(folder, pattern).map_err(at)? {
                 let path = folder.join(&file);
                 let (surface, sha256) = load_surface(&path).map_err(|error| at(error.into()))?;
                 let name = path

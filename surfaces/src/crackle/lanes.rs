@@ -1,9 +1,10 @@
-//! The crackle of many voices, side by side in SIMD lanes.
+//! The crackle of several voices in SIMD lanes.
 
 use super::CrackleSource;
 use haptograph_signal::noise::Gaussian;
 
-/// As many [`CrackleSource`]s as there are lanes: the same streams, their exponential but for rounding.
+/// One [`CrackleSource`] per lane: the same random streams, with an exponential that differs only by
+/// rounding.
 #[derive(Debug, Clone)]
 pub(crate) struct CrackleLanes<const L: usize> {
     noise: Vec<Gaussian>,
@@ -14,7 +15,7 @@ pub(crate) struct CrackleLanes<const L: usize> {
 }
 
 impl<const L: usize> CrackleLanes<L> {
-    /// One source a lane; lanes without one stay as they are.
+    /// Assigns one source per lane; lanes without a source stay unchanged.
     pub fn new(sources: impl IntoIterator<Item = CrackleSource>) -> Self {
         let [z, kept, fresh, half_depth] = [[0.0; L]; 4];
         let mut all = Self {
@@ -32,14 +33,15 @@ impl<const L: usize> CrackleLanes<L> {
         all
     }
 
-    /// The next samples of each lane's stream, into its row.
+    /// Draws the next samples of each lane's stream into its row.
     pub fn draw<const N: usize>(&mut self, samples: usize, into: &mut [[f64; N]]) {
         for (noise, row) in self.noise.iter_mut().zip(into) {
             noise.fill(&mut row[..samples]);
         }
     }
 
-    /// Multiplies a frame of white excitation by the root of the fluctuation, which takes a frame of the streams.
+    /// Multiplies a frame of white excitation by the square root of the fluctuation, which consumes a frame
+    /// of the streams.
     #[inline(always)]
     pub fn modulate(&mut self, excitation: &mut [f64; L], drawn: &[f64; L]) {
         for l in 0..L {
@@ -49,12 +51,12 @@ impl<const L: usize> CrackleLanes<L> {
     }
 }
 
-/// The exponential of |x| up to 700 to within two units in the last place, without branches and table: so that several go
-/// side by side.
+/// The exponential of |x| up to 700, to within two units in the last place. It has no branches and no table,
+/// so that it vectorises.
 #[inline(always)]
 fn exp(x: f64) -> f64 {
     use std::f64::consts::LOG2_E;
-    // Adding it leaves the nearest whole number in the low bits.
+    // Adding and subtracting this constant rounds to the nearest integer, left in the low bits.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     const LN_2_HIGH: f64 = 0.693_147_180_369_123_8;
     const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;

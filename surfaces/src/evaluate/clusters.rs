@@ -1,15 +1,15 @@
-//! Groups of like things: k-means, trees, and how well groups agree with a known division.
+//! Clustering: k-means, hierarchical trees, and the purity of clusters against known classes.
 
 use kodama::{Method, linkage};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::collections::BTreeMap;
 
-/// How often k-means starts anew; the best result counts.
+/// Number of k-means restarts; the best result is kept.
 const RESTARTS: usize = 50;
 
-/// Divides places into `clusters` groups by Lloyd's algorithm from 50 random starts (k-means++). Groups are numbered in
-/// order of appearance. At most as many groups as places.
+/// Divides points into `clusters` groups by Lloyd's algorithm from 50 random starts (k-means++). Groups are
+/// numbered in order of appearance; there are at most as many groups as points.
 pub fn k_means(places: &[Vec<f64>], clusters: usize, seed: u64) -> Vec<usize> {
     let clusters = clusters.min(places.len());
     if clusters == 0 {
@@ -48,7 +48,7 @@ fn nearest(place: &[f64], centres: &[Vec<f64>]) -> (usize, f64) {
     distances.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
 }
 
-/// Starting centres: places far from those already chosen are likelier.
+/// Initial centres; points far from those already chosen are more likely.
 fn spread_out(places: &[Vec<f64>], clusters: usize, random: &mut Xoshiro256PlusPlus) -> Vec<Vec<f64>> {
     let mut centres = vec![places[random.random_range(0..places.len())].clone()];
     while centres.len() < clusters {
@@ -63,7 +63,7 @@ fn spread_out(places: &[Vec<f64>], clusters: usize, random: &mut Xoshiro256PlusP
     centres
 }
 
-/// The centre of each group; an empty group keeps its own.
+/// The new centre of each group; an empty group keeps its centre.
 fn moved(places: &[Vec<f64>], labels: &[usize], centres: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut moved = centres.to_vec();
     for (group, centre) in moved.iter_mut().enumerate() {
@@ -82,16 +82,16 @@ fn moved(places: &[Vec<f64>], labels: &[usize], centres: &[Vec<f64>]) -> Vec<Vec
     moved
 }
 
-/// Two groups that become one.
+/// A merge of two groups.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Merge {
-    /// The groups: items by their number, earlier merges by the number of items plus their own.
+    /// The groups: items by their number, earlier merges by the number of items plus their own number.
     pub groups: (usize, usize),
-    /// How far apart they were.
+    /// Distance between the groups.
     pub distance: f64,
 }
 
-/// The tree in which nearest groups merge (Ward's criterion), by condensed dissimilarities of `count` items.
+/// The tree of merges by Ward's criterion, from the condensed dissimilarities of `count` items.
 pub fn hierarchical(dissimilarities: &[f64], count: usize) -> Vec<Merge> {
     if count < 2 || dissimilarities.len() != count * (count - 1) / 2 {
         return vec![];
@@ -105,7 +105,7 @@ pub fn hierarchical(dissimilarities: &[f64], count: usize) -> Vec<Merge> {
     tree.steps().iter().map(merge).collect()
 }
 
-/// The division of `count` items into `clusters` groups that a tree gives, numbered in order of appearance.
+/// Cuts a tree of `count` items into `clusters` groups, numbered in order of appearance.
 pub fn cut_tree(tree: &[Merge], count: usize, clusters: usize) -> Vec<usize> {
     let mut group: Vec<usize> = (0..count).collect();
     let merges = count.saturating_sub(clusters.max(1)).min(tree.len());
@@ -130,7 +130,7 @@ fn renumbered(labels: &[usize]) -> Vec<usize> {
         .collect()
 }
 
-/// The part of the items that belong to the commonest class of their group: 1 where no group mixes classes.
+/// Share of the items that belong to the most common class of their group; 1 if no group mixes classes.
 pub fn purity(labels: &[usize], classes: &[usize]) -> f64 {
     let mut counts: BTreeMap<usize, BTreeMap<usize, usize>> = BTreeMap::new();
     for (&label, &class) in labels.iter().zip(classes) {

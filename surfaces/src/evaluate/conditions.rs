@@ -1,31 +1,32 @@
-//! The four rendering conditions of thesis section 4.5: vibrations that respond to force and speed, to one of them, or to none.
+//! The four rendering conditions of thesis section 4.5: vibrations that respond to force and speed, to one of
+//! them, or to neither.
 
 use super::synthesis::Trajectory;
 use crate::TextureModel;
 
-/// What a rendered texture responds to (Table 4.1); the rest is constant.
+/// The inputs that a rendered texture responds to (Table 4.1); the others are constant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Condition {
-    /// Both: the control.
+    /// Force and speed: the control condition.
     ForceAndSpeed,
     /// Force, at a constant speed.
     Force,
     /// Speed, at a constant force.
     Speed,
-    /// Nothing: one constant force and speed.
+    /// Neither: constant force and speed.
     Neither,
 }
 
-/// The thesis's constant speed, m/s, and force, N: the centre of what people use.
+/// Constant speed, m/s, and force, N, of the thesis: the centre of the usual range.
 pub const CENTRE: (f64, f64) = (0.130, 1.2);
-/// Where the speed is constant, a tool slower than this is at rest, m/s.
+/// With a constant speed, a tool slower than this counts as at rest, m/s.
 const REST_M_S: f64 = 0.001;
 
 impl Condition {
     /// All conditions, the control first.
     pub const ALL: [Condition; 4] = [Self::ForceAndSpeed, Self::Force, Self::Speed, Self::Neither];
 
-    /// The thesis's symbol.
+    /// Symbol in the thesis.
     pub fn symbol(self) -> &'static str {
         match self {
             Self::ForceAndSpeed => "FS",
@@ -35,7 +36,8 @@ impl Condition {
         }
     }
 
-    /// What a texture is played along when the hand moves as in `hand`; `centre` is the constant speed in m/s and force in N.
+    /// The trajectory that a texture is rendered along for the motion `hand`; `centre` holds the constant
+    /// speed in m/s and force in N.
     pub fn trajectory(self, hand: &Trajectory, centre: (f64, f64)) -> Trajectory {
         let mut played = hand.clone();
         if matches!(self, Self::Force | Self::Neither) {
@@ -51,7 +53,7 @@ impl Condition {
     }
 }
 
-/// The constant speed and force for a texture: [`CENTRE`], or the middle of its map where that lies outside.
+/// The constant speed and force for a texture: [`CENTRE`], or the centre of its map if that lies outside.
 pub fn centre_for(texture: &TextureModel) -> (f64, f64) {
     let (speed, force) = (texture.max_speed_m_s(), texture.max_force_n());
     if CENTRE.0 < speed && CENTRE.1 < force {

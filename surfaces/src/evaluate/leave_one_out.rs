@@ -1,7 +1,8 @@
-//! Maps compared on textures that others measured: each measured model is left out and predicted from the rest.
+//! Leave-one-out comparison of maps on textures measured by others: each measured model is predicted from the
+//! rest.
 //!
-//! Every kind of map answers the same two questions: what is the spectrum at a place among the models (inside their hull
-//! or outside), and what is it at speeds far from all of them, when only a narrow third of the models is known.
+//! Every kind of map predicts the spectrum at a point among the models (inside or outside of their hull), and
+//! the spectra at speeds far from all of them if only a narrow third of the models is known.
 
 use crate::hull::Hull;
 use crate::learning::cells::Cells;
@@ -21,33 +22,34 @@ mod summary;
 pub use exponents::PowerExponents;
 pub use summary::{Mean, Summary};
 
-/// Fewest measured models of a texture that takes part, and fewest known ones of the narrow third.
+/// Minimum number of measured models of a texture, and of known models in the narrow third.
 const LEAST_MODELS: usize = 3;
-/// Order of the law's models, as `learn` has by default.
+/// Order of the law's models, the default of `learn`.
 const ORDER: usize = 20;
-/// A prediction of silence is off by this in power, dB.
+/// Power error of a predicted silence, dB.
 const MOST_DB: f64 = 100.0;
-/// Speeds so many times beyond those of the narrow third are far.
+/// Speeds beyond those of the narrow third by this factor count as far.
 pub const FAR: f64 = 1.7;
-/// Models slower or lighter than this tell nothing of sliding, as when a law is learned.
+/// Slower or lighter models carry no information about sliding and are excluded, as in learning a law.
 const LEAST_M_S: f64 = 0.005;
 const LEAST_N: f64 = 0.05;
 
-/// A way to predict the texture between and beyond known models.
+/// A method that predicts the texture between and beyond known models.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum MapKind {
-    /// The thesis's: the map extended to rest and to the largest speed and force, triangulated, line spectral frequencies mixed.
+    /// The thesis's map: extended to rest and to the largest speed and force, triangulated, with interpolated
+    /// line spectral frequencies.
     Triangulation,
-    /// The known model nearest in speed and force, each in units of its deviation.
+    /// The nearest known model in speed and force, each in units of its standard deviation.
     Nearest,
-    /// The law that `learn` fits by default, as it is rendered: laid on a grid of models, between which the renderer interpolates.
+    /// The law that `learn` fits by default, as rendered: on a grid of models, interpolated.
     Law,
-    /// The law as it was fitted: not laid on a grid, and its amplitude does not fall linearly below the lightest known force.
+    /// The law as fitted, without the grid and without the linear fade of its amplitude below the lightest known force.
     LawWithoutFade,
 }
 
 impl MapKind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 4] = [
         Self::Triangulation,
         Self::Nearest,
@@ -55,7 +57,7 @@ impl MapKind {
         Self::LawWithoutFade,
     ];
 
-    /// The kind's name on the terminal and in JSON.
+    /// Name on the terminal and in JSON.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Triangulation => "triangulation",
@@ -66,64 +68,66 @@ impl MapKind {
     }
 }
 
-/// How one model was predicted from others.
+/// The prediction of one model from others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
-    /// The texture, by its place in the list given.
+    /// Number of the texture in the given list.
     pub texture: usize,
     /// The vertex of its map that was left out.
     pub vertex: usize,
-    /// The map that predicted it.
+    /// The map used.
     pub map: MapKind,
     /// Log-spectral distance over the third octaves from 20 to 1000 Hz, dB.
     pub lsd_db: f64,
-    /// Predicted over left-out power of the whole band, dB.
+    /// Predicted power over left-out power in the whole band, dB.
     pub power_db: f64,
-    /// Whether it stands inside the convex hull of the models it was predicted from.
+    /// True if the model lies inside the convex hull of the models it was predicted from.
     pub inside: bool,
 }
 
 /// All predictions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeaveOneOut {
-    /// Each measured model from all others of its texture.
+    /// Each measured model, predicted from all others of its texture.
     pub left_out: Vec<Prediction>,
-    /// Models at speeds [`FAR`] times away from those of a narrow third, which is all that is known.
+    /// Models at speeds [`FAR`] times away from those of a narrow third, predicted from this third.
     pub far: Vec<Prediction>,
-    /// How power follows speed and force over all textures.
+    /// Dependence of the power on speed and force over all textures.
     pub exponents: Option<PowerExponents>,
-    /// Textures that took part.
+    /// Number of textures with enough models.
     pub textures: usize,
 }
 
-/// Why textures cannot be compared.
+/// Error of a comparison.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LeaveOneOutError {
     /// No texture has enough measured models.
     #[error(
-        "none of the {textures} textures has {LEAST_MODELS} measured models: a surface learned with `--method thesis` has them, and so have the toolkit's files; a law has none"
+        "none of the {textures} textures has {LEAST_MODELS} measured models; use surfaces learned with `--method thesis` or the toolkit's files, since a law has no measured models"
     )]
     NoModels {
-        /// Textures given.
+        /// Number of textures given.
         textures: usize,
     },
-    /// A map could not be made of the rest.
-    #[error("no {} of texture {texture} (from 0) without model {vertex}: {reason}", .map.as_str())]
+    /// No map could be built from the remaining models.
+    #[error("cannot build the {} map of texture {texture} (from 0) without model {vertex}: {reason}", .map.as_str())]
     Map {
-        /// The kind.
+        /// The kind of map.
         map: MapKind,
         /// The texture's number, from 0.
         texture: usize,
         /// The vertex that was left out.
         vertex: usize,
-        /// What was wrong.
+        /// The reason.
         reason: String,
     },
 }
 
-/// Leaves out and predicts every measured model of the textures, by every kind of map. `progress` is called with the part done.
+/// Predicts every measured model of the textures by every kind of map from the others. `progress` is called
+/// with the fraction done.
 ///
-/// The prior of the law's exponents is worked out anew from the other textures each time, unless there is only one.
+/// The prior of the law's exponents is recomputed from the other textures each time, unless there is only one
+/// texture.
 ///
 /// # Errors
 /// [`LeaveOneOutError`].
@@ -170,7 +174,7 @@ pub fn leave_one_out(
 struct Subject<'t> {
     number: usize,
     rate_hz: f64,
-    /// The measured models, their vertices, and what each says to a law.
+    /// The measured models with their vertices and their observations for a law.
     models: Vec<&'t ModelAt>,
     vertices: Vec<usize>,
     seen: Vec<Observation>,
@@ -178,10 +182,10 @@ struct Subject<'t> {
     bands: Bands,
 }
 
-/// What says how a place sounds, of which only speed and force are looked at.
+/// Predicts the sound at a point, of which only speed and force are used.
 type Predictor<'s> = Box<dyn Fn(&ModelAt) -> Result<Sound, String> + 's>;
 
-/// Powers in third octaves, and in all, (m/s²)².
+/// Powers in third octaves and in total, (m/s²)².
 struct Sound {
     bands: Vec<f64>,
     power: f64,
@@ -216,7 +220,7 @@ impl<'t> Subject<'t> {
         })
     }
 
-    /// Predicts the models `out` from those `known`, by every kind of map.
+    /// Predicts the models `out` from the models `known` by every kind of map.
     fn predict_all(
         &self,
         known: &[usize],
@@ -271,7 +275,8 @@ impl<'t> Subject<'t> {
         }
     }
 
-    /// The thesis's map of the known models, its border at the largest speed and force of all, as the file has it.
+    /// The thesis's map of the known models, with its border at the largest speed and force of all models, as
+    /// in the file.
     fn triangulation<'s>(&'s self, known: &[usize]) -> Result<Predictor<'s>, String> {
         let models = known.iter().map(|&one| self.models[one].clone()).collect();
         let largest = |value: fn(&ModelAt) -> f64| self.models.iter().map(|at| value(at)).fold(0.0, f64::max);
@@ -350,7 +355,7 @@ impl<'t> Subject<'t> {
         )
     }
 
-    /// Whether no straight line parts a place from the known models.
+    /// True if no straight line separates a point from the known models.
     fn inside(&self, known: &[usize], at: &ModelAt) -> bool {
         let mut angles: Vec<f64> = known
             .iter()
@@ -363,8 +368,8 @@ impl<'t> Subject<'t> {
         angles.iter().zip(next).all(|(angle, next)| next - angle <= PI)
     }
 
-    /// A third of the models (three at least) that are neighbours in speed and span the least ratio of speeds, and the models
-    /// whose speeds are [`FAR`] times beyond theirs.
+    /// A third of the models (at least three) with neighbouring speeds and the smallest ratio of speeds, and
+    /// the models whose speeds lie beyond theirs by the factor [`FAR`].
     fn narrow_third(&self) -> (Vec<usize>, Vec<usize>) {
         let mut by_speed: Vec<usize> = (0..self.models.len()).collect();
         let speed = |one: usize| self.models[one].speed_m_s;

@@ -1,4 +1,5 @@
-//! Virtual textures on a map: played along one trajectory, compared pair by pair, placed so that alike ones are near (thesis 2.5.4).
+//! Perceptual map of virtual textures (thesis 2.5.4): textures are rendered along one trajectory, compared in
+//! pairs, and placed by multi-dimensional scaling.
 
 use super::clusters::{Merge, cut_tree, hierarchical, k_means, purity};
 use super::scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
@@ -11,24 +12,25 @@ use crate::statistics::mean;
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How the map is drawn.
+/// Settings of a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MapSettings {
-    /// The trajectory that all textures are played along.
+    /// The trajectory of all textures.
     pub walk: RandomWalk,
-    /// How they are played. Each texture has an excitation of its own, seeded by its number as well.
+    /// Synthesis settings. Each texture has its own excitation; its number is part of the seed.
     pub synthesis: SynthesisSettings,
-    /// Windows of the metric; of 25.6 ms if `None`.
+    /// Windows of the metric; `None` for 25.6 ms.
     pub windows: Option<WindowSettings>,
-    /// What deviations are pooled over: by default all windows of all pairs, so that all differences are in the same units. Pooled by
-    /// pair, a texture that is much louder than another is hundreds of deviations away (its power error is near 2 in every window and
-    /// hardly varies), and one such pair flattens the whole map.
+    /// Set over which deviations are pooled; by default all windows of all pairs, so that all differences
+    /// have the same unit. If pooled by pair, a texture that is much louder than another is hundreds of
+    /// deviations away (its power error is near 2 in every window and hardly varies), and one such pair
+    /// flattens the whole map.
     pub pooling: Pooling,
     /// Dimensions of the scree plot.
     pub scree_dimensions: usize,
-    /// Dimensions of the map, in which groups are sought and properties regressed.
+    /// Dimensions of the map, used for clustering and regression.
     pub dimensions: usize,
-    /// Groups to find; as many as there are materials if `None`.
+    /// Number of clusters; `None` for the number of materials.
     pub clusters: Option<usize>,
     /// Seed of k-means.
     pub seed: u64,
@@ -49,22 +51,22 @@ impl Default for MapSettings {
     }
 }
 
-/// Virtual textures, placed.
+/// Virtual textures on a map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PerceptualMap {
     /// Name and material of each texture.
     pub names: Vec<(String, String)>,
     /// Spectral differences of all pairs (0, 1), (0, 2), ..., (1, 2), ...
     pub differences: Vec<f64>,
-    /// Places and stress.
+    /// Positions and stress.
     pub scaling: Scaling,
-    /// Group of each texture by k-means on the map.
+    /// Cluster of each texture by k-means on the map.
     pub k_means: Vec<usize>,
-    /// Part of the textures in a group of their own material, by k-means.
+    /// Share of the textures in a k-means cluster of their own material.
     pub k_means_purity: f64,
-    /// The tree by the differences themselves.
+    /// The tree of the differences themselves.
     pub tree: Vec<Merge>,
-    /// Part of the textures in a group of their own material, by the tree.
+    /// Share of the textures in a cluster of the tree of their own material.
     pub tree_purity: f64,
     /// Mean windowed power of each texture, (m/s²)²: roughness.
     pub power: Vec<f64>,
@@ -74,25 +76,25 @@ pub struct PerceptualMap {
     pub roughness_direction: Vec<f64>,
     /// Direction on the map in which the spectral centroid grows.
     pub fineness_direction: Vec<f64>,
-    /// Angle between these lines, degrees, 0 to 90; 76.4 in the thesis.
+    /// Angle between the two directions as lines, degrees, 0 to 90; 76.4 in the thesis.
     pub angle_deg: Option<f64>,
 }
 
-/// Why no map was drawn.
+/// Error of [`perceptual_map`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum MapError {
-    #[error("a map needs three textures at least; there are {textures}")]
+    #[error("a map needs at least three textures, there are {textures}")]
     TooFew { textures: usize },
-    #[error("texture {name} cannot be played: {source}")]
+    #[error("cannot render texture {name}: {source}")]
     Synthesis { name: String, source: SynthesisError },
-    #[error("textures cannot be compared: {0}")]
+    #[error("cannot compare the textures: {0}")]
     Metric(#[from] MetricError),
-    #[error("two textures differ by no finite amount: their spectral or power error never varies")]
+    #[error("the difference of two textures is not finite: their spectral or power error is constant")]
     NotFinite,
 }
 
-/// Draws the map of textures, each with its name and material. `progress` gets the part done.
+/// Computes the map of textures, each with its name and material. `progress` receives the fraction done.
 pub fn perceptual_map(
     textures: &[(String, String, &TextureModel)],
     settings: &MapSettings,
@@ -159,7 +161,7 @@ pub fn perceptual_map(
     })
 }
 
-/// The spectra of all textures' vibrations along one trajectory, on all cores.
+/// The spectra of all textures' vibrations along one trajectory, computed on all cores.
 fn play_all(
     textures: &[(String, String, &TextureModel)],
     trajectory: &Trajectory,
@@ -230,7 +232,7 @@ mod tests {
     use crate::hull::Hull;
     use crate::{ArmaModel, ModelAt, VertexKind};
 
-    /// A texture that rings at an angle, as loud as given, made by one of several people who differ a little.
+    /// A texture with a resonance at `angle` and the given loudness; persons differ a little.
     fn texture(angle: f64, loudness: f64, person: usize) -> TextureModel {
         let angle = angle + 0.02 * person as f64;
         let at = |(speed_m_s, force_n): (f64, f64)| ModelAt {

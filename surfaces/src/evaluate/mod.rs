@@ -1,15 +1,16 @@
-//! Proof that virtual surfaces are right: the comparisons of thesis section 2.5, as data.
+//! Evaluation of virtual surfaces: the comparisons of thesis section 2.5, as data.
 //!
 //! - [`tables`]: virtual textures against recordings of all materials (Table 2.1) and of one material by several people (Table 2.2).
-//! - [`map`]: virtual textures against each other, as places on a map (Fig. 2.11).
-//! - [`study`]: all of it from recordings named `<material>.<person>.<take>`.
-//! - [`parts`]: a study in parts, and the whole of them.
-//! - [`holdout`]: textures and plain baselines on parts of recordings that they were not learned from.
+//! - [`map`]: virtual textures against each other, as points on a map (Fig. 2.11).
+//! - [`study`]: a whole evaluation of recordings named `<material>.<person>.<take>`.
+//! - [`parts`]: parts of a study, and their merge.
+//! - [`holdout`]: textures and plain baselines on recordings that they were not learned from.
 //! - [`conditions`]: textures that respond to force, speed, both or none (Fig. 4.9).
-//! - [`mod@leave_one_out`]: maps of every kind on textures that others measured, each model predicted from the rest.
+//! - [`mod@leave_one_out`]: kinds of maps on textures measured by others, with each model predicted from the
+//!   rest.
 //! - [`synthesis`]: the vibration of a texture along a trajectory of speed and force.
 //! - [`voices`]: the vibrations of many textures at once.
-//! - [`scaling`], [`clusters`]: the statistics behind the map.
+//! - [`scaling`], [`clusters`]: statistics of the map.
 
 pub mod clusters;
 pub mod conditions;

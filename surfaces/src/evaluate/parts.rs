@@ -1,7 +1,7 @@
-//! A study in parts: what each learned and compared, as text that keeps every bit, and the whole of them.
+//! Parts of a study: the learned and compared textures as lossless text, and the merge of all parts.
 //!
-//! Items are dealt to parts by their number, so that no part depends on how many there are. Tables and map are made of the items of all
-//! parts, as of those of one run: they are the same to the bit.
+//! Items are assigned to parts by their number, independently of the number of parts. Table and map of a
+//! merge equal those of a single run to the bit.
 
 use super::study::{Compared, Evaluation, RecordingName, Study, StudyError, StudySettings, Take, conclude};
 use crate::files::{ReadError, native};
@@ -15,31 +15,31 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StudyPart {
-    /// What it is a part of.
+    /// The study that it is a part of.
     pub head: StudyHead,
-    /// Its items, by number.
+    /// Its items with their numbers.
     items: Vec<Item>,
 }
 
-/// What all parts of a study have in common.
+/// Data common to all parts of a study.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StudyHead {
-    /// The version that made it.
+    /// Version of haptograph.
     pub haptograph: String,
-    /// A hash of all that the items depend on: recordings and settings.
+    /// Hash of everything that the items depend on: recordings and settings.
     pub study: String,
-    /// What deviations are pooled over.
+    /// Set over which deviations are pooled.
     pub pooling: Pooling,
-    /// The seed of vibrations and map.
+    /// Seed of the vibrations and of the map.
     pub seed: u64,
-    /// Whose takes the tests are.
+    /// The person whose takes are the tests.
     pub expert: String,
-    /// How many recordings the study has.
+    /// Number of recordings.
     pub recordings: usize,
-    /// How many of them are simulated.
+    /// Number of simulated recordings.
     pub simulated: usize,
-    /// How many items the whole study has.
+    /// Number of items of the whole study.
     pub of: usize,
 }
 
@@ -48,17 +48,17 @@ pub struct StudyHead {
 struct Item {
     number: usize,
     name: RecordingName,
-    /// The texture, as a surface file.
+    /// The texture, as the text of a surface file.
     surface: String,
     errors: BTreeMap<String, Vec<ErrorStatistics>>,
 }
 
-/// Why there is no part, or no whole.
+/// Error of reading or merging parts.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // see the messages
 pub enum StudyPartError {
-    #[error("there is nothing to merge; name the files of the parts")]
+    #[error("no part given; name the files of all parts")]
     Nothing,
     #[error("{} is not a part of an evaluation: {message}", path.display())]
     Syntax { path: PathBuf, message: String },
@@ -82,14 +82,14 @@ pub enum StudyPartError {
     },
     #[error("{} has item {number}, but the evaluation has {of}; evaluate that part again", path.display())]
     Number { path: PathBuf, number: usize, of: usize },
-    #[error("{missing} of {of} textures are in none of the parts; evaluate the shards that are missing")]
+    #[error("{missing} of {of} textures are in none of the parts; evaluate the missing shards")]
     Missing { missing: usize, of: usize },
     #[error(transparent)]
     Study(#[from] StudyError),
 }
 
 impl StudyHead {
-    /// That of a study of takes, whose recordings and settings have this hash.
+    /// The head of a study of takes; `hash` covers their recordings and settings.
     pub fn of(hash: String, settings: &StudySettings, study: &Study<'_>, takes: &[Take]) -> Self {
         let is_simulated = |take: &&Take| take.recording.provenance().origin == Origin::Simulated;
         Self {
@@ -106,7 +106,7 @@ impl StudyHead {
 }
 
 impl StudyPart {
-    /// The part of these items.
+    /// The part that consists of these items.
     pub fn new(head: StudyHead, compared: &[Compared]) -> Self {
         let item = |one: &Compared| {
             let provenance = Provenance::new(Origin::Procedural, "a part of an evaluation");
@@ -131,13 +131,13 @@ impl StudyPart {
     /// The part as text.
     ///
     /// # Errors
-    /// None that is known.
+    /// Serialisation errors; none are known.
     pub fn to_text(&self) -> Result<String, ron::Error> {
         let pretty = ron::ser::PrettyConfig::new().depth_limit(3);
         Ok(ron::ser::to_string_pretty(self, pretty)? + "\n")
     }
 
-    /// The part in the text of a file.
+    /// Parses the text of a part.
     ///
     /// # Errors
     /// [`StudyPartError::Syntax`].
@@ -149,10 +149,10 @@ impl StudyPart {
         })
     }
 
-    /// Tables and map of all parts of a study: those of one run.
+    /// Merges all parts of a study into tables and map, equal to those of one run.
     ///
     /// # Errors
-    /// [`StudyPartError`], where anything is missing, twice, or of another study.
+    /// [`StudyPartError`] if a part is missing, given twice, or belongs to another study.
     pub fn merged(
         parts: &[(PathBuf, Self)],
         settings: &StudySettings,

@@ -1,25 +1,27 @@
-//! Multi-dimensional scaling: places whose distances rise and fall with given dissimilarities, and directions in which properties grow.
+//! Multi-dimensional scaling: points whose distances follow given dissimilarities, and the gradients of
+//! properties over the points.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// Steps of majorization at most.
+/// Maximum number of majorization steps.
 const MOST_STEPS: usize = 1000;
-/// Relative improvement of the stress in a step at which the places have settled.
+/// Relative improvement of the stress per step at which the iteration stops.
 const SETTLED: f64 = 1e-6;
 
-/// Places found by non-metric scaling.
+/// Points found by non-metric scaling.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scaling {
     /// Coordinates of each item along the principal axes of the map, the longest first.
     pub places: Vec<Vec<f64>>,
-    /// Kruskal's stress-1 in 1, 2, ... dimensions, placed in each by itself: the scree plot.
+    /// Kruskal's stress-1 in 1, 2, ... dimensions, each scaled separately: the scree plot.
     pub stress: Vec<f64>,
 }
 
-/// Non-metric scaling (Kruskal 1964) of `count` items by their dissimilarities (condensed: the pairs (0, 1), (0, 2), ..., (1, 2), ...) into
-/// `dimensions`, with the stress in 1 to `scree` dimensions: distances follow a monotonic transformation of the dissimilarities, fitted by
-/// isotonic regression; places move by majorization (SMACOF) from those of classical scaling. Each axis points so that its largest
-/// coordinate is positive. `None` if the number of dissimilarities is not that of the pairs, or one is not finite.
+/// Non-metric scaling (Kruskal 1964) of `count` items from their dissimilarities (condensed: the pairs (0,
+/// 1), (0, 2), ..., (1, 2), ...) into `dimensions`, with the stress in 1 to `scree` dimensions. Distances
+/// follow a monotonic transformation of the dissimilarities, fitted by isotonic regression; points move by
+/// majorization (SMACOF), starting from classical scaling. Each axis is oriented towards its largest
+/// coordinate. `None` if the number of dissimilarities is not the number of pairs, or if one is not finite.
 pub fn nonmetric_scaling(
     dissimilarities: &[f64],
     count: usize,
@@ -38,7 +40,7 @@ pub fn nonmetric_scaling(
     })
 }
 
-/// Classical (Torgerson) scaling: one row for each item.
+/// Classical (Torgerson) scaling: one row per item.
 fn classical_places(dissimilarities: &[f64], count: usize, dimensions: usize) -> Option<DMatrix<f64>> {
     if dissimilarities.len() != count * count.saturating_sub(1) / 2
         || !dissimilarities.iter().all(|d| d.is_finite())
@@ -73,7 +75,7 @@ fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..count).flat_map(move |a| (a + 1..count).map(move |b| (a, b)))
 }
 
-/// Moves places until their stress settles: the best places and their stress.
+/// Moves points until their stress converges; returns the best points and their stress.
 fn majorize(mut places: DMatrix<f64>, dissimilarities: &[f64]) -> (DMatrix<f64>, f64) {
     let size: f64 = dissimilarities.iter().map(|d| d * d).sum();
     let mut best = (places.clone(), f64::INFINITY);
@@ -85,26 +87,27 @@ fn majorize(mut places: DMatrix<f64>, dissimilarities: &[f64]) -> (DMatrix<f64>,
         if stress < best.1 {
             best = (places.clone(), stress);
         }
-        // Written so that an infinite gain, at the first step, goes on.
+        // This form continues at the first step, where the gain is infinite.
         if stress < 1e-12 || gained <= SETTLED * stress {
             break;
         }
         let fitted: f64 = disparities.iter().map(|d| d * d).sum();
-        // As large as the dissimilarities, lest everything shrinks into one point.
+        // Scaled to the size of the dissimilarities, so that the points do not collapse.
         let scale = if fitted > 0.0 { (size / fitted).sqrt() } else { 0.0 };
         places = guttman(&places, &distances, &disparities, scale);
     }
     best
 }
 
-/// The distances between places, condensed.
+/// The distances between points, condensed.
 fn distances(places: &DMatrix<f64>) -> Vec<f64> {
     pairs(places.nrows())
         .map(|(a, b)| (places.row(a) - places.row(b)).norm())
         .collect()
 }
 
-/// The values nearest to the distances that never fall where dissimilarities rise; among equal dissimilarities they follow the distances.
+/// Isotonic regression: the values nearest to the distances that do not decrease with the dissimilarities;
+/// among equal dissimilarities they follow the distances.
 fn isotonic(dissimilarities: &[f64], distances: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..distances.len()).collect();
     let key = |i: usize| (dissimilarities[i], distances[i]);
@@ -146,7 +149,7 @@ fn stress(distances: &[f64], disparities: &[f64]) -> f64 {
     if total > 0.0 { (left / total).sqrt() } else { 0.0 }
 }
 
-/// The Guttman transform: places nearer to the scaled disparities.
+/// The Guttman transform: points closer to the scaled disparities.
 fn guttman(places: &DMatrix<f64>, distances: &[f64], disparities: &[f64], scale: f64) -> DMatrix<f64> {
     let count = places.nrows();
     let mut moved = DMatrix::zeros(count, places.ncols());
@@ -163,7 +166,7 @@ fn guttman(places: &DMatrix<f64>, distances: &[f64], disparities: &[f64], scale:
     moved
 }
 
-/// Places turned to their principal axes, the longest first, each towards its largest coordinate.
+/// Points rotated to their principal axes, the longest first, each oriented towards its largest coordinate.
 fn along_principal_axes(mut places: DMatrix<f64>) -> DMatrix<f64> {
     if places.is_empty() {
         return places;
@@ -186,8 +189,8 @@ fn along_principal_axes(mut places: DMatrix<f64>) -> DMatrix<f64> {
     turned
 }
 
-/// The direction in which a property grows fastest over the first `dimensions` of places, by linear regression: rise per unit of each
-/// coordinate. Zeros where it cannot be told.
+/// Gradient of a property over the first `dimensions` of the points, by linear regression: change per unit of
+/// each coordinate. Zeros if it is undetermined.
 pub fn gradient(places: &[Vec<f64>], property: &[f64], dimensions: usize) -> Vec<f64> {
     let count = places.len();
     if count != property.len() || count <= dimensions || places.iter().any(|place| place.len() < dimensions) {
@@ -225,7 +228,7 @@ mod tests {
         pairs.map(|(p, q)| (p[0] - q[0]).hypot(p[1] - q[1])).collect()
     }
 
-    /// Places of no pattern.
+    /// Pseudo-random points.
     fn scattered(count: usize, seed: u64) -> Vec<[f64; 2]> {
         let mut noise = haptograph_signal::noise::Gaussian::new(seed);
         (0..count)
@@ -245,7 +248,7 @@ mod tests {
         product(a, mean_a, b, mean_b) / (product(a, mean_a, a, mean_a) * product(b, mean_b, b, mean_b)).sqrt()
     }
 
-    /// Stress-1 of classical scaling's places, by the same monotonic fit.
+    /// Stress-1 of the points of classical scaling, by the same monotonic fit.
     fn classical_stress(dissimilarities: &[f64], count: usize, dimensions: usize) -> f64 {
         let places = classical_places(dissimilarities, count, dimensions).unwrap();
         let found = super::distances(&places);

@@ -1,7 +1,7 @@
-//! A whole evaluation from recordings named `<material>.<person>.<take>`: learn, compare, map.
+//! A whole evaluation of recordings named `<material>.<person>.<take>`: learning, comparison, map.
 //!
-//! For every material and person the first take is learned from. The person with the most takes (the first by name among equals) is the
-//! expert; the expert's other takes are the tests.
+//! For every material and person, the first take is learned from. The person with the most takes (the first
+//! by name among equals) is the expert; the expert's other takes are the tests.
 
 use super::map::{MapError, MapSettings, PerceptualMap, perceptual_map};
 use super::tables::{DifferenceTable, References, TableError, TableSettings, TestSet};
@@ -18,20 +18,20 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What a recording is of, by its file's name.
+/// Material, person and take of a recording, from its file name.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct RecordingName {
     /// The material.
     pub material: String,
-    /// Who dragged.
+    /// The person.
     pub person: String,
-    /// Which time.
+    /// The take.
     pub take: String,
 }
 
 impl RecordingName {
-    /// The name in a file's name such as `canvas.anna.1.npz`; `None` if it is not of that form. Only the last part is the extension, so a take
-    /// may contain dots.
+    /// Parses a file name such as `canvas.anna.1.npz`; `None` if it does not have this form. Only the last
+    /// part is the extension, so a take may contain dots.
     pub fn parse(file_name: &str) -> Option<Self> {
         let mut parts = file_name.splitn(3, '.');
         let (material, person, rest) = (parts.next()?, parts.next()?, parts.next()?);
@@ -45,76 +45,77 @@ impl RecordingName {
     }
 }
 
-/// A recording and what it is of.
+/// A recording with its name.
 #[derive(Debug, Clone)]
 pub struct Take {
-    /// What it is of.
+    /// Name of the recording.
     pub name: RecordingName,
-    /// The recording. Only drags count.
+    /// The recording. Only drags are used.
     pub recording: AnyRecording,
 }
 
-/// How a study is done.
+/// Settings of a study.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct StudySettings {
-    /// From sensor readings to physical quantities.
+    /// Processing of sensor readings to physical quantities.
     pub processing: ProcessingSettings,
     /// How textures are learned.
     pub texture: TextureMethod,
-    /// How they are compared with recordings.
+    /// How textures are compared with recordings.
     pub table: TableSettings,
-    /// How they are compared with each other.
+    /// How textures are compared with each other.
     pub map: MapSettings,
 }
 
-/// What a study found.
+/// Result of a study.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation {
-    /// Materials, by name.
+    /// Names of the materials.
     pub materials: Vec<String>,
-    /// People, by name.
+    /// Names of the people.
     pub people: Vec<String>,
-    /// Whose takes the tests are.
+    /// The person whose takes are the tests.
     pub expert: String,
-    /// What was learned from which recording; empty where the tables are merged of parts.
+    /// The learned textures; empty if the tables are merged from parts.
     pub learned: Vec<Learned>,
     /// The expert's textures against the tests of all materials (Table 2.1).
     pub materials_table: DifferenceTable,
-    /// Everybody's textures against the tests of the same material (Table 2.2), where there are several people.
+    /// Each person's textures against the tests of the same material (Table 2.2), if there are several
+    /// people.
     pub people_table: Option<DifferenceTable>,
-    /// All textures on a map (Fig. 2.11), where there are three at least.
+    /// All textures on a map (Fig. 2.11), if there are at least three.
     pub map: Option<PerceptualMap>,
 }
 
-/// A texture and what it was learned from.
+/// A texture with the recording that it was learned from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Learned {
-    /// The recording.
+    /// Name of the recording.
     pub name: RecordingName,
-    /// The recording, processed.
+    /// The processed recording.
     pub recording: ProcessedRecording,
     /// The texture.
     pub texture: TextureModel,
-    /// How it came about.
+    /// Report of the learning.
     pub report: TextureReport,
 }
 
-/// Why a study came to nothing.
+/// Error of a study.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum StudyError {
-    #[error("there is no dragging recording named <material>.<person>.<take>.<extension>")]
+    #[error("found no drag recording named <material>.<person>.<take>.<extension>")]
     NoRecordings,
     #[error(
-        "{material} has no test: {person} needs two takes of it at least, one to learn from and others to compare with"
+        "{material} has no test: {person} needs at least two takes of it, one to learn from and another to compare with"
     )]
     NoTest { material: String, person: String },
-    #[error("{recording} cannot be processed: {source}")]
+    #[error("cannot process {recording}: {source}")]
     Processing {
         recording: String,
         source: Box<ProcessingError>,
     },
-    #[error("no texture can be learned from {recording}: {source}")]
+    #[error("cannot learn a texture from {recording}: {source}")]
     Learning {
         recording: String,
         source: Box<LearnTextureError>,
@@ -131,7 +132,7 @@ impl std::fmt::Display for RecordingName {
     }
 }
 
-/// Evaluates a set of recordings, on all cores. `progress` gets the part done.
+/// Evaluates a set of recordings on all cores. `progress` receives the fraction done.
 pub fn evaluate(
     takes: &[Take],
     settings: &StudySettings,
@@ -149,7 +150,7 @@ pub fn evaluate(
     })
 }
 
-/// What is to be learned from and compared of a set of recordings. Its items are the textures, numbered by material and person.
+/// The items of a study: the textures to learn and compare, numbered by material and person.
 #[derive(Debug)]
 pub struct Study<'t> {
     expert: String,
@@ -158,17 +159,17 @@ pub struct Study<'t> {
     tests: Vec<&'t Take>,
 }
 
-/// A texture that was learned, and the window errors of what it plays along the tests: the expert's along those of all materials, another
-/// person's along those of its own material.
+/// A learned texture with the window errors of its renderings along the tests: the expert's along those of
+/// all materials, another person's along those of the same material.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compared {
-    /// Which item of the study it is, from 0.
+    /// Number of the item in the study, from 0.
     pub number: usize,
-    /// What it was learned from.
+    /// Name of the recording that it was learned from.
     pub name: RecordingName,
     /// The texture.
     pub texture: TextureModel,
-    /// By material: one for each test.
+    /// Errors by material, one per test.
     pub errors: BTreeMap<String, Vec<ErrorStatistics>>,
 }
 
@@ -212,20 +213,21 @@ impl<'t> Study<'t> {
         })
     }
 
-    /// Whose takes the tests are.
+    /// The person whose takes are the tests.
     pub fn expert(&self) -> &str {
         &self.expert
     }
 
-    /// How many items there are.
+    /// Number of items.
     pub fn items(&self) -> usize {
         self.firsts.len()
     }
 
-    /// Learns and compares the items of a shard, or all, in their order. `progress` gets the part done.
+    /// Learns and compares the items of a shard, or all items, in order. `progress` receives the fraction
+    /// done.
     ///
     /// # Errors
-    /// That of the first item that has one.
+    /// The first error of an item.
     pub fn compare(
         &self,
         shard: Option<Shard>,
@@ -290,7 +292,8 @@ impl<'t> Study<'t> {
     }
 }
 
-/// Tables and map of all items of a study, in their order. What was learned from is not among them: [`Evaluation::learned`] is empty.
+/// Computes tables and map of all items of a study, given in order. [`Evaluation::learned`] stays empty,
+/// since the items do not include the recordings.
 ///
 /// # Errors
 /// [`StudyError::Map`].
@@ -511,7 +514,7 @@ mod tests {
             takes.extend((1..=3).map(|number| take(material, "expert", number)));
             takes.push(take(material, "novice", 1));
         }
-        // Order of files does not matter.
+        // The result does not depend on the order of files.
         takes.reverse();
         let evaluation = evaluate(&takes, &settings(), &|_| ()).unwrap();
         assert_eq!(evaluation.expert, "expert");
@@ -523,7 +526,7 @@ mod tests {
         );
         let people = evaluation.people_table.unwrap().pooled(Pooling::Pair);
         assert_eq!((people.rows.len(), people.columns.len()), (2, 3));
-        // The expert's row of Table 2.2 is the diagonal of Table 2.1, where deviations are each pair's own.
+        // The expert's row of Table 2.2 is the diagonal of Table 2.1 if deviations are pooled by pair.
         let row: Vec<f64> = people.differences[0].iter().copied().flatten().collect();
         assert_eq!(row, evaluation.materials_table.pooled(Pooling::Pair).diagonal());
         assert_eq!(evaluation.map.unwrap().k_means_purity, 1.0);

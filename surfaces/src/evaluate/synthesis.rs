@@ -7,16 +7,16 @@ use crate::{Coefficients, Interpolator, TextureModel};
 use haptograph_signal::arma::{ArmaError, ArmaFilter, Form, WarpedLattice};
 use haptograph_signal::filter::{SectionsState, butterworth_lowpass, filtfilt};
 use haptograph_signal::noise::{Gaussian, stream_seed};
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 
-/// How vibrations are synthesised.
+/// Settings of the synthesis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SynthesisSettings {
-    /// How often coefficients are interpolated; 240 Hz in chapter 2.
+    /// Rate at which coefficients are interpolated, Hz; 240 in chapter 2.
     pub update_hz: f64,
-    /// Seed of the excitation: in a graph, of the node `Excitation`.
+    /// Seed of the excitation; in a graph, that of the node `Excitation`.
     pub seed: u64,
-    /// Seed of the lines: in a graph, of the node `ArmaFilter`.
+    /// Seed of the lines; in a graph, that of the node `ArmaFilter`.
     pub lines_seed: u64,
 }
 
@@ -33,11 +33,11 @@ impl Default for SynthesisSettings {
 /// Speed and force over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
-    /// Samples a second.
+    /// Sampling rate, Hz.
     pub rate_hz: f64,
     /// Speed, m/s.
     pub speed_m_s: Vec<f64>,
-    /// Normal force, N; as long.
+    /// Normal force, N; as long as the speed.
     pub force_n: Vec<f64>,
 }
 
@@ -53,18 +53,18 @@ impl Trajectory {
     }
 }
 
-/// A smoothed random walk through speed and force, as of a hand that explores without a plan (thesis 2.5.4).
+/// A smoothed random walk through speed and force, like a hand that explores freely (thesis 2.5.4).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RandomWalk {
-    /// How long, s.
+    /// Duration, s.
     pub seconds: f64,
-    /// Samples a second.
+    /// Sampling rate, Hz.
     pub rate_hz: f64,
-    /// Speed from and to, m/s. Both ends are reached.
+    /// Range of the speed, m/s; both ends are reached.
     pub speed_m_s: (f64, f64),
-    /// Force from and to, N. Both ends are reached.
+    /// Range of the force, N; both ends are reached.
     pub force_n: (f64, f64),
-    /// What varies faster is smoothed away.
+    /// Cut-off frequency of the smoothing.
     pub cutoff_hz: f64,
     /// Seed.
     pub seed: u64,
@@ -84,14 +84,14 @@ impl Default for RandomWalk {
     }
 }
 
-/// Updates after which progress is told again.
+/// Updates between two calls of `progress`.
 pub(super) const TOLD_EVERY: usize = 512;
 
-/// Samples a second of the walk before it is interpolated.
+/// Rate of the walk before interpolation, Hz.
 const WALK_HZ: f64 = 100.0;
 
 impl RandomWalk {
-    /// The walk. Empty for no time or no rate.
+    /// Computes the walk; empty for zero duration or rate.
     pub fn trajectory(&self) -> Trajectory {
         let samples = (self.seconds * self.rate_hz).max(0.0) as usize;
         let mut noise = Gaussian::new(self.seed);
@@ -112,15 +112,15 @@ impl RandomWalk {
         }
     }
 
-    /// A walk between reflecting walls, smoothed and stretched to 0..1.
+    /// A walk between reflecting walls, smoothed and scaled to 0..1.
     fn walk(&self, noise: &mut Gaussian) -> Vec<f64> {
         let steps = (self.seconds * WALK_HZ).max(0.0) as usize + 2;
         let mut place = 0.5;
         let walk: Vec<f64> = (0..steps)
             .map(|_| {
-                // A deviation of 0.7 in a second: it crosses the range every few.
+                // A standard deviation of 0.7 per second: the walk crosses the range every few seconds.
                 place += 0.07 * noise.next_sample();
-                // Reflection, however far it went.
+                // Reflection of any overshoot.
                 place = 1.0 - (place.rem_euclid(2.0) - 1.0).abs();
                 place
             })
@@ -144,7 +144,7 @@ impl RandomWalk {
     }
 }
 
-/// Why nothing was synthesised.
+/// Error of a synthesis.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum SynthesisError {
@@ -154,32 +154,34 @@ pub enum SynthesisError {
     Rates { texture_hz: f64, trajectory_hz: f64 },
     #[error("the trajectory has {speeds} speeds but {forces} forces")]
     Lengths { speeds: usize, forces: usize },
-    #[error("coefficients cannot be updated at {update_hz} Hz")]
+    #[error("the update rate of {update_hz} Hz is out of range")]
     UpdateRate { update_hz: f64 },
-    #[error("the texture has coefficients that no filter takes: {0}")]
+    #[error("the texture has invalid filter coefficients: {0}")]
     Filter(#[from] ArmaError),
+    #[error("the synthesis was stopped")]
+    Stopped,
 }
 
-/// The acceleration, m/s², that `texture` gives along `trajectory`: white noise of the interpolated variance, crackling as
-/// the texture does, through the interpolated filter, which is updated at [`SynthesisSettings::update_hz`]; and the texture's
-/// lines beside it.
+/// The acceleration, m/s², of `texture` along `trajectory`: white noise with the interpolated variance and
+/// the texture's crackle, through the interpolated filter, which is updated at
+/// [`SynthesisSettings::update_hz`], plus the texture's lines.
 pub fn synthesise(
     texture: &TextureModel,
     trajectory: &Trajectory,
     settings: &SynthesisSettings,
 ) -> Result<Vec<f64>, SynthesisError> {
-    synthesise_with(texture, trajectory, settings, &|_| ())
+    synthesise_with(texture, trajectory, settings, &|_| ControlFlow::Continue(()))
 }
 
-/// The same; `progress` gets the part done, every few seconds of the vibration.
+/// The same; `progress` receives the fraction done, every few seconds of the vibration, and says whether to go on.
 ///
 /// # Errors
-/// As [`synthesise`].
+/// As [`synthesise`]; [`SynthesisError::Stopped`] where `progress` breaks.
 pub fn synthesise_with(
     texture: &TextureModel,
     trajectory: &Trajectory,
     settings: &SynthesisSettings,
-    progress: &dyn Fn(f64),
+    progress: &dyn Fn(f64) -> ControlFlow<()>,
 ) -> Result<Vec<f64>, SynthesisError> {
     check(texture, trajectory, settings)?;
     let Trajectory {
@@ -204,8 +206,8 @@ pub fn synthesise_with(
     let mut excitation = vec![];
     let updates = updates(*rate_hz, settings.update_hz, speed_m_s.len());
     for (number, (place, samples)) in updates.enumerate() {
-        if number % TOLD_EVERY == 0 {
-            progress(place as f64 / speed_m_s.len() as f64);
+        if number % TOLD_EVERY == 0 && progress(place as f64 / speed_m_s.len() as f64).is_break() {
+            return Err(SynthesisError::Stopped);
         }
         let spot = interpolator.interpolate(speed_m_s[place], force_n[place], &mut coefficients);
         let is_warped = coefficients.warping != 0.0;
@@ -241,7 +243,7 @@ pub fn synthesise_with(
     Ok(vibration)
 }
 
-/// Refuses what does not fit together.
+/// Checks that texture, trajectory and settings match.
 pub(super) fn check(
     texture: &TextureModel,
     trajectory: &Trajectory,
@@ -265,8 +267,9 @@ pub(super) fn check(
     Ok(())
 }
 
-/// The updates of a filter as a graph's clocks make them: at which sample speed and force are taken, and for which samples
-/// the filter then stands. Update k is at the first sample at or after k / `update_hz`, and takes the last at or before it.
+/// The filter updates as a graph's clocks schedule them: the sample at which speed and force are read, and
+/// the range of samples for which the filter then applies. Update k is at the first sample at or after k /
+/// `update_hz` and reads the last sample at or before it.
 pub(super) fn updates(
     rate_hz: f64,
     update_hz: f64,

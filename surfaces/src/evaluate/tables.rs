@@ -1,5 +1,5 @@
-//! Virtual textures against recordings: how far the vibration that a texture gives along a recording's speed and force is from what was
-//! recorded (thesis 2.5.2 and 2.5.3).
+//! Tables of spectral differences between recordings and the vibrations of virtual textures along the
+//! recordings' speed and force (thesis 2.5.2 and 2.5.3).
 
 use super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, synthesise};
 use crate::TextureModel;
@@ -9,14 +9,14 @@ use crate::metrics::{
 use crate::recording::ProcessedRecording;
 use crate::statistics::{mean, standard_deviation};
 
-/// How tables are made.
+/// Settings of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TableSettings {
-    /// Windows of the metric; of 25.6 ms if `None`.
+    /// Windows of the metric; `None` for 25.6 ms.
     pub windows: Option<WindowSettings>,
-    /// What deviations are pooled over.
+    /// Set over which deviations are pooled.
     pub pooling: Pooling,
-    /// How textures are played.
+    /// Synthesis settings of the textures.
     pub synthesis: SynthesisSettings,
 }
 
@@ -36,38 +36,39 @@ pub struct TestSet<'a> {
     pub recordings: Vec<&'a ProcessedRecording>,
 }
 
-/// Spectral differences, one row a virtual texture (or person), one column a material.
+/// Spectral differences, one row per virtual texture (or person), one column per material.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DifferenceTable {
     /// Names of the rows.
     pub rows: Vec<String>,
     /// Names of the columns.
     pub columns: Vec<String>,
-    /// Spectral differences by row, then column, averaged over the column's recordings; `None` where there is no texture.
+    /// Spectral differences by row, then column, averaged over the column's recordings; `None` without a
+    /// texture.
     pub differences: Vec<Vec<Option<f64>>>,
-    /// What the deviations in the differences were pooled over.
+    /// Set over which the deviations were pooled.
     pub pooling: Pooling,
-    /// The window errors behind each difference, by the column's recordings.
+    /// The window errors of each difference, by the column's recordings.
     pub errors: Vec<Vec<Option<Vec<ErrorStatistics>>>>,
 }
 
-/// Why no table was made.
+/// Error of a table.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum TableError {
-    #[error("recording {recording} (from 0) of {material} cannot be compared: {source}")]
+    #[error("cannot compare recording {recording} (from 0) of {material}: {source}")]
     Recording {
         material: String,
         recording: usize,
         source: MetricError,
     },
-    #[error("the texture in row {row} cannot be played along the recordings of {material}: {source}")]
+    #[error("cannot render the texture in row {row} along the recordings of {material}: {source}")]
     Synthesis {
         row: String,
         material: String,
         source: SynthesisError,
     },
-    #[error("what row {row} plays along the recordings of {material} cannot be compared: {source}")]
+    #[error("cannot compare the rendering of row {row} with the recordings of {material}: {source}")]
     Comparison {
         row: String,
         material: String,
@@ -75,7 +76,7 @@ pub enum TableError {
     },
 }
 
-/// Test recordings of all materials as the metric sees them, and the trajectories to play textures along.
+/// Spectra of the test recordings of all materials, and the trajectories to render textures along.
 #[derive(Debug)]
 pub struct References {
     materials: Vec<(String, Vec<Reference>)>,
@@ -88,7 +89,7 @@ struct Reference {
 }
 
 impl References {
-    /// Those of these tests, column by column.
+    /// The references of these tests, by column.
     pub fn of(tests: &[TestSet<'_>], settings: &TableSettings) -> Result<Self, TableError> {
         let reference = |material: &str, (index, recording): (usize, &&ProcessedRecording)| {
             let signals = recording.signals();
@@ -201,20 +202,21 @@ impl DifferenceTable {
         )
     }
 
-    /// The difference between each texture and its own material, where rows and columns are the same materials in the same order.
+    /// The difference between each texture and its own material, for rows and columns in the same order.
     pub fn diagonal(&self) -> Vec<f64> {
         (0..self.rows.len().min(self.columns.len()))
             .filter_map(|i| self.differences[i][i])
             .collect()
     }
 
-    /// Mean and two sample standard deviations of the diagonal: the thesis's bound of what counts as alike (4.72 there).
+    /// Mean plus two sample standard deviations of the diagonal, the thesis's threshold of similarity (4.72
+    /// there).
     pub fn baseline(&self) -> f64 {
         let diagonal = self.diagonal();
         mean(&diagonal) + 2.0 * standard_deviation(&diagonal)
     }
 
-    /// Whether a cell is the least of its row.
+    /// True if a cell is the smallest of its row.
     pub fn is_least_of_row(&self, row: usize, column: usize) -> bool {
         let least = self.differences[row]
             .iter()
@@ -224,7 +226,7 @@ impl DifferenceTable {
         self.differences[row][column] == Some(least)
     }
 
-    /// Whether a cell is the least of its column.
+    /// True if a cell is the smallest of its column.
     pub fn is_least_of_column(&self, row: usize, column: usize) -> bool {
         let least = self
             .differences
@@ -234,14 +236,15 @@ impl DifferenceTable {
         self.differences[row][column] == Some(least)
     }
 
-    /// Whether every texture is nearest to its own material, and every material to its own texture.
+    /// True if every texture is nearest to its own material, and every material to its own texture.
     pub fn diagonal_is_least(&self) -> bool {
         let count = self.rows.len().min(self.columns.len());
         (0..count).all(|i| self.is_least_of_row(i, i) && self.is_least_of_column(i, i))
     }
 
-    /// By how much the worst-told texture is nearer to its own material than another texture, or than to another material:
-    /// the difference (below zero where the other is nearer), and row and column of the other cell. `None` of one material.
+    /// The smallest margin between a texture's own material and another cell of its row or column: the
+    /// difference (negative if the other is nearer), and row and column of the other cell. `None` for a
+    /// single material.
     pub fn smallest_margin(&self) -> Option<(f64, usize, usize)> {
         let count = self.rows.len().min(self.columns.len());
         let own = |i: usize| self.differences[i][i];
@@ -253,7 +256,7 @@ impl DifferenceTable {
         margins.min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    /// Mean and sample standard deviation of each row, as Table 2.2 has them; one value has no deviation.
+    /// Mean and sample standard deviation of each row, as in Table 2.2; a single value has no deviation.
     pub fn row_statistics(&self) -> Vec<(f64, Option<f64>)> {
         let statistics = |row: &Vec<Option<f64>>| {
             let values: Vec<f64> = row.iter().copied().flatten().collect();
@@ -270,7 +273,7 @@ mod tests {
     use crate::learning::texture::learn_texture;
     use crate::recording::synthetic::drag;
 
-    /// Three materials that ring at different frequencies.
+    /// Three materials with different resonances.
     fn recording(material: usize, seed: u64) -> ProcessedRecording {
         let steps: Vec<_> = (0..9)
             .map(|i| {

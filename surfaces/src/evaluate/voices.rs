@@ -1,4 +1,4 @@
-//! The vibrations of many textures at once: side by side in SIMD lanes, each the same to the bit whatever the others.
+//! Synthesis of many textures at once in SIMD lanes. The bits of a voice do not depend on the others.
 
 mod group;
 
@@ -6,33 +6,34 @@ use super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, check};
 use crate::TextureModel;
 use group::{Group, LANES};
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// A vibration that is wanted: see [`synthesise`](super::synthesise).
+/// A vibration to synthesise: see [`synthesise`](super::synthesise).
 #[derive(Debug, Clone, Copy)]
 pub struct Voice<'a> {
-    /// What sounds.
+    /// Its texture.
     pub texture: &'a TextureModel,
-    /// Along what.
+    /// Its trajectory.
     pub trajectory: &'a Trajectory,
-    /// And how.
+    /// Its settings.
     pub settings: SynthesisSettings,
 }
 
-/// Why nothing was synthesised.
+/// Error of a voice.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("voice {voice} (from 0): {source}")]
 pub struct VoiceError {
-    /// The voice's number, from 0.
+    /// Number of the voice, from 0.
     pub voice: usize,
-    /// What is wrong with it.
+    /// The error.
     pub source: SynthesisError,
 }
 
-/// What voices have in common that share lanes: then no operation is done for the sake of a neighbour.
+/// Common properties of voices that share lanes, so that no lane does operations for the sake of another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Shape {
-    /// Rate, updates a second and warping factor, as bits.
+    /// Sampling rate, update rate and warping factor, as bits.
     numbers: [u64; 3],
     orders: [usize; 2],
     crackles: bool,
@@ -53,25 +54,26 @@ impl Shape {
     }
 }
 
-/// The acceleration, m/s², of each voice, on so many threads.
+/// The acceleration, m/s², of each voice, computed on `threads` threads.
 ///
-/// A voice has the same bits in any company and on any number of threads, and those of [`synthesise`](super::synthesise) but for rounding. Memory is
-/// that of the vibrations. Voices of one order and rate fill the lanes best, sixteen at a time.
+/// A voice has the same bits for any other voices and any number of threads; they equal those of
+/// [`synthesise`](super::synthesise) except for rounding. Memory is that of the vibrations. Voices of one
+/// order and rate fill the lanes best, sixteen at a time.
 ///
 /// # Errors
-/// What [`synthesise`](super::synthesise) says of a voice that it would refuse.
+/// The error that [`synthesise`](super::synthesise) would return for a voice.
 pub fn synthesise_many(voices: &[Voice<'_>], threads: usize) -> Result<Vec<Vec<f64>>, VoiceError> {
-    synthesise_many_with(voices, threads, &|_| ())
+    synthesise_many_with(voices, threads, &|_| ControlFlow::Continue(()))
 }
 
-/// The same; `progress` gets the part done, from any thread.
+/// The same; `progress` receives the fraction done, from any thread, and says whether to go on.
 ///
 /// # Errors
-/// As [`synthesise_many`].
+/// As [`synthesise_many`]; [`SynthesisError::Stopped`] where `progress` breaks.
 pub fn synthesise_many_with(
     voices: &[Voice<'_>],
     threads: usize,
-    progress: &(dyn Fn(f64) + Sync),
+    progress: &(dyn Fn(f64) -> ControlFlow<()> + Sync),
 ) -> Result<Vec<Vec<f64>>, VoiceError> {
     let groups = groups(voices)?;
     let samples = |number: &usize| voices[*number].trajectory.speed_m_s.len();
@@ -79,7 +81,7 @@ pub fn synthesise_many_with(
     let (all, done) = (longest.sum::<usize>(), AtomicUsize::new(0));
     let advance = |samples: usize| {
         let done = done.fetch_add(samples, Ordering::Relaxed) + samples;
-        progress(done as f64 / all.max(1) as f64);
+        progress(done as f64 / all.max(1) as f64)
     };
     let next = AtomicUsize::new(0);
     let work = || {
@@ -106,7 +108,7 @@ pub fn synthesise_many_with(
     Ok(vibrations)
 }
 
-/// The numbers of voices that share lanes.
+/// The numbers of the voices in each group that shares lanes.
 fn groups(voices: &[Voice<'_>]) -> Result<Vec<Vec<usize>>, VoiceError> {
     let mut shapes: BTreeMap<Shape, Vec<usize>> = BTreeMap::new();
     for (number, voice) in voices.iter().enumerate() {
@@ -120,11 +122,11 @@ fn groups(voices: &[Voice<'_>]) -> Result<Vec<Vec<usize>>, VoiceError> {
     Ok(groups.map(<[usize]>::to_vec).collect())
 }
 
-/// The vibrations of a group, by number. `advance` gets how many samples more are done.
+/// The vibrations of a group, by number. `advance` receives the number of further samples done, and says whether to go on.
 fn play(
     voices: &[Voice<'_>],
     numbers: &[usize],
-    advance: &dyn Fn(usize),
+    advance: &dyn Fn(usize) -> ControlFlow<()>,
 ) -> Result<Vec<(usize, Vec<f64>)>, VoiceError> {
     let members: Vec<&Voice<'_>> = numbers.iter().map(|number| &voices[*number]).collect();
     let played = Group::new(&members)

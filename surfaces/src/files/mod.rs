@@ -14,8 +14,8 @@ use haptograph_signal::files;
 use std::path::{Path, PathBuf};
 
 pub use hatt::{HattProblem, HattWriteError};
-pub use write::write_atomically;
-pub(crate) use write::{TEMPORARY, write_atomically_by};
+pub(crate) use write::TEMPORARY;
+pub use write::{write_atomically, write_atomically_by};
 
 /// Most models in one texture of a file.
 pub const MAX_MODELS: usize = 1024;

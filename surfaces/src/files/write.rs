@@ -9,11 +9,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub(crate) const TEMPORARY: &str = ".tmp";
 
 /// Writes `bytes` to `path` atomically: through a temporary file in the same folder.
+///
+/// # Errors
+/// Those of the file system; the file is then as it was.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_atomically_by(path, |file| file.write_all(bytes))
 }
 
 /// The same, with the content that `fill` writes.
+///
+/// # Errors
+/// As [`write_atomically`], and those of `fill`.
 pub fn write_atomically_by<T>(path: &Path, fill: impl FnOnce(&mut File) -> io::Result<T>) -> io::Result<T> {
     static WRITES: AtomicU64 = AtomicU64::new(0);
     let name = path

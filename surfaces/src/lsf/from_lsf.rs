@@ -14,10 +14,10 @@ pub fn lsf_to_ar(lsf: &[f64], ar: &mut [f64]) {
     lsf_to_ar_lanes(lsf.as_chunks::<1>().0, ar.as_chunks_mut::<1>().0);
 }
 
-/// [`lsf_to_ar`] of as many polynomials as there are lanes, row k the k-th number of all, with the same bits.
+/// [`lsf_to_ar`] for one polynomial per lane, with the same bits; row k holds the k-th value of all lanes.
 ///
 /// # Panics
-/// As there.
+/// As [`lsf_to_ar`].
 #[inline(always)]
 pub(crate) fn lsf_to_ar_lanes<const L: usize>(lsf: &[[f64; L]], ar: &mut [[f64; L]]) {
     let order = lsf.len();
@@ -74,7 +74,7 @@ const SPREAD: [[u8; MAX_FACTORS]; MAX_FACTORS + 1] = {
     while count <= MAX_FACTORS {
         let (mut placed, mut k) = (0, 0_u8);
         while k < MAX_FACTORS as u8 {
-            // Of four bits, in reverse.
+            // Reverses four bits.
             let reversed = k.reverse_bits() >> 4;
             if (reversed as usize) < count {
                 orders[count][placed] = reversed;
@@ -87,10 +87,10 @@ const SPREAD: [[u8; MAX_FACTORS]; MAX_FACTORS + 1] = {
     orders
 };
 
-/// The sum and the difference polynomial of as many voices as there are lanes: a coefficient of each.
+/// A coefficient of the sum and of the difference polynomial, for each lane.
 type Pair<const L: usize> = [[f64; L]; 2];
 
-/// A number of each polynomial and lane.
+/// Evaluates `f` for each polynomial and lane.
 #[inline(always)]
 fn each<const L: usize>(f: impl Fn(usize, usize) -> f64) -> Pair<L> {
     std::array::from_fn(|i| std::array::from_fn(|l| f(i, l)))
@@ -116,7 +116,7 @@ fn multiply<const L: usize>(half: &mut [Pair<L>; MAX_FACTORS + 1], factors: usiz
 }
 
 /// Cosine on [0, π] to within two units in the last place of 1, by a Chebyshev fit of the sine about π/2: without the
-/// system library's branches, so that several go side by side.
+/// system library's branches, so that it vectorises.
 #[inline(always)]
 fn cos(x: f64) -> f64 {
     const FRAC_PI_2_LOW: f64 = 6.123233995736766e-17;

@@ -3,8 +3,8 @@
 //! On the unit circle the sum and the difference polynomial are Chebyshev series in x = cos(frequency), whose zeros
 //! alternate. A grid finds them by their changes of sign, and all are refined side by side. Where a cell of the grid
 //! hides several zeros of one polynomial, those of the other separate them; where it hides several of both, the phase
-//! of the lattice does, which no cluster can confuse. What was found is converted back and compared, and corrected by
-//! what is left over.
+//! of the lattice does, which no cluster can confuse. The result is converted back, compared, and corrected
+//! by the remainder.
 
 use super::{MAX_ORDER, NotStable, lsf_to_ar};
 use haptograph_signal::prediction::ar_to_reflection;
@@ -44,12 +44,13 @@ pub fn ar_to_lsf(ar: &[f64], lsf: &mut [f64]) -> Result<(), NotStable> {
 
 /// Corrections stop once the coefficients come back this well, relative to the largest.
 const EXACT: f64 = 1e-13;
-/// When they come back no better than this, the phase is asked.
+/// With a larger error, the zeros are found by the phase instead.
 const GOOD_ENOUGH: f64 = 1e-10;
 
-/// Converts ascending `lsf` back, and moves them by what they leave of `ar`, to first order, as long as that helps.
-/// Each zero found on its own has the rounding error of its polynomial's value to it, which close neighbours amplify;
-/// the remainder's value has hardly any. Returns the largest difference of coefficients that is left.
+/// Converts ascending `lsf` back and corrects them by the remainder of `ar`, to first order, as long as that
+/// helps. Each zero found alone carries the rounding error of its polynomial's value, which close neighbours
+/// amplify; the value of the remainder carries hardly any. Returns the largest remaining difference of
+/// coefficients.
 fn correct(ar: &[f64], lsf: &mut [f64]) -> f64 {
     let order = ar.len();
     let scale = ar.iter().fold(1.0_f64, |scale, a| scale.max(a.abs()));
@@ -76,7 +77,8 @@ fn correct(ar: &[f64], lsf: &mut [f64]) -> f64 {
     left
 }
 
-/// What `lsf` leaves of `ar`, coefficient by coefficient, and the largest of it.
+/// The remainder of `ar` after subtraction of the polynomial of `lsf`, by coefficient, and its largest
+/// magnitude.
 fn remainder(ar: &[f64], lsf: &[f64], left: &mut [f64]) -> f64 {
     lsf_to_ar(lsf, left);
     for (left, a) in left.iter_mut().zip(ar) {
@@ -298,7 +300,7 @@ fn refine<const N: usize>(
         for i in 0..N {
             let (x, y) = ([x[0][i], x[1][i], here.0[i]], [y[0][i], y[1][i], here.1[i]]);
             let (to, last) = (inverse_quadratic(x, y), x[2] - x[1]);
-            // A step longer than the last is rounding, if that was short, and no convergence if it was not.
+            // A longer step than the last one is rounding if the last was short, and divergence otherwise.
             let shrinks = (to - x[2]).abs() < last.abs();
             next[i] = if shrinks { to } else { x[2] };
             step[i] = if shrinks {
@@ -320,7 +322,7 @@ fn refine<const N: usize>(
         };
         let step = PI / CELLS as f64;
         let slowly = || within(series, cell[i] as f64 * step, (cell[i] + 1) as f64 * step);
-        // Neither can fail where the sign changes; a value out of order is looked into by the caller.
+        // Neither fails if the sign changes; the caller checks the order of the values.
         lsf[first + 2 * i] = settled.or_else(slowly).unwrap_or(0.0);
     }
 }

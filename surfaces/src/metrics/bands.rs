@@ -1,37 +1,40 @@
-//! Powers in third-octave bands from 20 to 1000 Hz, of signals and of models, and how far two sets of them are apart.
+//! Powers in third-octave bands from 20 to 1000 Hz, of signals and of models, and the errors between two sets
+//! of powers.
 //!
-//! Signals are estimated by several sine tapers (Riedel and Sidorenko 1995), whose resolution is never coarser than the
-//! narrowest band. Only bands count that the rate holds and the duration can tell.
+//! Signals are estimated with several sine tapers (Riedel and Sidorenko 1995), whose resolution is never
+//! coarser than the narrowest band. Only bands within the rate and with enough degrees of freedom for the
+//! duration are used.
 
 use haptograph_signal::{Complex64, fft};
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Bands lie around 1000 · 10^(k/10) Hz, from this k to 0: 20 Hz to 1000 Hz.
+/// Bands are centred at 1000 · 10^(k/10) Hz, for k from this value to 0: 20 Hz to 1000 Hz.
 const LOWEST: i32 = -17;
-/// Third octaves that a short take counts as one: 20 to 40 Hz.
+/// Number of third octaves merged into one band for a short take: 20 to 40 Hz.
 const LOW_BANDS: usize = 4;
-/// Takes under this cannot tell 20 Hz from 25, s.
+/// Duration below which a take cannot resolve 20 Hz from 25 Hz, s.
 pub const SHORT_S: f64 = 4.0;
-/// Upper edges of bands lie below this part of the rate.
+/// Maximum upper edge of a band, relative to the rate.
 const HIGHEST_PART: f64 = 0.45;
-/// Fewer degrees of freedom make no estimate of a power.
+/// Minimum degrees of freedom of a power estimate.
 const LEAST_DEGREES: f64 = 4.0;
-/// Most tapers of an estimate: more smooth no further what bands sum up anyway.
+/// Maximum number of tapers: more would only smooth what bands already sum.
 const MOST_TAPERS: usize = 6;
-/// Points at which a density is taken in each band.
+/// Points per band at which a density is evaluated.
 const POINTS: usize = 64;
-/// From 40 to 250 Hz the displacement that the Pacinian channel just feels falls by 12 dB an octave (Verrillo 1963, contactors of
-/// 2.9 cm² and more on the thenar eminence, as summed up by Gescheider and Verrillo 1979, doi 10.1007/978-1-4613-3039-4_10): by
-/// acceleration all of these bands are felt alike.
+/// From 40 to 250 Hz the detection threshold of the Pacinian channel, as a displacement, falls by 12 dB per
+/// octave (Verrillo 1963, contactors of 2.9 cm² and more on the thenar eminence, as summarised by Gescheider
+/// and Verrillo 1979, doi 10.1007/978-1-4613-3039-4_10): as an acceleration the threshold is the same in all
+/// of these bands.
 const PACINIAN_HZ: (f64, f64) = (40.0, 250.0);
-/// A band that is empty on one side only is off by this, dB.
+/// Error of a band that is empty on one side only, dB.
 const MOST_DB: f64 = 100.0;
 
-/// A band of frequencies.
+/// A frequency band.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Band {
-    /// Middle on a logarithmic scale, Hz.
+    /// Centre on a logarithmic scale, Hz.
     pub centre_hz: f64,
     /// Lower edge, Hz.
     pub low_hz: f64,
@@ -39,15 +42,15 @@ pub struct Band {
     pub high_hz: f64,
 }
 
-/// The bands that count for vibrations of some rate and duration.
+/// The bands for vibrations of a rate and duration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bands {
     bands: Vec<Band>,
 }
 
 impl Bands {
-    /// Third octaves from 20 to 1000 Hz whose upper edge is below 0.45 of the rate and that hold at least four degrees
-    /// of freedom in `seconds`; in takes under 4 s those from 20 to 40 Hz are one band.
+    /// Third octaves from 20 to 1000 Hz whose upper edge is below 0.45 of the rate and that have at least
+    /// four degrees of freedom in `seconds`; in takes under 4 s those from 20 to 40 Hz are one band.
     pub fn counted(seconds: f64, rate_hz: f64) -> Self {
         let third = |k: i32| Band::between(10f64.powf(2.95 + f64::from(k) / 10.0), 1.0 / 10.0);
         let mut bands: Vec<Band> = (LOWEST..=0).map(third).collect();
@@ -60,7 +63,7 @@ impl Bands {
         Self { bands }
     }
 
-    /// All that the rate holds, for what has no duration: models.
+    /// All bands within the rate, for models, which have no duration.
     pub fn of_rate(rate_hz: f64) -> Self {
         Self::counted(f64::INFINITY, rate_hz)
     }
@@ -70,17 +73,17 @@ impl Bands {
         &self.bands
     }
 
-    /// How many there are.
+    /// Number of bands.
     pub fn len(&self) -> usize {
         self.bands.len()
     }
 
-    /// Whether no band counts.
+    /// True if there are no bands.
     pub fn is_empty(&self) -> bool {
         self.bands.is_empty()
     }
 
-    /// Which bands lie between two frequencies, to a hundredth of a band.
+    /// Selects the bands between two frequencies, to a hundredth of a band.
     fn within(&self, low_hz: f64, high_hz: f64) -> impl Fn(usize) -> bool + '_ {
         move |band| {
             let centre_hz = self.bands[band].centre_hz;
@@ -88,7 +91,7 @@ impl Bands {
         }
     }
 
-    /// Powers of a signal, which may come in several pieces that do not adjoin; each counts by its length.
+    /// Powers of a signal in one or several separate pieces, weighted by length.
     pub fn of_signal<'a>(&self, pieces: impl IntoIterator<Item = &'a [f64]>, rate_hz: f64) -> BandPowers {
         let mut powers = vec![0.0; self.len()];
         let mut samples = 0;
@@ -103,7 +106,7 @@ impl Bands {
         self.powers(powers)
     }
 
-    /// Powers of a one-sided density in unit squared per Hz, given at any frequency.
+    /// Powers of a one-sided density in unit squared per Hz, as a function of frequency.
     pub fn of_density(&self, density: impl Fn(f64) -> f64) -> BandPowers {
         let power = |band: &Band| {
             let step = (band.high_hz / band.low_hz).powf(1.0 / POINTS as f64);
@@ -126,7 +129,7 @@ impl Bands {
         }
     }
 
-    /// Sine tapers for a piece: as many as keep the resolution within the narrowest band.
+    /// Number of sine tapers for a piece that keeps the resolution within the narrowest band.
     fn tapers(&self, seconds: f64) -> usize {
         let width = |band: &Band| band.high_hz - band.low_hz;
         let narrowest = self.bands.iter().map(width).fold(f64::INFINITY, f64::min);
@@ -162,7 +165,7 @@ impl Bands {
 }
 
 impl Band {
-    /// From a frequency up by so many decades.
+    /// The band from a frequency up by `decades`.
     fn between(low_hz: f64, decades: f64) -> Self {
         Self {
             centre_hz: low_hz * 10f64.powf(0.5 * decades),
@@ -172,7 +175,7 @@ impl Band {
     }
 }
 
-/// Power by bin from 0 to half the rate, one-sided: together the mean square of the tapered signal.
+/// Power by bin from 0 to half the rate, one-sided; the sum is the mean square of the tapered signal.
 fn multitaper(signal: &[f64], tapers: usize) -> Vec<f64> {
     let length = signal.len();
     let size = length.next_power_of_two().max(2);
@@ -185,7 +188,7 @@ fn multitaper(signal: &[f64], tapers: usize) -> Vec<f64> {
         let angle = PI * (order + 1) as f64 * (n + 1) as f64 / (length as f64 + 1.0);
         scale * angle.sin()
     };
-    // Two tapers at a time, as real and imaginary part.
+    // Two tapers per transform, as real and imaginary part.
     for first in (0..tapers).step_by(2) {
         buffer.fill(Complex64::default());
         for (n, (value, x)) in buffer.iter_mut().zip(signal).enumerate() {
@@ -201,7 +204,7 @@ fn multitaper(signal: &[f64], tapers: usize) -> Vec<f64> {
             *power += buffer[bin].norm_sqr() + buffer[(size - bin) % size].norm_sqr();
         }
     }
-    // The two-sided sum over all bins is the size times the energy; the tapers' energy is one.
+    // The two-sided sum over all bins is the size times the energy; each taper has energy one.
     let all = 1.0 / (size as f64 * tapers as f64);
     power.iter_mut().for_each(|power| *power *= all);
     power[0] *= 0.5;
@@ -222,17 +225,17 @@ impl BandPowers {
         &self.bands
     }
 
-    /// Their powers, from low to high.
+    /// The powers, from low to high.
     pub fn powers(&self) -> &[f64] {
         &self.powers
     }
 
-    /// Power in all bands.
+    /// Total power in all bands.
     pub fn total(&self) -> f64 {
         self.powers.iter().sum()
     }
 
-    /// Mean of several of the same bands; `None` of none.
+    /// Mean of several powers in the same bands; `None` if `of` is empty.
     pub fn mean(of: &[Self]) -> Option<Self> {
         let mut mean = of.first()?.clone();
         for (band, power) in mean.powers.iter_mut().enumerate() {
@@ -241,7 +244,7 @@ impl BandPowers {
         Some(mean)
     }
 
-    /// Shares of the power in nine bands from low to high, each of two third octaves where all count.
+    /// Shares of the power in nine bands from low to high, each of two third octaves if no band is omitted.
     pub fn shares_of_nine(&self) -> Vec<f64> {
         let total = self.total();
         let edge = |n: i32| 10f64.powf(2.95 + f64::from(LOWEST + 2 * n) / 10.0);
@@ -258,7 +261,7 @@ impl BandPowers {
     }
 }
 
-/// How far powers in bands are from recorded ones. Positive is too loud.
+/// Errors of band powers against recorded ones, positive if too loud.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BandErrors {
     /// The bands.
@@ -267,22 +270,23 @@ pub struct BandErrors {
     pub signed_db: Vec<f64>,
     /// Root mean square over all bands, dB.
     pub lsd_db: f64,
-    /// Root mean square over the bands from 100 to 500 Hz, dB; `None` where none counts.
+    /// Root mean square over the bands from 100 to 500 Hz, dB; `None` without such bands.
     pub middle_lsd_db: Option<f64>,
-    /// Root mean square over the bands from 40 to 250 Hz, which the Pacinian channel feels alike, dB; 0 where none counts.
+    /// Root mean square over the bands from 40 to 250 Hz, to which the Pacinian channel is equally sensitive,
+    /// dB; 0 without such bands.
     pub pacinian_lsd_db: f64,
     /// Mean of the bands' absolute errors, dB.
     pub absolute_db: f64,
-    /// Mean error of the bands from 20 to 40 Hz, dB; `None` where none counts.
+    /// Mean error of the bands from 20 to 40 Hz, dB; `None` without such bands.
     pub low_db: Option<f64>,
-    /// Error of the power in all bands, dB.
+    /// Error of the total power, dB.
     pub total_db: f64,
-    /// Part of the energy that lies in the wrong one of nine bands, 0 to 1.
+    /// Share of the energy in the wrong one of nine bands, 0 to 1.
     pub misplaced: f64,
 }
 
 impl BandErrors {
-    /// Errors of `played` against `recorded`, which have the same bands.
+    /// Errors of `played` against `recorded`, which must have the same bands.
     pub fn new(played: &BandPowers, recorded: &BandPowers) -> Self {
         let bands = &recorded.bands;
         let signed_db: Vec<f64> = differences_db(&played.powers, &recorded.powers);
@@ -306,8 +310,8 @@ impl BandErrors {
     }
 }
 
-/// Root mean square of the differences of powers band by band, dB: 0 for equal ones, none counted if there are none. A
-/// band that is empty on one side only counts as 100 dB.
+/// Root mean square of the differences between powers by band, dB; 0 without bands. A band that is empty on
+/// one side only counts as 100 dB.
 pub fn log_spectral_distance(a: &[f64], b: &[f64]) -> f64 {
     let differences = differences_db(a, b);
     weighted_rms(&differences, &vec![1.0; differences.len()]).unwrap_or(0.0)
@@ -337,7 +341,7 @@ fn weighted_rms(values: &[f64], weights: &[f64]) -> Option<f64> {
     (total > 0.0).then(|| (squares / total).sqrt())
 }
 
-/// The pieces of a signal in the given ranges; ranges beyond its end are cut.
+/// The pieces of a signal in the given ranges, clipped to its length.
 pub fn pieces<'a>(
     signal: &'a [f64],
     ranges: &'a [Range<usize>],

@@ -1,20 +1,20 @@
-//! Measures of vibrotactile codecs, SPQI and ST-SIM, as vibromaf 0.0.8 defines them (MIT licence, Hofbauer and Noll 2021), against its
-//! figures; and why they cannot judge textures. For tests only.
+//! Measures of vibrotactile codecs, SPQI and ST-SIM, as defined by vibromaf 0.0.8 (MIT licence, Hofbauer and
+//! Noll 2021), tested against its figures, and the reason why they cannot judge textures. For tests only.
 
 use super::{BandPowers, Bands, log_spectral_distance};
 use statrs::function::erf::erf;
 use std::f64::consts::{PI, SQRT_2, TAU};
 
-/// Samples of a block.
+/// Samples per block.
 const BLOCK: usize = 512;
-/// What samples are supposed to be: the definitions know no other rate.
+/// Sampling rate; the definitions support no other.
 const RATE_HZ: f64 = 8000.0;
 
 fn energy(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum()
 }
 
-/// Orthonormal cosine transform of a block in dB, over what is felt.
+/// Orthonormal cosine transform of a block in dB, above the perception thresholds.
 fn perceived_db(block: &[f64]) -> Vec<f64> {
     let n = block.len() as f64;
     let coefficient = |k: usize| {
@@ -28,7 +28,7 @@ fn perceived_db(block: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// A parabola of the logarithm of frequency; constant from where it is above zero.
+/// A parabola over the logarithm of frequency, clipped at zero.
 fn thresholds_db() -> Vec<f64> {
     let (slope, offset) = (1.0 / 550.0, 1.0 - 250.0 / 550.0);
     let at = |k: usize| {
@@ -72,7 +72,7 @@ fn st_sim(distorted: &[f64], reference: &[f64]) -> f64 {
     temporal.powf(2.0 / 3.0) * spectral.powf(1.0 / 3.0)
 }
 
-/// Uniform noise that any language can repeat.
+/// Portable uniform pseudo-random noise.
 fn noise(seed: u64) -> Vec<f64> {
     let mut state = seed;
     let mut next = || {
@@ -114,7 +114,7 @@ fn they_find_two_recordings_of_one_noise_as_unlike_as_can_be() {
     let bands = Bands::counted(2.0, RATE_HZ);
     let powers = |x: &[f64]| -> BandPowers { bands.of_signal([x], RATE_HZ) };
     let lsd = |x: &[f64]| log_spectral_distance(powers(x).powers(), powers(&one).powers());
-    // Of the same process, and a quarter of its power: which is nearer?
+    // A recording of the same process against a copy with a quarter of the power.
     assert!(
         lsd(&other) < 1.5 && lsd(&half) > 6.0,
         "{} {}",

@@ -1,23 +1,23 @@
-//! How rough and how fine a surface looks on a photograph (thesis sections 3.2.1 and 3.2.4).
+//! Visual roughness and fineness of a surface from a photograph (thesis sections 3.2.1 and 3.2.4).
 
 use haptograph_signal::{Complex64, fft};
 
-/// Gray values of a photograph.
+/// Grey values of a photograph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrayImage {
     width: usize,
     height: usize,
     pixels_per_mm: f64,
-    /// Row by row.
+    /// Pixels by row.
     pixels: Vec<f64>,
 }
 
-/// Why gray values make no image.
+/// Error of an image.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum ImageError {
     #[error(
-        "an image of {width} by {height} pixels needs as many gray values, and two each way at least; there are {values}"
+        "{values} gray values do not form an image of {width} by {height} pixels; both dimensions must be at least 2"
     )]
     Size {
         width: usize,
@@ -31,7 +31,7 @@ pub enum ImageError {
 }
 
 impl GrayImage {
-    /// An image of gray values (any unit), row by row.
+    /// An image of grey values (any unit), by row.
     pub fn new(
         width: usize,
         height: usize,
@@ -75,15 +75,16 @@ impl GrayImage {
     }
 }
 
-/// Deviation of the Gaussian that separates waviness from roughness, mm.
+/// Standard deviation of the Gaussian that separates waviness from roughness, mm.
 const WAVINESS_MM: f64 = 2.54;
-/// Gray levels that are told apart.
+/// Number of grey levels.
 const LEVELS: usize = 500;
 
-/// The angular second moment (Eq. 3.2.1) of the gray levels of neighbouring pixels in four directions, waviness taken out: 1 for an even
-/// surface, less the rougher it looks.
+/// The angular second moment (Eq. 3.2.1) of the grey levels of neighbouring pixels in four directions, after
+/// removal of the waviness: 1 for an even surface, smaller for a rougher one.
 ///
-/// Table 3.1's values (0.28 to 0.37) cannot be this number: with 500 levels, photographs give some 1e-4. They are not reproduced.
+/// The values of Table 3.1 (0.28 to 0.37) cannot be this number: with 500 levels, photographs yield about
+/// 1e-4. They are not reproduced.
 pub fn roughness(image: &GrayImage) -> f64 {
     let levels = gray_levels(&rough_component(image), image.rounding());
     angular_second_moment(&levels, image.width, image.height)
@@ -107,7 +108,7 @@ fn angular_second_moment(levels: &[usize], width: usize, height: usize) -> f64 {
     counts.iter().map(|&c| (f64::from(c) / total).powi(2)).sum()
 }
 
-/// The image less its waviness.
+/// The image minus its waviness.
 fn rough_component(image: &GrayImage) -> Vec<f64> {
     let sigma = WAVINESS_MM * image.pixels_per_mm;
     let reach = (4.0 * sigma).ceil() as usize;
@@ -123,7 +124,7 @@ fn rough_component(image: &GrayImage) -> Vec<f64> {
         .collect()
 }
 
-/// Each row under a symmetric kernel; beyond the border only what is there counts.
+/// Each row convolved with a symmetric kernel; beyond the border the kernel is renormalised.
 fn smoothed_rows(image: &GrayImage, weights: &[f64]) -> GrayImage {
     let mut pixels = Vec::with_capacity(image.pixels.len());
     for row in image.pixels.chunks(image.width) {
@@ -142,7 +143,7 @@ fn smoothed_rows(image: &GrayImage, weights: &[f64]) -> GrayImage {
     GrayImage { pixels, ..*image }
 }
 
-/// Values sorted into equal bins between their least and greatest, unless these differ by rounding only.
+/// Values sorted into equal bins between their minimum and maximum, unless these differ by rounding only.
 fn gray_levels(values: &[f64], rounding: f64) -> Vec<usize> {
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -157,14 +158,14 @@ fn gray_levels(values: &[f64], rounding: f64) -> Vec<usize> {
     values.iter().map(level).collect()
 }
 
-/// The spectral centroid (Eq. 2.5.4), in 1/mm, of the mean amplitude spectra of rows and of columns: how small the features are. Each
-/// frequency weighs by its squared amplitude. 0 for an even surface.
+/// The spectral centroid (Eq. 2.5.4), in 1/mm, of the mean amplitude spectra of rows and columns: larger for
+/// smaller features. Each frequency is weighted by its squared amplitude. 0 for an even surface.
 ///
-/// Each row and column is taken without its mean, which is brightness and no feature.
+/// The mean of each row and column is removed, since it is brightness and not a feature.
 pub fn fineness_per_mm(image: &GrayImage) -> f64 {
     let (rows, columns) = (row_spectrum(image), row_spectrum(&image.transposed()));
     let frequency = |k: usize, length: usize| k as f64 * image.pixels_per_mm / length as f64;
-    // The two spectra need not have the same bins. A squared amplitude is the power in a bin whatever the bin's width.
+    // The two spectra may have different bins; a squared amplitude is the power in a bin for any bin width.
     let sums = |spectrum: &[f64], length: usize| {
         let power = |a: &f64| a * a;
         let total: f64 = spectrum.iter().map(power).sum();
@@ -224,10 +225,10 @@ mod tests {
 
     #[test]
     fn two_levels_have_their_closed_form() {
-        // A checkerboard: along rows and columns neighbours always differ, along diagonals they never do.
+        // A checkerboard: neighbours along rows and columns always differ, diagonal ones never do.
         let checkers: Vec<usize> = (0..100 * 100).map(|i| (i % 100 + i / 100) % 2).collect();
         let (straight, diagonal) = (2.0 * 99.0 * 100.0, 2.0 * 99.0 * 99.0);
-        // Half of either are of each order or kind.
+        // Half of the pairs have each order or kind.
         let part = |pairs: f64| 0.5 * (pairs / (straight + diagonal)).powi(2);
         let found = angular_second_moment(&checkers, 100, 100);
         assert!((found - part(straight) - part(diagonal)).abs() < 1e-6, "{found}");

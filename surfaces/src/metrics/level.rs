@@ -1,20 +1,20 @@
-//! How the loudness of a vibration goes over time: peakedness, and levels of 50 ms.
+//! Level of a vibration over time: kurtosis, and levels over 50 ms.
 
 use crate::statistics::mean;
 use haptograph_signal::noise::Gaussian;
 use haptograph_signal::{Complex64, fft};
 use nalgebra::{Matrix3, Vector3};
 
-/// Length of the stretches that levels are taken over, s.
+/// Length of the intervals of a level, s.
 const STRETCH_S: f64 = 0.05;
-/// Length of the pieces whose spectra noises have, s.
-const PIECE_S: f64 = 2.0;
-/// Levels lie at least so far below the loudest, dB: silence has no level.
+/// Length of the parts whose spectra the noises of [`envelope_between_seeds_db`] have, s.
+const PART_S: f64 = 2.0;
+/// Lower bound of levels relative to the loudest, dB, since silence has no level.
 const FLOOR_DB: f64 = 80.0;
-/// Least speed and force that a level is explained by, m/s and N: their logarithms go on below.
+/// Lower bounds of speed, m/s, and force, N, before their logarithms are taken.
 const LEAST: [f64; 2] = [0.001, 0.01];
 
-/// Fourth moment about the mean over the squared variance, less the 3 of Gaussian noise; 0 of what does not vary.
+/// Fourth central moment over the squared variance, minus the 3 of Gaussian noise; 0 for a constant.
 pub fn excess_kurtosis(signal: &[f64]) -> f64 {
     let middle = mean(signal);
     let (mut second, mut fourth) = (0.0, 0.0);
@@ -31,7 +31,7 @@ pub fn excess_kurtosis(signal: &[f64]) -> f64 {
     }
 }
 
-/// Root mean square of each whole stretch of 50 ms, dB above the signal's unit; none lower than 80 dB below the loudest.
+/// RMS of each whole interval of 50 ms, dB relative to the signal's unit, bounded to 80 dB below the loudest.
 pub fn levels_db(signal: &[f64], rate_hz: f64) -> Vec<f64> {
     let power = |stretch: &[f64]| stretch.iter().map(|x| x * x).sum::<f64>() / stretch.len() as f64;
     let powers: Vec<f64> = stretches(signal, rate_hz).map(power).collect();
@@ -43,19 +43,19 @@ pub fn levels_db(signal: &[f64], rate_hz: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Root mean square difference of two courses of levels, dB, over the time that both cover.
+/// RMS difference between two sequences of levels, dB, over the time that both cover.
 pub fn envelope_error_db(a: &[f64], b: &[f64]) -> f64 {
     let squares: Vec<f64> = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).collect();
     mean(&squares).sqrt()
 }
 
-/// How far the levels of two noises with the spectrum of a signal are apart, dB: what chance alone makes of
-/// [`envelope_error_db`]. The noises have the magnitudes of each 2 s of the signal, and random phases.
+/// The [`envelope_error_db`] of two noises with the spectrum of a signal, dB: what is due to chance. The noises have the
+/// magnitudes of each 2 s of the signal, and random phases.
 pub fn envelope_between_seeds_db(signal: &[f64], rate_hz: f64) -> f64 {
     let [a, b] = [1, 2].map(|seed| {
         let mut noise = Gaussian::new(seed);
-        let pieces = signal.chunks(((PIECE_S * rate_hz).round() as usize).max(1));
-        let noises = pieces.flat_map(|piece| with_random_phases(piece, &mut noise));
+        let parts = signal.chunks(((PART_S * rate_hz).round() as usize).max(1));
+        let noises = parts.flat_map(|part| with_random_phases(part, &mut noise));
         levels_db(&noises.collect::<Vec<f64>>(), rate_hz)
     });
     envelope_error_db(&a, &b)
@@ -78,8 +78,8 @@ fn with_random_phases(signal: &[f64], noise: &mut Gaussian) -> Vec<f64> {
     turned.iter().map(|x| x.re / signal.len() as f64).collect()
 }
 
-/// What of a vibration's levels its speed (m/s) and force (N) tell: the standard deviation, dB, of what is left when levels
-/// are fitted by a plane over the logarithms of both. `None` where fewer than four levels are there.
+/// Part of a vibration's levels that its speed (m/s) and force (N) do not explain: the standard deviation,
+/// dB, of the residual of a plane over the logarithms of both. `None` for fewer than four levels.
 pub fn unexplained_level_db(signal: &[f64], speed_m_s: &[f64], force_n: &[f64], rate_hz: f64) -> Option<f64> {
     let levels = levels_db(signal, rate_hz);
     if levels.len() < 4 {
@@ -143,7 +143,7 @@ mod tests {
             .map(|n| (1.0 + 0.9 * (n as f64 / 900.0).sin()) * noise.next_sample())
             .collect();
         let left = |signal: &[f64]| unexplained_level_db(signal, &speed, &force, 10_000.0).unwrap();
-        // 500 Gaussian samples tell a level to 10 / ln 10 sqrt(2 / 500) = 0.27 dB.
+        // The standard error of a level of 500 Gaussian samples is 10 / ln 10 sqrt(2 / 500) = 0.27 dB.
         assert!((left(&follows) - 0.27).abs() < 0.12, "{}", left(&follows));
         assert!(left(&strays) > 3.0);
         assert_eq!(

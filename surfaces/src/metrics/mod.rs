@@ -1,10 +1,11 @@
-//! Measures of how alike two vibrations are, how a vibration responds to force and speed, and how rough a surface looks.
+//! Measures of the similarity of two vibrations, of the response of a vibration to force and speed, and of
+//! the visual roughness of a surface.
 //!
 //! - [`spectral`]: normalized spectral error, power error and spectral difference of thesis section 2.5.1; windowed power and spectral
 //!   centroid.
-//! - [`responsiveness`]: the changes in their variation of section 4.5.3.
+//! - [`responsiveness`]: the losses of their variation, section 4.5.3.
 //! - [`bands`]: powers in third octaves from 20 to 1000 Hz and the log-spectral distance.
-//! - [`level`]: peakedness and the course of levels.
+//! - [`level`]: kurtosis and levels over time.
 //! - [`image`]: roughness and fineness of a photograph, section 3.2.
 
 pub mod bands;

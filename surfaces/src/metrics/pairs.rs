@@ -1,12 +1,12 @@
-//! Every pair of many signals, on all cores.
+//! Comparison of every pair of many signals on all cores.
 
 use super::spectral::{ErrorStatistics, MetricError, WindowedSpectra};
 
-/// Windows taken at a time, so that all signals' spectra of them stay in the cache while every pair is compared.
+/// Windows processed at a time, so that the spectra of all signals stay in the cache.
 const BLOCK: usize = 8;
 
-/// Window errors of all pairs of signals, as `(0, 1), (0, 2), ..., (1, 2), ...`: see [`pair_index`]. The same numbers as
-/// [`PairErrors::statistics`](super::PairErrors::statistics) of each pair, to the bit, on any number of cores.
+/// Window errors of all pairs of signals, as `(0, 1), (0, 2), ..., (1, 2), ...`: see [`pair_index`]. Equal to
+/// the bit to [`PairErrors::statistics`](super::PairErrors::statistics) of each pair, on any number of cores.
 pub fn all_pairs(
     signals: &[WindowedSpectra],
     progress: &(dyn Fn(f64) + Sync),
@@ -27,7 +27,7 @@ pub fn all_pairs(
     let share = work.len().div_ceil(threads).max(1);
     std::thread::scope(|scope| {
         for (thread, pairs) in work.chunks_mut(share).enumerate() {
-            // One thread speaks for all: their shares are equal.
+            // One thread reports for all, since their shares are equal.
             let report = move |part| {
                 if thread == 0 {
                     progress(part)
@@ -46,7 +46,7 @@ pub fn all_pairs(
     Ok(work.into_iter().map(|pair| pair.errors).collect())
 }
 
-/// Where the pair of two different signals of `count` stands among all pairs.
+/// Index of the pair of two different signals among all pairs of `count` signals.
 pub fn pair_index(count: usize, a: usize, b: usize) -> usize {
     let (a, b) = (a.min(b), a.max(b));
     a * count - a * (a + 1) / 2 + (b - a - 1)
@@ -94,7 +94,7 @@ mod tests {
         (0..count)
             .map(|seed| {
                 let mut noise = Gaussian::new(seed as u64);
-                // Not all equally long.
+                // The lengths differ.
                 let signal: Vec<f64> = (0..samples + 300 * seed).map(|_| noise.next_sample()).collect();
                 WindowedSpectra::new(&signal, 10_000.0, &WindowSettings::COMPARISON).unwrap()
             })

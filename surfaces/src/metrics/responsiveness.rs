@@ -1,21 +1,22 @@
-//! How much of a vibration's variation is lost when it stops responding to force or speed (thesis section 4.5.3).
+//! Loss of variation of a vibration that does not respond to force or speed (thesis section 4.5.3).
 //!
-//! The control signal responds to both (condition FS); the others to one or none. Lost is the standard deviation over time of the windowed
-//! power, and that of the windowed spectral centroid.
+//! The control signal responds to both (condition FS), the others to one or none. The loss is that of the
+//! standard deviation over time of the windowed power, and of the windowed spectral centroid.
 
 use super::spectral::{MetricError, WindowSettings, WindowedSpectra, variation};
 use crate::statistics::standard_deviation;
 
-/// What a condition loses against the control.
+/// Losses of a condition relative to the control.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VariationLoss {
-    /// Change in power variation, the signal's unit squared. Eq. 4.5.1.
+    /// Loss of power variation, the signal's unit squared. Eq. 4.5.1.
     pub power: f64,
-    /// Change in spectral centroid variation, Hz. Eq. 4.5.3.
+    /// Loss of spectral centroid variation, Hz. Eq. 4.5.3.
     pub centroid_hz: f64,
 }
 
-/// Compares a condition's signal with the control's. The thesis's windows are [`WindowSettings::RESPONSIVENESS`].
+/// Compares a condition's signal with the control signal. The windows of the thesis are
+/// [`WindowSettings::RESPONSIVENESS`].
 pub fn variation_loss(
     control: &[f64],
     condition: &[f64],
@@ -31,8 +32,9 @@ pub fn variation_loss(
     })
 }
 
-/// The spectral difference SD_x of each of several surfaces under one condition: both losses in units of their deviation over the surfaces.
-/// Eq. 4.5.4. A loss that is the same for all surfaces tells them apart by nothing and counts zero.
+/// The spectral difference SD_x of several surfaces under one condition: both losses in units of their
+/// standard deviation over the surfaces. Eq. 4.5.4. A loss that is equal for all surfaces does not
+/// distinguish them and counts zero.
 pub fn responsiveness_differences(losses: &[VariationLoss]) -> Vec<f64> {
     let deviation =
         |value: fn(&VariationLoss) -> f64| standard_deviation(&losses.iter().map(value).collect::<Vec<_>>());

@@ -1,6 +1,7 @@
 //! The spectral difference metric (thesis section 2.5.1).
 //!
-//! Signals are cut into windows; in each, the shapes of the two spectra and the two powers are compared:
+//! Signals are cut into windows. In each window the shapes of the two spectra and the two powers are
+//! compared:
 //!
 //! ```text
 //! NSE_j = 1/N_f sum_k |Y_j(f_k) - X_j(f_k)|                                     (2.5.1)
@@ -8,9 +9,9 @@
 //! SD    = 1/N_w sum_j ( NSE_j / std(NSE) + PE_j / std(PE) )                     (2.5.3)
 //! ```
 //!
-//! The thesis divides amplitudes by power, which is not scale invariant as it says; here they are divided by the root of the power, so that
-//! the squares of a window's N_f amplitudes add up to one. A silent window has a spectrum of zeros, and two silent windows have a power
-//! error of zero.
+//! The thesis divides amplitudes by power, which is not scale invariant although it says so; here they are
+//! divided by the square root of the power, so that the squares of a window's N_f amplitudes add up to one.
+//! The spectrum of a silent window is zero, and two silent windows have a power error of zero.
 
 use crate::statistics::standard_deviation;
 use haptograph_signal::spectrum::spectral_centroid;
@@ -18,12 +19,12 @@ use haptograph_signal::window::{Symmetry, Window};
 use haptograph_signal::{Complex64, fft};
 use serde::{Deserialize, Serialize};
 
-/// How signals are cut into windows.
+/// Window length, overlap and taper.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WindowSettings {
     /// Samples in a window.
     pub samples: usize,
-    /// Samples shared with the next.
+    /// Samples shared with the next window.
     pub overlap: usize,
     /// The taper.
     pub window: Window,
@@ -33,13 +34,14 @@ pub struct WindowSettings {
 const COMPARISON_S: f64 = 0.0256;
 
 impl WindowSettings {
-    /// Section 2.5.1: 256 samples (25.6 ms at 10 kHz), half of them shared, Hamming. Ten seconds make 780 windows.
+    /// Section 2.5.1: 256 samples (25.6 ms at 10 kHz), half of them shared, Hamming. Ten seconds have 780
+    /// windows.
     pub const COMPARISON: Self = Self {
         samples: 256,
         overlap: 128,
         window: Window::Hamming,
     };
-    /// The windows of section 2.5.1 in seconds: 25.6 ms at any rate, half of them shared, 8 samples at least.
+    /// The windows of section 2.5.1 in seconds: 25.6 ms at any rate, half of them shared, at least 8 samples.
     pub fn comparison_at(rate_hz: f64) -> Self {
         let samples = ((COMPARISON_S * rate_hz).round() as usize).max(8);
         Self {
@@ -49,7 +51,7 @@ impl WindowSettings {
         }
     }
 
-    /// Section 4.5.3: 32 samples at 1 kHz, none shared; no taper is mentioned.
+    /// Section 4.5.3: 32 samples at 1 kHz, none shared; the thesis mentions no taper.
     pub const RESPONSIVENESS: Self = Self {
         samples: 32,
         overlap: 0,
@@ -63,12 +65,12 @@ impl Default for WindowSettings {
     }
 }
 
-/// Why signals cannot be compared.
+/// Error of a comparison.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum MetricError {
     #[error(
-        "windows of {samples} samples that share {overlap} cannot be laid: there must be two samples at least, and fewer shared"
+        "windows of {samples} samples with an overlap of {overlap} are invalid: a window needs at least two samples and a smaller overlap"
     )]
     Windows { samples: usize, overlap: usize },
     #[error("the signal has {samples} samples, fewer than a window's {window}")]
@@ -76,17 +78,17 @@ pub enum MetricError {
     #[error("sample {sample} (from 0) is not a finite number")]
     NotFinite { sample: usize },
     #[error(
-        "the largest sample has a magnitude of {magnitude:e}: powers of numbers beyond 1e-100 and 1e100 cannot be compared, check the units"
+        "the largest sample has a magnitude of {magnitude:e}; only magnitudes between 1e-100 and 1e100 can be compared, check the units"
     )]
     Magnitude { magnitude: f64 },
-    #[error("the signals were cut differently: rates {rates_hz:?} Hz, windows {windows:?}")]
+    #[error("the windows of the signals differ: rates {rates_hz:?} Hz, windows {windows:?}")]
     Different {
         rates_hz: (f64, f64),
         windows: (usize, usize),
     },
     #[error("the rate is {rate_hz} Hz; it must be a finite number above 0")]
     Rate { rate_hz: f64 },
-    #[error("the signals share {windows} windows; a deviation needs two at least")]
+    #[error("the signals share {windows} windows; a deviation needs at least two")]
     TooFewWindows { windows: usize },
 }
 
@@ -95,19 +97,19 @@ pub enum MetricError {
 pub struct WindowedSpectra {
     rate_hz: f64,
     settings: WindowSettings,
-    /// Frequencies from 0 to Nyquist.
+    /// Bins from 0 Hz to the Nyquist frequency.
     bins: usize,
-    /// Bins padded with zeros to whole vectors.
+    /// Number of bins after zero padding to whole vectors.
     stride: usize,
     shapes: Vec<f64>,
     power: Vec<f64>,
 }
 
-/// Bins handled side by side; part of the order of the sums.
+/// Bins processed in parallel; part of the order of the sums.
 pub(super) const LANES: usize = 8;
 
 impl WindowedSpectra {
-    /// Cuts `signal` (any unit) into windows; what is left at the end is not used.
+    /// Cuts `signal` (any unit) into windows; a remainder at the end is not used.
     pub fn new(signal: &[f64], rate_hz: f64, settings: &WindowSettings) -> Result<Self, MetricError> {
         let WindowSettings {
             samples,
@@ -165,7 +167,7 @@ impl WindowedSpectra {
         })
     }
 
-    /// How many windows there are.
+    /// Number of windows.
     pub fn windows(&self) -> usize {
         self.power.len()
     }
@@ -196,7 +198,7 @@ impl WindowedSpectra {
         (0..self.windows()).map(centroid).collect()
     }
 
-    /// How many windows two signals share; an error if they were cut differently.
+    /// Number of windows that both signals have; an error if their windows differ.
     pub(super) fn shared_windows(&self, other: &Self) -> Result<usize, MetricError> {
         if self.rate_hz == other.rate_hz && self.settings == other.settings {
             Ok(self.windows().min(other.windows()))
@@ -230,17 +232,17 @@ impl WindowedSpectra {
     }
 }
 
-/// The errors of two signals window by window.
+/// The errors of two signals by window.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairErrors {
     /// Normalized spectral errors, Eq. 2.5.1.
     pub nse: Vec<f64>,
-    /// Power errors, Eq. 2.5.2: 0 for equal powers, 2 where one signal is silent.
+    /// Power errors, Eq. 2.5.2: 0 for equal powers, 2 if one signal is silent.
     pub pe: Vec<f64>,
 }
 
 impl PairErrors {
-    /// Compares two signals window by window, over the windows that both have.
+    /// Compares two signals by window, over the windows that both have.
     pub fn new(a: &WindowedSpectra, b: &WindowedSpectra) -> Result<Self, MetricError> {
         let windows = a.shared_windows(b)?;
         Ok(Self {
@@ -260,20 +262,20 @@ impl PairErrors {
     }
 }
 
-/// Which windows the deviations of Eq. 2.5.3 are taken over; the thesis says "all tested windows".
+/// Windows over which the deviations of Eq. 2.5.3 are taken; the thesis says "all tested windows".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Pooling {
-    /// Those of the compared pair.
+    /// The windows of the compared pair.
     Pair,
-    /// Those of all pairs that are compared: only so the printed table's spread comes out.
+    /// The windows of all compared pairs, which alone reproduces the spread of the printed table.
     #[default]
     All,
 }
 
-/// Means and sums of squared deviations of window errors, gathered one window at a time.
+/// Means and sums of squared deviations of window errors, updated one window at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ErrorStatistics {
-    /// How many windows were compared.
+    /// Number of compared windows.
     pub windows: usize,
     /// Mean normalized spectral error.
     pub nse: f64,
@@ -296,7 +298,7 @@ impl ErrorStatistics {
         self.pe_squares += pe_before * (pe - self.pe);
     }
 
-    /// The statistics of the windows of both (Chan, Golub and LeVeque).
+    /// The statistics over the windows of both (Chan, Golub and LeVeque).
     pub fn merged(&self, other: &Self) -> Self {
         let windows = self.windows + other.windows;
         if windows == 0 {
@@ -314,7 +316,7 @@ impl ErrorStatistics {
         }
     }
 
-    /// The deviations to measure errors by.
+    /// The standard deviations of the errors.
     pub fn deviations(&self) -> Deviations {
         let deviation = |squares: f64| {
             if self.windows < 2 {
@@ -331,13 +333,14 @@ impl ErrorStatistics {
 
     /// The spectral difference in units of these deviations. Eq. 2.5.3.
     ///
-    /// Errors that are zero throughout count zero whatever the deviation; errors that do not vary but are not zero are infinitely many
-    /// deviations ([`are_infinite`](Self::are_infinite) tells which). Differences at the level of rounding are none.
+    /// An error of zero counts zero for any deviation; a constant error that is not zero counts as infinite
+    /// ([`are_infinite`](Self::are_infinite) tells which). Differences at the level of rounding count zero.
     pub fn spectral_difference(&self, deviations: &Deviations) -> f64 {
         in_deviations(self.nse, deviations.nse) + in_deviations(self.pe, deviations.pe)
     }
 
-    /// Whether the spectral and the power error are infinitely many of these deviations, because they are the same in every window.
+    /// True for the spectral and the power error if it is infinite in units of these deviations, because it
+    /// is the same in every window.
     pub fn are_infinite(&self, deviations: &Deviations) -> (bool, bool) {
         (
             in_deviations(self.nse, deviations.nse).is_infinite(),
@@ -346,7 +349,7 @@ impl ErrorStatistics {
     }
 }
 
-/// Relative to the errors of windows, which are of order one, less than this is rounding.
+/// Window errors are of order one; smaller deviations than this are rounding.
 const ROUNDING: f64 = 1e-13;
 
 fn in_deviations(mean: f64, deviation: f64) -> f64 {
@@ -368,18 +371,19 @@ pub struct Deviations {
     pub pe: f64,
 }
 
-/// How two signals differ.
+/// Differences between two signals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
     /// Mean normalized spectral error.
     pub nse: f64,
     /// Mean power error.
     pub pe: f64,
-    /// Spectral difference, deviations pooled over this pair.
+    /// Spectral difference, with deviations pooled over this pair.
     pub sd: f64,
-    /// Whether the spectral and the power error are the same in every window, and so make the difference infinite.
+    /// True for the spectral and the power error if it is the same in every window, which makes the
+    /// difference infinite.
     pub unvarying: (bool, bool),
-    /// Windows compared.
+    /// Number of compared windows.
     pub windows: usize,
 }
 
@@ -410,7 +414,7 @@ pub fn compare(
     })
 }
 
-/// The standard deviation of a windowed quantity over time, as used by [`super::responsiveness`].
+/// The standard deviation of a windowed quantity over time, for [`super::responsiveness`].
 pub(super) fn variation(values: &[f64]) -> f64 {
     standard_deviation(values)
 }

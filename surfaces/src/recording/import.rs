@@ -5,7 +5,7 @@ mod offset;
 mod repair;
 
 pub(super) use even::{Timing, resampled, timing};
-pub(super) use offset::without_offset;
+pub use offset::remove_offset;
 pub(super) use repair::{clipped, interpolate_missing, remove_outliers};
 
 use super::rows::listed;

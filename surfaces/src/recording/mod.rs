@@ -27,7 +27,7 @@ pub use csv::{COLUMNS, CsvHead, QUANTITIES, RawTable, csv_head, read_csv, write_
 pub use error::ReadError;
 pub use file::{LoadError, Sweep, load, load_column, load_signal, load_sweep, load_with, save};
 pub use hatt::read_hatt;
-pub use import::{BadCell, Finding, ImportSettings};
+pub use import::{BadCell, Finding, ImportSettings, remove_offset};
 #[cfg(target_family = "wasm")]
 pub use no_archive::{Spool, assemble, read_archive, spool_folder, write_archive};
 pub use rows::decoded;

@@ -4,6 +4,7 @@
 
 use super::archive::{MAX_HEAD_BYTES, raw_head};
 use super::{Member, RawHead};
+use crate::files::write_atomically_by;
 use crate::npz::{begin, put_rows};
 use haptograph_signal::files;
 use std::fs::{self, File};
@@ -112,19 +113,11 @@ pub fn assemble(folder: &Path, path: &Path) -> io::Result<()> {
             "a recording needs two samples of each sensor; here are {motion} poses, {wrench} loads and {acceleration} accelerations"
         )));
     }
-    let mut temporary = path.as_os_str().to_owned();
-    temporary.push(".making");
-    let temporary = PathBuf::from(temporary);
-    let made = write_archive(folder, &head, rows, &temporary).and_then(|()| fs::rename(&temporary, path));
-    if made.is_err() {
-        // The first error is the one to report.
-        let _ = fs::remove_file(&temporary);
-    }
-    made
+    write_atomically_by(path, |to| write_archive(folder, &head, rows, to))
 }
 
-fn write_archive(folder: &Path, head: &[u8], rows: [u64; 3], to: &Path) -> io::Result<()> {
-    let mut archive = ZipWriter::new(BufWriter::new(File::create(to)?));
+fn write_archive(folder: &Path, head: &[u8], rows: [u64; 3], to: &mut File) -> io::Result<()> {
+    let mut archive = ZipWriter::new(BufWriter::new(to));
     begin(&mut archive, HEAD, head.len() as u64)?;
     archive.write_all(head)?;
     for array in &ARRAYS {
@@ -146,9 +139,5 @@ fn write_archive(folder: &Path, head: &[u8], rows: [u64; 3], to: &Path) -> io::R
         });
         put_rows(&mut archive, array.name, &[array.row], rows, numbers)?;
     }
-    let written = archive.finish().map_err(io::Error::other)?;
-    written
-        .into_inner()
-        .map_err(|error| error.into_error())?
-        .sync_all()
+    archive.finish().map_err(io::Error::other)?.flush()
 }

@@ -1,4 +1,4 @@
-//! How far a resampled model's spectrum is from the original's.
+//! Spectral deviation of a resampled model from the original.
 
 use crate::ArmaModel;
 use std::f64::consts::TAU;
@@ -6,18 +6,18 @@ use std::f64::consts::TAU;
 /// A difference of spectral density, resampled over original.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deviation {
-    /// In decibels.
+    /// Difference, dB.
     pub db: f64,
-    /// Where.
+    /// Frequency of the difference, Hz.
     pub frequency_hz: f64,
 }
 
-/// Where the compared band begins.
+/// Lower end of the compared band, Hz.
 pub(super) const LOWEST_HZ: f64 = 20.0;
-/// Where it ends, of the new rate.
+/// Upper end of the compared band, relative to the new rate.
 pub(super) const HIGHEST_OF_RATE: f64 = 0.4;
 
-/// Points of comparison.
+/// Number of compared frequencies.
 const POINTS: usize = 1024;
 
 /// The largest difference (by magnitude) of spectral density between 20 Hz and 0.4 of the new rate.

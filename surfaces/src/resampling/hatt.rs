@@ -1,4 +1,4 @@
-//! The toolkit's resampling, as its 1 kHz files were made from its 10 kHz files.
+//! The toolkit's resampling method, by which its 1 kHz files were made from its 10 kHz files.
 
 use super::FilterError;
 use super::{roots, zoh};
@@ -11,14 +11,14 @@ pub(super) fn resample(model: &ArmaModel, ratio: usize) -> Result<ArmaModel, Fil
     }
     let order = model.ar().len();
     let ar = roots::monic(&zoh::poles(model, ratio)?);
-    // The model as z^-p / A1(1/z), a delay of p samples, held.
+    // The model as z^-p / A1(1/z), a delay of p samples, with its input held.
     let fast = zoh::impulse_response(model, ratio * order + 1);
     let delayed = |k: usize| k.checked_sub(order).map_or(0.0, |k| fast[k]);
     let slow: Vec<f64> = std::iter::once(delayed(0))
         .chain((1..=order).map(|m| (ratio * (m - 1) + 1..=ratio * m).map(delayed).sum()))
         .collect();
     let numerator = zoh::numerator(&ar, &slow);
-    // Leading zeros are no more than delay.
+    // Leading zeros are only delay.
     let first = slow.iter().position(|&h| h != 0.0).ok_or(FilterError::Vanishes)?;
     let mut gain = numerator[first];
     let monic: Vec<f64> = numerator[first + 1..].iter().map(|n| n / gain).collect();
@@ -26,7 +26,7 @@ pub(super) fn resample(model: &ArmaModel, ratio: usize) -> Result<ArmaModel, Fil
     for zero in &mut zeros {
         let radius = zero.norm();
         if radius > 1.0 {
-            // Not a reflection: the spectrum changes (checklist F17).
+            // This is not a reflection and changes the spectrum (checklist F17).
             *zero = zero.unscale(radius + 1e-4);
             gain *= (radius + 1.0) / 2.0;
         }

@@ -1,14 +1,15 @@
-//! Textures at a lower rate than they were learned at, by three methods to choose from.
+//! Resampling of textures to a lower rate by one of three methods.
 //!
-//! * [`Method::Spectral`], the best: the spectrum below the new Nyquist frequency is fitted anew. An AR model again,
-//!   stable by construction, within a tenth of a decibel; any lower rate.
-//! * [`Method::Zoh`], the thesis's (4.2): the filter with its input held, exactly. An ARMA model; its zeros outside the
-//!   unit circle are reflected into it, which leaves the spectrum as it is. Held input and folded spectrum cost up
-//!   to a decibel below 0.4 of the new rate. Whole ratios of rates.
-//! * [`Method::Hatt`], what the toolkit did to make its 1 kHz files: like `Zoh` on the delayed filter, with zeros pulled
-//!   in rather than reflected, which costs 8 dB at 400 Hz. AR models only, whole ratios. To compare with.
+//! * [`Method::Spectral`], the most accurate: fits an AR model to the spectrum below the new Nyquist
+//!   frequency. Stable by construction, within a tenth of a decibel; any lower rate.
+//! * [`Method::Zoh`], the thesis's method (4.2): an exact zero-order hold of the filter's input. Gives an
+//!   ARMA model; zeros outside the unit circle are reflected into it, which preserves the spectrum. Hold and
+//!   aliasing cost up to a decibel below 0.4 of the new rate. Integer ratios of rates.
+//! * [`Method::Hatt`], the toolkit's method for its 1 kHz files: like `Zoh` on the delayed filter, with zeros
+//!   pulled in rather than reflected, which costs 8 dB at 400 Hz. AR models only, integer ratios. For
+//!   comparison.
 //!
-//! In all of them the variance follows the rate (Eq. 4.2.2), so that the spectral density stays.
+//! All methods scale the variance with the rate (Eq. 4.2.2), so that the spectral density is preserved.
 
 mod deviation;
 mod hatt;
@@ -21,12 +22,13 @@ pub use deviation::{Deviation, deviation_db};
 use crate::model::{ArmaModel, ModelError};
 use crate::{ModelAt, Surface, TextureError, TextureModel};
 
-/// The poles of 1/A(z) by its coefficients a_1..a_p, stable or not. `None` in the rare case that they cannot be found to 9 digits.
+/// The poles of 1/A(z) from the coefficients a_1..a_p, stable or not. `None` in the rare case that they
+/// cannot be found to 9 digits.
 pub fn poles(ar: &[f64]) -> Option<Vec<haptograph_signal::Complex64>> {
     roots::of_monic(ar)
 }
 
-/// How to resample. See the [module](self).
+/// Resampling method. See the [module](self).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Method {
     /// Exact zero-order hold.
@@ -41,7 +43,7 @@ impl Method {
     /// All methods.
     pub const ALL: [Method; 3] = [Method::Zoh, Method::Hatt, Method::Spectral];
 
-    /// The method's name, as on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Method::Zoh => "zoh",
@@ -50,24 +52,24 @@ impl Method {
         }
     }
 
-    /// The method of this name.
+    /// The method with this name.
     pub fn from_name(name: &str) -> Option<Method> {
         Method::ALL.into_iter().find(|method| method.name() == name)
     }
 }
 
-/// A resampled texture, and how far it is from the original.
+/// A resampled texture with its deviation from the original.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Resampled {
     /// The same map at the new rate.
     pub texture: TextureModel,
-    /// The worst difference of spectral density over all models, from 20 Hz to 0.4 of the new rate.
+    /// The largest difference of spectral density over all models, from 20 Hz to 0.4 of the new rate.
     pub worst: Deviation,
-    /// The model it is of, from 0.
+    /// Number of the model with that difference, from 0.
     pub worst_vertex: usize,
 }
 
-/// A texture at a lower rate.
+/// Resamples a texture to a lower rate.
 pub fn resample(texture: &TextureModel, rate_hz: f64, method: Method) -> Result<Resampled, ResampleError> {
     let old_rate_hz = texture.rate_hz();
     if !(rate_hz.is_finite() && rate_hz > 0.0 && rate_hz < old_rate_hz) {
@@ -76,21 +78,8 @@ pub fn resample(texture: &TextureModel, rate_hz: f64, method: Method) -> Result<
     if deviation::LOWEST_HZ >= deviation::HIGHEST_OF_RATE * rate_hz {
         return Err(ResampleError::EmptyBand { rate_hz });
     }
-    // The border repeats the filters of the inside.
-    let mut filters: Vec<&ArmaModel> = Vec::new();
-    let filter_of: Vec<usize> = texture
-        .models()
-        .iter()
-        .map(|at| {
-            filters
-                .iter()
-                .position(|filter| filter.same_filter(&at.model))
-                .unwrap_or_else(|| {
-                    filters.push(&at.model);
-                    filters.len() - 1
-                })
-        })
-        .collect();
+    // Border vertices share the filters of the interior.
+    let (filters, filter_of) = texture.distinct_filters();
     let unit: Vec<ArmaModel> = filters
         .iter()
         .map(|filter| (*filter).clone().with_variance(1.0))
@@ -154,7 +143,7 @@ pub fn resample(texture: &TextureModel, rate_hz: f64, method: Method) -> Result<
     })
 }
 
-/// A surface with its texture at a lower rate, saying so in its provenance, and how far it is from the original.
+/// Resamples the texture of a surface and records it in the provenance.
 pub fn resample_surface(
     surface: &Surface,
     rate_hz: f64,
@@ -199,7 +188,7 @@ fn whole_ratio(old_rate_hz: f64, rate_hz: f64, method: Method) -> Result<usize, 
 
 const LARGEST_RATIO: f64 = 1000.0;
 
-/// Why a single filter could not be resampled.
+/// Error of resampling a single filter.
 #[derive(Debug)]
 enum FilterError {
     Roots,
@@ -225,13 +214,13 @@ impl FilterError {
     }
 }
 
-/// Why a texture could not be resampled.
+/// Error of resampling a texture.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ResampleError {
     /// The surface has no texture.
     #[error("the surface has no texture to resample")]
     NoTexture,
-    /// A method for plain delays only.
+    /// A method for unwarped models only.
     #[error("the method {method} cannot resample a warped texture; use spectral")]
     Warped {
         /// The method.
@@ -240,44 +229,44 @@ pub enum ResampleError {
     /// The new rate is not below the old one.
     #[error("the new rate of {rate_hz} Hz must be above 0 and below the models' own, {old_rate_hz} Hz")]
     NotLower {
-        /// The rate asked for.
+        /// The requested rate.
         rate_hz: f64,
         /// The models' rate.
         old_rate_hz: f64,
     },
-    /// Nothing of the band that counts is left.
+    /// Too little of the compared band is left.
     #[error(
-        "at {rate_hz} Hz nothing is left of the band from 20 Hz to 0.4 of the rate, in which textures are compared; give more than 50 Hz"
+        "at {rate_hz} Hz the band from 20 Hz to 0.4 of the rate, in which textures are compared, is empty; give a rate above 50 Hz"
     )]
     EmptyBand {
-        /// The rate asked for.
+        /// The requested rate.
         rate_hz: f64,
     },
-    /// The ratio of rates is not a whole number.
+    /// The ratio of rates is not an integer.
     #[error(
         "{old_rate_hz} Hz is not a whole multiple of {rate_hz} Hz, which `{method}` needs; use `spectral`, or a rate such as {below_hz} or {above_hz} Hz"
     )]
     NotWhole {
-        /// The method asked for.
+        /// The requested method.
         method: &'static str,
         /// The models' rate.
         old_rate_hz: f64,
-        /// The rate asked for.
+        /// The requested rate.
         rate_hz: f64,
         /// The next lower rate that works.
         below_hz: f64,
         /// The next higher rate that works (the models' own if there is none).
         above_hz: f64,
     },
-    /// The ratio of rates is too large to hold an input over.
+    /// The ratio of rates is too large for a hold.
     #[error("from {old_rate_hz} Hz to {rate_hz} Hz is more than a thousandfold; use `spectral`")]
     RatioTooLarge {
         /// The models' rate.
         old_rate_hz: f64,
-        /// The rate asked for.
+        /// The requested rate.
         rate_hz: f64,
     },
-    /// The toolkit's method knows AR models only.
+    /// The toolkit's method supports AR models only.
     #[error(
         "model {vertex} (from 0) has a moving-average part, which this method does not resample; use `spectral`"
     )]
@@ -285,27 +274,27 @@ pub enum ResampleError {
         /// The model's number, from 0.
         vertex: usize,
     },
-    /// A polynomial's roots were not found.
+    /// The roots of a polynomial could not be found.
     #[error("the roots of model {vertex} (from 0) could not be found to enough digits; use `spectral`")]
     Roots {
         /// The model's number, from 0.
         vertex: usize,
     },
-    /// Nothing of the response is left at the new rate.
+    /// The response vanishes at the new rate.
     #[error("the response of model {vertex} (from 0) has died out before the first sample at the new rate")]
     Vanishes {
         /// The model's number, from 0.
         vertex: usize,
     },
-    /// The result is not a sound model.
+    /// The resampled model is invalid.
     #[error("model {vertex} (from 0) at the new rate: {error}")]
     Model {
         /// The model's number, from 0.
         vertex: usize,
-        /// Why.
+        /// The error.
         error: ModelError,
     },
-    /// The results do not make a texture.
+    /// The resampled models do not form a texture.
     #[error(transparent)]
     Texture(#[from] TextureError),
 }

@@ -1,11 +1,12 @@
-//! Polynomials by their roots.
+//! Polynomials and their roots.
 
 use haptograph_signal::Complex64;
 use nalgebra::DMatrix;
 use nalgebra::linalg::Schur;
 
-/// Roots in z of z^p + c_1 z^(p-1) + ... + c_p, as the eigenvalues of the companion matrix: single roots of a cluster may
-/// be off, but together they give the polynomial back, which is what they are for here. None if they do not.
+/// Roots in z of z^p + c_1 z^(p-1) + ... + c_p, as the eigenvalues of the companion matrix. Single roots of a
+/// cluster may be inaccurate, but together they reproduce the polynomial, which suffices here. `None` if they
+/// do not.
 pub(crate) fn of_monic(coefficients: &[f64]) -> Option<Vec<Complex64>> {
     // Trailing zeros are roots at zero.
     let degree = coefficients
@@ -32,7 +33,7 @@ pub(crate) fn of_monic(coefficients: &[f64]) -> Option<Vec<Complex64>> {
 
 const MOST_ITERATIONS: usize = 10_000;
 
-/// Coefficients c_1..c_p of the real polynomial of these roots.
+/// Coefficients c_1..c_p of the real polynomial with these roots.
 pub(crate) fn monic(roots: &[Complex64]) -> Vec<f64> {
     let mut polynomial = vec![Complex64::new(1.0, 0.0)];
     for root in roots {

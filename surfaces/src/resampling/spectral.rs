@@ -1,4 +1,5 @@
-//! Refit: the spectral density below the new Nyquist frequency, its autocovariance, and the AR model of that.
+//! Spectral refit: the spectral density below the new Nyquist frequency, its autocovariance, and the AR model
+//! of that.
 
 use super::FilterError;
 use super::deviation::deviation_db;
@@ -8,12 +9,12 @@ use haptograph_signal::prediction::levinson;
 use haptograph_signal::warped::{cell_autocovariance, unwarp};
 use std::f64::consts::PI;
 
-/// Orders are tried upwards from this until all models are as close as this.
+/// First order tried, and the accuracy, dB, at which the search stops.
 const FIRST_ORDER: usize = 20;
 const CLOSE_DB: f64 = 0.05;
 
-/// All of `models` (of variance 1) at a lower rate, with one order: the lowest that fits them all closely, or else the
-/// highest there is.
+/// Resamples all `models` (of variance 1) to a lower rate with one order: the lowest that fits all of them
+/// closely, otherwise the highest.
 pub(super) fn resample_all(
     models: &[ArmaModel],
     old_rate_hz: f64,
@@ -59,7 +60,7 @@ fn fit(autocovariance: &[f64], order: usize, warping: Option<f64>) -> Result<Arm
 /// Cells of the new warped axis over which the density is averaged.
 const CELLS: usize = 4096;
 
-/// As [`autocovariance`], on the warped axis of the new rate.
+/// Like [`autocovariance`], on the warped axis of the new rate.
 fn warped_autocovariance(model: &ArmaModel, ratio: f64, warping: f64) -> Vec<f64> {
     let cell = |number: usize| {
         let angle = unwarp((number as f64 + 0.5) * PI / CELLS as f64, warping);
@@ -68,15 +69,15 @@ fn warped_autocovariance(model: &ArmaModel, ratio: f64, warping: f64) -> Vec<f64
     cell_autocovariance(&(0..CELLS).map(cell).collect::<Vec<_>>(), MAX_ORDER)
 }
 
-/// Lags 0 to [`MAX_ORDER`] at the new rate of the model's output, rid of all above the new Nyquist frequency: its
-/// density, summed with the trapezoid rule, which for a smooth periodic integrand gains digits as fast as points are
-/// added. Points are doubled until the lags stand.
+/// Autocovariance of the model's output at the new rate, lags 0 to [`MAX_ORDER`], without the band above the
+/// new Nyquist frequency. Its density is summed by the trapezoid rule, which converges exponentially for a
+/// smooth periodic integrand. The number of points is doubled until the lags converge.
 fn autocovariance(model: &ArmaModel, old_rate_hz: f64, rate_hz: f64) -> Vec<f64> {
     let ratio = old_rate_hz / rate_hz;
     // (1/rate) x density at the new rate is variance x power gain / old rate: a mean over the new band of this.
     let density = |angle: f64| model.variance() * model.power_gain_at(angle / ratio) / ratio;
     let mut points = 1 << 11;
-    // Twice the trapezoid sums over [0, π]: the ends count half.
+    // Twice the trapezoid sums over [0, π], with half weight at the ends.
     let mut sums = [0.0; MAX_ORDER + 1];
     for (angle, weight) in [(0.0, 0.5), (PI, 0.5)]
         .into_iter()
@@ -103,7 +104,7 @@ fn autocovariance(model: &ArmaModel, old_rate_hz: f64, rate_hz: f64) -> Vec<f64>
     }
 }
 
-/// Adds `density` times cos(lag × angle) for each lag, by the cosine's recurrence.
+/// Adds `density` times cos(lag × angle) for each lag, by the recurrence of the cosine.
 fn add_lags(sums: &mut [f64; MAX_ORDER + 1], density: f64, angle: f64) {
     let twice = 2.0 * angle.cos();
     let (mut last, mut here) = (0.5 * twice, 1.0);

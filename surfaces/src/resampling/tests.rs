@@ -5,7 +5,7 @@ use crate::hull::Hull;
 use crate::{Provenance, VertexKind};
 use std::f64::consts::TAU;
 
-/// A 10 kHz texture of `resonances` (Hz, radius) that vary a little from model to model.
+/// A 10 kHz texture with `resonances` (Hz, radius) that vary a little between models.
 fn texture(resonances: &[(f64, f64)]) -> TextureModel {
     let measured = (0..6).map(|k| {
         let mut ar = vec![];
@@ -65,7 +65,7 @@ fn the_spectral_refit_is_within_a_tenth_of_a_decibel_at_any_rate() {
 
 #[test]
 fn holding_keeps_the_gain_at_zero_frequency() {
-    // A step in is a step whether held or not; the variance carries the rate.
+    // A step input is a step with and without hold; the variance scales with the rate.
     let texture = tame();
     let resampled = resample(&texture, 1000.0, Method::Zoh).unwrap().texture;
     for (old, new) in texture.models().iter().zip(resampled.models()) {
@@ -77,8 +77,8 @@ fn holding_keeps_the_gain_at_zero_frequency() {
 
 #[test]
 fn the_hold_is_the_held_filter() {
-    // Run both on an input that changes every tenth sample: where no zero was reflected, the outputs are the same, and
-    // elsewhere their spectra are, which the output's power shows.
+    // Both filters process an input that changes every tenth sample. Without reflected zeros the outputs are
+    // equal; with them the spectra are equal, as the power of the outputs shows.
     let texture = texture(&[(180.0, 0.97), (310.0, 0.96)]);
     let model = texture.models()[0].model.clone();
     let slow = zoh::resample(&model, 10).unwrap();

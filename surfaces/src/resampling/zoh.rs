@@ -1,18 +1,19 @@
-//! The zero-order hold, exactly: the filter's output at every R-th sample when its input changes only there.
+//! Exact zero-order hold: the filter's output at every R-th sample for an input that changes only there.
 
 use super::FilterError;
 use super::roots;
 use crate::ArmaModel;
 use haptograph_signal::Complex64;
 
-/// Zeros nearer to the unit circle than this are moved there: they have no line spectral frequencies otherwise.
+/// Zeros closer to the unit circle are moved to this radius, since they would have no line spectral
+/// frequencies.
 const LARGEST_ZERO: f64 = 1.0 - 2e-6;
 
-/// `model` at a rate `ratio` times lower; its variance is scaled with the rate (Eq. 4.2.2).
+/// Resamples `model` to a rate `ratio` times lower; the variance is scaled with the rate (Eq. 4.2.2).
 pub(super) fn resample(model: &ArmaModel, ratio: usize) -> Result<ArmaModel, FilterError> {
     let (poles_count, zeros_count) = (model.ar().len(), model.ma().len());
     let ar = roots::monic(&poles(model, ratio)?);
-    // A hold no longer than the delay between the orders leaves the last coefficient zero.
+    // If the hold is not longer than the delay between the orders, the last coefficient is zero.
     let order = if ratio + zeros_count <= poles_count {
         poles_count - 1
     } else {
@@ -32,8 +33,8 @@ pub(super) fn resample(model: &ArmaModel, ratio: usize) -> Result<ArmaModel, Fil
     )?)
 }
 
-/// The polynomial with the same spectrum that has its zeros inside the unit circle, as a monic one and a gain: each zero
-/// outside is reflected to 1 / conj(z) and the gain multiplied by |z| (checklist F17).
+/// The polynomial with the same spectrum and all zeros inside the unit circle, as a monic polynomial and a
+/// gain: each zero outside is reflected to 1 / conj(z) and the gain multiplied by |z| (checklist F17).
 fn minimum_phase(polynomial: &[f64]) -> Result<(Vec<f64>, f64), FilterError> {
     let leading = polynomial[0];
     let monic: Vec<f64> = polynomial[1..].iter().map(|c| c / leading).collect();
@@ -50,20 +51,21 @@ fn minimum_phase(polynomial: &[f64]) -> Result<(Vec<f64>, f64), FilterError> {
         }
     }
     let reflected = roots::monic(&zeros);
-    // The product of all |z|, free of the rounding of each: the spectrum's mean is the sum of squares.
+    // The product of all |z| from the mean of the spectrum, the sum of squares, without the rounding errors
+    // of single zeros.
     let energy = |rest: &[f64]| 1.0 + rest.iter().map(|c| c * c).sum::<f64>();
     let gain = leading.abs() * (energy(&monic) / energy(&reflected)).sqrt();
     Ok((reflected, gain))
 }
 
-/// The poles at the lower rate: to the power of the ratio, each on its own, as the polynomial's coefficients do not
-/// carry their digits (checklist F18).
+/// The poles at the lower rate: each pole to the power of the ratio, since the coefficients of the polynomial
+/// do not carry enough digits (checklist F18).
 pub(super) fn poles(model: &ArmaModel, ratio: usize) -> Result<Vec<Complex64>, FilterError> {
     let poles = roots::of_monic(model.ar()).ok_or(FilterError::Roots)?;
     Ok(poles.iter().map(|pole| pole.powu(ratio as u32)).collect())
 }
 
-/// The first `length` samples of the impulse response, gain included.
+/// The first `length` samples of the impulse response, including the gain.
 pub(super) fn impulse_response(model: &ArmaModel, length: usize) -> Vec<f64> {
     let mut response = vec![0.0; length];
     for n in 0..length {

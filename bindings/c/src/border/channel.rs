@@ -52,8 +52,7 @@ pub unsafe extern "C" fn haptograph_graph_output(
         // SAFETY: as above.
         let name = unsafe { memory::text("name", name)? };
         let made = table::graph(graph.id, |graph| channels::output(graph, name, components))?;
-        let id = table::insert(Entry::Output(Box::new(Mutex::new(made))))?;
-        out.write(Output { id });
+        out.write(insert(made)?);
         Ok(())
     })
 }
@@ -223,8 +222,8 @@ impl ChannelInfo {
     }
 }
 
-/// Stores the output of a probe.
-pub(super) fn insert(made: Result<AnyOutput, Failure>) -> Result<Output, Failure> {
-    let id = table::insert(Entry::Output(Box::new(Mutex::new(made?))))?;
+/// Stores an output.
+pub(super) fn insert(made: AnyOutput) -> Result<Output, Failure> {
+    let id = table::insert(Entry::Output(Box::new(Mutex::new(made))))?;
     Ok(Output { id })
 }

@@ -98,7 +98,7 @@ pub unsafe extern "C" fn haptograph_player_probe(
         let out = unsafe { OutPointer::required(output)? };
         // SAFETY: as above.
         let name = unsafe { memory::text("name", name)? };
-        let made = table::player(player.id, |player| player.probe(name, components));
+        let made = table::player(player.id, |player| player.probe(name, components))?;
         out.write(channel::insert(made)?);
         Ok(())
     })

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import os
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,6 +14,8 @@ from ._errors import Error
 
 # 8 GB of float64.
 _MOST_NUMBERS = 10**9
+# Files, names and surfaces of one call.
+_MOST_ITEMS = 10**6
 
 
 def array(name: str, values: Any) -> np.ndarray:
@@ -82,3 +87,46 @@ def frames(name: str, values: Any) -> tuple[np.ndarray, bool]:
     raise Error(
         f"`{name}` has shape {made.shape}: give (frames,) of numbers, (frames, components) of vectors, or one number"
     )
+
+
+def string(name: str, value: Any) -> str:
+    """A string that is Unicode, which a str of Python need not be."""
+    made = str(value)
+    try:
+        made.encode()
+    except UnicodeEncodeError:
+        raise Error(f"`{name}` is {made!r}: give a string without lone surrogates") from None
+    return made
+
+
+def path_name(name: str, value: Any) -> str:
+    """The name of a file or folder."""
+    try:
+        made = os.fsdecode(os.fspath(value))
+        if b"\0" in os.fsencode(made):
+            raise TypeError
+    except (TypeError, UnicodeEncodeError):
+        raise Error(f"`{name}` is {value!r}: give a path") from None
+    return made
+
+
+def items(name: str, values: Any) -> list[Any]:
+    """What a list or another iterable has, but for a string."""
+    try:
+        if isinstance(values, (str, bytes)):
+            raise TypeError
+        made = list(itertools.islice(values, _MOST_ITEMS + 1))
+    except TypeError:
+        raise Error(f"`{name}` is {values!r}: give a list") from None
+    if len(made) > _MOST_ITEMS:
+        raise Error(f"`{name}` has more than {_MOST_ITEMS} items: give fewer")
+    return made
+
+
+def by_name(name: str, values: Any) -> dict[str, Any]:
+    """What a dictionary has, or nothing where there is none."""
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping):
+        raise Error(f"`{name}` is a {type(values).__name__}: give a dictionary")
+    return {string(name, key): value for key, value in values.items()}

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from . import _native
-from ._arrays import whole
+from ._arrays import items, path_name, whole
 from ._errors import Error
 
 
@@ -33,13 +32,6 @@ class Rendered:
     kept: int
     replaced: list[os.PathLike[str]]
     complete: bool
-
-
-def _path(name: str, path: Any) -> str:
-    try:
-        return os.fsdecode(os.fspath(path))
-    except TypeError:
-        raise Error(f"`{name}` is {path!r}: give a path") from None
 
 
 def batch(
@@ -71,7 +63,7 @@ def batch(
             raise Error(f"`shard` is {shard!r}: give (k, n)") from None
         shard = (whole("shard", number, 1), whole("shard", of, 1))
     threads = None if threads is None else whole("threads", threads, 1, 1024)
-    return Rendered(**_native.batch(_path("plan", plan), _path("folder", folder), shard, threads, progress))
+    return Rendered(**_native.batch(path_name("plan", plan), path_name("folder", folder), shard, threads, progress))
 
 
 def merge(
@@ -95,6 +87,6 @@ def merge(
     (int, int)
         How many chunks and jobs it has.
     """
-    if isinstance(parts, (str, bytes, os.PathLike)):
-        raise Error("give a list of the parts' folders")
-    return _native.merge([_path("parts", part) for part in parts], _path("folder", folder), progress)
+    return _native.merge(
+        [path_name("parts", part) for part in items("parts", parts)], path_name("folder", folder), progress
+    )

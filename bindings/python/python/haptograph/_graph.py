@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from ._arrays import frames, number, whole
+from ._arrays import by_name, frames, items, number, path_name, string, whole
 from ._errors import Diagnostic, Error
 from ._node import Node, natives
 from ._player import Player
@@ -23,12 +23,14 @@ def _ron(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (str, int)):
-        return str(value)
+        return string("a parameter", value)
     if isinstance(value, float):
         return repr(number("a parameter", value))
     if isinstance(value, os.PathLike):
-        return str(os.fspath(value))
-    if isinstance(value, (list, tuple, np.ndarray)):
+        return path_name("a parameter", value)
+    if isinstance(value, np.ndarray):
+        return _ron(value.tolist())
+    if isinstance(value, (list, tuple)):
         quoted = (
             '"' + one.replace("\\", "\\\\").replace('"', '\\"') + '"' if isinstance(one, str) else _ron(one)
             for one in value
@@ -38,21 +40,19 @@ def _ron(value: Any) -> str:
 
 
 def _checking(set: Mapping[str, Any] | None, seed: int | None, endpoints: str | None) -> dict[str, Any]:
-    if set is not None and not isinstance(set, Mapping):
-        raise Error(f"`set` is a {type(set).__name__}: give a dictionary")
+    try:
+        given = [(name, _ron(value)) for name, value in by_name("set", set).items()]
+    except RecursionError:
+        raise Error("`set` has lists in one another without end: give a list of numbers or strings") from None
     return {
-        "set": [(str(name), _ron(value)) for name, value in (set or {}).items()],
+        "set": given,
         "seed": None if seed is None else whole("seed", seed),
-        "endpoints": None if endpoints is None else str(endpoints),
+        "endpoints": None if endpoints is None else string("endpoints", endpoints),
     }
 
 
 def _names(name: str, given: Sequence[str] | None) -> list[str] | None:
-    if given is None:
-        return None
-    if isinstance(given, str):
-        raise Error(f"`{name}` is one string: give a list, [{given!r}]")
-    return [str(one) for one in given]
+    return None if given is None else [string(name, one) for one in items(name, given)]
 
 
 class Graph:
@@ -98,7 +98,7 @@ class Graph:
         GraphError
             With everything that is wrong, as the terminal shows it.
         """
-        return cls._of(_native.Graph.load(os.fspath(path), _checking(set, seed, endpoints), natives(nodes)))
+        return cls._of(_native.Graph.load(path_name("path", path), _checking(set, seed, endpoints), natives(nodes)))
 
     @classmethod
     def parse(
@@ -112,7 +112,7 @@ class Graph:
     ) -> Graph:
         """The same from a text; `path` is of the file that it stands for, beside which it looks for others."""
         checking = _checking(set, seed, endpoints)
-        return cls._of(_native.Graph.parse(str(text), os.fspath(path), checking, natives(nodes)))
+        return cls._of(_native.Graph.parse(string("text", text), path_name("path", path), checking, natives(nodes)))
 
     @property
     def about(self) -> str:
@@ -197,14 +197,12 @@ class Graph:
             Where a :class:`Node` of yours raises an exception, with code ``"E0801"`` and the exception as its cause. Files
             are complete up to there.
         """
-        if inputs is not None and not isinstance(inputs, Mapping):
-            raise Error(f"`inputs` is a {type(inputs).__name__}: give a dictionary")
-        fed = [(str(name), *frames(str(name), values)) for name, values in (inputs or {}).items()]
+        fed = [(name, *frames(name, values)) for name, values in by_name("inputs", inputs).items()]
         request = {
             "seconds": None if seconds is None else number("seconds", seconds, 0, above=True),
             "inputs": fed,
             "probes": _names("probes", probes),
-            "folder": None if folder is None else os.fspath(folder),
+            "folder": None if folder is None else path_name("folder", folder),
             "threads": whole("threads", threads, 1, 256),
         }
         signals, outcome = self._inner.run(_checking(set, seed, None), request, progress)
@@ -234,7 +232,7 @@ class Graph:
         rested : bool
             Whether actuators are known to be cold. Say False for real ones that may be warm.
         """
-        folder = None if folder is None else os.fspath(folder)
+        folder = None if folder is None else path_name("folder", folder)
         given = _names("hosted", hosted)
         native = self._inner.player(
             _checking(set, seed, None), given, _names("probes", probes) or [], folder, bool(rested)

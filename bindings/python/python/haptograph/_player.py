@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._arrays import array, finite, number, whole
+from ._arrays import array, by_name, finite, number, string, whole
 from ._arrays import frames as several
 from ._errors import Error
 from ._run import Outcome
@@ -66,7 +66,7 @@ class Player:
         made = np.atleast_1d(finite(name, array(name, frame)))
         if made.ndim != 1:
             raise Error(f"`{name}` has shape {made.shape}: give one frame, or `push` several")
-        self._inner.set(str(name), made, None if at is None else number("at", at, 0))
+        self._inner.set(string("name", name), made, None if at is None else number("at", at, 0))
 
     def push(self, name: str, frames: Any) -> int:
         """Frames for the next ticks of an input, shape (frames,) or (frames, components).
@@ -79,7 +79,7 @@ class Player:
         made, one = several(name, frames)
         if one:
             raise Error(f"`{name}` is one number: `set` it, or push an array")
-        return self._inner.push(str(name), made)
+        return self._inner.push(string("name", name), made)
 
     def process(self, frames: int, inputs: Mapping[str, Any] | None = None) -> dict[str, np.ndarray]:
         """Run so many frames of the driver.
@@ -96,13 +96,13 @@ class Player:
         dict of ndarray
             The frames that every output and probe has put out since, shape (frames,) or (frames, components).
         """
-        for name, frame in (inputs or {}).items():
+        for name, frame in by_name("inputs", inputs).items():
             self.set(name, frame)
         return self._inner.process(whole("frames", frames))
 
     def turn(self, setting: str, value: float) -> None:
         """Set a live setting, ``"out.gain"``; it glides there in 20 ms."""
-        self._inner.turn(str(setting), number("value", value))
+        self._inner.turn(string("setting", setting), number("value", value))
 
     def stop(self) -> None:
         """Fade out in 10 ms, from the next :meth:`process` on."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _native, _show
-from ._arrays import line, number
+from ._arrays import by_name, items, line, number, path_name, string
 from ._errors import Error
 
 if TYPE_CHECKING:
@@ -17,11 +17,7 @@ if TYPE_CHECKING:
 
 
 def _pairs(name: str, given: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    if given is None:
-        return []
-    if not isinstance(given, Mapping):
-        raise Error(f"`{name}` is a {type(given).__name__}: give a dictionary")
-    return [(str(key), str(value)) for key, value in given.items()]
+    return [(key, string(name, value)) for key, value in by_name(name, given).items()]
 
 
 def read(
@@ -62,7 +58,7 @@ def read(
     Recording
         ``recording.findings`` says what was found and repaired.
     """
-    paths = [path] if isinstance(path, (str, os.PathLike)) else list(path)
+    paths = [path] if isinstance(path, (str, bytes, os.PathLike)) else items("path", path)
     if not paths:
         raise Error("there is no file to read")
     settings = {
@@ -72,9 +68,9 @@ def read(
         "rate": None if rate is None else number("rate", rate, 0, above=True),
         "full_scale": None if full_scale is None else number("full_scale", full_scale, 0, above=True),
         "strict": bool(strict),
-        "gesture": gesture,
+        "gesture": None if gesture is None else string("gesture", gesture),
     }
-    return Recording._of(_native.read([os.fspath(one) for one in paths], settings))
+    return Recording._of(_native.read([path_name("path", one) for one in paths], settings))
 
 
 class Recording:
@@ -83,7 +79,8 @@ class Recording:
     Parameters
     ----------
     acceleration : array_like
-        Along one axis, m/s2.
+        Along one axis, m/s2. Where its mean is not that of a vibration above 20 Hz, as with gravity, it is high-passed
+        at 20 Hz, and `findings` says so.
     force : array_like
         How hard the tool presses, N; as long.
     speed : array_like
@@ -117,7 +114,7 @@ class Recording:
             "tangential": None if tangential is None else line("tangential", tangential),
             "rate": number("rate", rate, 0, above=True),
         }
-        self._inner = _native.recording(arrays, str(gesture), str(source))
+        self._inner = _native.recording(arrays, string("gesture", gesture), string("source", source))
 
     @classmethod
     def _of(cls, native: _native.Recording) -> Recording:
@@ -175,7 +172,7 @@ class Recording:
 
     @property
     def findings(self) -> list[str]:
-        """What was found in its file, and repaired."""
+        """What was found in its file or arrays, and repaired."""
         return self._inner.findings
 
     @property
@@ -223,7 +220,7 @@ class Recording:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it: as CSV where the name ends so, else as haptograph's own archive. A file that is there is replaced."""
-        self._inner.save(os.fspath(path))
+        self._inner.save(path_name("path", path))
 
     def to_pandas(self) -> pandas.DataFrame:
         """A table by time in s; ``table.attrs["units"]`` has the units."""

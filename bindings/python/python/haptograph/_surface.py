@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from . import _native, _show
-from ._arrays import array, finite, line, number, whole
+from ._arrays import array, finite, items, line, number, path_name, string, whole
 from ._errors import Error
 from ._recording import Recording
 
@@ -51,16 +51,16 @@ def learn(
     Surface
         ``surface.missing`` says what could not be learned, and why.
     """
-    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    given = [recordings] if isinstance(recordings, Recording) else items("recordings", recordings)
     for one in given:
         if not isinstance(one, Recording):
             raise Error(f"{one!r} is no Recording: `read` a file, or make one of arrays")
     settings = {
-        "method": str(method),
+        "method": string("method", method),
         "order": None if order is None else whole("order", order, 1, 1000),
         "rate": None if rate is None else number("rate", rate, 0, above=True),
     }
-    native = _native.learn(str(name), [one._inner for one in given], settings, progress)
+    native = _native.learn(string("name", name), [one._inner for one in given], settings, progress)
     return Surface._of(native)
 
 
@@ -132,7 +132,7 @@ class Surface:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Surface:
         """Read a surface: haptograph's .ron, or the toolkit's (HaTT) .xml."""
-        return cls._of(_native.Surface.load(os.fspath(path)))
+        return cls._of(_native.Surface.load(path_name("path", path)))
 
     def save(self, path: str | os.PathLike[str]) -> list[str]:
         """Write it as .ron, or as .xml for the toolkit.
@@ -142,7 +142,7 @@ class Surface:
         list of str
             Parts that the format has no place for.
         """
-        return self._inner.save(os.fspath(path))
+        return self._inner.save(path_name("path", path))
 
     @property
     def name(self) -> str:
@@ -315,6 +315,8 @@ class Comparison:
         The third octaves, from and to, Hz.
     signed : ndarray
         The error of each.
+    findings : list of str
+        What was repaired before: a vibration with gravity is high-passed at 20 Hz.
     """
 
     lsd: float | None
@@ -329,6 +331,7 @@ class Comparison:
     windows: int
     bands: list[tuple[float, float]]
     signed: np.ndarray
+    findings: list[str]
 
 
 def _vibration(name: str, given: Any) -> tuple[np.ndarray, float | None]:
@@ -362,14 +365,13 @@ def compare(
         Called with the part done, 0 to 1, now and then. Ctrl-C, or what it raises, ends the call.
     """
     (a, of_a), (b, of_b) = _vibration("a", a), _vibration("b", b)
-    rates = {float(one) for one in (of_a, of_b, rate) if one is not None}
+    rates = {number("rate", one, 0, above=True) for one in (of_a, of_b, rate) if one is not None}
     if not rates:
         raise Error("arrays do not say their rate: give `rate`")
     if len(rates) > 1:
         raise Error(f"the rates differ: {', '.join(f'{one:g} Hz' for one in sorted(rates))}; resample one")
-    rate = number("rate", rates.pop(), 0, above=True)
     window = None if window is None else whole("window", window, 2, 2**32)
-    return Comparison(**_native.compare(a, b, rate, window, progress))
+    return Comparison(**_native.compare(a, b, rates.pop(), window, progress))
 
 
 def render(
@@ -405,7 +407,7 @@ def render(
     ndarray
         Acceleration, m/s2, shape (rows, samples).
     """
-    surfaces = [surfaces] if isinstance(surfaces, Surface) else list(surfaces)
+    surfaces = [surfaces] if isinstance(surfaces, Surface) else items("surfaces", surfaces)
     if not surfaces or not all(isinstance(one, Surface) for one in surfaces):
         raise Error("give a Surface, or a list of them")
     if len({one.rate for one in surfaces}) > 1:
@@ -433,7 +435,7 @@ def render(
     force, speed = np.ascontiguousarray(force), np.ascontiguousarray(speed)
     inner = [one._inner for one in surfaces] * (rows if len(surfaces) == 1 else 1)
     seeds = range(1, rows + 1) if seeds is None else seeds
-    seeds = [whole("seeds", seed) for seed in seeds]
+    seeds = [whole("seeds", seed) for seed in items("seeds", seeds)]
     threads = whole("threads", (os.cpu_count() or 1) if threads is None else threads, 1, 1024)
     update = number("update", update, 0, above=True)
     return _native.render(inner, force, speed, seeds, update, threads, progress)

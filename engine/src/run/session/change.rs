@@ -244,7 +244,11 @@ impl Session {
             let rings = tap_rings(&plan, own.collect(), &mut outs);
             self.check_devices(control, &plan)?;
             plan.keep_inputs(control.plan());
-            plans.push(control.prepare(Arc::new(plan), rings)?);
+            let mut prepared = control.prepare(Arc::new(plan), rings)?;
+            if let Some(switch) = &self.arm {
+                prepared.next.run.arm_by(switch);
+            }
+            plans.push(prepared);
         }
         let before: Vec<Arc<Plan>> = self
             .controls

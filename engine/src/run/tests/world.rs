@@ -112,18 +112,8 @@ impl crate::device::DeviceKind for NoBody {
         doc: "",
         source: "",
         simulated: true,
-        senses: &[Channel {
-            name: "x",
-            kind: Kind::Scalar,
-            quantity: Quantity::NUMBER,
-            doc: "",
-        }],
-        drives: &[Channel {
-            name: "x",
-            kind: Kind::Scalar,
-            quantity: Quantity::NUMBER,
-            doc: "",
-        }],
+        senses: &[Channel::new("x", Kind::Scalar, Quantity::NUMBER, "")],
+        drives: &[Channel::new("x", Kind::Scalar, Quantity::NUMBER, "")],
         example: "",
     };
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Device>, BuildError> {

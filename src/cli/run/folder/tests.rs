@@ -1,4 +1,4 @@
-//! What becomes of folders that runs find.
+//! Tests of the folders that a run may find at its target.
 
 use super::*;
 
@@ -33,7 +33,7 @@ fn a_live_run_of_real_devices_is_kept_and_others_are_replaced() {
         run(r#"{"live": true, "simulated_devices": true, "real_devices": false}"#),
         None
     );
-    // No device at all.
+    // No device.
     assert_eq!(
         run(r#"{"live": true, "simulated_devices": false, "real_devices": false}"#),
         None
@@ -101,7 +101,7 @@ fn nothing_is_lost_where_a_step_fails() {
     let mut folder = RunFolder::beside(&target).unwrap();
     folder.begin();
     folder.write("a.csv", "2").unwrap();
-    // Where the second of the earlier run's files would wait there is something.
+    // A file blocks the place of the second replaced file.
     fs::create_dir(folder.path().join(REPLACED)).unwrap();
     fs::write(folder.path().join(REPLACED).join(MARK), "").unwrap();
     let waiting = folder.path().to_owned();
@@ -149,7 +149,7 @@ fn links_are_not_followed_out_of_the_folder_and_the_folder_may_be_one() {
     assert!(real.join("record-1").is_symlink() && names(&elsewhere).is_empty());
 }
 
-/// All files below a folder, and what they hold.
+/// All files below a folder with their contents.
 fn tree(folder: &Path) -> Vec<(PathBuf, String)> {
     let (mut found, mut folders) = (Vec::new(), vec![folder.to_owned()]);
     while let Some(next) = folders.pop() {
@@ -168,8 +168,8 @@ fn tree(folder: &Path) -> Vec<(PathBuf, String)> {
     found
 }
 
-/// An earlier run with these facts, files of others among it, and another run, killed after so many steps of its move if
-/// they are reached.
+/// Creates an earlier run with these facts and foreign files, then moves another run there and kills it after
+/// `steps` steps. Returns true if the kill happened.
 fn killed_after(steps: Option<u32>, facts: &str, parent: &Path) -> bool {
     let (target, probe) = (parent.join("out"), parent.join("probe.csv"));
     let earlier = [

@@ -1,7 +1,8 @@
-//! Taps, friction and stiffness at speeds and forces that they were not learned from, beside plain alternatives.
+//! Hold-out evaluation of taps, friction and stiffness at other speeds and forces than those of the training
+//! data, with plain alternatives.
 //!
-//! The recordings of a material are split by impact speed, by speed of sliding and by normal force. What is learned from one side of a
-//! split predicts the other.
+//! The recordings of a material are split by impact speed, by sliding speed and by normal force. The model
+//! learned from one side of a split predicts the other side.
 
 use super::super::Take;
 use super::Mean;
@@ -15,26 +16,27 @@ use crate::{Tap, Taps};
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// A press shows the material from this force on, N.
+/// Force from which a press counts as contact, N.
 const TOUCH_N: f64 = 0.1;
 
-/// What is predicted of a contact.
+/// The predicted quantity of a contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Contact {
-    /// A tap's transient: root mean square of the error over that of the recorded one, percent.
+    /// Transient of a tap: RMS of the error over the RMS of the recording, percent.
     TapShape,
-    /// A tap's energy: magnitude of its error, dB.
+    /// Energy of a tap: magnitude of the error, dB.
     TapLevel,
-    /// Tangential force of circles: root mean square of the error over that of the recorded force, percent.
+    /// Tangential force of circles: RMS of the error over the RMS of the recorded force, percent.
     CircleFriction,
-    /// The same of drags.
+    /// Tangential force of drags, likewise.
     DragFriction,
-    /// Force of a press by indentation, where the spring's rest is free: root mean square of the error over the force's deviation, percent.
+    /// Force of a press by indentation, with the rest position of the spring as a free parameter: RMS of the
+    /// error over the standard deviation of the force, percent.
     Stiffness,
 }
 
 impl Contact {
-    /// All.
+    /// All quantities.
     pub const ALL: [Self; 5] = [
         Self::TapShape,
         Self::TapLevel,
@@ -43,7 +45,7 @@ impl Contact {
         Self::Stiffness,
     ];
 
-    /// The name in files; it ends in the unit of the errors.
+    /// Name in files; it ends in the unit of the errors.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::TapShape => "tap_shape_percent",
@@ -54,7 +56,7 @@ impl Contact {
         }
     }
 
-    /// What it is, for tables.
+    /// Title in tables.
     pub fn title(self) -> &'static str {
         match self {
             Self::TapShape => "taps, shape (%)",
@@ -65,7 +67,7 @@ impl Contact {
         }
     }
 
-    /// Ways to predict it: the first is what surfaces are learned by.
+    /// Prediction methods; the first is the one used by `learn`.
     pub fn methods(self) -> &'static [&'static str] {
         match self {
             Self::TapShape | Self::TapLevel => &[
@@ -83,7 +85,7 @@ impl Contact {
         }
     }
 
-    /// Which of them are plain.
+    /// Indices of the plain methods.
     fn plain(self) -> Range<usize> {
         match self {
             Self::TapShape | Self::TapLevel => 1..3,
@@ -102,24 +104,25 @@ struct Fold {
     errors: Vec<f64>,
 }
 
-/// One quantity at one split, over all materials that have it.
+/// The errors of one quantity at one split, over all materials that have it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactResult {
-    /// What was predicted.
+    /// The predicted quantity.
     pub contact: Contact,
-    /// What was tested on.
+    /// The tested part.
     pub split: &'static str,
-    /// Materials with such recordings, by name.
+    /// Names of the materials with such recordings.
     pub materials: Vec<String>,
-    /// Errors by method, in the order of [`Contact::methods`], of each material.
+    /// Errors of each material by method, in the order of [`Contact::methods`].
     pub by_material: Vec<Vec<f64>>,
-    /// The same over materials.
+    /// Means over materials by method.
     pub means: Vec<Mean>,
-    /// Is what surfaces are learned by worse than a plain alternative?
+    /// True if the method used by `learn` is worse than a plain alternative.
     pub loses: bool,
 }
 
-/// Holds out parts of all circles, drags, taps and presses; what cannot be learned from has no result.
+/// Evaluates all circles, drags, taps and presses by hold-out; data that cannot be learned from have no
+/// result.
 pub fn hold_out_contact(takes: &[Take], processing: &ProcessingSettings) -> Vec<ContactResult> {
     let names: BTreeSet<&String> = takes.iter().map(|take| &take.name.material).collect();
     let names: Vec<&String> = names.into_iter().collect();
@@ -196,7 +199,8 @@ fn summed_up(names: &[&String], folds: &[Fold]) -> Vec<ContactResult> {
     kinds.into_iter().map(result).collect()
 }
 
-/// Every second tap by speed between the others, the faster half by the slower, and the slower by the faster.
+/// Three folds by speed: every second tap from the taps between, the faster half from the slower, and the
+/// slower from the faster.
 fn taps(
     recordings: &[&AnyRecording],
     processing: &ProcessingSettings,
@@ -206,7 +210,7 @@ fn taps(
         return;
     };
     let all = taps.taps();
-    // The first and the last are always learned from, so that all others lie between.
+    // The slowest and the fastest tap always belong to the training data, so that all others lie between.
     let between = |rank: usize| rank % 2 == 1 && rank + 1 < all.len();
     let half = all.len() / 2;
     let splits: [(&'static str, &dyn Fn(usize) -> bool); 3] = [
@@ -230,7 +234,7 @@ fn taps(
     }
 }
 
-/// Errors of shape and level by method, the mean over the tested taps.
+/// Errors of shape and level by method, as means over the tested taps.
 fn tap_errors(train: &Taps, test: &[Tap]) -> (Vec<f64>, Vec<f64>) {
     let energy = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
     let of = |tap: &Tap, predicted: &[f64]| {
@@ -273,12 +277,12 @@ fn tap_errors(train: &Taps, test: &[Tap]) -> (Vec<f64>, Vec<f64>) {
     errors.into_iter().unzip()
 }
 
-/// Is told which part is tested, what is learned from, and what is tested on.
+/// Called with the name of the tested part, the training data and the test data.
 type OnSplit<'a> = dyn FnMut(&'static str, &[Sliding], &[Sliding]) + 'a;
-/// What a recording is split by: the names of the parts above and below the median, and the measure.
+/// A split: the names of the parts above and below the median, and the measure.
 type Split = (&'static str, &'static str, fn(&Sliding) -> f64);
 
-/// Moments of each recording beyond the median force, below it, and the same by speed.
+/// Folds of the sliding data above and below the median force, and above and below the median speed.
 fn friction(recordings: &[&AnyRecording], processing: &ProcessingSettings, fold: &mut OnSplit<'_>) {
     for recording in recordings {
         let Ok(moments) = sliding(recording, processing, &FrictionSettings::default()) else {
@@ -300,7 +304,7 @@ fn friction(recordings: &[&AnyRecording], processing: &ProcessingSettings, fold:
     }
 }
 
-/// Of the first fit, of the mean ratio, of the other fits.
+/// Errors of the first fit, the mean ratio, and the other fits.
 fn friction_errors(train: &[Sliding], test: &[Sliding], fits: &[FrictionFit]) -> Option<Vec<f64>> {
     let points: Vec<(f64, f64)> = train.iter().map(|m| (m.normal_n, m.tangential_n)).collect();
     let ratios: Vec<f64> = points
@@ -312,7 +316,7 @@ fn friction_errors(train: &[Sliding], test: &[Sliding], fits: &[FrictionFit]) ->
     coefficients.insert(1, mean(&ratios));
     let square = |value: &dyn Fn(&Sliding) -> f64| test.iter().map(|m| value(m).powi(2)).sum::<f64>();
     let recorded = square(&|m| m.tangential_n);
-    // At one speed or one force only nothing lies beyond the median.
+    // At a single speed or force there is nothing beyond the median.
     if recorded == 0.0 {
         return None;
     }
@@ -320,7 +324,7 @@ fn friction_errors(train: &[Sliding], test: &[Sliding], fits: &[FrictionFit]) ->
     Some(coefficients.into_iter().map(error).collect())
 }
 
-/// Above the forces that stiffness is learned from, below them, and another press.
+/// Folds above and below the median force of a press, and for another press.
 fn stiffness(
     recordings: &[&AnyRecording],
     processing: &ProcessingSettings,

@@ -1,24 +1,24 @@
-//! How a material's takes are split into parts to learn from and parts to test on.
+//! Splits of a material's takes into training and test parts.
 
 use crate::recording::{ProcessedRecording, RecordingError, Signals};
 use std::ops::Range;
 
-/// A way to split.
+/// A kind of split.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Split {
-    /// One half of a take against the other, both ways round, for every take.
+    /// Each half of a take against the other, for every take.
     Halves,
-    /// The first and third quarter of a take against the second and fourth, both ways round, for every take.
+    /// The first and third quarter of a take against the second and fourth, and the reverse, for every take.
     Quarters,
-    /// Each take against the next one of its material, the last against the first.
+    /// Each take against the next one of its material, the last one against the first.
     Takes,
 }
 
 impl Split {
-    /// All ways.
+    /// All kinds.
     pub const ALL: [Self; 3] = [Self::Halves, Self::Quarters, Self::Takes];
 
-    /// The name in files and on the command line.
+    /// Name in files and on the command line.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Halves => "halves",
@@ -27,7 +27,7 @@ impl Split {
         }
     }
 
-    /// The folds of a material's takes; none where one take would have to stand for two.
+    /// The folds of a material's takes; empty if there are too few takes.
     pub fn folds(self, takes: &[ProcessedRecording]) -> Vec<Fold> {
         let part = |take: usize, parts: &[usize], of: usize| {
             let length = takes[take].samples();
@@ -59,12 +59,12 @@ impl Split {
     }
 }
 
-/// A part to learn from and a part to test on.
+/// A fold: training and test part.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fold {
-    /// To learn from.
+    /// Training part.
     pub train: Part,
-    /// To test on.
+    /// Test part.
     pub test: Part,
 }
 

@@ -1,4 +1,4 @@
-//! What a vibration is compared with, and by what.
+//! Error measures between rendered and recorded vibrations.
 
 use super::super::synthesis::{SynthesisError, Trajectory};
 use super::HoldoutSettings;
@@ -10,27 +10,29 @@ use crate::statistics::mean;
 use haptograph_signal::noise::Gaussian;
 use std::collections::VecDeque;
 
-/// How many pairs of stationary takes tell the estimator's own distance.
+/// Number of pairs of stationary takes that determine the distance of the estimator itself.
 const STATIONARY: u64 = 8;
-/// Samples that are played ahead, where one seed is not longer: 128 MiB.
+/// Maximum number of samples rendered ahead, unless a single seed is longer: 128 MiB.
 const MAX_SAMPLES: usize = 16 << 20;
 
-/// How far a method is from the test part. What is played is Gaussian noise of several seeds: their powers are averaged.
+/// Errors of a method on a test part. The rendering is Gaussian noise of several seeds, whose powers are
+/// averaged.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measures {
-    /// Errors by band and over bands.
+    /// Errors per band and over bands.
     pub bands: BandErrors,
-    /// Excess kurtosis less the recorded one.
+    /// Excess kurtosis minus that of the recording.
     pub kurtosis: f64,
-    /// Root mean square difference of levels over 50 ms, dB; none for the floor.
+    /// RMS difference of the levels over 50 ms, dB; `None` for the floor.
     pub envelope_db: Option<f64>,
-    /// The same between two seeds of the same method.
+    /// The same between two seeds of the method.
     pub envelope_floor_db: Option<f64>,
-    /// Normalized spectral error and power error of the first seed, Eq. 2.5.1 and 2.5.2; none for the floor.
+    /// Normalised spectral error and power error of the first seed, Eq. 2.5.1 and 2.5.2; `None` for the
+    /// floor.
     pub nse_pe: Option<(f64, f64)>,
 }
 
-/// The part of a recording that a method has to meet, and what it learned from.
+/// A test part with its training part.
 pub struct Target<'a> {
     train: &'a [ProcessedRecording],
     test: &'a [ProcessedRecording],
@@ -57,7 +59,7 @@ impl<'a> Target<'a> {
         &self.bands
     }
 
-    /// The training part itself against the test part.
+    /// The training part compared with the test part.
     pub fn floor(&self) -> Measures {
         let trained = self.bands.of_signal(vibrations(self.train), self.rate_hz);
         Measures {
@@ -69,7 +71,7 @@ impl<'a> Target<'a> {
         }
     }
 
-    /// What force and speed leave unexplained of the test part's levels, dB; the mean over its pieces.
+    /// Part of the test part's levels that force and speed do not explain, dB; mean over its pieces.
     pub fn unexplained_level_db(&self) -> Option<f64> {
         let left = self.test.iter().map(|piece| {
             let s = piece.signals();
@@ -78,8 +80,8 @@ impl<'a> Target<'a> {
         left.collect::<Option<Vec<f64>>>().map(|left| mean(&left))
     }
 
-    /// The estimator's own distance: between two takes of white noise as long as the two parts, and between one and the
-    /// mean of as many as there are seeds.
+    /// Distance of the estimator itself: between two takes of white noise with the lengths of the two parts,
+    /// and between one of them and the mean over as many seeds as are used.
     pub fn estimator_db(&self, seeds: u64) -> (f64, f64) {
         let white = |parts: &[ProcessedRecording], seed: u64| {
             let mut noise = Gaussian::new(0x5eed ^ seed);
@@ -120,7 +122,7 @@ fn vibrations(parts: &[ProcessedRecording]) -> impl Iterator<Item = &[f64]> {
         .map(|part| part.signals().acceleration_m_s2.as_slice())
 }
 
-/// The mean over pieces, each by its length.
+/// Mean over the pieces, weighted by length.
 fn kurtosis<'a>(pieces: impl Iterator<Item = &'a [f64]>) -> f64 {
     let (sum, samples) = pieces.fold((0.0, 0), |(sum, samples), piece| {
         (
@@ -131,7 +133,8 @@ fn kurtosis<'a>(pieces: impl Iterator<Item = &'a [f64]>) -> f64 {
     sum / samples.max(1) as f64
 }
 
-/// The vibrations of a seed along each trajectory, and of the seeds that follow, as many as fit into a bank and into memory.
+/// The vibrations of a seed along each trajectory, and of as many following seeds as fit into a bank and into
+/// memory.
 fn play_seeds(
     player: &Player,
     trajectories: &[Trajectory],
@@ -141,7 +144,7 @@ fn play_seeds(
     let samples: usize = trajectories.iter().map(|along| along.speed_m_s.len()).sum();
     let at_once = (MAX_SAMPLES / samples.max(1)).clamp(1, 16) as u64;
     let seeds = first..settings.seeds.max(1).min(first + at_once);
-    // Pieces are excited by noise of their own.
+    // Each piece has its own excitation noise.
     let seeded = |seed: u64| {
         let pieces = trajectories.iter().zip(0..);
         pieces.map(move |(along, piece)| (along, settings.seed.wrapping_add(seed + 1000 * piece)))
@@ -150,7 +153,7 @@ fn play_seeds(
     Ok(player.play(&each)?.into())
 }
 
-/// Plays what was learned along the test part and compares.
+/// Renders a learned texture along the test part and measures the errors.
 pub fn measured(
     player: &Player,
     target: &Target<'_>,
@@ -200,7 +203,7 @@ fn envelopes_apart(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
     mean(&apart)
 }
 
-/// Errors of windows, the mean over the pieces.
+/// Window errors, as means over the pieces.
 fn windowed(played: &[Vec<f64>], target: &Target<'_>) -> Option<(f64, f64)> {
     let windows = WindowSettings::comparison_at(target.rate_hz);
     let found = played

@@ -1,4 +1,4 @@
-//! What is compared: the floor, ways to learn a texture, and plain baselines that any texture has to beat.
+//! Methods of a hold-out evaluation: the floor, ways to learn a texture, and plain baselines.
 
 use super::super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, updates};
 use super::super::voices::{Voice, synthesise_many};
@@ -16,26 +16,27 @@ const PLAIN_ORDER: usize = 20;
 /// Length of the fixed windows, s.
 const WINDOW_S: f64 = 0.2;
 
-/// A way to tell the vibration of one part of a recording from another part.
+/// A method that predicts the vibration of one part of a recording from another part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// The training part's own spectrum: what no method that knows the material alone can be expected to beat by much.
+    /// The spectrum of the training part itself, which a method that uses nothing but the material is not
+    /// expected to beat by much.
     Floor,
-    /// The method that surfaces are learned by unless told otherwise.
+    /// The default method of `learn`.
     Default,
-    /// The thesis's.
+    /// The thesis's method.
     Thesis,
-    /// One autoregressive model of order 20 for the whole part, whatever force and speed.
+    /// One autoregressive model of order 20 for the whole part, independent of force and speed.
     OneModel,
-    /// One autoregressive model of order 20 for each 0.2 s, the nearest in force and speed.
+    /// One autoregressive model of order 20 per 0.2 s; the nearest one in force and speed is rendered.
     Windows,
 }
 
-/// The plain ones.
+/// The plain baselines.
 pub const BASELINES: [Method; 2] = [Method::OneModel, Method::Windows];
 
 impl Method {
-    /// All, the floor first.
+    /// All methods, the floor first.
     pub const ALL: [Self; 5] = [
         Self::Floor,
         Self::Default,
@@ -44,7 +45,7 @@ impl Method {
         Self::Windows,
     ];
 
-    /// The name in files.
+    /// Name in files.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Floor => "floor",
@@ -55,7 +56,7 @@ impl Method {
         }
     }
 
-    /// What it is, for tables.
+    /// Title in tables.
     pub fn title(self) -> &'static str {
         match self {
             Self::Floor => "floor: the training part's spectrum",
@@ -67,12 +68,12 @@ impl Method {
     }
 }
 
-/// What a method has learned, ready to be played.
+/// A learned method, ready to render.
 #[derive(Debug, Clone)]
 pub enum Player {
-    /// A surface's texture, as a graph renders it.
+    /// A surface's texture, rendered as in a graph.
     Texture(Box<TextureModel>),
-    /// Models at places of speed and force, of which the nearest plays.
+    /// Models at points of speed and force; the nearest one is rendered.
     Nearest {
         /// Rate of the models, Hz.
         rate_hz: f64,
@@ -84,7 +85,7 @@ pub enum Player {
 }
 
 impl Player {
-    /// Learns from parts of a recording; `None` for the floor, which plays nothing.
+    /// Learns from parts of a recording; `None` for the floor, which renders nothing.
     ///
     /// # Errors
     /// [`LearnTextureError`].
@@ -139,7 +140,7 @@ impl Player {
     }
 }
 
-/// A model for each window of all parts, or for each part whole where it is shorter than a window.
+/// One model per window of all parts, or per part if it is shorter than a window.
 fn nearest(parts: &[ProcessedRecording], window: usize) -> Result<Player, LearnTextureError> {
     let mut models = vec![];
     for part in parts {
@@ -160,13 +161,13 @@ fn nearest(parts: &[ProcessedRecording], window: usize) -> Result<Player, LearnT
     }
     if models.is_empty() {
         return Err(LearnTextureError::NoModels {
-            reason: "no stretch has a model of order 20".to_owned(),
+            reason: "no segment has a model of order 20".to_owned(),
         });
     }
     let scale = |axis: usize| {
         let values: Vec<f64> = models.iter().map(|(place, _)| place[axis]).collect();
         let spread = standard_deviation(&values);
-        // Of one model alone any scale does.
+        // With a single model the scale is arbitrary.
         if spread > 0.0 {
             1.0 / spread
         } else {

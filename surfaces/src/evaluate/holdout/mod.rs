@@ -1,9 +1,11 @@
-//! How well textures hold on recordings that they were not learned from, beside floors and plain baselines.
+//! Hold-out evaluation of textures on recordings that they were not learned from, with floors and plain
+//! baselines.
 //!
-//! Each material's takes are split several ways ([`Split`]) into folds: a part to learn from and a part to test on. Every
-//! [`Method`] learns from the one, is played along the force and speed of the other by several seeds of noise, and is compared
-//! with it: [`Measures`]. Errors are paired by fold, then averaged over a material's folds; the standard error is over
-//! materials, as folds and seeds of one material are no samples of materials.
+//! The takes of each material are split in several ways ([`Split`]) into folds of a training and a test part.
+//! Every [`Method`] learns from the training part, is rendered along the force and speed of the test part
+//! with several seeds of noise, and is compared with it: [`Measures`]. Errors are paired by fold, then
+//! averaged over a material's folds. The standard error is over materials, since the folds and seeds of one
+//! material are not independent samples.
 
 mod contact;
 mod folds;
@@ -27,18 +29,18 @@ use measures::{Target, measured};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How folds are evaluated.
+/// Settings of a hold-out evaluation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HoldoutSettings {
-    /// From sensor readings to physical quantities.
+    /// Processing of sensor readings to physical quantities.
     pub processing: ProcessingSettings,
     /// The method that counts as the default.
     pub texture: TextureMethod,
-    /// Seeds of noise whose powers are averaged before the logarithm.
+    /// Number of noise seeds whose powers are averaged before the logarithm.
     pub seeds: u64,
-    /// The first of them.
+    /// The first seed.
     pub seed: u64,
-    /// How recordings are split; those that a set of recordings has not enough takes for are left out.
+    /// Kinds of splits; those that need more takes than a material has are omitted.
     pub splits: Vec<Split>,
 }
 
@@ -54,13 +56,13 @@ impl Default for HoldoutSettings {
     }
 }
 
-/// Why recordings cannot be held out.
+/// Error of a hold-out evaluation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum HoldoutError {
     #[error(transparent)]
     Study(#[from] StudyError),
-    #[error("a part of {material} is no recording: {source}")]
+    #[error("a part of {material} is not a recording: {source}")]
     Part {
         material: String,
         source: RecordingError,
@@ -72,13 +74,15 @@ pub enum HoldoutError {
         method: &'static str,
         reason: String,
     },
-    #[error("what {method} learned from a part of {material} cannot be played: {source}")]
+    #[error("cannot render what {method} learned from a part of {material}: {source}")]
     Synthesis {
         material: String,
         method: &'static str,
         source: SynthesisError,
     },
-    #[error("{material}: its parts have {samples} samples, too few to tell the power of any third octave")]
+    #[error(
+        "{material}: its parts have {samples} samples, too few to estimate the power of any third octave"
+    )]
     TooShort { material: String, samples: usize },
 }
 
@@ -93,23 +97,23 @@ impl HoldoutError {
     }
 }
 
-/// What one fold gave, by method in the order of [`Method::ALL`].
+/// The result of one fold, by method in the order of [`Method::ALL`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct FoldResult {
-    /// Which material, by number.
+    /// Number of the material.
     pub material: usize,
-    /// How it was split.
+    /// Kind of split.
     pub split: Split,
-    /// By method.
+    /// Measures by method.
     pub measures: Vec<Measures>,
-    /// Standard deviation of the test part's levels that its force and speed leave unexplained, dB.
+    /// Standard deviation of the test part's levels not explained by force and speed, dB.
     pub unexplained_level_db: Option<f64>,
-    /// Log-spectral distance between two stationary takes as long as the two parts, dB; and between one and the mean of as
-    /// many as there are seeds.
+    /// Log-spectral distance between two stationary takes with the lengths of the two parts, dB, and between
+    /// one of them and the mean over all seeds.
     pub estimator_db: (f64, f64),
 }
 
-/// Holds out parts of the drags among `takes`. `progress` gets the part done.
+/// Evaluates the drags among `takes` by hold-out. `progress` receives the fraction done.
 ///
 /// # Errors
 /// [`HoldoutError`].
@@ -213,7 +217,7 @@ fn one_fold(
     })
 }
 
-/// Each job's result, in order.
+/// Runs the jobs on all cores; returns their results in order.
 fn on_all_cores<J: Sync, R: Send>(jobs: &[J], work: &(dyn Fn(&J) -> R + Sync)) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism()

@@ -1,4 +1,4 @@
-//! What folds come to: means by material, and over materials with their standard errors.
+//! Summary of a hold-out evaluation: means by material, and means over materials with standard errors.
 
 use super::FoldResult;
 use super::folds::Split;
@@ -9,15 +9,15 @@ use crate::statistics::{mean, standard_deviation};
 /// All folds of all materials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Holdout {
-    /// Materials, by name.
+    /// Names of the materials.
     pub materials: Vec<String>,
-    /// Seeds of noise that each method was played with.
+    /// Number of noise seeds per method.
     pub seeds: u64,
     /// Results of the folds.
     pub folds: Vec<FoldResult>,
 }
 
-/// A mean over materials and its standard error (`None` of one material).
+/// A mean over materials with its standard error, `None` for a single material.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mean {
     /// The mean.
@@ -59,26 +59,27 @@ pub struct BandMean {
     pub absolute_db: f64,
 }
 
-/// A method over all materials.
+/// The means of a method over all materials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MethodMean {
-    /// Which.
+    /// The method.
     pub method: Method,
-    /// What can be read material by material.
+    /// Errors by material.
     pub by_material: ByMaterial,
-    /// Log-spectral distance, dB.
+    /// Log-spectral distance over materials, dB.
     pub lsd_db: Mean,
-    /// Log-spectral distance less the floor's in the same fold, dB.
+    /// Log-spectral distance minus that of the floor in the same fold, dB.
     pub above_floor_db: Mean,
-    /// Log-spectral distance less that of the better plain baseline over all materials, in the same folds, dB.
+    /// Log-spectral distance minus that of the better plain baseline over all materials, in the same folds,
+    /// dB.
     pub above_baseline_db: Mean,
-    /// From 100 to 500 Hz, dB.
+    /// Log-spectral distance from 100 to 500 Hz, dB.
     pub middle_lsd_db: Option<Mean>,
-    /// The same less the floor's, dB.
+    /// The same minus that of the floor, dB.
     pub middle_above_floor_db: Option<Mean>,
-    /// Weighted by what is felt, dB.
+    /// Log-spectral distance weighted by tactile sensitivity, dB.
     pub pacinian_lsd_db: Mean,
-    /// Mean absolute error of bands, dB.
+    /// Mean absolute error over bands, dB.
     pub absolute_db: Mean,
     /// Signed error from 20 to 40 Hz, dB.
     pub low_db: Option<Mean>,
@@ -98,29 +99,30 @@ pub struct MethodMean {
     pub pe: Option<Mean>,
     /// Errors by band, means over materials, where all materials have the same bands.
     pub by_band: Vec<BandMean>,
-    /// Is this no plain baseline, and worse than one on the mean over materials?
+    /// True if this is not a plain baseline and its mean over materials is worse than that of one.
     pub loses: bool,
 }
 
-/// One split over all materials.
+/// The result of one kind of split over all materials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SplitResult {
-    /// Which.
+    /// The kind of split.
     pub split: Split,
     /// Methods, the floor first.
     pub methods: Vec<MethodMean>,
-    /// The plain baseline with the least mean distance.
+    /// The plain baseline with the smallest mean distance.
     pub best_baseline: Method,
-    /// What force and speed leave unexplained of recorded levels, dB.
+    /// Part of the recorded levels that force and speed do not explain, dB.
     pub unexplained_level_db: Option<Mean>,
-    /// Distance of two stationary takes as long as the parts, dB, and of one from the mean over seeds.
+    /// Distance between two stationary takes with the lengths of the parts, dB, and between one of them and
+    /// the mean over seeds.
     pub estimator_db: (f64, f64),
 }
 
 type Value = dyn Fn(&Measures) -> Option<f64>;
 
 impl Holdout {
-    /// The splits that there are folds of.
+    /// The results of all kinds of splits that have folds.
     pub fn splits(&self) -> Vec<SplitResult> {
         Split::ALL
             .into_iter()
@@ -162,7 +164,7 @@ impl Holdout {
         })
     }
 
-    /// Means over a material's folds; `None` where a fold has no value. Materials without folds are left out.
+    /// Means over a material's folds; `None` if a fold has no value. Materials without folds are omitted.
     fn over_materials(
         &self,
         folds: &[&FoldResult],

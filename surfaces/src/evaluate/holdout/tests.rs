@@ -3,7 +3,7 @@ use super::*;
 use crate::recording::AnyRecording;
 use crate::recording::synthetic::drag;
 
-/// A material whose vibration is a resonance, louder with speed.
+/// A material whose vibration is a resonance that grows with speed.
 fn take(material: &str, number: u64, angle: f64) -> Take {
     let steps: Vec<_> = (0..10)
         .map(|i| (0.4, 0.06 + 0.03 * f64::from(i % 4), 0.7 + 0.3 * f64::from(i % 3)))
@@ -33,7 +33,7 @@ fn takes() -> Vec<Take> {
 
 fn settings() -> HoldoutSettings {
     HoldoutSettings {
-        // Synthetic drags have no high-pass to divide out.
+        // Synthetic drags have no high-pass to compensate.
         texture: TextureMethod::Law(crate::learning::law::LawSettings {
             highpass_hz: None,
             ..Default::default()
@@ -109,11 +109,11 @@ fn a_method_that_knows_the_process_comes_near_the_floor_and_a_plain_one_is_shown
             "{over_all} {law:?}"
         );
         assert!(law.total_db.mean.abs() < 1.0 && law.kurtosis.mean.abs() < 1.0);
-        // Levels follow force and speed here, up to what 500 samples tell.
+        // Here levels follow force and speed, up to the estimation error of 500 samples.
         assert!(split.unexplained_level_db.unwrap().mean < 1.5);
         assert!(law.envelope_db.unwrap().mean < 2.0 * law.envelope_floor_db.unwrap().mean);
         assert!(split.estimator_db.1 < split.estimator_db.0);
-        // One model for all speeds has the wrong level at each.
+        // One model for all speeds has the wrong level at each speed.
         assert!(of(Method::OneModel).envelope_db.unwrap().mean > law.envelope_db.unwrap().mean);
         assert!(!floor.loses && !of(Method::OneModel).loses);
         for method in [Method::Default, Method::Thesis] {
@@ -124,7 +124,7 @@ fn a_method_that_knows_the_process_comes_near_the_floor_and_a_plain_one_is_shown
 
 #[test]
 fn a_method_that_is_worse_than_a_plain_one_loses() {
-    // An order of one cannot hold a resonance, which the plain models of order 20 can.
+    // A model of order one cannot represent a resonance; the plain models of order 20 can.
     let poor = HoldoutSettings {
         texture: TextureMethod::Law(crate::learning::law::LawSettings {
             order: 1,

@@ -1,26 +1,26 @@
-//! How the power of textures follows speed and force: the prior of a law, measured.
+//! Exponents of the power of textures over speed and force, used as the prior of a law.
 
 use crate::learning::spectral_law::{Observation, POWER_SLOPES};
 use crate::statistics::mean;
 use nalgebra::{Matrix2, Vector2};
 
-/// Fewer other textures than this make no prior.
+/// Minimum number of other textures for a prior.
 const LEAST_TEXTURES: usize = 5;
 
-/// Exponents of speed and force of the power over textures.
+/// Exponents of speed and force in the power of textures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PowerExponents {
-    /// One regression over all models, each texture with a level of its own.
+    /// One regression over all models, with a level per texture.
     pub pooled: [f64; 2],
-    /// Mean of regressions of each texture alone.
+    /// Mean of the regressions of single textures.
     pub mean: [f64; 2],
-    /// Their standard deviation over textures.
+    /// Standard deviation of these regressions over textures.
     pub deviation: [f64; 2],
-    /// Textures that a regression of their own is possible for.
+    /// Number of textures with a regression of their own.
     pub textures: usize,
 }
 
-/// Sums of one texture for regressions of ln power on ln speed and ln force from its own centre.
+/// Sums of one texture for regressions of ln power on ln speed and ln force about its own centre.
 pub(super) struct Moments {
     information: Matrix2<f64>,
     slopes: Vector2<f64>,
@@ -46,7 +46,7 @@ impl Moments {
         moments
     }
 
-    /// The slopes, unless the places lie on a line.
+    /// The slopes; `None` if the points lie on a line.
     fn solved(&self) -> Option<[f64; 2]> {
         let scale = self.information.trace();
         if self.information.determinant() < 1e-6 * scale * scale {
@@ -69,7 +69,7 @@ impl Moments {
     }
 }
 
-/// The exponents of all textures but one; those that `learn` takes where too few are left.
+/// The exponents of all textures but one; the defaults of `learn` if too few remain.
 pub(super) fn without(textures: &[Moments], one: usize) -> [f64; 2] {
     let others = textures.iter().enumerate().filter(|(number, _)| *number != one);
     if textures.len() <= LEAST_TEXTURES {

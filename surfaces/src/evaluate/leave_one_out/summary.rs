@@ -1,4 +1,4 @@
-//! Predictions summed up over textures.
+//! Summary of predictions over textures.
 
 use super::{MapKind, Prediction};
 use crate::statistics::mean;
@@ -13,28 +13,28 @@ pub struct Mean {
     pub error: Option<f64>,
 }
 
-/// How well a map predicts.
+/// Accuracy of a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Summary {
     /// Log-spectral distance of a texture's models, dB.
     pub lsd_db: Mean,
     /// Absolute error of the power, dB.
     pub power_db: Mean,
-    /// Part of a texture's models that are off by more than [`Self::BEYOND_DB`] in power.
+    /// Share of a texture's models whose power error exceeds [`Self::BEYOND_DB`].
     pub beyond: Mean,
-    /// The same part of all models together.
+    /// The same share over all models together.
     pub beyond_of_models: f64,
-    /// How many models were predicted.
+    /// Number of predicted models.
     pub models: usize,
-    /// Of how many textures.
+    /// Number of textures.
     pub textures: usize,
 }
 
 impl Summary {
-    /// Errors in power beyond this are counted, dB.
+    /// Threshold of the power error, dB.
     pub const BEYOND_DB: f64 = 6.0;
 
-    /// Of one kind of map, over the predictions that `count`; `None` if there is none.
+    /// Summary of one kind of map over the predictions selected by `count`; `None` if there are none.
     pub fn of(predictions: &[Prediction], map: MapKind, count: impl Fn(&Prediction) -> bool) -> Option<Self> {
         let mut textures: BTreeMap<usize, Vec<&Prediction>> = BTreeMap::new();
         for one in predictions.iter().filter(|one| one.map == map && count(one)) {

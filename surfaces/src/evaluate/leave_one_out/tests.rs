@@ -3,11 +3,12 @@ use crate::ArmaModel;
 use crate::files::hatt::real_files::{AT_10_KHZ, hatt_files};
 use crate::learning::spectral_law::POWER_SLOPES;
 
-/// A texture of so many speeds by three forces, power speed^a force^b, its resonance moving with speed by `glide`.
+/// A texture with `speeds` speeds by three forces, power speed^a force^b, and a resonance that moves with
+/// speed by `glide`.
 fn texture(speeds: usize, a: f64, b: f64, glide: f64) -> TextureModel {
     let places = (0..speeds * 3).map(|k| {
         let speed_m_s = 0.03 * 1.4_f64.powi((k / 3) as i32);
-        // No two on one line.
+        // No two points share a line.
         (
             speed_m_s * (1.0 + 0.03 * (k % 3) as f64),
             0.5 * 2.0_f64.powi((k % 3) as i32),
@@ -43,7 +44,7 @@ fn a_texture_that_follows_a_law_is_predicted_by_the_law_and_not_by_its_neighbour
         "{whole:?}"
     );
     assert!(nearest.lsd_db.mean > 2.0 && triangulation.lsd_db.mean > whole.lsd_db.mean);
-    // The lightest force is always among those known: nothing fades, and the grid is fine.
+    // The lightest force is always known, so that nothing fades, and the grid is fine.
     assert!(
         (law.lsd_db.mean - whole.lsd_db.mean).abs() < 0.1,
         "{law:?} {whole:?}"
@@ -100,7 +101,7 @@ fn places_between_models_are_inside_and_those_beyond_outside() {
         .filter(|one| one.map == MapKind::Nearest && one.inside)
         .map(|one| one.vertex)
         .collect();
-    // Only those of the middle force that are neither slowest nor fastest.
+    // Only the models of the middle force that are neither the slowest nor the fastest.
     assert!(inside.contains(&4) && inside.contains(&7), "{inside:?}");
     assert!(
         ![0, 2, 9, 11].iter().any(|corner| inside.contains(corner)),

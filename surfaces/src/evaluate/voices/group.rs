@@ -1,4 +1,4 @@
-//! Up to [`LANES`] voices of one shape.
+//! A group of up to [`LANES`] voices of one shape.
 
 use super::super::synthesis::{SynthesisError, TOLD_EVERY, updates};
 use super::Voice;
@@ -14,19 +14,19 @@ use haptograph_signal::prediction::PredictionError;
 use haptograph_signal::warped::power_gains;
 use pulp::{Arch, Simd, WithSimd};
 use std::f64::consts::PI;
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 
-/// Voices of a group.
+/// Maximum number of voices in a group.
 pub const LANES: usize = WarpedBank::GROUP;
-/// Frames that are worked on at a time.
+/// Frames processed at a time.
 const RUN: usize = 64;
-/// Rows of a mix: frequencies of both polynomials, gain and level.
+/// Rows of an interpolated model: frequencies of both polynomials, gain and level.
 const MIX: usize = 2 * MAX_ORDER + 2;
 
-/// A number of each voice.
+/// One value per voice.
 type Row = [f64; LANES];
 
-/// Voices at work.
+/// Voices during synthesis.
 pub struct Group<'a> {
     lanes: Vec<Lane<'a>>,
     filters: Filters,
@@ -37,7 +37,7 @@ pub struct Group<'a> {
     arch: Arch,
 }
 
-/// What only one voice has.
+/// State of one voice.
 struct Lane<'a> {
     voice: &'a Voice<'a>,
     interpolator: Interpolator,
@@ -46,13 +46,13 @@ struct Lane<'a> {
     vibration: Vec<f64>,
 }
 
-/// The filters of all voices.
+/// Filters of all voices.
 enum Filters {
     Plain(VoiceBank),
     Warped { bank: WarpedBank, mix: Box<[Row; MIX]> },
 }
 
-/// A run of frames on its way.
+/// Buffers of a run of frames.
 struct Buffers {
     noise: [[f64; RUN]; LANES],
     drawn: [[f64; RUN]; LANES],
@@ -77,13 +77,13 @@ impl<'a> Lane<'a> {
         }
     }
 
-    /// The frames of a run that this voice has.
+    /// The frames of a run that belong to this voice.
     fn of(&self, run: &Range<usize>) -> Range<usize> {
         let samples = self.vibration.len();
         run.start.min(samples)..run.end.min(samples)
     }
 
-    /// Moves the lines to a spot of the map.
+    /// Moves the lines to a position on the map.
     fn move_lines(&mut self, spot: &Spot) {
         if let Some(lines) = &mut self.lines {
             let powers = mixed_powers(self.voice.texture.lines(), spot.vertices, spot.weights);
@@ -93,7 +93,7 @@ impl<'a> Lane<'a> {
 }
 
 impl<'a> Group<'a> {
-    /// Voices of one [`Shape`](super::Shape), at least one and at most [`LANES`].
+    /// Creates a group of voices of one [`Shape`](super::Shape), at least one and at most [`LANES`].
     pub fn new(voices: &[&'a Voice<'a>]) -> Self {
         let first = voices[0].texture;
         let crackles = voices.iter().filter_map(|voice| {
@@ -119,8 +119,12 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// The vibrations; or which voice has none, and why. `advance` gets how many samples more are done.
-    pub fn play(mut self, advance: &dyn Fn(usize)) -> Result<Vec<Vec<f64>>, (usize, SynthesisError)> {
+    /// Computes the vibrations; an error names the voice. `advance` receives the number of further samples
+    /// done, and says whether to go on.
+    pub fn play(
+        mut self,
+        advance: &dyn Fn(usize) -> ControlFlow<()>,
+    ) -> Result<Vec<Vec<f64>>, (usize, SynthesisError)> {
         let first = self.lanes[0].voice;
         let longest = self.lanes.iter().map(|lane| lane.vibration.len()).max();
         let updates = updates(
@@ -135,15 +139,18 @@ impl<'a> Group<'a> {
                 self.run(start..samples.end.min(start + RUN));
             }
             if number % TOLD_EVERY == 0 {
-                advance(samples.end - told);
+                if advance(samples.end - told).is_break() {
+                    return Err((0, SynthesisError::Stopped));
+                }
                 told = samples.end;
             }
         }
-        advance(longest.unwrap_or(0) - told);
+        // It is done.
+        let _ = advance(longest.unwrap_or(0) - told);
         Ok(self.lanes.into_iter().map(|lane| lane.vibration).collect())
     }
 
-    /// Takes the coefficients of the speeds and forces at a sample.
+    /// Updates the coefficients for the speeds and forces at a sample.
     fn update(&mut self, place: usize) -> Result<(), (usize, SynthesisError)> {
         let rests = self.move_to(place)?;
         if let Filters::Warped { bank, mix } = &mut self.filters {
@@ -155,7 +162,7 @@ impl<'a> Group<'a> {
             set.map_err(|(lane, error)| (lane, error.into()))?;
             self.deviation = deviation;
         }
-        // All models at rest are silent: rounding could leave the weight of one that is not.
+        // All models at rest are silent; rounding could leave weight on a model that is not.
         for (deviation, rests) in self.deviation.iter_mut().zip(rests) {
             if rests {
                 *deviation = 0.0;
@@ -164,7 +171,7 @@ impl<'a> Group<'a> {
         Ok(())
     }
 
-    /// Moves each voice to its speed and force at a sample; those that rest.
+    /// Moves each voice to its speed and force at a sample; returns which voices are at rest.
     fn move_to(&mut self, place: usize) -> Result<[bool; LANES], (usize, SynthesisError)> {
         let mut rests = [false; LANES];
         for (l, lane) in self.lanes.iter_mut().enumerate() {
@@ -194,7 +201,7 @@ impl<'a> Group<'a> {
         Ok(rests)
     }
 
-    /// Plays some frames.
+    /// Renders a run of frames.
     fn run(&mut self, run: Range<usize>) {
         let (count, buffers) = (run.len(), &mut *self.buffers);
         for (lane, noise) in self.lanes.iter_mut().zip(&mut buffers.noise) {
@@ -240,7 +247,7 @@ impl Filters {
         }
         let order = texture.ar_order();
         let mut mix = Box::new([[0.0; LANES]; MIX]);
-        // Lanes without a voice have the flat spectrum.
+        // Lanes without a voice get the flat spectrum.
         for (k, row) in mix[..order].iter_mut().enumerate() {
             *row = [PI * (k + 1) as f64 / (order + 1) as f64; LANES];
         }
@@ -250,7 +257,8 @@ impl Filters {
     }
 }
 
-/// Converts a mix of warped models, as [`Interpolator::interpolate_at`] does, to coefficients and the excitation's deviations.
+/// Converts interpolated warped models to coefficients and excitation deviations, like
+/// [`Interpolator::interpolate_at`].
 struct Convert<'a> {
     mix: &'a [Row; MIX],
     order: usize,
@@ -274,7 +282,7 @@ impl WithSimd for Convert<'_> {
     }
 }
 
-/// Makes frames of excitation from the noise of each voice.
+/// Computes frames of excitation from the noise of each voice.
 struct Excite<'a> {
     crackle: Option<&'a mut CrackleLanes<LANES>>,
     noise: &'a [[f64; RUN]; LANES],

@@ -27,7 +27,7 @@ fn texture(order: usize, warping: f64) -> TextureModel {
     TextureModel::from_measured(10_000.0, places.map(at).to_vec(), &Hull::default()).unwrap()
 }
 
-/// Of each shape one.
+/// One texture of each shape.
 fn textures() -> Vec<TextureModel> {
     let with_lines = |texture: TextureModel| {
         let powers = texture.models().iter().map(|at| 0.1 * at.speed_m_s * at.force_n);
@@ -62,7 +62,7 @@ fn walk(seed: u64) -> Trajectory {
     .trajectory()
 }
 
-/// Voices of all textures by turns, each along a walk of its own.
+/// Voices of all textures in turn, each along its own walk.
 fn voices<'a>(textures: &'a [TextureModel], walks: &'a [Trajectory]) -> Vec<Voice<'a>> {
     let voice = |(number, trajectory): (usize, &'a Trajectory)| Voice {
         texture: &textures[number % textures.len()],
@@ -115,6 +115,8 @@ fn a_voice_is_what_it_is_by_itself_but_for_rounding() {
 fn the_voice_that_is_refused_is_named() {
     let (textures, walks) = (textures(), (0..3).map(walk).collect::<Vec<_>>());
     let mut voices = voices(&textures, &walks);
+    let stopped = synthesise_many_with(&voices, 2, &|_| std::ops::ControlFlow::Break(()));
+    assert_eq!(stopped.unwrap_err().source, SynthesisError::Stopped);
     voices[2].settings.update_hz = 0.0;
     let refused = synthesise_many(&voices, 2).unwrap_err();
     assert_eq!(refused.voice, 2);

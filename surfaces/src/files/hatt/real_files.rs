@@ -13,11 +13,10 @@ pub(crate) fn hatt_files(folder: &str) -> Vec<PathBuf> {
         eprintln!("skipped: HATT_DIR is not set");
         return Vec::new();
     };
-    let files = std::fs::read_dir(Path::new(&root).join(folder)).expect("HATT_DIR holds Models and Taps");
-    let mut files: Vec<_> = files.map(|file| file.unwrap().path()).collect();
+    let mut files = haptograph_signal::files::list(&Path::new(&root).join(folder));
     files.retain(|file| file.extension().is_some_and(|extension| extension == "xml"));
     files.sort();
-    assert_eq!(files.len(), 100);
+    assert_eq!(files.len(), 100, "HATT_DIR holds Models and Taps");
     files
 }
 

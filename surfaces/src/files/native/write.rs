@@ -2,7 +2,7 @@
 
 use super::FORMAT;
 use crate::files::decimal::{format_shifted, format_thousandfold};
-use crate::{ArmaModel, Surface, Taps, TextureModel, VertexKind};
+use crate::{Surface, Taps, TextureModel, VertexKind};
 use std::fmt::Write;
 
 /// Writes the text of a `.ron` file. Reading it gives a bitwise equal surface.
@@ -83,7 +83,7 @@ fn write_taps(out: &mut String, taps: &Taps) -> std::fmt::Result {
 }
 
 fn write_texture(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
-    let (filters, filter_of) = distinct_filters(texture);
+    let (filters, filter_of) = texture.distinct_filters();
     writeln!(out, "    texture: (\n        rate_hz: {:?},", texture.rate_hz())?;
     let is_warped = texture.warping() != 0.0;
     if is_warped {
@@ -163,25 +163,6 @@ fn write_lines(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
         writeln!(out, "            ),")?;
     }
     writeln!(out, "        ],")
-}
-
-/// The distinct filters, and the filter of each vertex.
-fn distinct_filters(texture: &TextureModel) -> (Vec<&ArmaModel>, Vec<usize>) {
-    let mut filters: Vec<&ArmaModel> = Vec::new();
-    let filter_of = texture
-        .models()
-        .iter()
-        .map(|at| {
-            filters
-                .iter()
-                .position(|filter| filter.same_filter(&at.model))
-                .unwrap_or_else(|| {
-                    filters.push(&at.model);
-                    filters.len() - 1
-                })
-        })
-        .collect();
-    (filters, filter_of)
 }
 
 /// A list of numbers, wrapped.

@@ -82,8 +82,22 @@ pub(super) trait Estimator {
     /// search for good.
     const SUPERADDITIVE: bool;
 
-    /// What must be known about a segment that starts at `position`.
-    fn describe_start(moments: &Moments, position: usize, out: &mut [f64]);
+    /// What must be known about a segment that starts at `position`; here, one that knows nothing of what came before: its
+    /// products of lag k begin k samples later.
+    fn describe_start(moments: &Moments, position: usize, out: &mut [f64]) {
+        let order = moments.order;
+        let mut sums = [LongSum::default(); super::HIGHEST_ORDER + 1];
+        moments.up_to(position, &mut sums[..=order]);
+        for (lag, sum) in sums.iter_mut().enumerate().take(order + 1) {
+            for u in position..(position + lag).min(moments.signal.len()) {
+                sum.add(moments.sample(u as isize) * moments.sample(u as isize - lag as isize));
+            }
+        }
+        write_sums(&sums[..=order], out);
+        for (i, sample) in out[2 * (order + 1)..].iter_mut().enumerate() {
+            *sample = moments.sample((position + i) as isize);
+        }
+    }
 
     /// What must be known about a segment that ends before `position`.
     fn describe_end(moments: &Moments, position: usize, out: &mut [f64]) {
@@ -216,10 +230,6 @@ pub(super) struct YuleWalker;
 impl Estimator for YuleWalker {
     const SUPERADDITIVE: bool = false;
 
-    fn describe_start(moments: &Moments, position: usize, out: &mut [f64]) {
-        describe_isolated_start(moments, position, out);
-    }
-
     #[inline(always)]
     fn estimate(
         starts: &[Lanes],
@@ -251,10 +261,6 @@ pub(super) struct Burg;
 
 impl Estimator for Burg {
     const SUPERADDITIVE: bool = false;
-
-    fn describe_start(moments: &Moments, position: usize, out: &mut [f64]) {
-        describe_isolated_start(moments, position, out);
-    }
 
     #[inline(always)]
     fn estimate(
@@ -319,21 +325,5 @@ impl Estimator for Burg {
             }
             g[i + 2] = next;
         }
-    }
-}
-
-/// A start whose segment knows nothing of what came before: its products of lag k begin k samples later.
-fn describe_isolated_start(moments: &Moments, position: usize, out: &mut [f64]) {
-    let order = moments.order;
-    let mut sums = [LongSum::default(); super::HIGHEST_ORDER + 1];
-    moments.up_to(position, &mut sums[..=order]);
-    for (lag, sum) in sums.iter_mut().enumerate().take(order + 1) {
-        for u in position..(position + lag).min(moments.signal.len()) {
-            sum.add(moments.sample(u as isize) * moments.sample(u as isize - lag as isize));
-        }
-    }
-    write_sums(&sums[..=order], out);
-    for (i, sample) in out[2 * (order + 1)..].iter_mut().enumerate() {
-        *sample = moments.sample((position + i) as isize);
     }
 }

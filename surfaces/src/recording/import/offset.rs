@@ -1,5 +1,6 @@
 //! A constant in a vibration: gravity, or the zero of a sensor.
 
+use super::Finding;
 use crate::learning::processing::{ProcessingSettings, high_passed};
 
 /// A mean is small below this part of the deviation.
@@ -12,9 +13,21 @@ const ROUNDING: f64 = 1e-9;
 /// In less time a mean says nothing, s.
 const SHORTEST_S: f64 = 0.5;
 
-/// Takes a vibration whose mean is not small as unprocessed: applies the high-pass of the processing, and returns the mean and the cutoff
-/// in Hz. All others keep their bits, and so does one that never changes or that ends below the cutoff.
-pub(in crate::recording) fn without_offset(values: &mut Vec<f64>, rate_hz: f64) -> Option<(f64, f64)> {
+/// Takes a vibration on one axis, whose mean is not small, as unprocessed: applies the high-pass of the processing, and says so; `has_unit`
+/// where it is in m/s². All others keep their bits, and so does one that never changes or that ends below the cutoff.
+#[must_use]
+pub fn remove_offset(column: &str, has_unit: bool, values: &mut Vec<f64>, rate_hz: f64) -> Option<Finding> {
+    let (mean, cutoff_hz) = without_offset(values, rate_hz)?;
+    Some(Finding::HighPassed {
+        column: column.to_owned(),
+        mean,
+        cutoff_hz,
+        has_unit,
+    })
+}
+
+/// The mean and the cutoff in Hz, where the high-pass was applied.
+fn without_offset(values: &mut Vec<f64>, rate_hz: f64) -> Option<(f64, f64)> {
     let mean = offset(values, rate_hz)?;
     let settings = ProcessingSettings::default();
     *values = high_passed(values, rate_hz, &settings).ok()?;

@@ -48,7 +48,7 @@ fn friction_that_is_a_coefficient_is_told_and_one_that_is_not_is_seen() {
             assert!(error < 1e-6, "{split}: {error}");
         }
     }
-    // One that grows more slowly than force: light moments promise too much of hard ones.
+    // Tangential force grows more slowly than normal force: low forces overestimate high ones.
     let moment = |normal_n: f64| Sliding {
         normal_n,
         tangential_n: 0.3 * normal_n.powf(0.8),
@@ -57,7 +57,7 @@ fn friction_that_is_a_coefficient_is_told_and_one_that_is_not_is_seen() {
     let part =
         |from: u32| -> Vec<Sliding> { (from..from + 20).map(|i| moment(0.1 * f64::from(i))).collect() };
     let found = friction_errors(&part(1), &part(21), &[FrictionFit::ThroughOrigin]).expect("it is fitted");
-    // 0.3 f^0.8 over 0.3 f: a coefficient learned at 2 N and less, tested at 3 N.
+    // 0.3 f^0.8 over 0.3 f: a coefficient learned up to 2 N, tested at 3 N.
     assert!(found.iter().all(|error| (5.0..60.0).contains(error)), "{found:?}");
     assert!(found[0] < found[1], "large forces count in a line: {found:?}");
 }
@@ -78,24 +78,24 @@ fn growing(power: f64, speeds_m_s: &[f64]) -> Vec<Tap> {
 fn taps_that_grow_as_a_method_says_are_told_and_others_are_off_by_what_they_grow() {
     let train = |power: f64| Taps::new(1000.0, growing(power, &[0.1, 0.2])).expect("taps");
     let db = |ratio: f64| 20.0 * ratio.log10().abs();
-    // In proportion to speed: rendered exactly between and below, and as the nearest scaled.
+    // Proportional to speed: exact between and below, and for the nearest tap scaled by speed.
     for speed in [0.15, 0.05] {
         let (shape, level) = tap_errors(&train(1.0), &growing(1.0, &[speed]));
         for errors in [shape, level] {
             assert!(errors[0] < 1e-9 && errors[1] < 1e-9, "{speed}: {errors:?}");
         }
     }
-    // As speed^0.7: rendered exactly above, where the nearest scaled by speed is too loud.
+    // As speed^0.7: exact above, where the nearest tap scaled by speed is too loud.
     let (shape, level) = tap_errors(&train(0.7), &growing(0.7, &[0.4]));
     let excess = 2_f64.powf(0.3);
     assert!(shape[0] < 1e-9 && level[0] < 1e-9, "{shape:?} {level:?}");
     assert!((shape[1] - 100.0 * (excess - 1.0)).abs() < 1e-9, "{shape:?}");
     assert!((level[1] - db(excess)).abs() < 1e-9, "{level:?}");
-    // The mean of both recorded ones is the same at any speed.
+    // The mean of both recorded taps is the same at any speed.
     let mean = f64::midpoint(0.25_f64.powf(0.7), 0.5_f64.powf(0.7));
     assert!((shape[2] - 100.0 * (1.0 - mean)).abs() < 1e-9, "{shape:?}");
     assert!((level[2] - db(mean)).abs() < 1e-9, "{level:?}");
-    // Of several tested taps the mean error counts.
+    // For several tested taps the mean error counts.
     let (_, both) = tap_errors(&train(0.7), &growing(0.7, &[0.4, 0.8]));
     let (_, further) = tap_errors(&train(0.7), &growing(0.7, &[0.8]));
     assert!(

@@ -1,7 +1,7 @@
-//! The curves of a frame: whose they are, their colours, and how large they are.
+//! The curves of a frame: names, colours and levels.
 
-use super::trace::{Kept, Trace};
-use super::{Asked, Drawn};
+use super::trace::{Trace, TraceContent};
+use super::{PlotRequest, RunTraces};
 use crate::figures::{self, Unit, capitalised};
 use crate::inks::Inks;
 use crate::plot::{Mark, Style, Weight};
@@ -17,14 +17,15 @@ pub(super) struct Curve<'a> {
     pub trace: &'a Trace,
 }
 
-/// The curves of these traces of every run. A colour is that of a signal, or where there are several runs that of a run,
-/// whose second signal and those after it are dashed; a signal that is the same in all runs is one grey curve where `share`.
+/// The curves of these traces for every run. The colour identifies the signal or, with several runs, the run,
+/// whose second and further signals are dashed. With `share`, a signal that is the same in all runs becomes
+/// one grey curve.
 pub(super) fn curves<'a>(
-    asked: &Asked,
-    runs: &[Drawn<'a>],
+    request: &PlotRequest,
+    runs: &[RunTraces<'a>],
     share: bool,
     inks: &mut Inks,
-    traces: impl Fn(&Drawn<'a>) -> Vec<&'a Trace>,
+    traces: impl Fn(&RunTraces<'a>) -> Vec<&'a Trace>,
 ) -> Vec<Curve<'a>> {
     let by_run: Vec<Vec<&'a Trace>> = runs.iter().map(traces).collect();
     let most = by_run.iter().map(Vec::len).max().unwrap_or(0);
@@ -36,7 +37,7 @@ pub(super) fn curves<'a>(
     let mut found: Vec<Curve<'a>> = Vec::new();
     for (run, (drawn, traces)) in runs.iter().zip(&by_run).enumerate() {
         for (number, trace) in traces.iter().enumerate() {
-            let signal = asked.short_name(&trace.stream);
+            let signal = request.short_name(&trace.stream);
             let (name, ink) = match (shared[number], drawn.name) {
                 (true, _) if run > 0 => continue,
                 (true, _) => (format!("{signal}, all runs"), Ink::Grey),
@@ -61,13 +62,13 @@ pub(super) fn curves<'a>(
     found
 }
 
-/// Did all runs leave the same?
+/// True if all runs have the same trace.
 pub(super) fn all_equal<'a>(mut traces: impl Iterator<Item = Option<&'a Trace>>) -> bool {
     let first = traces.next().flatten().map(Trace::kept);
     traces.all(|trace| trace.map(Trace::kept) == first)
 }
 
-/// What there is to say of curves none of which ever changes.
+/// Sentence about curves that are all constant; `None` otherwise.
 pub(super) fn constant(curves: &[Curve<'_>]) -> Option<String> {
     let values: Vec<String> = curves
         .iter()
@@ -84,10 +85,10 @@ pub(super) fn constant(curves: &[Curve<'_>]) -> Option<String> {
     Some(named.join(", ") + ".")
 }
 
-/// Runs whose levels are all told; of more, the smallest and the largest are.
+/// Number of runs up to which all levels are printed; of more, the smallest and the largest are.
 const FEW: usize = 2;
 
-/// How large the signals of a frame are.
+/// Sentence about the levels of the signals in a frame.
 pub(super) fn levels(curves: &[Curve<'_>], is_of_runs: bool) -> String {
     if is_of_runs && curves.len() > FEW {
         return extremes(curves).unwrap_or_default();
@@ -106,7 +107,7 @@ pub(super) fn levels(curves: &[Curve<'_>], is_of_runs: bool) -> String {
     }
 }
 
-/// The curves of the smallest and of the largest level.
+/// The curves with the smallest and the largest level.
 fn extremes(curves: &[Curve<'_>]) -> Option<String> {
     let unit = Unit::of(curves.first()?.trace.stream.quantity);
     let mut levels = Vec::new();
@@ -123,8 +124,8 @@ fn extremes(curves: &[Curve<'_>]) -> Option<String> {
     ))
 }
 
-/// What the vertical axis of these curves shows: their quantity, of plain numbers what they are.
-pub(super) fn label(asked: &Asked, curves: &[Curve<'_>]) -> String {
+/// Label of the vertical axis: the quantity, or for plain numbers their names.
+pub(super) fn label(request: &PlotRequest, curves: &[Curve<'_>]) -> String {
     let Some(first) = curves.first() else {
         return String::new();
     };
@@ -132,15 +133,15 @@ pub(super) fn label(asked: &Asked, curves: &[Curve<'_>]) -> String {
         .iter()
         .all(|curve| curve.trace.stream.name == first.trace.stream.name)
     {
-        true => asked.short_name(&first.trace.stream),
-        false => asked.title.as_str(),
+        true => request.short_name(&first.trace.stream),
+        false => request.title.as_str(),
     };
     let mut envelopes = curves.iter().map(|curve| curve.trace.envelope());
     match envelopes.all(|envelope| envelope.is_some_and(|envelope| envelope.is_switch())) {
         true => figures::switch_label(name),
         false => figures::axis_label(&Stream {
             name: name.to_owned(),
-            // Of a vector, its length is drawn.
+            // A vector is drawn by its magnitude.
             kind: haptograph_engine::frame::Kind::Scalar,
             ..first.trace.stream.clone()
         }),
@@ -160,8 +161,8 @@ impl Curve<'_> {
         let unit = Unit::of(self.trace.stream.quantity);
         let style = self.style();
         match self.trace.kept() {
-            Kept::Signal(envelope) => vec![Mark::signal(style, &envelope, |si| unit.show(si))],
-            Kept::Points(events) => {
+            TraceContent::Signal(envelope) => vec![Mark::signal(style, &envelope, |si| unit.show(si))],
+            TraceContent::Points(events) => {
                 let heads: Vec<_> = events.kept().iter().map(|(t, v)| (*t, unit.show(*v))).collect();
                 let foot = unit.show(0.0);
                 let stems = heads.iter().map(|(t, v)| [(*t, foot), (*t, *v)]).collect();
@@ -174,7 +175,7 @@ impl Curve<'_> {
     }
 }
 
-/// The dots of a curve: where few lie together each is large and opaque, where many do they are small and shine through.
+/// The dots of a curve: isolated ones large and opaque, dense ones small and translucent.
 pub(super) fn dots(curve: &Curve<'_>, points: Vec<(f64, f64)>) -> Vec<Mark> {
     let (few, many) = by_density(points);
     let small = curve.style().weight(Weight::Hair);
@@ -185,12 +186,12 @@ pub(super) fn dots(curve: &Curve<'_>, points: Vec<(f64, f64)>) -> Vec<Mark> {
     }
 }
 
-/// x and y.
+/// (x, y).
 type Point = (f64, f64);
 
-/// Points of which few lie together, and the others, both in their order.
+/// Isolated points and dense points, each in their order.
 fn by_density(points: Vec<Point>) -> (Vec<Point>, Vec<Point>) {
-    /// Places across and up, each about as large as a dot; points in one that are few.
+    /// Grid of cells across and up, each about the size of a dot, and the largest count of an isolated cell.
     const PLACES: (f64, f64) = (150.0, 50.0);
     const FEW: usize = 4;
     let span = |of: fn(&(f64, f64)) -> f64| {
@@ -217,7 +218,7 @@ fn by_density(points: Vec<Point>) -> (Vec<Point>, Vec<Point>) {
         .partition(|point| counts.get(&place(point)).is_none_or(|count| *count <= FEW))
 }
 
-/// A range that holds the values of all curves, with a little room.
+/// A range around the values of all curves, with a margin.
 pub(super) fn common_range(curves: &[Curve<'_>]) -> Option<(f64, f64)> {
     let mut range = (f64::INFINITY, f64::NEG_INFINITY);
     for curve in curves {

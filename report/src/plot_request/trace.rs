@@ -1,4 +1,4 @@
-//! What a plot keeps of one signal while a run goes on.
+//! Reduction of one signal to what a plot shows, during a run.
 
 use super::Form;
 use crate::figures::Unit;
@@ -8,41 +8,41 @@ use haptograph_engine::node::{FrameWriter, Stream};
 use haptograph_signal::quantity::Quantity;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What a plot keeps of one signal.
+/// The reduced signal.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Kept {
+pub(super) enum TraceContent {
     /// Extremes over time.
     Signal(Envelope),
-    /// (time in s, value), or (x, y) of a way.
+    /// (time in s, value), or (x, y) of a path.
     Points(Decimated<(f64, f64)>),
 }
 
-/// One signal of a plot on its way there.
+/// Writer that reduces a signal.
 #[derive(Debug)]
 pub struct Tracer {
     kind: Kind,
     form: Form,
     period_s: f64,
     frames: u64,
-    shared: Arc<Mutex<Kept>>,
+    shared: Arc<Mutex<TraceContent>>,
 }
 
-/// Where a [`Tracer`] leaves what it kept.
+/// Access to what a [`Tracer`] keeps.
 #[derive(Debug)]
 pub struct Trace {
     pub(super) stream: Stream,
-    shared: Arc<Mutex<Kept>>,
+    shared: Arc<Mutex<TraceContent>>,
 }
 
-/// Points of a signal that are kept at most.
-const MOST_POINTS: usize = 4000;
+/// Maximum number of kept points.
+const MAX_POINTS: usize = 4000;
 
-/// Keeps of a signal what a plot of this form shows.
+/// Creates the writer of a signal for a plot of this form, and the access to its result.
 pub fn tracer(stream: &Stream, form: Form) -> (Tracer, Trace) {
     let kept = if form == Form::OverTime && stream.kind != Kind::Event {
-        Kept::Signal(Envelope::new(stream.rate.hz()))
+        TraceContent::Signal(Envelope::new(stream.rate.hz()))
     } else {
-        Kept::Points(Decimated::new(MOST_POINTS))
+        TraceContent::Points(Decimated::new(MAX_POINTS))
     };
     let shared = Arc::new(Mutex::new(kept));
     let tracer = Tracer {
@@ -63,8 +63,8 @@ impl FrameWriter for Tracer {
             let time_s = self.frames as f64 * self.period_s;
             self.frames += 1;
             match &mut *kept {
-                Kept::Signal(envelope) => envelope.extend([size(frame)]),
-                Kept::Points(points) => {
+                TraceContent::Signal(envelope) => envelope.extend([size(frame)]),
+                TraceContent::Points(points) => {
                     if let Some(point) = point(self.form, self.kind, time_s, frame) {
                         points.push(point);
                     }
@@ -79,7 +79,7 @@ impl FrameWriter for Tracer {
     }
 }
 
-/// A scalar, or the length of a vector.
+/// The value of a scalar, or the magnitude of a vector.
 fn size(frame: &[f64]) -> f64 {
     match frame {
         [scalar] => *scalar,
@@ -87,7 +87,7 @@ fn size(frame: &[f64]) -> f64 {
     }
 }
 
-/// What a frame adds to a cloud of points. A way is interrupted where nothing touches.
+/// The point that a frame adds. A path is interrupted without contact.
 fn point(form: Form, kind: Kind, time_s: f64, frame: &[f64]) -> Option<(f64, f64)> {
     match (kind, form) {
         (Kind::Event, _) => {
@@ -109,48 +109,48 @@ fn point(form: Form, kind: Kind, time_s: f64, frame: &[f64]) -> Option<(f64, f64
 }
 
 impl Trace {
-    pub(super) fn kept(&self) -> Kept {
+    pub(super) fn kept(&self) -> TraceContent {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Of a signal over time, its extremes.
+    /// The extremes of a signal over time.
     pub(crate) fn envelope(&self) -> Option<Envelope> {
         match self.kept() {
-            Kept::Signal(envelope) => Some(envelope),
-            Kept::Points(_) => None,
+            TraceContent::Signal(envelope) => Some(envelope),
+            TraceContent::Points(_) => None,
         }
     }
 
     pub(super) fn points(&self) -> Vec<(f64, f64)> {
         match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
-            Kept::Points(points) => points.kept().to_vec(),
-            Kept::Signal(_) => Vec::new(),
+            TraceContent::Points(points) => points.kept().to_vec(),
+            TraceContent::Signal(_) => Vec::new(),
         }
     }
 
-    /// What a signal is that never changes, in words.
+    /// Text about a signal that never changes.
     pub(super) fn constant(&self) -> Option<String> {
         match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
-            Kept::Signal(envelope) => {
+            TraceContent::Signal(envelope) => {
                 let value = Unit::of(self.stream.quantity).text(envelope.constant()?);
                 Some(format!("constant {value}"))
             }
-            Kept::Points(events) => {
+            TraceContent::Points(events) => {
                 let never = self.stream.kind == Kind::Event && events.kept().is_empty();
                 never.then(|| "never".to_owned())
             }
         }
     }
 
-    /// Is it zero, or without an event, all the time?
+    /// True if the signal is zero, or without events, all the time.
     pub(super) fn is_zero(&self) -> bool {
         match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
-            Kept::Signal(envelope) => envelope.constant() == Some(0.0),
-            Kept::Points(events) => self.stream.kind == Kind::Event && events.kept().is_empty(),
+            TraceContent::Signal(envelope) => envelope.constant() == Some(0.0),
+            TraceContent::Points(events) => self.stream.kind == Kind::Event && events.kept().is_empty(),
         }
     }
 
-    /// Of a way on a surface: a contact says where it is in metres.
+    /// Quantity of a path on a surface: the position of a contact is in metres.
     pub(super) fn way_quantity(&self) -> Quantity {
         match self.stream.kind {
             Kind::Contact => Quantity::LENGTH,

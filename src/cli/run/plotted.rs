@@ -1,27 +1,27 @@
-//! What the page will show of a run: recorded while it runs.
+//! Signals recorded during a run for its page.
 
 use crate::engine::graph::Graph;
 use crate::engine::node::FrameWriter;
 use crate::engine::run::{FileSinks, Probe};
-use crate::report::asked::{Asked, Trace, asked, tracer};
-use crate::report::record::{Record, Watch, recorder, watched};
+use crate::report::plot_request::{PlotRequest, Trace, plot_requests, tracer};
+use crate::report::record::{Record, WatchedOutput, recorder, watched};
 use crate::report::sound::{Clip, ClipRecord, Sound, audible, clip};
 
-/// What is recorded for the page.
-pub struct Shown {
-    /// Signals that are worth a look.
+/// Recorders of the plots and the sound of a page.
+pub struct PlottedSignals {
+    /// Signals plotted by default.
     pub records: Vec<Record>,
-    /// The plots that the graph asks for, each with a trace for each of its signals.
-    pub asked: Vec<(Asked, Vec<Trace>)>,
-    /// Beginnings of the signals that its sound may be made of, the best first.
+    /// The plots requested by the graph, each with a trace per signal.
+    pub requests: Vec<(PlotRequest, Vec<Trace>)>,
+    /// Beginnings of the signals that may be played, the most suitable first.
     clips: Vec<ClipRecord>,
 }
 
-impl Shown {
-    /// Begins to record.
-    pub fn of(graph: &Graph, outlets: &mut FileSinks<'_>) -> Self {
-        let mut probe = |watch: &Watch, writer: Box<dyn FrameWriter>| {
-            outlets.probe(Probe {
+impl PlottedSignals {
+    /// Attaches the recorders.
+    pub fn of(graph: &Graph, file_sinks: &mut FileSinks<'_>) -> Self {
+        let mut probe = |watch: &WatchedOutput, writer: Box<dyn FrameWriter>| {
+            file_sinks.probe(Probe {
                 node: watch.node,
                 output: watch.output,
                 writer,
@@ -34,14 +34,14 @@ impl Shown {
             records.push(record);
         }
         let mut plots = Vec::new();
-        for asked in asked(graph) {
+        for request in plot_requests(graph) {
             let mut traces = Vec::new();
-            for watch in &asked.signals {
-                let (writer, trace) = tracer(&watch.stream, asked.form);
+            for watch in &request.signals {
+                let (writer, trace) = tracer(&watch.stream, request.form);
                 probe(watch, Box::new(writer));
                 traces.push(trace);
             }
-            plots.push((asked, traces));
+            plots.push((request, traces));
         }
         let mut clips = Vec::new();
         for watch in audible(graph) {
@@ -51,18 +51,18 @@ impl Shown {
         }
         Self {
             records,
-            asked: plots,
+            requests: plots,
             clips,
         }
     }
 
-    /// What there is to hear; nothing where nothing vibrates.
+    /// The sound to play; `None` if nothing vibrates.
     pub fn sound(&self) -> Option<Sound> {
         let clips: Vec<Clip> = self.clips.iter().map(ClipRecord::content).collect();
         Sound::of(&clips)
     }
 
-    /// Forgets the sound: many runs would need much memory.
+    /// Frees the sound, since many runs would need much memory.
     pub fn forget_sound(&mut self) {
         self.clips.clear();
     }

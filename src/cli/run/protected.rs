@@ -1,17 +1,17 @@
-//! What may be changed by those who sit there only.
+//! Settings that can only be changed in the file or from the terminal, not by network.
 
 use crate::engine::graph::Graph;
 use crate::engine::node::Limit;
 
-/// What nobody may change from afar: what each actuator may be given, and what the devices that are driven are set to.
+/// The protected settings: the limits of all actuators, and the settings of all output devices.
 #[derive(Debug, PartialEq)]
-pub struct Guards {
-    /// Of each sink, with the unit of what it drives.
+pub struct ProtectedSettings {
+    /// Path, unit and limit of each sink.
     limits: Vec<(String, String, Limit)>,
     driven: Vec<(String, u64)>,
 }
 
-impl Guards {
+impl ProtectedSettings {
     pub fn of(graph: &Graph) -> Self {
         let unit = |sink: &str| {
             let mut nodes = graph.nodes().iter();
@@ -31,7 +31,7 @@ impl Guards {
         }
     }
 
-    /// The limits that differ from those before.
+    /// Describes the limits that differ from those of `before`.
     pub fn changes(&self, before: &Self) -> Vec<String> {
         let mut changes = Vec::new();
         for (sink, unit, now) in &self.limits {

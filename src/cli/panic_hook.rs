@@ -1,57 +1,57 @@
-//! A panic is a fault of haptograph: what it said is kept, and told where that holds up nothing.
+//! Panic hook: a panic is a bug of the program. Its message is printed at once, or kept while actuators move.
 
-use super::remarks::{at_once, remark};
+use super::stderr::{eprint, write_unqueued};
 use std::panic::PanicHookInfo;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Panics that are kept at most; the first ones say the most.
-const MOST: usize = 8;
+/// Maximum number of kept panics; the first ones are the most informative.
+const MAX_KEPT: usize = 8;
 
-/// Do actuators move? Then nothing is written by the thread that panics: standard error may keep it waiting.
+/// True while actuators move. The panicking thread then writes nothing: standard error could block it.
 static LIVE: AtomicBool = AtomicBool::new(false);
-static UNTOLD: Mutex<Vec<String>> = Mutex::new(Vec::new());
+static UNREPORTED: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-/// From now on panics are told as faults to report.
-pub fn listen() {
+/// Installs the hook.
+pub fn install() {
     std::panic::set_hook(Box::new(|info| {
         let text = describe(info);
         if !LIVE.load(Ordering::Relaxed) {
             let trace = std::backtrace::Backtrace::capture();
             let is_wanted = trace.status() == std::backtrace::BacktraceStatus::Captured;
-            at_once(&if is_wanted {
+            write_unqueued(&if is_wanted {
                 format!("{text}{trace}\n")
             } else {
                 text
             });
-        } else if let Ok(mut untold) = UNTOLD.try_lock()
-            && untold.len() < MOST
+        } else if let Ok(mut unreported) = UNREPORTED.try_lock()
+            && unreported.len() < MAX_KEPT
         {
-            untold.push(text);
+            unreported.push(text);
         }
     }));
 }
 
-/// Until it is dropped, panics are kept for [`untold`].
-pub struct Live(());
+/// Guard of a live run: until it is dropped, panics are kept for [`take_unreported`].
+pub struct LiveGuard(());
 
-impl Live {
+impl LiveGuard {
     pub fn begin() -> Self {
         LIVE.store(true, Ordering::Relaxed);
         Self(())
     }
 }
 
-impl Drop for Live {
+impl Drop for LiveGuard {
     fn drop(&mut self) {
         LIVE.store(false, Ordering::Relaxed);
-        untold().iter().for_each(|text| remark(text));
+        take_unreported().iter().for_each(|text| eprint(text));
     }
 }
 
-/// What was kept since this was asked last.
-pub fn untold() -> Vec<String> {
-    let kept = UNTOLD.try_lock();
+/// Takes the panics kept since the last call.
+pub fn take_unreported() -> Vec<String> {
+    let kept = UNREPORTED.try_lock();
     kept.map_or_else(|_| Vec::new(), |mut kept| std::mem::take(&mut *kept))
 }
 
@@ -62,14 +62,14 @@ fn describe(info: &PanicHookInfo<'_>) -> String {
     let payload = info.payload();
     let text = payload.downcast_ref::<String>().map(String::as_str);
     let message = text.or_else(|| payload.downcast_ref::<&str>().copied());
-    words(&at, thread, message.unwrap_or("no message"))
+    report_text(&at, thread, message.unwrap_or("no message"))
 }
 
-fn words(at: &str, thread: &str, message: &str) -> String {
+fn report_text(at: &str, thread: &str, message: &str) -> String {
     format!(
         "error: haptograph {} panicked{at}, on the thread `{thread}`: {message}\n\
-         This is a fault of the code that stands there. Where that is haptograph's, please report it where you have \
-         haptograph from, with these lines and the graph.\n",
+         This is a bug in the code at that place. If the code belongs to haptograph, please report the bug where you got \
+         haptograph, with these lines and the graph.\n",
         env!("CARGO_PKG_VERSION")
     )
 }
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn a_fault_says_what_to_report() {
-        let text = words(" at src/x.rs:1:2", "main", "index out of bounds");
+        let text = report_text(" at src/x.rs:1:2", "main", "index out of bounds");
         for part in [
             env!("CARGO_PKG_VERSION"),
             "src/x.rs:1:2",

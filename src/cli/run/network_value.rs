@@ -1,34 +1,34 @@
-//! What a value may be that is told from afar: a number, a truth, or a plain text. A text that names a file names one
-//! in the graph's folder, or below it.
+//! Restrictions on values that arrive by network: a number, a boolean or plain text. Text that names a file
+//! must name one in the graph's folder or below it.
 
 use std::path::{Component, Path};
 
-/// What would make more of a text than the text: quotes, escapes and brackets of RON.
-const WRITTEN: [char; 6] = ['"', '\\', '(', '[', '{', '\''];
+/// Characters that RON would parse as more than plain text: quotes, escapes and brackets.
+const SYNTAX: [char; 6] = ['"', '\\', '(', '[', '{', '\''];
 
-/// Why a value is not taken from afar.
+/// Why a value from the network is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
-    #[error("from afar a value is a number, a truth or a plain text")]
-    Written,
-    #[error("from afar only files in the graph's folder are named, without `..`")]
+    #[error("a value from the network must be a number, a boolean or plain text")]
+    NotPlain,
+    #[error("a file named from the network must be in the graph's folder, without `..`")]
     Outside,
-    #[error("from afar only files are named, no devices, pipes or folders")]
+    #[error("a path from the network must name a file, not a device, a pipe or a folder")]
     NoFile,
 }
 
-/// Refuses what somebody who does not sit here may not set. `graph` is the graph's file; as for what is typed, names of
-/// files begin where the program was started.
+/// Checks a value that arrived by network. `graph` is the graph's file. Relative paths start at the current
+/// folder, as for typed values.
 pub fn refusal(value: &str, graph: &Path) -> Option<Refusal> {
-    if value.contains(WRITTEN) {
-        return Some(Refusal::Written);
+    if value.contains(SYNTAX) {
+        return Some(Refusal::NotPlain);
     }
     let path = Path::new(value);
     let plain = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
     if !path.components().all(plain) {
         return Some(Refusal::Outside);
     }
-    // What does not exist is no file, and is told of where it was meant as one.
+    // A path that does not exist is plain text; the setting itself reports a missing file.
     path.symlink_metadata().ok()?;
     let inside = || {
         let folder = graph.canonicalize().ok()?;
@@ -67,10 +67,10 @@ mod tests {
             ("graphs/surfaces/../../Cargo.toml", Refusal::Outside),
             ("Cargo.toml", Refusal::Outside),
             ("graphs/surfaces", Refusal::NoFile),
-            ("\"/dev/zero\"", Refusal::Written),
-            ("r\"/dev/zero\"", Refusal::Written),
-            ("Param(\"wish\")", Refusal::Written),
-            ("[1]", Refusal::Written),
+            ("\"/dev/zero\"", Refusal::NotPlain),
+            ("r\"/dev/zero\"", Refusal::NotPlain),
+            ("Param(\"wish\")", Refusal::NotPlain),
+            ("[1]", Refusal::NotPlain),
         ] {
             assert_eq!(refusal(value, graph), Some(why), "{value}");
         }

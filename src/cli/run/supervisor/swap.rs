@@ -1,11 +1,11 @@
-//! A graph that was saved or typed takes over from the one that runs.
+//! Swap of the running graph for a saved or changed one.
 
-use super::super::super::{remark, warnings};
+use super::super::super::{eprint, warnings};
 use super::super::drivers::Drivers;
 use super::super::history::History;
-use super::super::loading::{Loaded, Loading, Ready};
-use super::super::watch::Watch;
-use super::{Attended, CHANGES, Says, Wish, show};
+use super::super::loading::{LoadOutcome, LoadedGraph, Loading};
+use super::super::watch::FileWatch;
+use super::{CHANGES, PendingChange, Supervisor, Verbosity, show};
 use crate::engine::graph::Graph;
 use crate::engine::run::{Change, Changed};
 use serde_json::json;
@@ -14,89 +14,89 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-/// A graph that took over.
-struct Taken {
+/// A graph that was swapped in.
+struct SwappedGraph {
     graph: Graph,
     change: Change,
-    /// Of its files, as they were when it was loaded.
-    watch: Watch,
-    /// Are its texts others than those of the graph before?
+    /// Watches its files, from their state when it was loaded.
+    watch: FileWatch,
+    /// True if its texts differ from those of the previous graph.
     is_saved: bool,
-    /// The live settings that have other values now.
+    /// The live settings with new values.
     set: Vec<(String, f64)>,
 }
 
-/// What a graph that takes over changes.
+/// The effect of a swap.
 struct Difference {
     changed: Changed,
     set: Vec<(String, f64)>,
 }
 
-impl Attended {
-    /// Puts a graph that was loaded in place of the one that runs, if it can be.
-    pub(super) fn take(
+impl Supervisor {
+    /// Swaps a loaded graph in, if possible.
+    pub(super) fn swap_loaded(
         &mut self,
         driver: &Drivers,
-        wish: Wish,
-        loaded: Loaded,
+        change: PendingChange,
+        loaded: LoadOutcome,
         loading: &Loading,
-        says: Says,
+        verbosity: Verbosity,
     ) {
         self.known = loaded.known;
-        let taken = match loaded.result {
-            Ok(ready) => self.put(driver, ready, loading, (says, &wish)),
+        let swapped = match loaded.result {
+            Ok(ready) => self.swap_in(driver, ready, loading, (verbosity, &change)),
             Err(wrong) => {
-                show(&wrong, says);
-                says.refusal("the graph stays as it was\n");
+                show(&wrong, verbosity);
+                verbosity.refusal("the running graph is unchanged\n");
                 None
             }
         };
-        let Some(taken) = taken else {
-            return self.give_up(wish);
+        let Some(swapped) = swapped else {
+            return self.reject(change);
         };
         self.arguments.set = loaded.set;
         self.typed = loaded.typed.unwrap_or_else(|| std::mem::take(&mut self.typed));
         self.parameters = loaded.parameters;
-        match wish {
-            Wish::Set { name, value, by } => {
+        match change {
+            PendingChange::Set { name, value, origin } => {
                 let default = self.parameters.iter().find(|(known, _)| *known == name);
                 let default = default.and_then(|(_, text)| text.clone());
                 self.typed.retain(|(known, _)| *known != name);
                 self.typed.push((name.clone(), default));
-                // A file that was saved just before is still seen by the watch, for what else follows from that; it may
-                // find that this graph runs already.
-                if taken.is_saved || !matches!(taken.change, Change::Settings(_)) {
-                    self.keep(&taken);
+                // A file saved just before still triggers the watch, which may find that this graph already
+                // runs.
+                if swapped.is_saved || !matches!(swapped.change, Change::Settings(_)) {
+                    self.keep(&swapped);
                 }
                 if let Some(watch) = &mut self.watch {
-                    watch.also(taken.watch);
+                    watch.also(swapped.watch);
                 }
-                self.note(true, name, &value, by);
+                self.note(true, name, &value, origin);
             }
-            Wish::Saved => {
-                if taken.change != Change::Settings(0) {
-                    self.keep(&taken);
+            PendingChange::Saved => {
+                if swapped.change != Change::Settings(0) {
+                    self.keep(&swapped);
                     let at_s = self.start.elapsed().as_secs_f64();
-                    self.history.saved(at_s, taken.change, &taken.set);
+                    self.history.saved(at_s, swapped.change, &swapped.set);
                 }
                 // A changed graph may read other files.
                 if let Some(watch) = &mut self.watch {
-                    watch.turn_to(taken.watch);
+                    watch.turn_to(swapped.watch);
                 }
             }
         }
     }
 
-    /// Keeps the files of a graph that was saved, so that the run can be understood.
-    fn keep(&mut self, taken: &Taken) {
-        // A fader may change the graph a hundred times a second.
-        if self.saved.len() >= History::MOST {
+    /// Copies the files of a saved graph into the run's folder for later reference.
+    fn keep(&mut self, swapped: &SwappedGraph) {
+        // Bounded: a fader may change the graph a hundred times per second.
+        if self.saved.len() >= History::MAX {
             return;
         }
         let place = Path::new(CHANGES).join((self.saved.len() + 1).to_string());
         let folder = self.folder.join(&place);
         let written = fs::create_dir_all(&folder).and_then(|()| {
-            let sources = taken.graph.sources().iter();
+            let sources = swapped.graph.sources().iter();
             for (number, source) in sources.filter(|source| source.is_file).enumerate() {
                 let name = source.path.file_name().unwrap_or_default().to_string_lossy();
                 let file = match folder.join(&*name) {
@@ -108,67 +108,65 @@ impl Attended {
             Ok(())
         });
         if let Err(error) = written {
-            remark(&format!(
-                "the saved graph is not kept in {}: {error}\n",
+            eprint(&format!(
+                "cannot copy the saved graph to {}: {error}\n",
                 place.display()
             ));
         }
         let at_s = (self.start.elapsed().as_secs_f64() * 100.0).round() / 100.0;
-        let set: Vec<String> = taken
+        let set: Vec<String> = swapped
             .set
             .iter()
             .map(|(name, value)| format!("{name}={value}"))
             .collect();
         self.saved.push(json!({
-            "at_s": at_s, "what": taken.change.to_string(), "set": set, "graph": place.to_string_lossy(),
+            "at_s": at_s, "what": swapped.change.to_string(), "set": set, "graph": place.to_string_lossy(),
         }));
     }
 
-    /// Puts a graph in place of the one that runs; one that cannot be changes nothing.
-    fn put(
+    /// Swaps a graph in; on failure nothing changes.
+    fn swap_in(
         &mut self,
         driver: &Drivers,
-        ready: Ready,
+        ready: LoadedGraph,
         loading: &Loading,
-        (says, wish): (Says, &Wish),
-    ) -> Option<Taken> {
+        (verbosity, change): (Verbosity, &PendingChange),
+    ) -> Option<SwappedGraph> {
         let graph = ready.graph;
-        if says == Says::Everything {
-            show(&warnings(&graph), says);
+        if verbosity == Verbosity::All {
+            show(&warnings(&graph), verbosity);
         }
-        let lack = ready.wanted.and_then(|wanted| match driver.lack(&wanted) {
-            Some(what) => Err(format!("it asks for {what} now, and that needs a new run")),
+        let unfit = ready.wanted.and_then(|wanted| match driver.mismatch(&wanted) {
+            Some(what) => Err(format!("it needs {what}; start a new run for it")),
             None => ready.own_files,
         });
-        let guarded = match says < Says::Everything && ready.guards != self.guards {
-            true => {
-                Err("an actuator's limit or device would change, and that is not done from afar".to_owned())
-            }
+        let guarded = match verbosity < Verbosity::All && ready.protected != self.protected {
+            true => Err("limits and devices can only be changed in the file or from the terminal".to_owned()),
             false => Ok(()),
         };
-        let changed = lack.and(guarded).and_then(|()| self.change(&graph));
+        let changed = unfit.and(guarded).and_then(|()| self.change(&graph));
         let Difference { changed, set } = match changed {
             Ok(difference) => difference,
             Err(why) => {
-                says.refusal(&format!("the graph stays as it was: {why}\n"));
+                verbosity.refusal(&format!("the running graph is unchanged: {why}\n"));
                 return None;
             }
         };
-        // The file may have been edited meanwhile, so another graph is always told of.
-        if says == Says::Everything || !matches!(changed.change, Change::Settings(_)) {
-            let by = if matches!(wish, Wish::Saved) {
+        // The file may have been edited meanwhile, so a swap is always reported.
+        if verbosity == Verbosity::All || !matches!(changed.change, Change::Settings(_)) {
+            let by = if matches!(change, PendingChange::Saved) {
                 "saved"
             } else {
                 "set"
             };
-            remark(&told(&changed, &set, by, loading.took()));
+            eprint(&describe(&changed, &set, by, loading.elapsed()));
         }
-        for change in ready.guards.changes(&self.guards) {
-            remark(&format!("{change}\n"));
+        for change in ready.protected.changes(&self.protected) {
+            eprint(&format!("{change}\n"));
         }
-        self.guards = ready.guards;
+        self.protected = ready.protected;
         let before = std::mem::replace(&mut self.texts, ready.texts);
-        Some(Taken {
+        Some(SwappedGraph {
             is_saved: before != self.texts,
             graph,
             change: changed.change,
@@ -177,7 +175,7 @@ impl Attended {
         })
     }
 
-    /// Connects what a graph is connected to, and hands it to the drivers.
+    /// Connects the network devices of a graph and hands the graph to the drivers.
     fn change(&mut self, graph: &Graph) -> Result<Difference, String> {
         let connected = self.network.connect(graph).map_err(|error| error.to_string())?;
         let before: HashMap<String, f64> = self
@@ -205,16 +203,16 @@ impl Attended {
     }
 }
 
-/// What is said of a change; `by` is how it was asked for.
-fn told(changed: &Changed, set: &[(String, f64)], by: &str, took: Duration) -> String {
+/// Message about a change; `by` is its origin.
+fn describe(changed: &Changed, set: &[(String, f64)], by: &str, took: Duration) -> String {
     let mut text = match (changed.change, set) {
-        (Change::Settings(_), [_, ..]) => format!("{by}: {}", shown(set)),
+        (Change::Settings(_), [_, ..]) => format!("{by}: {}", settings_text(set)),
         (change, _) => change.to_string(),
     };
     for (paths, what) in [
         (&changed.begun, "begins"),
         (&changed.ended, "is complete"),
-        (&changed.left_out, "holds other signals and is not begun again"),
+        (&changed.left_out, "has other signals now and is not restarted"),
     ] {
         for path in paths {
             let name = path.file_name().unwrap_or(path.as_os_str()).display();
@@ -228,8 +226,8 @@ fn told(changed: &Changed, set: &[(String, f64)], by: &str, took: Duration) -> S
     text + &format!(" ({does}{:.0} ms)\n", took.as_secs_f64() * 1e3)
 }
 
-/// Settings as they are set, the first few.
-pub fn shown(set: &[(String, f64)]) -> String {
+/// The first few settings as `name=value`.
+pub fn settings_text(set: &[(String, f64)]) -> String {
     const SHOWN: usize = 4;
     let first = set.iter().take(SHOWN);
     let first: Vec<String> = first.map(|(name, value)| format!("{name}={value}")).collect();

@@ -4,7 +4,7 @@ use haptograph_engine::graph::NodeId;
 use haptograph_engine::node::FrameWriter;
 use haptograph_signal::time::Rate;
 
-fn trace(name: &str, kind: Kind, hz: u64, form: Form, frames: &[f64]) -> (Watch, Trace) {
+fn trace(name: &str, kind: Kind, hz: u64, form: Form, frames: &[f64]) -> (WatchedOutput, Trace) {
     let stream = Stream {
         name: name.into(),
         kind,
@@ -15,11 +15,11 @@ fn trace(name: &str, kind: Kind, hz: u64, form: Form, frames: &[f64]) -> (Watch,
     let (mut tracer, trace) = tracer(&stream, form);
     tracer.write(0, frames).unwrap();
     let (node, output) = (NodeId::default(), 0);
-    (Watch { node, output, stream }, trace)
+    (WatchedOutput { node, output, stream }, trace)
 }
 
-fn asked_of(title: &str, form: Form, signals: Vec<Watch>) -> Asked {
-    Asked {
+fn asked_of(title: &str, form: Form, signals: Vec<WatchedOutput>) -> PlotRequest {
+    PlotRequest {
         title: title.into(),
         form,
         names: signals.iter().map(|signal| signal.stream.name.clone()).collect(),
@@ -27,7 +27,7 @@ fn asked_of(title: &str, form: Form, signals: Vec<Watch>) -> Asked {
     }
 }
 
-fn plots(asked: &Asked, runs: &[Drawn<'_>]) -> Vec<Plot> {
+fn plots(asked: &PlotRequest, runs: &[RunTraces<'_>]) -> Vec<Plot> {
     asked.plots(runs, &mut Inks::default())
 }
 
@@ -39,7 +39,7 @@ fn signals_of_different_rates_are_paired_by_time() {
     let asked = asked_of("t", Form::Against, vec![x, y]);
     let plots = plots(
         &asked,
-        &[Drawn {
+        &[RunTraces {
             name: "",
             traces: &[slow, fast],
         }],
@@ -68,7 +68,7 @@ fn a_way_keeps_its_shape_and_is_interrupted_in_the_air() {
     ];
     let (watch, trace) = trace("touch.contact", Kind::Contact, 1000, Form::Path, &frames.concat());
     let asked = asked_of("way", Form::Path, vec![watch]);
-    let drawn = Drawn {
+    let drawn = RunTraces {
         name: "",
         traces: &[trace],
     };
@@ -95,7 +95,7 @@ fn a_way_that_all_runs_share_is_one_curve_and_the_second_of_a_run_is_dashed() {
     let asked = asked_of("Where", Form::Path, vec![way("hand", 1.0).0, way("found", 1.0).0]);
     let runs = [2.0, 3.0].map(|x| [way("hand", 1.0).1, way("found", x).1]);
     let drawn = ["a", "b"].iter().zip(&runs);
-    let drawn: Vec<Drawn<'_>> = drawn.map(|(name, traces)| Drawn { name, traces }).collect();
+    let drawn: Vec<RunTraces<'_>> = drawn.map(|(name, traces)| RunTraces { name, traces }).collect();
     let plots = plots(&asked, &drawn);
     let styles = plots[0].marks.iter().map(|mark| match mark {
         Mark::Line(style, _) => (style.name.as_str(), style.weight),
@@ -115,8 +115,8 @@ fn what_never_changes_is_said_and_not_drawn() {
     let (moving, first) = trace("load", Kind::Scalar, 1000, Form::OverTime, &[1.0, 2.0, 3.0]);
     let (silent, second) = trace("shake", Kind::Scalar, 1000, Form::OverTime, &[0.0; 3]);
     let (event, never) = trace("too hard", Kind::Event, 1000, Form::OverTime, &[0.0; 6]);
-    let asked = |signals: Vec<Watch>| asked_of("Forces", Form::OverTime, signals);
-    let drawn = |traces| Drawn { name: "", traces };
+    let asked = |signals: Vec<WatchedOutput>| asked_of("Forces", Form::OverTime, signals);
+    let drawn = |traces| RunTraces { name: "", traces };
     let both = [first, second];
     let found = plots(&asked(vec![moving, silent.clone()]), &[drawn(&both)]);
     assert_eq!((found.len(), found[0].marks.len()), (1, 1));
@@ -136,7 +136,7 @@ fn several_runs_share_a_frame_and_are_named() {
     let (_, second) = trace("load", Kind::Scalar, 1000, Form::OverTime, &[1.0, 2.0, 4.0]);
     let asked = asked_of("force", Form::OverTime, vec![watch]);
     let runs = |other| {
-        [("soft", &first), ("hard", other)].map(|(name, trace)| Drawn {
+        [("soft", &first), ("hard", other)].map(|(name, trace)| RunTraces {
             name,
             traces: std::slice::from_ref(trace),
         })
@@ -171,7 +171,7 @@ fn plain_numbers_are_named_by_what_they_are() {
         ),
     ] {
         let (watch, trace) = number("too hard", values);
-        let drawn = Drawn {
+        let drawn = RunTraces {
             name: "",
             traces: &[trace],
         };
@@ -186,7 +186,7 @@ fn of_many_runs_the_smallest_and_the_largest_level_are_told() {
     let (watch, first) = of(2.0);
     let traces = [first, of(1.0).1, of(3.0).1];
     let runs = ["a = 2", "a = 1", "a = 3"].iter().zip(&traces);
-    let runs = runs.map(|(name, trace)| Drawn {
+    let runs = runs.map(|(name, trace)| RunTraces {
         name,
         traces: std::slice::from_ref(trace),
     });

@@ -1,5 +1,5 @@
-//! Plots that a graph asks for by its nodes `TimePlot`, `XyPlot` and `PathPlot`, of one run or of several laid over
-//! each other.
+//! Plots requested by a graph's nodes `TimePlot`, `XyPlot` and `PathPlot`, of one run or of several in one
+//! frame.
 
 mod curves;
 mod trace;
@@ -7,7 +7,7 @@ mod trace;
 use super::figures::{Unit, capitalised};
 use super::inks::Inks;
 use super::plot::{Axis, Mark, Plot, Weight};
-use super::record::{Watch, watch};
+use super::record::{WatchedOutput, watch};
 use curves::{Curve, all_equal, common_range, constant, curves, dots, label, levels};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
@@ -16,48 +16,48 @@ use haptograph_nodes::sinks::plots::GROUP;
 use haptograph_signal::quantity::Quantity;
 pub use trace::{Trace, Tracer, tracer};
 
-/// A plot that a graph asks for.
+/// A plot requested by a graph.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Asked {
-    /// The name of its node.
+pub struct PlotRequest {
+    /// Name of its node.
     pub title: String,
-    /// What it shows.
+    /// Form of the plot.
     pub form: Form,
     /// Its signals, in the order of the inputs.
-    pub signals: Vec<Watch>,
-    /// What they are called in the plot: by the node alone where it has one output.
+    pub signals: Vec<WatchedOutput>,
+    /// Names of the signals in the plot: the node alone if it has a single output.
     pub names: Vec<String>,
 }
 
-/// What a plot shows.
+/// Form of a plot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
     /// Signals over time.
     OverTime,
-    /// Signals against the first.
+    /// Signals against the first one.
     Against,
-    /// Ways from above.
+    /// Paths seen from above.
     Path,
 }
 
-/// The plots that a graph asks for, in its order.
-pub fn asked(graph: &Graph) -> Vec<Asked> {
+/// The plots requested by a graph, in its order.
+pub fn plot_requests(graph: &Graph) -> Vec<PlotRequest> {
     let nodes = graph.nodes();
     let plots = nodes
         .ids()
         .filter(|index| nodes[*index].entry.spec.group == GROUP);
     plots
         .map(|index| {
-            let name = |signal: &Watch| match &nodes[signal.node] {
+            let name = |signal: &WatchedOutput| match &nodes[signal.node] {
                 source if source.outputs.len() == 1 => source.path.clone(),
                 _ => signal.stream.name.clone(),
             };
-            let signals: Vec<Watch> = nodes
+            let signals: Vec<WatchedOutput> = nodes
                 .incoming(index)
                 .into_iter()
                 .filter_map(|read| watch(graph, read.from, read.edge.output))
                 .collect();
-            Asked {
+            PlotRequest {
                 title: capitalised(&nodes[index].path),
                 form: match nodes[index].entry.spec.name {
                     "XyPlot" => Form::Against,
@@ -71,45 +71,45 @@ pub fn asked(graph: &Graph) -> Vec<Asked> {
         .collect()
 }
 
-/// What one run left for a plot, under the run's name.
+/// The traces of one run for a plot.
 #[derive(Debug)]
-pub struct Drawn<'a> {
-    /// Empty where there is one run only.
+pub struct RunTraces<'a> {
+    /// Name of the run; empty if there is only one run.
     pub name: &'a str,
-    /// A trace for each signal.
+    /// A trace per signal.
     pub traces: &'a [Trace],
 }
 
-impl Drawn<'_> {
+impl RunTraces<'_> {
     fn equals(&self, other: &Self) -> bool {
         let mut pairs = self.traces.iter().zip(other.traces);
         self.traces.len() == other.traces.len() && pairs.all(|(a, b)| a.kept() == b.kept())
     }
 }
 
-impl Asked {
-    /// What one of its signals is called in the plot.
+impl PlotRequest {
+    /// Name of one of its signals in the plot.
     fn short_name<'n>(&'n self, stream: &'n Stream) -> &'n str {
         let mut named = self.signals.iter().zip(&self.names);
         let found = named.find(|(signal, _)| signal.stream.name == stream.name);
         found.map_or(&stream.name, |(_, name)| name)
     }
 
-    /// Did several runs leave the same?
-    pub fn is_same(&self, runs: &[Drawn<'_>]) -> bool {
+    /// True if all runs have the same traces.
+    pub fn is_same(&self, runs: &[RunTraces<'_>]) -> bool {
         match runs {
             [first, rest @ ..] => !rest.is_empty() && rest.iter().all(|run| run.equals(first)),
             [] => false,
         }
     }
 
-    /// The plot of one run, or of several in one frame. Fast signals of several runs, which would cover each other,
-    /// come one under another.
-    pub fn plots(&self, runs: &[Drawn<'_>], inks: &mut Inks) -> Vec<Plot> {
+    /// The plot of one run, or of several in one frame. Fast signals of several runs, which would hide each
+    /// other, get one frame each.
+    pub fn plots(&self, runs: &[RunTraces<'_>], inks: &mut Inks) -> Vec<Plot> {
         if let [first, ..] = runs
             && self.is_same(runs)
         {
-            let one = Drawn {
+            let one = RunTraces {
                 name: "",
                 traces: first.traces,
             };
@@ -127,10 +127,10 @@ impl Asked {
         }
     }
 
-    fn over_time(&self, runs: &[Drawn<'_>], inks: &mut Inks) -> Vec<Plot> {
+    fn over_time(&self, runs: &[RunTraces<'_>], inks: &mut Inks) -> Vec<Plot> {
         let (mut plots, mut rest): (Vec<Plot>, Vec<usize>) = (Vec::new(), (0..self.signals.len()).collect());
         while let Some(first) = rest.first().copied() {
-            // One run: signals of a quantity share a frame. Several: runs do.
+            // One run: signals of a quantity share a frame. Several runs: the runs of a signal share one.
             let quantity = self.signals[first].stream.quantity;
             let alike = |i: &usize| match runs {
                 [_] => self.signals[*i].stream.quantity == quantity,
@@ -184,11 +184,11 @@ impl Asked {
         plots
     }
 
-    fn against(&self, runs: &[Drawn<'_>], inks: &mut Inks) -> Vec<Plot> {
+    fn against(&self, runs: &[RunTraces<'_>], inks: &mut Inks) -> Vec<Plot> {
         let Some((across, _)) = self.signals.split_first() else {
             return Vec::new();
         };
-        // One y of all runs is one curve only where the x is the same as well.
+        // The y of all runs is drawn as one curve only if the x is the same too.
         let share = all_equal(runs.iter().map(|run| run.traces.first()));
         let curves: Vec<Curve<'_>> =
             curves(self, runs, share, inks, |run| run.traces.iter().skip(1).collect());
@@ -224,7 +224,7 @@ impl Asked {
         vec![plot]
     }
 
-    fn path(&self, runs: &[Drawn<'_>], inks: &mut Inks) -> Vec<Plot> {
+    fn path(&self, runs: &[RunTraces<'_>], inks: &mut Inks) -> Vec<Plot> {
         let mut plot = self.frame();
         let curves = curves(self, runs, true, inks, |run| run.traces.iter().collect());
         let line = |curve: &Curve<'_>| {
@@ -249,7 +249,7 @@ impl Asked {
             .iter()
             .all(|signal| signal.stream.kind == Kind::Contact)
         {
-            true => "Seen from above, both axes in one scale; a line is broken where nothing touches.",
+            true => "Seen from above, both axes in one scale; the line is interrupted without contact.",
             false => "Seen from above, both axes in one scale.",
         }
         .to_owned();
@@ -259,8 +259,9 @@ impl Asked {
         vec![plot]
     }
 
-    /// An empty plot of these curves, after the others of the same node: with the signal's name in its title where there
-    /// is a frame for each, with the quantity's from the second on, of plain numbers their names.
+    /// An empty plot for these curves, placed after the node's other plots. Its title names the signal if
+    /// each frame shows one signal, or the quantity from the second frame on; for plain numbers it names the
+    /// signals.
     fn frame_of(&self, before: &[Plot], curves: &[Curve<'_>], one_each: bool) -> Plot {
         let title = match curves {
             [one, ..] if one_each => format!("{}, {}", self.title, self.short_name(&one.trace.stream)),
@@ -290,13 +291,13 @@ impl Asked {
     }
 }
 
-/// Signals of this rate or more fill the space between their extremes.
+/// Signals at this rate or above are filled between their extremes.
 const FAST_HZ: f64 = 2000.0;
-/// Of plots of ways; and of the frame in it, over which both axes have one scale.
+/// Size of a path plot, and of its frame, in which both axes have one scale.
 const PATH_SIZE: (f64, f64) = (0.0, 420.0);
 const PATH_FRAME: (f64, f64) = (676.0, 342.0);
 
-/// (x, y) by time: each y with the latest x of its time.
+/// Pairs (x, y): each y with the latest x of its time.
 fn paired(x: &[(f64, f64)], y: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut next = 0;
     y.iter()
@@ -310,7 +311,7 @@ fn paired(x: &[(f64, f64)], y: &[(f64, f64)]) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Ranges around all points of lines, a unit as long across as upwards.
+/// Ranges around all points of the marks, with equal scales on both axes.
 fn square(marks: &[Mark]) -> ((f64, f64), (f64, f64)) {
     let points = marks.iter().flat_map(|mark| match mark {
         Mark::Line(_, points) => points.as_slice(),

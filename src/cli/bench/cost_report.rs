@@ -1,4 +1,4 @@
-//! The figures of a measured graph, and the forms in which they are shown.
+//! The measured cost of a graph, as text, JSON and SVG.
 
 use crate::cli::Failure;
 use crate::engine::graph::{Graph, NodeId};
@@ -15,22 +15,23 @@ use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What the runs took, turn by turn, in seconds a round.
+/// Durations of the runs, one per turn, in seconds per round.
 #[derive(Debug, Default)]
-pub struct Turns {
+pub struct Timings {
     pub measured_s: Vec<f64>,
     pub plain_s: Vec<f64>,
-    /// Of each driver; none where there is only one.
+    /// Per driver; empty for a single driver.
     pub by_driver_s: Vec<Vec<f64>>,
 }
 
-/// What a graph costs. Loads are seconds of work a second of the graph's time: the part of one core that is needed.
+/// The cost of a graph. A load is the processor time per second of the graph's time: the share of one core
+/// that it needs.
 #[derive(Debug)]
-pub struct Account {
-    /// Of all drivers on one core.
+pub struct CostReport {
+    /// Load of all drivers together on one core.
     load: f64,
-    /// How much more the measured run took, as a part.
-    price: f64,
+    /// Relative overhead of timing every step.
+    overhead: f64,
     timed_rounds: u64,
     every: u64,
     rows: Vec<Row>,
@@ -40,7 +41,7 @@ pub struct Account {
     simulated: bool,
 }
 
-/// A step of a plan.
+/// A step of a plan and its cost.
 #[derive(Debug)]
 struct Row {
     label: String,
@@ -66,18 +67,18 @@ struct ClockLoad {
 struct DriverLoad {
     name: String,
     rate_hz: f64,
-    /// Frames that it runs at once, at most.
+    /// Maximum block length, frames.
     block: usize,
     load: f64,
-    /// The same as its steps were timed, one by one.
+    /// The same load, summed over the timed steps.
     timed_load: f64,
-    /// Nodes that wait for one another and cost most, and their load.
+    /// The chain of dependent nodes with the highest cost, and its load.
     critical: (Vec<String>, f64),
     buffer_bytes: usize,
 }
 
-impl Account {
-    pub fn new(graph: &Graph, plans: &[Arc<Plan>], profile: &Profile, turns: &Turns) -> Self {
+impl CostReport {
+    pub fn new(graph: &Graph, plans: &[Arc<Plan>], profile: &Profile, turns: &Timings) -> Self {
         let pairs = turns.measured_s.iter().zip(&turns.plain_s);
         let ratios: Vec<f64> = pairs.map(|(measured, plain)| measured / plain).collect();
         let round_s = profile.runner().quantum_s();
@@ -115,7 +116,7 @@ impl Account {
         });
         Self {
             load,
-            price: median(&ratios) - 1.0,
+            overhead: median(&ratios) - 1.0,
             timed_rounds: profile.timed_quanta(),
             every: profile.every(),
             clocks: clocks.collect(),
@@ -215,14 +216,14 @@ impl Account {
         let _ = writeln!(
             text,
             "memory         {} of signal buffers{}\n\
-             measuring      cost {:.1} %: one round in {} timed step by step, {} in all; medians, and the system's \
-             interruptions in `worst`",
+             measuring      overhead {:.1} %: one round in {} timed step by step, {} in all; medians; `worst` includes \
+             interruptions by the system",
             bytes(self.buffer_bytes() as u64),
             self.peak_bytes.map_or_else(String::new, |peak| format!(
                 ", {} the whole process at its peak",
                 bytes(peak)
             )),
-            100.0 * self.price,
+            100.0 * self.overhead,
             self.every,
             self.timed_rounds,
         );
@@ -273,7 +274,7 @@ impl Account {
             "drivers": drivers,
             "buffer_bytes": self.buffer_bytes(),
             "process_peak_bytes": self.peak_bytes,
-            "measuring": {"cost_percent": 100.0 * self.price, "one_round_in": self.every, "timed_rounds": self.timed_rounds},
+            "measuring": {"cost_percent": 100.0 * self.overhead, "one_round_in": self.every, "timed_rounds": self.timed_rounds},
             "clocks": clocks,
             "steps": steps,
         });
@@ -282,7 +283,7 @@ impl Account {
             .map_err(|error| Failure::Message(format!("cannot write JSON: {error}")))
     }
 
-    /// The steps that cost most, as bars.
+    /// The steps with the highest cost as bars.
     pub fn to_svg(&self, name: &str) -> String {
         let shown = &self.rows[..self.rows.len().min(30)];
         let all = self.timed_load();
@@ -342,7 +343,7 @@ impl Account {
 }
 
 impl DriverLoad {
-    /// What it could do, and what keeps it from more.
+    /// The highest rate of the driver and its critical path.
     fn to_text(&self) -> String {
         let (path, load) = &self.critical;
         format!(
@@ -357,7 +358,7 @@ impl DriverLoad {
     }
 }
 
-/// The steps of a driver and their nodes, in the order in which they run.
+/// The steps of a driver with their nodes, in execution order.
 fn rows_of(graph: &Graph, driver: usize, costs: &[StepCost]) -> Vec<(NodeId, Row)> {
     let row = |cost: &StepCost| Row {
         label: cost.label.clone(),
@@ -372,7 +373,7 @@ fn rows_of(graph: &Graph, driver: usize, costs: &[StepCost]) -> Vec<(NodeId, Row
     costs.iter().map(|cost| (cost.node, row(cost))).collect()
 }
 
-/// The most costly chain of a driver's nodes of which each waits for the one before, without what a delay cuts.
+/// The chain of dependent nodes of a driver with the highest total cost; edges cut by a delay do not count.
 fn critical_path(graph: &Graph, rows: &[(NodeId, Row)]) -> (Vec<String>, f64) {
     let mut order: Vec<NodeId> = Vec::new();
     let mut loads: HashMap<NodeId, f64> = HashMap::new();
@@ -384,7 +385,7 @@ fn critical_path(graph: &Graph, rows: &[(NodeId, Row)]) -> (Vec<String>, f64) {
     }
     let mut best: HashMap<NodeId, (f64, Option<NodeId>)> = HashMap::new();
     for node in order {
-        // What comes from other drivers is not waited for: they are not here.
+        // Nodes of other drivers are absent from `rows`: this driver does not wait for them.
         let before = graph
             .nodes()
             .incoming(node)
@@ -405,7 +406,7 @@ fn critical_path(graph: &Graph, rows: &[(NodeId, Row)]) -> (Vec<String>, f64) {
     (path, sum)
 }
 
-/// A duration in its unit, with three digits: `1.7 µs`.
+/// A duration with its unit and three digits: `1.7 µs`.
 fn duration(ns: f64) -> String {
     let (value, unit) = match ns {
         ..1e3 => (ns, "ns"),
@@ -423,7 +424,7 @@ fn bytes(count: u64) -> String {
     }
 }
 
-/// The most memory that this process has had, where the system tells.
+/// Peak memory of this process, if the system reports it.
 fn peak_bytes() -> Option<u64> {
     let status = files::read_text(Path::new("/proc/self/status"), 1 << 16).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

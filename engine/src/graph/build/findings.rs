@@ -1,0 +1,177 @@
+//! What nodes and devices find wrong with their settings, at its place in the file.
+
+use crate::diagnostic::{Diagnostic, SourceId, Sources, Span};
+use crate::document::folder;
+use crate::graph::draft::{Context, DraftNode};
+use crate::node::BuildError;
+use crate::settings::{Fields, closest};
+use haptograph_signal::files;
+use std::path::{Path, PathBuf};
+
+/// Places of the fields of a node or device.
+pub(super) struct Places {
+    owner: Span,
+    fields: Vec<(String, Span)>,
+}
+
+impl Places {
+    pub(super) fn of(fields: &Fields) -> Self {
+        let written = fields.remaining().iter();
+        Self {
+            owner: fields.span,
+            fields: written
+                .map(|(name, value)| (name.text.clone(), value.span))
+                .collect(),
+        }
+    }
+
+    /// Inputs are where their first connection is.
+    pub(super) fn and_inputs(mut self, node: &DraftNode) -> Self {
+        let wires = node.wires().map(|(slot, wire)| {
+            let port = &node.entry.spec.inputs[node.inputs[slot].port];
+            (port.name.to_owned(), wire.span)
+        });
+        self.fields.extend(wires);
+        self
+    }
+
+    pub(super) fn or_report<T>(&self, cx: &mut Context<'_>, built: Result<T, BuildError>) -> Option<T> {
+        match built {
+            Ok(built) => Some(built),
+            Err(error) => {
+                let make = |span, message| Diagnostic::error("E0304", span, message);
+                let is_part = error.part.is_some();
+                let mut diagnostic = self.finding(&cx.sources, error, make);
+                let parameter = || parameter_in_text(cx, &diagnostic).filter(|_| is_part);
+                if let Some(help) = not_there(cx, &diagnostic).or_else(parameter) {
+                    diagnostic.help = vec![help];
+                }
+                cx.report(diagnostic);
+                None
+            }
+        }
+    }
+
+    pub(super) fn warn(&self, cx: &mut Context<'_>, doubt: BuildError) {
+        let make = |span, message| Diagnostic::warning("W0107", span, message);
+        let diagnostic = self.finding(&cx.sources, doubt, make);
+        cx.report(diagnostic);
+    }
+
+    /// What a node found about itself, at the setting it is about.
+    fn finding(
+        &self,
+        sources: &Sources,
+        error: BuildError,
+        make: impl FnOnce(Span, String) -> Diagnostic,
+    ) -> Diagnostic {
+        let written = self
+            .fields
+            .iter()
+            .find(|(name, _)| Some(name.as_str()) == error.field);
+        let span = written.map_or(self.owner, |(_, span)| *span);
+        let part = error.part.and_then(|part| part_of_text(sources, span, part));
+        let mut diagnostic = make(part.unwrap_or(span), error.message);
+        if let (Some(field), None) = (error.field, written) {
+            diagnostic = diagnostic.label(format!("by the default of `{field}`"));
+        }
+        if let Some(help) = error.help {
+            diagnostic = diagnostic.help(help);
+        }
+        diagnostic
+    }
+}
+
+/// What to write where a word of a text, as of a formula, is the name of a parameter.
+fn parameter_in_text(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
+    let span = diagnostic.primary.as_ref()?.span;
+    let word = cx.sources.get(span.source)?.text.get(span.start..span.end)?;
+    cx.document.parameters().find(|(name, _)| *name == word)?;
+    Some(format!(
+        "`{word}` is a parameter of the graph, and this text sees its inputs only: multiply by `Gain(gain: \
+         Param(\"{word}\"))`, or make it an input, `Constant(value: Param(\"{word}\"))`"
+    ))
+}
+
+/// Help for a path that leads to no file: a file of a similar name, or the folder from which a path of `--set`, or of a
+/// running graph, is resolved.
+fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
+    let span = diagnostic.primary.as_ref()?.span;
+    let is_given = span.source.0 as usize >= cx.document.sources.iter().count();
+    let written = cx.sources.get(span.source)?.text.get(span.start..span.end)?;
+    let written = Path::new(written.trim_matches('"'));
+    let path = match is_given {
+        true => written.to_path_buf(),
+        false => folder(&cx.sources, span.source).join(written),
+    };
+    if !cx.files.contains(&path) || path.exists() {
+        return None;
+    }
+    if let Some(near) = similar_file(&path) {
+        let near = written.with_file_name(near);
+        return Some(format!("did you mean `{}`?", near.display()));
+    }
+    let beside = folder(&cx.sources, SourceId::default()).join(written);
+    let found = match files::is_file(&beside) {
+        true => format!("; there is {}", beside.display()),
+        false => String::new(),
+    };
+    let looked = || format!("a path given by --set is looked for from the folder you are in{found}");
+    is_given.then(looked)
+}
+
+/// The name of a file in the same folder, of the same kind, that was meant by a path.
+fn similar_file(path: &Path) -> Option<String> {
+    let folder = match path.parent()? {
+        here if here.as_os_str().is_empty() => Path::new("."),
+        folder => folder,
+    };
+    let files = files::list(folder);
+    let names = files
+        .iter()
+        .filter_map(|file| file.file_name().map(PathBuf::from));
+    let alike = names.filter(|name| name.extension() == path.extension());
+    let mut stems: Vec<String> = alike
+        .filter_map(|name| Some(name.file_stem()?.to_str()?.to_owned()))
+        .collect();
+    stems.sort_unstable();
+    let stem = closest(path.file_stem()?.to_str()?, stems.iter().map(String::as_str))?;
+    Some(match path.extension().and_then(|extension| extension.to_str()) {
+        Some(extension) => format!("{stem}.{extension}"),
+        None => stem.to_owned(),
+    })
+}
+
+/// The place of some characters of a text that is written in plain quotes, without escapes.
+pub(in crate::graph) fn part_of_text(
+    sources: &Sources,
+    span: Span,
+    (first, end): (usize, usize),
+) -> Option<Span> {
+    let written = sources.get(span.source)?.text.get(span.start..span.end)?;
+    let text = written.strip_prefix('"')?.strip_suffix('"')?;
+    if text.contains('\\') {
+        return None;
+    }
+    let byte = |characters: usize| {
+        text.char_indices()
+            .nth(characters)
+            .map_or(text.len(), |(at, _)| at)
+    };
+    let (start, end) = (span.start + 1 + byte(first), span.start + 1 + byte(end));
+    (start < end).then_some(Span { start, end, ..span })
+}
+
+/// Adds the place of use to diagnostics of values of parameters and settings.
+pub(super) fn explain(cx: &mut Context<'_>, from: usize, uses: &[(Span, Span)]) {
+    for diagnostic in &mut cx.diagnostics[from..] {
+        let Some(at) = diagnostic.primary.as_ref().map(|label| label.span) else {
+            continue;
+        };
+        let holds =
+            |value: &Span| value.source == at.source && value.start <= at.start && at.end <= value.end;
+        if let Some((_, place)) = uses.iter().find(|(value, _)| holds(value)) {
+            *diagnostic = diagnostic.clone().also(*place, "used here");
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! Registered node kinds, their types erased.
+
+use super::{
+    ActuatorKind, BuildContext, BuildError, FileContext, FileKind, FileSink, Limit, NodeKind, NodeSpec,
+    Processor, ScriptedKind,
+};
+use crate::scripted;
+use crate::settings::{Fields, Reading, SettingSpec, Settings};
+
+/// A registered node kind, its types erased.
+#[derive(Clone, Copy)]
+pub struct NodeEntry {
+    /// Ports and documentation.
+    pub spec: &'static NodeSpec,
+    settings: fn() -> Vec<SettingSpec>,
+    pub(crate) build: Build,
+}
+
+/// How a registered node is built from its fields. Each variant reports errors and returns `None`.
+#[derive(Clone, Copy)]
+pub(crate) enum Build {
+    Processor(Read<BuildContext, Measured>),
+    Actuator(Read<(), (f64, Limit)>),
+    File(Read<FileContext, Box<dyn FileSink>>),
+    /// Reads a device; its outputs are the device's channels of the same names. The function reads its settings.
+    Source(fn(&mut Fields, &mut Reading<'_>) -> bool),
+    /// Processes, and is described while the program runs.
+    Scripted(&'static dyn ScriptedKind),
+}
+
+impl Build {
+    /// The first half of building what processes; nothing of other nodes.
+    pub(crate) fn read_processor(
+        self,
+        fields: &mut Fields,
+        reading: &mut Reading<'_>,
+    ) -> Option<Finish<BuildContext, Measured>> {
+        match self {
+            Self::Processor(read) => read(fields, reading),
+            Self::Scripted(kind) => scripted::read(kind, fields, reading),
+            _ => None,
+        }
+    }
+}
+
+/// The first half of building: fields to settings.
+pub(crate) type Read<Context, Built> = fn(&mut Fields, &mut Reading<'_>) -> Option<Finish<Context, Built>>;
+
+/// Memory of a processor, bytes ([`NodeKind::memory_bytes`]), and the function that builds it.
+pub(crate) type Measured = (u64, Finish<BuildContext, Advised>);
+
+/// A processor and the warnings about its settings.
+pub(crate) type Advised = (Box<dyn Processor>, Vec<BuildError>);
+
+/// The second half of building, after clock and connections are known.
+pub(crate) type Finish<Context, Built> = Box<dyn FnOnce(&Context) -> Result<Built, BuildError>>;
+
+impl NodeEntry {
+    /// Erases the types of a node that processes.
+    pub fn processor<K: NodeKind>() -> Self {
+        Self {
+            spec: &const { K::SPEC },
+            settings: K::Settings::specs,
+            build: Build::Processor(|fields, reading| {
+                let settings = K::Settings::take_from(fields, reading)?;
+                Some(Box::new(|cx| {
+                    let bytes = K::memory_bytes(&settings, cx);
+                    let finish: Finish<BuildContext, Advised> = Box::new(|cx| {
+                        let advice = K::advice(&settings, cx);
+                        Ok((K::build(settings, cx)?, advice))
+                    });
+                    Ok((bytes, finish))
+                }))
+            }),
+        }
+    }
+
+    /// A node that processes and is described while the program runs. It is slow, and no live run takes it.
+    pub fn scripted(kind: &'static dyn ScriptedKind) -> Self {
+        Self {
+            spec: kind.spec(),
+            settings: Vec::new,
+            build: Build::Scripted(kind),
+        }
+    }
+
+    /// Erases the types of a sink that drives a device through the engine's limiter.
+    pub fn actuator<K: ActuatorKind>() -> Self {
+        Self {
+            spec: &const { K::SPEC },
+            settings: K::Settings::specs,
+            build: Build::Actuator(|fields, reading| {
+                let settings = K::Settings::take_from(fields, reading)?;
+                Some(Box::new(move |()| K::limit(&settings)))
+            }),
+        }
+    }
+
+    /// Erases the types of a sink that writes a file.
+    pub fn file<K: FileKind>() -> Self {
+        Self {
+            spec: &const { K::SPEC },
+            settings: K::Settings::specs,
+            build: Build::File(|fields, reading| {
+                let settings = K::Settings::take_from(fields, reading)?;
+                Some(Box::new(|cx| K::build(settings, cx)))
+            }),
+        }
+    }
+
+    /// Makes the entry of a source that reads a device.
+    pub const fn source(spec: &'static NodeSpec) -> Self {
+        Self {
+            spec,
+            settings: Vec::new,
+            build: Build::Source(|_, _| true),
+        }
+    }
+
+    /// Makes the entry of a source that reads a device and has settings, such as the quantity it reads.
+    pub fn source_with<S: Settings>(spec: &'static NodeSpec) -> Self {
+        Self {
+            spec,
+            settings: S::specs,
+            build: Build::Source(|fields, reading| S::take_from(fields, reading).is_some()),
+        }
+    }
+
+    /// Its settings.
+    pub fn settings(&self) -> Vec<SettingSpec> {
+        match self.build {
+            Build::Scripted(kind) => kind.settings(),
+            _ => (self.settings)(),
+        }
+    }
+
+    /// Is it described while the program runs? Then it runs offline only.
+    pub fn is_scripted(&self) -> bool {
+        matches!(self.build, Build::Scripted(_))
+    }
+
+    /// Whether an `endpoint` field binds it to a device.
+    pub fn has_endpoint(&self) -> bool {
+        matches!(self.build, Build::Actuator(_) | Build::Source(_))
+    }
+
+    /// Whether it is an actuator sink.
+    pub fn is_actuator(&self) -> bool {
+        matches!(self.build, Build::Actuator(_))
+    }
+
+    /// Whether it is a file sink. A file sink has no clock.
+    pub fn is_file(&self) -> bool {
+        matches!(self.build, Build::File(_))
+    }
+}
+
+impl std::fmt::Debug for NodeEntry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "NodeEntry({})", self.spec.name)
+    }
+}

@@ -1,0 +1,167 @@
+//! What a node kind says of itself: documentation and ports.
+
+use crate::frame::Kind;
+use haptograph_signal::quantity::Quantity;
+
+/// Specification of a node kind; the source of its documentation, messages and checks.
+#[derive(Debug, Clone, Copy)]
+pub struct NodeSpec {
+    /// Name in graph files.
+    pub name: &'static str,
+    /// Group it belongs to: `math`, `filters`, `texture`.
+    pub group: &'static str,
+    /// What it does; the first sentence is its summary.
+    pub doc: &'static str,
+    /// Reference: a section or equation of the thesis, or a paper; empty for plain blocks.
+    pub source: &'static str,
+    /// Inputs; a [`Presence::Many`] port comes last.
+    pub inputs: &'static [InputSpec],
+    /// Outputs.
+    pub outputs: &'static [OutputSpec],
+    /// Example of its use, one line of RON.
+    pub example: &'static str,
+}
+
+/// An input port.
+#[derive(Debug, Clone, Copy)]
+pub struct InputSpec {
+    /// Field name in the graph file.
+    pub name: &'static str,
+    /// Shape of a frame.
+    pub kind: KindRule,
+    /// What its numbers are.
+    pub quantity: QuantityRule,
+    /// Whether it reads a frame a tick or runs of held frames.
+    pub flow: Flow,
+    /// Whether it has to be connected.
+    pub presence: Presence,
+    /// What it is for.
+    pub doc: &'static str,
+}
+
+/// An output port. Outputs are always sampled: one frame per tick of the node's clock.
+#[derive(Debug, Clone, Copy)]
+pub struct OutputSpec {
+    /// Name in graph files: `node.name`.
+    pub name: &'static str,
+    /// Shape of a frame.
+    pub kind: KindRule,
+    /// What its numbers are.
+    pub quantity: QuantityRule,
+    /// What it is.
+    pub doc: &'static str,
+}
+
+/// How an input reads its signal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flow {
+    /// One frame per tick.
+    Sampled,
+    /// Runs of (ticks, frame): a slow signal read by a fast clock costs time at its changes only.
+    Held,
+}
+
+/// Whether an input has to be connected.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Presence {
+    /// It has to be connected.
+    Required,
+    /// It may be left out; [`Io::connected`] gives which.
+    Optional,
+    /// It takes a list of at least one connection.
+    Many,
+}
+
+/// Which kind of frames a port carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum KindRule {
+    /// This kind.
+    Is(Kind),
+    /// Scalar, 3-vector or wrench, treated component by component.
+    Linear,
+    /// Any kind.
+    Any,
+    /// The kind of the named input.
+    Same(&'static str),
+}
+
+/// Which quantity a port carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum QuantityRule {
+    /// This quantity.
+    Is(Quantity),
+    /// Any quantity.
+    Any,
+    /// The quantity of the named input.
+    Same(&'static str),
+    /// The product of two inputs.
+    Product(&'static str, &'static str),
+    /// The first input divided by the second.
+    Quotient(&'static str, &'static str),
+    /// The named input per second: its derivative.
+    PerSecond(&'static str),
+    /// The named input times seconds: its integral.
+    TimesSeconds(&'static str),
+    /// The quantity that the named setting gives: `quantity: "force"`.
+    Setting(&'static str),
+}
+
+/// A required input of one kind and quantity.
+pub const fn input(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> InputSpec {
+    InputSpec {
+        name,
+        kind: KindRule::Is(kind),
+        quantity: QuantityRule::Is(quantity),
+        flow: Flow::Sampled,
+        presence: Presence::Required,
+        doc,
+    }
+}
+
+impl InputSpec {
+    /// Makes the input read runs of held frames.
+    #[must_use]
+    pub const fn held(mut self) -> Self {
+        self.flow = Flow::Held;
+        self
+    }
+
+    /// Makes the input optional.
+    #[must_use]
+    pub const fn optional(mut self) -> Self {
+        self.presence = Presence::Optional;
+        self
+    }
+}
+
+/// A required input that takes scalars, vectors and wrenches of any quantity.
+pub const fn any_input(name: &'static str, doc: &'static str) -> InputSpec {
+    InputSpec {
+        name,
+        kind: KindRule::Linear,
+        quantity: QuantityRule::Any,
+        flow: Flow::Sampled,
+        presence: Presence::Required,
+        doc,
+    }
+}
+
+/// An output of one kind and quantity.
+pub const fn output(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> OutputSpec {
+    OutputSpec {
+        name,
+        kind: KindRule::Is(kind),
+        quantity: QuantityRule::Is(quantity),
+        doc,
+    }
+}
+
+/// An output with the kind and quantity of the named input.
+pub const fn output_like(name: &'static str, like: &'static str, doc: &'static str) -> OutputSpec {
+    OutputSpec {
+        name,
+        kind: KindRule::Same(like),
+        quantity: QuantityRule::Same(like),
+        doc,
+    }
+}

@@ -1,0 +1,208 @@
+//! Macros that declare settings and choices.
+
+/// Declares a struct of settings with its documentation, defaults and ranges in one place.
+///
+/// ```
+/// haptograph_engine::settings! {
+///     /// Settings of a low-pass.
+///     pub struct LowPassSettings {
+///         /// Where the response has fallen by 3 dB.
+///         [live] cutoff_hz: f64 = 20.0, in 0.01..=20_000.0;
+///         /// Poles.
+///         order: u32 = 2, in 1..=10;
+///     }
+/// }
+/// ```
+/// A field without `= default` has to be given. `[live]` marks what may change while the graph runs, and
+/// `[live, below_nyquist]` a frequency that has to stay below half of the node's rate when it does. There are no other
+/// flags, and a misspelt one does not compile:
+///
+/// ```compile_fail
+/// haptograph_engine::settings! {
+///     /// Settings of a low-pass.
+///     pub struct LowPassSettings {
+///         /// Where the response has fallen by 3 dB.
+///         [liev] cutoff_hz: f64 = 20.0;
+///     }
+/// }
+/// ```
+#[macro_export]
+macro_rules! settings {
+    (@live live) => { true };
+    (@live below_nyquist) => { false };
+    (@live $other:ident) => {
+        compile_error!(concat!(
+            "unknown flag `", stringify!($other), "` of a setting; the flags are `live` and `below_nyquist`"
+        ))
+    };
+    (@below_nyquist below_nyquist) => { true };
+    (@below_nyquist $other:ident) => { false };
+    ($(#[doc = $summary:expr])* $vis:vis struct $name:ident {
+        $($(#[doc = $doc:expr])* $([$($flag:ident),+])? $field:ident : $type:ty $(= $default:expr)? $(, in $range:expr)? ;)*
+    }) => {
+        $(#[doc = $summary])*
+        #[derive(Debug, Clone, PartialEq)]
+        $vis struct $name { $($(#[doc = $doc])* pub $field: $type,)* }
+
+        impl $crate::settings::Settings for $name {
+            fn specs() -> Vec<$crate::settings::SettingSpec> {
+                vec![$($crate::settings::SettingSpec {
+                    name: stringify!($field),
+                    doc: [$($doc),*].concat().trim().to_owned(),
+                    expected: <$type as $crate::settings::Setting>::expected(),
+                    default: {
+                        #[allow(unused_mut, unused_assignments)]
+                        let mut default: Option<$type> = None;
+                        $(default = Some($default);)?
+                        default.map(|value| $crate::settings::Setting::show(&value))
+                    },
+                    range: {
+                        #[allow(unused_mut, unused_assignments)]
+                        let mut range = None;
+                        $(range = Some((f64::from(*($range).start()), f64::from(*($range).end())));)?
+                        range
+                    },
+                    live: [$($($crate::settings!(@live $flag)),+)?].contains(&true),
+                    whole: <$type as $crate::settings::Setting>::is_whole(),
+                    below_nyquist: [$($($crate::settings!(@below_nyquist $flag)),+)?].contains(&true),
+                    parts: <$type as $crate::settings::Setting>::parts(),
+                }),*]
+            }
+
+            #[allow(unused_variables, unused_mut, unused_assignments)]
+            fn take_from(
+                fields: &mut $crate::settings::Fields,
+                reading: &mut $crate::settings::Reading<'_>,
+            ) -> Option<Self> {
+                // All fields are read before the first `?`, so that all errors are reported.
+                $(let $field = {
+                    let mut default: Option<$type> = None;
+                    $(default = Some($default);)?
+                    let mut range = None;
+                    $(range = Some((f64::from(*($range).start()), f64::from(*($range).end())));)?
+                    fields.setting(stringify!($field), default, range, reading)
+                };)*
+                Some(Self { $($field: $field?,)* })
+            }
+        }
+
+        impl $crate::settings::Setting for $name {
+            fn expected() -> String {
+                let fields: Vec<&str> = vec![$(stringify!($field)),*];
+                format!("a structure ({})", fields.join(": ..., ") + ": ...")
+            }
+            fn parts() -> Vec<$crate::settings::Part> {
+                let doc: &[&str] = &[$($summary),*];
+                vec![$crate::settings::Part {
+                    choice: None,
+                    doc: doc.concat().trim().to_owned(),
+                    fields: <Self as $crate::settings::Settings>::specs(),
+                }]
+            }
+            fn read(
+                value: &$crate::document::value::Value,
+                reading: &mut $crate::settings::Reading<'_>,
+            ) -> Option<Self> {
+                let owner = reading.owner(stringify!($name));
+                let mut fields = $crate::settings::fields_of(value, &owner, reading)?;
+                let read = <Self as $crate::settings::Settings>::take_from(&mut fields, reading);
+                fields.finish(reading);
+                read
+            }
+            fn show(&self) -> String {
+                let fields: Vec<String> = vec![
+                    $(format!("{}: {}", stringify!($field), $crate::settings::Setting::show(&self.$field))),*
+                ];
+                format!("({})", fields.join(", "))
+            }
+        }
+    };
+}
+
+/// Declares an enum that a setting chooses from: bare names, or names with settings of their own.
+///
+/// ```
+/// haptograph_engine::settings! {
+///     /// A circle.
+///     pub struct CircleSettings {
+///         /// Its radius.
+///         radius_mm: f64 = 30.0;
+///     }
+/// }
+/// haptograph_engine::choices! {
+///     /// A path to follow.
+///     pub enum Stroke {
+///         /// Stay where you are.
+///         Still,
+///         /// Round and round.
+///         Circles(CircleSettings),
+///     }
+/// }
+/// ```
+#[macro_export]
+macro_rules! choices {
+    ($(#[doc = $summary:expr])* $vis:vis enum $name:ident {
+        $($(#[doc = $doc:expr])* $variant:ident $(($payload:ty))? ,)*
+    }) => {
+        $(#[doc = $summary])*
+        #[derive(Debug, Clone, PartialEq)]
+        $vis enum $name { $($(#[doc = $doc])* $variant $(($payload))?,)* }
+
+        impl $crate::settings::Setting for $name {
+            fn expected() -> String {
+                let names: Vec<&str> = vec![$(stringify!($variant)),*];
+                format!("one of {}", names.join(", "))
+            }
+            fn parts() -> Vec<$crate::settings::Part> {
+                vec![$($crate::settings::Part {
+                    choice: Some(stringify!($variant)),
+                    doc: [$($doc),*].concat().trim().to_owned(),
+                    fields: $crate::choices!(@fields $($payload)?),
+                }),*]
+            }
+            fn read(
+                value: &$crate::document::value::Value,
+                reading: &mut $crate::settings::Reading<'_>,
+            ) -> Option<Self> {
+                // Full paths: the enum itself may be called `Shape`.
+                let $crate::document::value::Shape::Tagged($crate::document::value::Tagged {
+                    name: Some(name), ..
+                }) = &value.shape else {
+                    reading.not_a_choice(value, &[$(stringify!($variant)),*]);
+                    return None;
+                };
+                match name.text.as_str() {
+                    $(stringify!($variant) => $crate::choices!(@read $name $variant value reading $($payload)?),)*
+                    unknown => {
+                        $crate::settings::unknown_choice(unknown, &[$(stringify!($variant)),*], name.span, reading);
+                        None
+                    }
+                }
+            }
+            fn show(&self) -> String {
+                match self { $($crate::choices!(@pattern $variant shown $($payload)?) =>
+                    $crate::choices!(@show $variant shown $($payload)?),)* }
+            }
+        }
+    };
+    (@fields) => { Vec::new() };
+    (@fields $payload:ty) => { <$payload as $crate::settings::Settings>::specs() };
+    (@read $name:ident $variant:ident $value:ident $reading:ident) => {{
+        let fields = $crate::settings::fields_of($value, concat!("`", stringify!($variant), "`"), $reading)?;
+        fields.finish($reading);
+        Some($name::$variant)
+    }};
+    (@read $name:ident $variant:ident $value:ident $reading:ident $payload:ty) => {{
+        let mut fields =
+            $crate::settings::fields_of($value, concat!("`", stringify!($variant), "`"), $reading)?;
+        let read = <$payload as $crate::settings::Settings>::take_from(&mut fields, $reading);
+        fields.finish($reading);
+        read.map($name::$variant)
+    }};
+    (@pattern $variant:ident $shown:ident) => { Self::$variant };
+    (@pattern $variant:ident $shown:ident $payload:ty) => { Self::$variant($shown) };
+    (@show $variant:ident $shown:ident) => { stringify!($variant).to_owned() };
+    (@show $variant:ident $shown:ident $payload:ty) => {
+        format!("{}{}", stringify!($variant), $crate::settings::Setting::show($shown))
+    };
+}

@@ -1,0 +1,210 @@
+//! The fields of a structure while it is read.
+
+use super::{Reading, Setting, closest, spelling};
+use crate::diagnostic::{Diagnostic, Span};
+use crate::document::value::{Body, Name, Shape, Tagged, Value};
+use haptograph_signal::units;
+use std::collections::HashMap;
+
+/// Fields of every kind of node; messages list them last.
+const OF_EVERY_NODE: [&str; 2] = ["clock", "only"];
+
+/// The fields of a structure while it is read.
+#[derive(Debug, Clone)]
+pub struct Fields {
+    /// Name of the structure in messages: `` `Gain` ``.
+    pub owner: String,
+    /// The whole structure.
+    pub span: Span,
+    entries: Vec<(Name, Value)>,
+    known: Vec<String>,
+    /// Special diagnostics for missing fields, by name; `None` if the field was reported already.
+    missing: Vec<(String, Option<Diagnostic>)>,
+    /// Missing fields, reported at the end: an unknown field may be a misspelling of one.
+    missed: Vec<(String, Diagnostic)>,
+}
+
+impl Fields {
+    /// The fields of a structure. A name given twice is reported and its first value kept.
+    pub fn new(owner: String, span: Span, entries: Vec<(Name, Value)>, reading: &mut Reading<'_>) -> Self {
+        let mut kept: Vec<(Name, Value)> = Vec::with_capacity(entries.len());
+        let mut seen: HashMap<String, Span> = HashMap::with_capacity(entries.len());
+        for (name, value) in entries {
+            match seen.get(&name.text) {
+                Some(first) => reading.diagnostics.push(
+                    Diagnostic::error(
+                        "E0105",
+                        name.span,
+                        format!("`{}` is given twice in {owner}", name.text),
+                    )
+                    .label("given again here")
+                    .also(*first, "first given here")
+                    .help("remove one of them"),
+                ),
+                None => {
+                    seen.insert(name.text.clone(), name.span);
+                    kept.push((name, value));
+                }
+            }
+        }
+        Self {
+            owner,
+            span,
+            entries: kept,
+            known: Vec::new(),
+            missing: Vec::new(),
+            missed: Vec::new(),
+        }
+    }
+
+    /// Takes the field called `name`, if it was given.
+    pub fn take(&mut self, name: &str) -> Option<Value> {
+        self.know(name);
+        let at = self.entries.iter().position(|(given, _)| given.text == name)?;
+        Some(self.entries.remove(at).1)
+    }
+
+    /// Declares a known field name without taking the field; for "did you mean".
+    pub fn know(&mut self, name: &str) {
+        self.known.push(name.to_owned());
+    }
+
+    /// Sets the diagnostic for a missing required field; `None` if the reason has been reported already.
+    pub(crate) fn if_missing(&mut self, name: &str, diagnostic: Option<Diagnostic>) {
+        self.missing.push((name.to_owned(), diagnostic));
+    }
+
+    /// Defers the diagnostic of a missing field to [`finish`](Self::finish).
+    pub(crate) fn miss(&mut self, name: &str, diagnostic: Diagnostic) {
+        self.missed.push((name.to_owned(), diagnostic));
+    }
+
+    /// Whether an error of this field has been reported.
+    pub(crate) fn is_reported(&self, name: &str) -> bool {
+        self.missing
+            .iter()
+            .any(|(missing, special)| missing == name && special.is_none())
+    }
+
+    /// Whether an error was reported for the value of any field.
+    pub(crate) fn has_reported(&self) -> bool {
+        self.missing.iter().any(|(_, special)| special.is_none())
+    }
+
+    /// The fields that have not been taken.
+    pub fn remaining(&self) -> &[(Name, Value)] {
+        &self.entries
+    }
+
+    /// Reports missing fields and fields that were not taken.
+    pub fn finish(mut self, reading: &mut Reading<'_>) {
+        for (name, value) in std::mem::take(&mut self.entries) {
+            let message = format!("{} has no field `{}`", self.owner, name.text);
+            let diagnostic = Diagnostic::error("E0204", name.span, message).label("unknown field");
+            let (meant, help) = self.meant(&name.text, &value);
+            self.missed.retain(|(missed, _)| Some(missed) != meant.as_ref());
+            reading.diagnostics.push(diagnostic.help(help));
+        }
+        let missed = self.missed.into_iter().map(|(_, diagnostic)| diagnostic);
+        reading.diagnostics.extend(missed);
+    }
+
+    /// Which field was meant by a name that is none, and what to do.
+    fn meant(&self, name: &str, value: &Value) -> (Option<String>, String) {
+        if let Shape::Number(number, _) = value.shape
+            && let Some((known, factor)) = self
+                .known
+                .iter()
+                .find_map(|known| Some((known, units::between(name, known)?)))
+        {
+            let help = format!("did you mean `{known}: {}`?", spelling::rounded(number * factor));
+            return (Some(known.clone()), help);
+        }
+        // A field that is missing is the likeliest to be meant.
+        let missed = closest(name, self.missed.iter().map(|(name, _)| name.as_str()));
+        let near = missed.or_else(|| closest(name, self.known.iter().map(String::as_str)));
+        let help = match near {
+            Some(near) => format!("did you mean `{near}`?"),
+            None if self.known.is_empty() => "it takes no fields".to_owned(),
+            None => self.list(),
+        };
+        (missed.map(str::to_owned), help)
+    }
+
+    /// All fields that there are, those of its own first.
+    fn list(&self) -> String {
+        let is_general = |name: &&String| OF_EVERY_NODE.contains(&name.as_str());
+        let quoted = |names: Vec<&String>| {
+            let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
+            names.join(", ")
+        };
+        let (general, own): (Vec<_>, Vec<_>) = self.known.iter().partition(is_general);
+        match (own.is_empty(), general.is_empty()) {
+            (false, false) => format!("its fields are {}, and {}", quoted(own), quoted(general)),
+            (true, _) => format!("its fields are {}", quoted(general)),
+            (_, true) => format!("its fields are {}", quoted(own)),
+        }
+    }
+
+    /// Reads one field by its spec; the workhorse of [`settings!`](crate::settings!).
+    pub fn setting<T: Setting>(
+        &mut self,
+        name: &'static str,
+        default: Option<T>,
+        range: Option<(f64, f64)>,
+        reading: &mut Reading<'_>,
+    ) -> Option<T> {
+        let Some(value) = self.take(name) else {
+            if default.is_none() {
+                let special = self.missing.iter().find(|(missing, _)| missing == name);
+                let diagnostic = match special {
+                    Some((_, special)) => special.clone(),
+                    None => Some(
+                        Diagnostic::error("E0205", self.span, format!("{} needs `{name}`", self.owner))
+                            .label(format!("`{name}` is missing"))
+                            .help(format!("add `{name}: ...`, {}", T::expected())),
+                    ),
+                };
+                self.missed
+                    .extend(diagnostic.map(|diagnostic| (name.to_owned(), diagnostic)));
+            }
+            return default;
+        };
+        let outer = reading.setting.replace(name);
+        let read = T::read(&value, reading);
+        reading.setting = outer;
+        let read = read?;
+        if let (Some((low, high)), Some(number)) = (range, read.number())
+            && !(low..=high).contains(&number)
+        {
+            let message = format!("`{name}` is out of range: {number}");
+            let label = format!("choose a value from {low} to {high}");
+            reading
+                .diagnostics
+                .push(Diagnostic::error("E0302", value.span, message).label(label));
+            return None;
+        }
+        Some(read)
+    }
+}
+
+/// The fields of a structure value; reports any other value.
+pub fn fields_of(value: &Value, owner: &str, reading: &mut Reading<'_>) -> Option<Fields> {
+    let entries = match &value.shape {
+        Shape::Unit => Vec::new(),
+        Shape::Tagged(Tagged {
+            body: Body::Fields(fields),
+            ..
+        }) => fields.clone(),
+        Shape::Tagged(Tagged { body: Body::Bare, .. }) => Vec::new(),
+        Shape::Tagged(Tagged {
+            body: Body::Tuple(values),
+            ..
+        }) if values.is_empty() => Vec::new(),
+        _ => {
+            reading.mismatch(value, &format!("the settings of {owner}, like (name: value)"));
+            return None;
+        }
+    };
+    Some(Fields::new(owner.to_owned(), value.span, entries, reading))
+}

@@ -1,0 +1,60 @@
+// Real actuators: they get zeros until they are armed here, and only while this page is seen and its owner's.
+import { find, setText } from "./dom.js";
+
+const HOLD_MS = 50;
+const FIRST_DB = -20;
+
+const gainOf = (db) => 10 ** (db / 20);
+const decibels = (gain) => `${(20 * Math.log10(gain)).toFixed(0).replace("-", "−")} dB`;
+const isArmed = (studio) => studio.connection.open && studio.status?.armed_gain > 0;
+
+export function mountArming(studio) {
+    const send = (message) => studio.connection.send(message);
+    const level = find("arm-level");
+    find("arm").addEventListener("click", () => send({ type: isArmed(studio) ? "disarm" : "arm" }));
+    level.addEventListener("input", () => isArmed(studio) && send({ type: "gain", gain: gainOf(Number(level.value)) }));
+    const holds = () => studio.hello?.can.arm && studio.status?.owner && drivenOf(studio.graph).length > 0;
+    const leave = () => holds() && send({ type: "disarm" });
+    document.addEventListener("visibilitychange", () => document.hidden && leave());
+    window.addEventListener("pagehide", leave);
+    // Where this page hangs, the engine disarms by itself.
+    setInterval(() => holds() && !document.hidden && send({ type: "hold" }), HOLD_MS);
+    for (const turn of ["graph", "status"]) studio.on(turn, () => show(studio, level));
+}
+
+function show(studio, level) {
+    const real = drivenOf(studio.graph);
+    // The page of a site drives nothing.
+    const none = !real.length || studio.hello?.host === "page";
+    find("real").hidden = none;
+    if (none) return;
+    const armed = isArmed(studio);
+    if (!armed) level.value = String(FIRST_DB);
+    const mayArm = mayBeArmed(studio);
+    level.disabled = !armed || !mayArm;
+    setText(find("arm-level-text"), armed ? decibels(studio.status.armed_gain) : "off");
+    find("real").dataset.armed = String(armed);
+    find("arm").disabled = !armed && !mayArm;
+    setText(find("arm"), armed ? "Disarm" : "Arm");
+    setText(find("real-text"), said(studio, real.map(named).join(" and "), armed));
+}
+
+// The devices that actuators drive and that are neither simulated nor this page's, each once.
+export function drivenOf(graph) {
+    const driven = new Set((graph?.actuators ?? []).map(({ endpoint }) => endpoint));
+    return (graph?.devices ?? []).filter(({ name, simulated }) => !simulated && driven.has(name));
+}
+
+const named = ({ name, kind, at }) => `${name} (${kind}${at ? `, ${at}` : ""})`;
+
+const mayBeArmed = ({ hello, status }) => Boolean(hello?.can.arm && status?.owner && status.state === "running" && status.replay === null);
+
+function said({ hello, status }, who, armed) {
+    if (armed) return `Armed: ${who} moves. STOP, Disarm, or leaving this page takes it to zero`;
+    const before = `Not armed: ${who} gets zeros.`;
+    if (!hello?.can.arm) return `${before} It is armed on a page of the studio's own machine`;
+    if (status?.state !== "running") return `${before} Resume first`;
+    if (status.replay !== null) return `${before} A recording is done again`;
+    if (!status.owner) return `${before} Another page owns it: take over first`;
+    return `${before} Keep clear of it, then press Arm: it rises to a tenth of what the graph asks for`;
+}

@@ -1,0 +1,61 @@
+//! Real actuators get zeros until the page that owns the graph arms them. The gate is the engine's
+//! ([`ArmSwitch`](haptograph_engine::run::ArmSwitch)), where the device is driven.
+
+use super::actuators::driven;
+use super::load::Loaded;
+use super::stage::{Stage, StageError, State};
+use haptograph_nodes::soundcard::played;
+
+/// The part of what the limits let through that arming begins with: -20 dB.
+pub const FIRST_GAIN: f64 = 0.1;
+
+impl Stage {
+    /// Arms the real actuators, with [`FIRST_GAIN`].
+    ///
+    /// # Errors
+    /// [`StageError`]: nothing is driven that could be armed.
+    pub fn arm(&mut self) -> Result<(), StageError> {
+        let refused = |why: &str| Err(StageError::Other(format!("nothing is armed: {why}")));
+        if !self.host.can_drive || driven(&self.loaded.graph).is_empty() {
+            return refused("nothing real is driven");
+        }
+        if self.state != State::Running {
+            return refused("the run is stopped; resume it first");
+        }
+        if self.replay.is_some() {
+            return refused("a recording is done again; stop it first");
+        }
+        self.switch.arm(FIRST_GAIN);
+        Ok(())
+    }
+
+    /// Where a real device of the run is reached: an address, or the name that it gives itself.
+    pub fn place_of(&self, device: &str) -> Option<&str> {
+        let mut places = self.network.places();
+        let mut heard = self.inputs.streams();
+        let is_played = || {
+            played(&self.loaded.graph)
+                .iter()
+                .any(|played| played.endpoint == device)
+        };
+        let card = self.drive.as_ref().and_then(|drive| drive.card());
+        let place = places.find(|(known, _)| *known == device).map(|(_, place)| place);
+        let place = place.or_else(|| card.filter(|_| is_played()));
+        place.or_else(|| {
+            let heard = heard.find(|(endpoints, ..)| endpoints.iter().any(|endpoint| endpoint == device));
+            heard.map(|(_, _, got, _)| &*got.card)
+        })
+    }
+
+    /// Takes the real actuators to zero until they are armed again.
+    pub fn disarm(&self) {
+        self.switch.disarm();
+    }
+
+    /// Another graph takes over: what is armed is not another device.
+    pub fn disarm_unless_same(&self, next: &Loaded) {
+        if driven(&self.loaded.graph) != driven(&next.graph) {
+            self.disarm();
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Errors with their place in the file.
+
+use super::Table;
+use crate::recording::csv::hints::hints;
+use crate::recording::import::ImportSettings;
+use crate::recording::rows::{Row, listed};
+use crate::recording::{ReadError, RecordingError};
+
+/// An error, with the index of the file in the take.
+#[derive(Debug)]
+pub(in crate::recording) struct Fault {
+    pub file: usize,
+    pub error: ReadError,
+}
+
+/// An error of a whole take is reported for its first file.
+impl From<ReadError> for Fault {
+    fn from(error: ReadError) -> Self {
+        Self { file: 0, error }
+    }
+}
+
+impl From<RecordingError> for Fault {
+    fn from(error: RecordingError) -> Self {
+        ReadError::from(error).into()
+    }
+}
+
+impl Table {
+    pub(super) fn error(&self, line: u64, message: impl ToString) -> ReadError {
+        let message = message.to_string();
+        match self.has_lines {
+            true => ReadError::Csv { line, message },
+            false if line == self.header_line => ReadError::Io(message),
+            false => ReadError::Io(format!("sample {line} (from 1): {message}")),
+        }
+    }
+
+    /// `column` counts from 1.
+    pub(super) fn cell_error(&self, line: u64, column: usize, message: String) -> ReadError {
+        match self.has_lines {
+            true => ReadError::CsvCell {
+                line,
+                column,
+                message,
+            },
+            false => self.error(line, message),
+        }
+    }
+
+    pub(in crate::recording) fn fault(&self, line: u64, message: impl ToString) -> Fault {
+        self.at_fault(self.error(line, message))
+    }
+
+    pub(in crate::recording) fn at_fault(&self, error: ReadError) -> Fault {
+        Fault {
+            file: self.file,
+            error,
+        }
+    }
+}
+
+/// The error for missing columns; it lists the columns of the file.
+pub(in crate::recording) fn missing_columns(tables: &[&Table], missing: Vec<String>) -> ReadError {
+    let names = tables.iter().flat_map(|table| &table.names).cloned();
+    ReadError::Missing {
+        hints: hints(tables, &missing),
+        missing,
+        columns: names.filter(|name| !name.is_empty()).collect(),
+    }
+}
+
+/// Checks that each column in the settings exists in one of the tables.
+pub(in crate::recording) fn check_mapping(
+    tables: &[Table],
+    import: &ImportSettings,
+) -> Result<(), ReadError> {
+    let names: Vec<String> = tables.iter().flat_map(|table| table.names.clone()).collect();
+    match (
+        import.columns.values().find(|column| !names.contains(column)),
+        tables,
+    ) {
+        (Some(column), [first, ..]) => {
+            let message = format!(
+                "there is no column {column:?}; the columns are {}",
+                listed(&names)
+            );
+            Err(first.error(first.header_line, message))
+        }
+        _ => Ok(()),
+    }
+}
+
+pub(super) fn unequal(row: &Row<'_>, expected: usize) -> ReadError {
+    ReadError::Csv {
+        line: row.line,
+        message: format!(
+            "the row has {} cells where the header has {expected}",
+            row.cells()
+        ),
+    }
+}
