@@ -65,9 +65,7 @@ fn result(split: &SplitResult) -> String {
 }
 
 fn section(found: &Holdout, split: &SplitResult) -> String {
-    let materials = tables::materials(found, split)
-        .as_ref()
-        .map_or_else(String::new, html);
+    let materials: String = tables::materials(found, split).iter().map(html).collect();
     format!(
         "<p>Mean over materials ± standard error. LSD: root mean square over third octaves from 20 to 1000 Hz of the error of power, dB. \
          * worse than a plain baseline.</p>{}{TERMS}<p>{}</p>{materials}{}",
@@ -84,8 +82,9 @@ fn section(found: &Holdout, split: &SplitResult) -> String {
 /// Explanation of the column headers.
 const TERMS: &str = "<p class=\"remark\"><b>floor</b>: the spectrum of the training part itself; a method that uses nothing but the material \
     is not expected to beat it by much; <b>over the floor</b>, <b>over the best plain</b>: LSD minus that of the floor, or of the better \
-    plain baseline. <b>felt</b>: LSD from 40 to 250 Hz, where skin is most sensitive to vibration. <b>absolute</b>: mean size of \
-    the error over bands, dB. <b>20-40 Hz</b> and <b>total</b>: error of the power there and of all of it, dB, positive if too loud. \
+    plain baseline. <b>20-40 Hz</b> and <b>total</b>: error of the power there and of all of it, dB, positive if too loud. \
+    <b>felt</b>: LSD from 40 to 250 Hz, where skin is most sensitive to vibration. <b>absolute</b>: mean size of \
+    the error over bands, dB. \
     <b>misplaced</b>: energy in the wrong one of nine bands. <b>kurtosis</b>: error of the excess kurtosis. <b>envelope</b>: error of the \
     levels over 50 ms, dB, and in brackets the difference between two seeds of one texture. <b>NSE</b>, <b>PE</b>: normalized spectral error and \
     power error.</p>";
@@ -157,10 +156,10 @@ fn by_band(split: &SplitResult, error: fn(&BandMean) -> f64) -> Plot {
 fn by_material(found: &Holdout, split: &SplitResult) -> Plot {
     let dots = |method: &MethodMean| {
         let style = Style::named(ink(method.method), method.method.title()).weight(Weight::Bold);
-        let points = method.lsd_by_material.iter().enumerate();
+        let points = method.by_material.lsd_db.iter().enumerate();
         Mark::Dots(style, points.map(|(at, lsd)| (at as f64, *lsd)).collect())
     };
-    let values = split.methods.iter().flat_map(|method| &method.lsd_by_material);
+    let values = split.methods.iter().flat_map(|method| &method.by_material.lsd_db);
     let most = values.fold(1.0_f64, |most, lsd| most.max(*lsd));
     let names = found.materials.iter().enumerate();
     Plot {

@@ -6,7 +6,9 @@ use super::import::{NamedColumn, Tables, named_column};
 use super::table::{facts, significant};
 use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
-use crate::surfaces::metrics::level::{envelope_error_db, excess_kurtosis, levels_db};
+use crate::surfaces::metrics::level::{
+    envelope_between_seeds_db, envelope_error_db, excess_kurtosis, levels_db, unexplained_level_db,
+};
 use crate::surfaces::metrics::spectral::Comparison;
 use crate::surfaces::metrics::{BandErrors, Bands, Deviations, WindowSettings, compare};
 use crate::surfaces::recording::ImportSettings;
@@ -64,8 +66,18 @@ struct Found {
     bands: BandErrors,
     /// Excess kurtosis of both.
     kurtosis: [f64; 2],
-    envelope_db: f64,
+    /// None where neither file has force and speed.
+    envelope: Option<Envelope>,
     sd: Option<f64>,
+}
+
+/// How far levels over 50 ms are apart, dB, beside what they can be held against.
+struct Envelope {
+    error_db: f64,
+    /// What the force and speed of a file leave unexplained of its own levels.
+    unexplained_db: f64,
+    /// How far those of two noises with that file's spectrum are apart.
+    between_seeds_db: f64,
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
@@ -82,9 +94,11 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         (true, false) => Some(arguments.a.display().to_string()),
         (false, true) => Some(arguments.b.display().to_string()),
     };
+    let motions = [a.motion_at(rate_hz)?, b.motion_at(rate_hz)?];
     let (a, b) = (a.at(rate_hz)?, b.at(rate_hz)?);
     let windows = windows(arguments, rate_hz);
-    let found = found(arguments, &a, &b, rate_hz, &windows)?;
+    let mut found = found(arguments, &a, &b, rate_hz, &windows)?;
+    found.envelope = envelope([&a, &b], &motions, rate_hz);
     if arguments.json {
         return print_json(&to_json(&found, rate_hz, simulated.is_some()));
     }
@@ -146,13 +160,32 @@ fn found(
         windows: compared,
         bands: BandErrors::new(&bands.of_signal([a], rate_hz), &bands.of_signal([b], rate_hz)),
         kurtosis: [a, b].map(excess_kurtosis),
-        envelope_db: envelope_error_db(&levels_db(a, rate_hz), &levels_db(b, rate_hz)),
+        envelope: None,
         sd: arguments
             .deviations
             .map(|by| compared.nse / by.nse + compared.pe / by.pe),
     })
 }
 
+/// The difference of levels beside its references, which are those of the second vibration, or else of the first.
+fn envelope(signals: [&[f64]; 2], motions: &[Option<[Vec<f64>; 2]>; 2], rate_hz: f64) -> Option<Envelope> {
+    let both = signals[0].len().min(signals[1].len());
+    let [a, b] = signals.map(|signal| &signal[..both]);
+    let of = |signal: &[f64], motion: &Option<[Vec<f64>; 2]>| {
+        let [speed_m_s, force_n] = motion.as_ref()?;
+        let unexplained_db = unexplained_level_db(signal, &speed_m_s[..both], &force_n[..both], rate_hz)?;
+        Some((unexplained_db, envelope_between_seeds_db(signal, rate_hz)))
+    };
+    let (unexplained_db, between_seeds_db) = of(b, &motions[1]).or_else(|| of(a, &motions[0]))?;
+    Some(Envelope {
+        error_db: envelope_error_db(&levels_db(a, rate_hz), &levels_db(b, rate_hz)),
+        unexplained_db,
+        between_seeds_db,
+    })
+}
+
+const NO_ENVELOPE: &str =
+    "neither file is a recording of 0.2 s or more with force and speed, beside which it could be read";
 const NO_SD: &str = "not computed: it needs the deviations of a study; give them by --deviations";
 
 fn describe(found: &Found) -> Vec<(&'static str, String)> {
@@ -177,6 +210,18 @@ fn describe(found: &Found) -> Vec<(&'static str, String)> {
             format!("{:.2} and {:.2}", found.kurtosis[0], found.kurtosis[1]),
         ),
         (
+            "levels over 50 ms",
+            found.envelope.as_ref().map_or_else(
+                || format!("none: {NO_ENVELOPE}"),
+                |levels| {
+                    format!(
+                        "{:.2} dB (force and speed leave {:.2}, two noises {:.2})",
+                        levels.error_db, levels.unexplained_db, levels.between_seeds_db
+                    )
+                },
+            ),
+        ),
+        (
             "normalized spectral error (NSE)",
             significant(found.windows.nse, 4),
         ),
@@ -194,6 +239,7 @@ fn describe(found: &Found) -> Vec<(&'static str, String)> {
 fn to_json(found: &Found, rate_hz: f64, simulated: bool) -> Value {
     let bands = &found.bands;
     let by_band = bands.bands.as_slice().iter().zip(&bands.signed_db);
+    let levels = |value: fn(&Envelope) -> f64| found.envelope.as_ref().map(value);
     json!({
         "NSE": found.windows.nse, "PE": found.windows.pe, "SD": found.sd,
         "nse": found.windows.nse, "pe": found.windows.pe, "sd": found.sd,
@@ -207,7 +253,10 @@ fn to_json(found: &Found, rate_hz: f64, simulated: bool) -> Value {
         "misplaced": bands.misplaced,
         "bands": by_band.map(|(band, db)| json!({ "centre_hz": band.centre_hz, "error_db": db })).collect::<Vec<_>>(),
         "excess_kurtosis": found.kurtosis,
-        "envelope_db": found.envelope_db,
+        "envelope_db": levels(|levels| levels.error_db),
+        "unexplained_level_db": levels(|levels| levels.unexplained_db),
+        "envelope_between_seeds_db": levels(|levels| levels.between_seeds_db),
+        "envelope_reason": if found.envelope.is_none() { Some(NO_ENVELOPE) } else { None },
         "rate_hz": rate_hz,
         "windows": found.windows.windows,
         "simulated": simulated,

@@ -4,7 +4,7 @@
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let width = |text: &str| text.chars().count();
     let is_number = |text: &String| {
-        text.is_empty() || text.starts_with(|c: char| c.is_ascii_digit() || "-–∞*[".contains(c))
+        text.is_empty() || text.starts_with(|c: char| c.is_ascii_digit() || "-+–∞*[".contains(c))
     };
     let columns: Vec<(usize, bool)> = header
         .iter()

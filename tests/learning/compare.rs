@@ -22,23 +22,17 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
             "--json",
         ],
     );
-    for measure in [
-        "NSE",
-        "PE",
-        "SD",
-        "lsd_db",
-        "lsd_pacinian_db",
-        "error_total_db",
-        "envelope_db",
-    ] {
+    for measure in ["NSE", "PE", "SD", "lsd_db", "lsd_pacinian_db", "error_total_db"] {
         assert_eq!(same[measure], 0.0, "{measure}");
     }
+    // A column has no force and speed, beside which levels could be read.
+    assert!(same["envelope_db"].is_null() && same["envelope_reason"].is_string());
     assert_eq!(same["simulated"], false);
     let other = json(
         folder.path(),
         &["compare", "a.csv", "b.csv", "--rate", "10000", "--json"],
     );
-    for measure in ["NSE", "PE", "lsd_db", "absolute_db", "envelope_db"] {
+    for measure in ["NSE", "PE", "lsd_db", "absolute_db"] {
         assert!(other[measure].as_f64().unwrap() > 0.0);
     }
     // Of one pair alone there is no deviation to count in. Two seconds tell 20 to 40 Hz as one band.
@@ -84,6 +78,27 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
     );
     assert_eq!((&slow["NSE"], &slow["windows"]), (&0.0.into(), &152.into()));
     assert!(fail(folder.path(), &["compare", "a.wav", "a.wav", "--rate", "20000"]).contains("at most"));
+}
+
+#[test]
+fn levels_are_compared_beside_what_force_and_speed_tell_of_them() {
+    let folder = workshop();
+    let [a, b] = ["study/T1.anna.1.npz", "study/T1.anna.2.npz"];
+    let db = |found: &serde_json::Value, name: &str| found[name].as_f64().unwrap();
+    let found = json(folder, &["compare", a, b, "--json"]);
+    assert!(found["envelope_reason"].is_null());
+    assert!(db(&found, "envelope_db") > db(&found, "envelope_between_seeds_db"));
+    assert!(db(&found, "envelope_between_seeds_db") > 0.1 && db(&found, "unexplained_level_db") > 0.1);
+    // The references are those of the second file, and of the first where the second has no force and speed.
+    let same = json(folder, &["compare", b, b, "--json"]);
+    assert_eq!(db(&same, "envelope_db"), 0.0);
+    assert_eq!(same["unexplained_level_db"], found["unexplained_level_db"]);
+    let elsewhere = tempfile::tempdir().unwrap();
+    column(&elsewhere.path().join("c.csv"), "accel_m_s2", &noise(60_000, 2));
+    let other = elsewhere.path().join("c.csv").display().to_string();
+    let mixed = json(folder, &["compare", b, &other, "--rate", "10000", "--json"]);
+    assert_eq!(mixed["unexplained_level_db"], same["unexplained_level_db"]);
+    assert!(succeed(folder, &["compare", a, b]).contains("force and speed leave"));
 }
 
 /// An RF64 file (EBU Tech 3306) of 32-bit floats that announces so many frames, and holds these.
@@ -142,7 +157,14 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
         for method in methods {
             let lsd = method["lsd_db"]["mean"].as_f64().unwrap();
             assert!(lsd > 0.0 && lsd < 20.0, "{method}");
-            assert_eq!(method["lsd_by_material_db"].as_array().unwrap().len(), 2);
+            for measure in [
+                "lsd_by_material_db",
+                "lsd_100_500_by_material_db",
+                "error_20_40_by_material_db",
+                "error_total_by_material_db",
+            ] {
+                assert_eq!(method[measure].as_array().unwrap().len(), 2, "{measure}");
+            }
             for band in method["signed_error_db"].as_array().unwrap() {
                 let db = |name: &str| band[name].as_f64().unwrap();
                 assert!(db("absolute_db") + 1e-9 >= db("db").abs(), "{band}");
@@ -159,6 +181,31 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
             assert!(error > 0.0 && error < 100.0, "{result}");
         }
     }
+    let text = succeed(folder, &["evaluate", "study", "--holdout"]);
+    for shown in [
+        "over the best plain",
+        "100-500 Hz",
+        "20-40 Hz",
+        "total",
+        "felt",
+        "absolute",
+        "misplaced %",
+        "kurtosis",
+        "envelope (its seeds)",
+        "NSE",
+        "PE",
+        "100-500 Hz, dB",
+        "20-40 Hz, dB",
+        "total, dB",
+    ] {
+        let heads = text.lines().filter(|line| line.contains(shown));
+        assert!(heads.count() >= 3, "{shown} of each split");
+    }
+    let tables = text.lines().filter(|line| line.starts_with("  "));
+    assert!(
+        tables.map(|line| line.chars().count()).max() <= Some(100),
+        "{text}"
+    );
     let page = fs::read_to_string(folder.join("held-out/report.html")).unwrap();
     for shown in [
         "simulated",

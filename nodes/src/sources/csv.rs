@@ -3,7 +3,8 @@
 use haptograph_engine::node::{BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Processor, Tick};
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use haptograph_signal::quantity::Quantity;
-use std::path::PathBuf;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::wav::Playback;
@@ -129,7 +130,7 @@ impl Table {
             .from_reader(source);
         let headers = reader
             .headers()
-            .map_err(|error| failed(error.to_string()))?
+            .map_err(|error| failed(wrong(&error, &settings.file)))?
             .clone();
         if let Some(problem) = units::no_header(&headers) {
             return Err(failed(problem.to_owned()));
@@ -145,16 +146,17 @@ impl Table {
         let time = place("time_s");
         let (mut times, mut values) = (Vec::new(), Vec::new());
         for record in reader.records() {
-            let record = record.map_err(|error| failed(error.to_string()))?;
-            let line = record.position().map_or(0, csv::Position::line);
+            let record = record.map_err(|error| failed(wrong(&error, &settings.file)))?;
+            let line = || line_of(record.position(), &settings.file);
             let number = |column: usize| {
                 let text = record.get(column).unwrap_or_default();
                 let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
                 number.ok_or_else(|| {
                     let name = headers.get(column).unwrap_or_default();
+                    let (line, cell) = (line(), column + 1);
                     failed(match text {
-                        "" => format!("line {line}: the cell of {name} is empty"),
-                        _ => format!("line {line}: '{text}' in {name} is not a finite number"),
+                        "" => format!("line {line}, column {cell}: the cell of {name} is empty"),
+                        _ => format!("line {line}, column {cell}: '{text}' in {name} is not a finite number"),
                     })
                 })
             };
@@ -162,7 +164,8 @@ impl Table {
                 let time_s = number(time)?;
                 if times.last().is_some_and(|last| time_s <= *last) {
                     return Err(failed(format!(
-                        "line {line}: the time {time_s} s is not after the one before"
+                        "line {}: the time {time_s} s is not after the one before",
+                        line()
                     )));
                 }
                 times.push(time_s);
@@ -189,6 +192,40 @@ impl Table {
             values: values.into(),
         })
     }
+}
+
+/// What is wrong with a line.
+fn wrong(error: &csv::Error, file: &Path) -> String {
+    let line = line_of(error.position(), file);
+    match error.kind() {
+        csv::ErrorKind::Io(error) => error.to_string(),
+        csv::ErrorKind::Utf8 { err, .. } => {
+            let column = err.field() + 1;
+            format!("line {line}, column {column}: the text is not UTF-8; save the file as UTF-8")
+        }
+        csv::ErrorKind::UnequalLengths {
+            expected_len, len, ..
+        } => format!(
+            "line {line} has {len} {}, the header {expected_len}",
+            if *len == 1 { "cell" } else { "cells" }
+        ),
+        _ => format!("line {line} is no row of a table"),
+    }
+}
+
+/// The line of a row. The reader's position is that of the remarks and empty lines above it, or of the end of the row before.
+fn line_of(position: Option<&csv::Position>, file: &Path) -> u64 {
+    let (Some(position), Ok(opened)) = (position, files::open(file, MAX_RECORDING_BYTES)) else {
+        return 1;
+    };
+    let mut opened = BufReader::new(opened);
+    let read = opened.by_ref().take(position.byte());
+    let above = read.bytes().map_while(Result::ok).filter(|byte| *byte == b'\n');
+    let above = above.count();
+    let is_skipped = |line: &Vec<u8>| matches!(&line[..], [] | [b'\r'] | [b'#', ..]);
+    let lines = opened.split(b'\n').map_while(Result::ok);
+    let skipped = lines.take_while(is_skipped).count();
+    (above + skipped) as u64 + 1
 }
 
 /// A signal over time; time 0 is the first row.
@@ -249,7 +286,7 @@ mod tests {
     }
 
     impl File {
-        fn new(text: &str) -> Self {
+        fn new(text: impl AsRef<[u8]>) -> Self {
             let folder = tempfile::tempdir().unwrap();
             std::fs::write(folder.path().join("x.csv"), text).unwrap();
             Self { folder }
@@ -341,6 +378,35 @@ mod tests {
         assert!(refused.to_string().contains("'many' in force_n"), "{refused}");
         let file = File::new("time_s,force_n\n0,\n1,\n");
         assert_eq!(field(file.settings("force_n", "force")), Some("file"), "no value");
+    }
+
+    #[test]
+    fn what_is_no_row_is_refused_at_its_line_and_column() {
+        let cases: [(&[u8], &str, &str); 6] = [
+            (b"x,force_n\r\n1,2\r\n3\r\n", "line 3 ", "1 cell, the header 2"),
+            (
+                b"x,force_n\n1,2\n# remark\n\n3\n",
+                "line 5 ",
+                "1 cell, the header 2",
+            ),
+            (b"x,force_n\n1,2\n1,2,3\n", "line 3 ", "3 cells, the header 2"),
+            (b"x,force_n\n1,2\n1,\xb5\n", "line 3, column 2", "UTF-8"),
+            (b"\xb5,force_n\n1,2\n", "line 1, column 1", "UTF-8"),
+            (
+                b"x,force_n\n# remark\n1,many\n",
+                "line 3, column 2",
+                "'many' in force_n",
+            ),
+        ];
+        for (text, at, what) in cases {
+            let file = File::new(text);
+            let settings = file.settings("force_n", "force");
+            let refused = Bench::new::<CsvSource>(settings, 10.0, &[]).err().unwrap();
+            assert_eq!(refused.field, Some("file"));
+            let said = refused.to_string();
+            assert!(said.contains(at) && said.contains(what), "{said}");
+            assert!(!said.contains("record"), "the reader's own words: {said}");
+        }
     }
 
     #[test]

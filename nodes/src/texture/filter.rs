@@ -48,8 +48,8 @@ impl NodeKind for ArmaFilter {
         name: "ArmaFilter",
         group: "texture",
         doc: "The synthesis filter: gain B(z) / A(z) with coefficients that change while it runs. Its state after \
-              the excitation ends decays to exactly zero. Coefficients of an unstable filter are ignored. Models on a \
-              warped frequency axis run in a lattice of all-pass sections, and the high-pass that learning removed from such a surface \
+              the excitation ends decays to exactly zero. Coefficients of an unstable filter are ignored. Whether they \
+              are plain or on a warped frequency axis is the surface's content, not a setting: warped ones run in a lattice of all-pass sections, and the high-pass that learning removed from such a surface \
               is applied at the output. Models of a lower rate than the clock's run at their own rate, and are interpolated \
               without spectrum above half of it. The surface's lines fixed in space are added.",
         source: "2.4.2; A(z) = 1 + sum a_k z^-k; lattice after Gray and Markel (1975); warped after Härmä and others (2000)",

@@ -2,7 +2,7 @@
 
 use haptograph_surfaces::evaluate::Holdout;
 use haptograph_surfaces::evaluate::holdout::{
-    BASELINES, Contact, ContactResult, Mean, Method, MethodMean, SplitResult,
+    BASELINES, ByMaterial, Contact, ContactResult, Mean, Method, MethodMean, SplitResult,
 };
 
 /// A table of text: a header, and rows whose first cell is a name.
@@ -21,46 +21,49 @@ pub enum Measures {
     All,
     /// Those to read first.
     First,
+    /// All others.
+    Others,
 }
 
-/// The heads of a method's row, and the tables that show the column.
-const MEASURES: [(&str, Measures); 14] = [
-    ("", Measures::First),
+/// The heads of a method's row after its name, and the table that shows the column.
+const MEASURES: [(&str, Measures); 13] = [
     ("LSD", Measures::First),
     ("over the floor", Measures::First),
     ("over the best plain", Measures::First),
     ("100-500 Hz", Measures::First),
-    ("felt", Measures::First),
-    ("absolute", Measures::All),
-    ("20-40 Hz", Measures::All),
+    ("20-40 Hz", Measures::First),
     ("total", Measures::First),
-    ("misplaced %", Measures::All),
-    ("kurtosis", Measures::All),
-    ("envelope (its seeds)", Measures::All),
-    ("NSE", Measures::All),
-    ("PE", Measures::All),
+    ("felt", Measures::Others),
+    ("absolute", Measures::Others),
+    ("misplaced %", Measures::Others),
+    ("kurtosis", Measures::Others),
+    ("envelope (its seeds)", Measures::Others),
+    ("NSE", Measures::Others),
+    ("PE", Measures::Others),
 ];
 
-/// Every method with these measures; `*` marks one that is worse than a plain baseline.
+/// Every method with these measures, by its title or, in narrow tables, its name; `*` marks one that is worse than a plain baseline.
 pub fn methods(split: &SplitResult, measures: Measures) -> Table {
-    let chosen = |cells: Vec<String>| -> Vec<String> {
-        let cells = cells.into_iter().zip(MEASURES);
-        cells
-            .filter(|(_, (_, of))| measures == Measures::All || *of == measures)
-            .map(|(cell, _)| cell)
-            .collect()
+    let row = |name: String, cells: [String; 13]| -> Vec<String> {
+        let shown = cells.into_iter().zip(MEASURES);
+        let shown = shown.filter(|(_, (_, of))| measures == Measures::All || *of == measures);
+        std::iter::once(name).chain(shown.map(|(cell, _)| cell)).collect()
     };
+    let rows = split.methods.iter().map(|method| {
+        let name = match measures {
+            Measures::All => method.method.title(),
+            _ => method.method.as_str(),
+        };
+        let star = if method.loses { " *" } else { "" };
+        row(format!("{name}{star}"), cells(method))
+    });
     Table {
-        head: chosen(MEASURES.map(|(head, _)| head.to_owned()).to_vec()),
-        rows: split
-            .methods
-            .iter()
-            .map(|method| chosen(method_row(method)))
-            .collect(),
+        head: row(String::new(), MEASURES.map(|(head, _)| head.to_owned())),
+        rows: rows.collect(),
     }
 }
 
-fn method_row(method: &MethodMean) -> Vec<String> {
+fn cells(method: &MethodMean) -> [String; 13] {
     let envelope = match (method.envelope_db, method.envelope_floor_db) {
         (Some(error), Some(floor)) => format!("{:.2} ({:.2})", error.mean, floor.mean),
         _ => "–".to_owned(),
@@ -68,17 +71,15 @@ fn method_row(method: &MethodMean) -> Vec<String> {
     let alone = |value: Option<Mean>, digits: usize| {
         value.map_or_else(|| "–".to_owned(), |value| format!("{:.digits$}", value.mean))
     };
-    let star = if method.loses { " *" } else { "" };
-    vec![
-        format!("{}{star}", method.method.title()),
+    [
         shown(Some(method.lsd_db), 2, false),
         shown(Some(method.above_floor_db), 2, true),
         shown(Some(method.above_baseline_db), 2, true),
         shown(method.middle_lsd_db, 2, false),
-        format!("{:.2}", method.pacinian_lsd_db.mean),
-        format!("{:.2}", method.absolute_db.mean),
         shown(method.low_db, 1, true),
         format!("{:+.2}", method.total_db.mean),
+        format!("{:.2}", method.pacinian_lsd_db.mean),
+        format!("{:.2}", method.absolute_db.mean),
         format!("{:.1}", 100.0 * method.misplaced.mean),
         format!("{:+.2}", method.kurtosis.mean),
         envelope,
@@ -100,10 +101,32 @@ fn shown(value: Option<Mean>, digits: usize, signed: bool) -> String {
     error.map_or_else(|| mean.clone(), |error| format!("{mean} ±{error:.digits$}"))
 }
 
-/// Distances by material; `*` marks a method that is worse than a plain baseline on that material. `None` if
-/// a material has no result.
-pub fn materials(found: &Holdout, split: &SplitResult) -> Option<Table> {
-    let complete = |method: &MethodMean| method.lsd_by_material.len() == found.materials.len();
+/// A measure of a method on each material.
+type OnMaterials = fn(&ByMaterial) -> &[f64];
+
+/// The measures that are shown by material: name, value, and whether it is signed.
+const ON_MATERIALS: [(&str, OnMaterials, bool); 4] = [
+    ("LSD, dB", |on| &on.lsd_db, false),
+    ("100-500 Hz, dB", |on| &on.middle_lsd_db, false),
+    ("20-40 Hz, dB", |on| &on.low_db, true),
+    ("total, dB", |on| &on.total_db, true),
+];
+
+/// A table of materials and methods for each measure that all materials have; `*` marks a method that is worse than a
+/// plain baseline on that material.
+pub fn materials(found: &Holdout, split: &SplitResult) -> Vec<Table> {
+    let tables = ON_MATERIALS.into_iter();
+    tables
+        .filter_map(|(name, on, signed)| on_materials(found, split, (name, on, signed)))
+        .collect()
+}
+
+fn on_materials(
+    found: &Holdout,
+    split: &SplitResult,
+    (name, on, signed): (&str, OnMaterials, bool),
+) -> Option<Table> {
+    let complete = |method: &MethodMean| on(&method.by_material).len() == found.materials.len();
     if !split.methods.iter().all(complete) {
         return None;
     }
@@ -112,20 +135,25 @@ pub fn materials(found: &Holdout, split: &SplitResult) -> Option<Table> {
         .iter()
         .map(|method| method.method.as_str().to_owned());
     let rows = found.materials.iter().enumerate().map(|(material, name)| {
-        let best = best_plain(split, material);
+        let off = |method: &MethodMean| on(&method.by_material)[material];
+        let plain = split.methods.iter().filter(|m| BASELINES.contains(&m.method));
+        let best = plain.map(|m| off(m).abs()).fold(f64::INFINITY, f64::min);
         let cells = split.methods.iter().map(|method| {
-            let lsd = method.lsd_by_material[material];
-            let star = if is_learned(method.method) && lsd > best {
+            let off = off(method);
+            let star = if is_learned(method.method) && off.abs() > best {
                 "*"
             } else {
                 ""
             };
-            format!("{star}{lsd:.2}")
+            match signed {
+                true => format!("{star}{off:+.2}"),
+                false => format!("{star}{off:.2}"),
+            }
         });
         std::iter::once(name.clone()).chain(cells).collect()
     });
     Some(Table {
-        head: std::iter::once("LSD, dB".to_owned()).chain(words).collect(),
+        head: std::iter::once(name.to_owned()).chain(words).collect(),
         rows: rows.collect(),
     })
 }
@@ -133,14 +161,6 @@ pub fn materials(found: &Holdout, split: &SplitResult) -> Option<Table> {
 /// True for a method that is neither the floor nor a plain baseline.
 fn is_learned(method: Method) -> bool {
     method != Method::Floor && !BASELINES.contains(&method)
-}
-
-/// The smallest distance of a plain baseline on one material, dB.
-fn best_plain(split: &SplitResult, material: usize) -> f64 {
-    let plain = split.methods.iter().filter(|m| BASELINES.contains(&m.method));
-    plain
-        .filter_map(|m| m.lsd_by_material.get(material).copied())
-        .fold(f64::INFINITY, f64::min)
 }
 
 /// A table for each quantity of a contact with its splits side by side; `*` marks results worse than a plain

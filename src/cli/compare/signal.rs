@@ -24,19 +24,23 @@ pub struct Signal {
     /// Unit of the samples, if the file states it.
     unit: Option<String>,
     is_wav: bool,
+    /// Speed in m/s and force in N of each sample, if the file is a recording that has them.
+    motion: Motion,
     /// True if the file is known to come from simulated devices.
     pub simulated: bool,
 }
 
 /// Samples, rate, unit, and whether the file is known to be simulated.
 type Read = (Vec<f64>, Option<f64>, Option<String>, bool);
+/// Speed and force of a recording.
+type Motion = Option<[Vec<f64>; 2]>;
 
 impl Signal {
     /// Reads the vibration in a file; `column` names a column of a table or a channel of a WAV file.
     pub fn read(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Self, Failure> {
         let is_wav = is_wav(path)?;
-        let (samples, rate_hz, unit, simulated) = match is_wav {
-            true => wav(path, column, import)?,
+        let ((samples, rate_hz, unit, simulated), motion) = match is_wav {
+            true => (wav(path, column, import)?, None),
             false => other(path, column, import)?,
         };
         Ok(Self {
@@ -45,14 +49,28 @@ impl Signal {
             rate_hz,
             unit,
             is_wav,
+            motion,
             simulated,
         })
     }
 
     /// The samples at `rate_hz`.
     pub fn at(&self, rate_hz: f64) -> Result<Vec<f64>, Failure> {
+        self.resampled(&self.samples, rate_hz)
+    }
+
+    /// Speed and force at this rate, where there are any.
+    pub fn motion_at(&self, rate_hz: f64) -> Result<Motion, Failure> {
+        let Some([speed_m_s, force_n]) = &self.motion else {
+            return Ok(None);
+        };
+        let at = |values| self.resampled(values, rate_hz);
+        Ok(Some([at(speed_m_s)?, at(force_n)?]))
+    }
+
+    fn resampled(&self, samples: &[f64], rate_hz: f64) -> Result<Vec<f64>, Failure> {
         let Some(own_hz) = self.rate_hz.filter(|own| *own != rate_hz) else {
-            return Ok(self.samples.clone());
+            return Ok(samples.to_vec());
         };
         let failed = |error: &dyn std::fmt::Display| Failure::file("resample", &self.path, error);
         if own_hz < rate_hz {
@@ -61,8 +79,7 @@ impl Signal {
             )));
         }
         let rate = |hz: f64| Rate::parse(&hz.to_string()).map_err(|error| failed(&error));
-        resample_whole(&self.samples, rate(own_hz)?, rate(rate_hz)?, Quality::FINE)
-            .map_err(|error| failed(&error))
+        resample_whole(samples, rate(own_hz)?, rate(rate_hz)?, Quality::FINE).map_err(|error| failed(&error))
     }
 }
 
@@ -119,7 +136,7 @@ pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f6
 }
 
 /// Reads a file that is not a WAV file: the acceleration of a recording, or the signal of a plain table.
-fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Read, Failure> {
+fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<(Read, Motion), Failure> {
     if column.is_none() {
         match recordings::try_load(path, import) {
             Err(LoadError::Read {
@@ -136,15 +153,11 @@ fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<R
         eprint(&format!("warning: {}\n", recordings::said(path, finding)));
     }
     let unit = signal.unit.map(str::to_owned);
-    Ok((
-        signal.values,
-        signal.rate_hz,
-        unit,
-        recordings::is_simulated(path)?,
-    ))
+    let simulated = recordings::is_simulated(path)?;
+    Ok(((signal.values, signal.rate_hz, unit, simulated), None))
 }
 
-fn recording(path: &Path, loaded: Loaded) -> Result<Read, Failure> {
+fn recording(path: &Path, loaded: Loaded) -> Result<(Read, Motion), Failure> {
     for warning in &loaded.warnings {
         eprint(&format!("warning: {warning}\n"));
     }
@@ -152,12 +165,14 @@ fn recording(path: &Path, loaded: Loaded) -> Result<Read, Failure> {
     let processed =
         processed(&recording, &Default::default()).map_err(|error| Failure::file("process", path, &error))?;
     let signals = processed.signals();
-    Ok((
+    let read = (
         signals.acceleration_m_s2.clone(),
         Some(signals.rate_hz),
         Some("m/s2".to_owned()),
         recording.provenance().origin == Origin::Simulated,
-    ))
+    );
+    let motion = [signals.speed_m_s.clone(), signals.force_normal_n.clone()];
+    Ok((read, Some(motion)))
 }
 
 /// The only channel, the numbered one, or three axes combined.

@@ -30,8 +30,8 @@ pub struct Arguments {
 
 const CAVEAT: &str = "The toolkit's models were cleaned by planes in force and speed before publication, which favours trends: \
      a law may do worse on raw recordings.";
-const FADE: &str = "A law is rendered with an amplitude that falls linearly below a third of the lightest known force; without that fade it is what \
-     was fitted.";
+const FADE: &str = "The law is what a surface renders: models on a grid, interpolated, with an amplitude that falls linearly below a third of the lightest \
+     known force, 0.9 N at most. Without fade it is what was fitted.";
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut surfaces: Vec<Surface> = vec![];

@@ -42,9 +42,9 @@ pub enum MapKind {
     Triangulation,
     /// The nearest known model in speed and force, each in units of its standard deviation.
     Nearest,
-    /// The law that `learn` fits by default, as rendered.
+    /// The law that `learn` fits by default, as rendered: on a grid of models, interpolated.
     Law,
-    /// The law as fitted, without the linear fade of its amplitude below the lightest known force.
+    /// The law as fitted, without the grid and without the linear fade of its amplitude below the lightest known force.
     LawWithoutFade,
 }
 
@@ -267,7 +267,10 @@ impl<'t> Subject<'t> {
                 let model = self.models[self.nearest(known, at)];
                 Ok(Sound::of_model(model, self.rate_hz, &self.bands))
             })),
-            MapKind::Law => Ok(self.law(self.fitted(known, slopes))),
+            MapKind::Law => {
+                let texture = self.fitted(known, slopes).on_grid(self.axis());
+                Ok(self.rendered(&texture.map_err(|e| e.to_string())?))
+            }
             MapKind::LawWithoutFade => Ok(self.law(self.fitted(known, slopes).without_fade())),
         }
     }
@@ -283,14 +286,19 @@ impl<'t> Subject<'t> {
             ..Hull::default()
         };
         let texture = TextureModel::from_measured(self.rate_hz, models, &hull).map_err(|e| e.to_string())?;
-        let interpolator = Interpolator::new(&texture);
-        Ok(Box::new(move |at: &ModelAt| {
+        Ok(self.rendered(&texture))
+    }
+
+    /// What is rendered of a texture.
+    fn rendered<'s>(&'s self, texture: &TextureModel) -> Predictor<'s> {
+        let interpolator = Interpolator::new(texture);
+        Box::new(move |at: &ModelAt| {
             let mut mix = Coefficients::SILENCE;
             interpolator
                 .clone()
                 .interpolate(at.speed_m_s, at.force_n, &mut mix);
             Sound::of_mix(&mix, self.rate_hz, &self.bands)
-        }))
+        })
     }
 
     fn fitted(&self, known: &[usize], slopes: [f64; 2]) -> SpectralLaw {
@@ -307,12 +315,16 @@ impl<'t> Subject<'t> {
         SpectralLaw::fit(&sliding, exponents).corrected(&sliding)
     }
 
-    fn law<'s>(&'s self, law: SpectralLaw) -> Predictor<'s> {
-        let axis = Axis {
+    fn axis(&self) -> Axis {
+        Axis {
             rate_hz: self.rate_hz,
             warping: warping_for(self.rate_hz),
             order: ORDER,
-        };
+        }
+    }
+
+    fn law<'s>(&'s self, law: SpectralLaw) -> Predictor<'s> {
+        let axis = self.axis();
         Box::new(move |at: &ModelAt| {
             let model = law
                 .model(at.speed_m_s, at.force_n, axis)

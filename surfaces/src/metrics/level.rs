@@ -1,10 +1,14 @@
 //! Level of a vibration over time: kurtosis, and levels over 50 ms.
 
 use crate::statistics::mean;
+use haptograph_signal::noise::Gaussian;
+use haptograph_signal::{Complex64, fft};
 use nalgebra::{Matrix3, Vector3};
 
 /// Length of the intervals of a level, s.
 const STRETCH_S: f64 = 0.05;
+/// Length of the parts whose spectra the noises of [`envelope_between_seeds_db`] have, s.
+const PART_S: f64 = 2.0;
 /// Lower bound of levels relative to the loudest, dB, since silence has no level.
 const FLOOR_DB: f64 = 80.0;
 /// Lower bounds of speed, m/s, and force, N, before their logarithms are taken.
@@ -43,6 +47,35 @@ pub fn levels_db(signal: &[f64], rate_hz: f64) -> Vec<f64> {
 pub fn envelope_error_db(a: &[f64], b: &[f64]) -> f64 {
     let squares: Vec<f64> = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).collect();
     mean(&squares).sqrt()
+}
+
+/// The [`envelope_error_db`] of two noises with the spectrum of a signal, dB: what is due to chance. The noises have the
+/// magnitudes of each 2 s of the signal, and random phases.
+pub fn envelope_between_seeds_db(signal: &[f64], rate_hz: f64) -> f64 {
+    let [a, b] = [1, 2].map(|seed| {
+        let mut noise = Gaussian::new(seed);
+        let parts = signal.chunks(((PART_S * rate_hz).round() as usize).max(1));
+        let noises = parts.flat_map(|part| with_random_phases(part, &mut noise));
+        levels_db(&noises.collect::<Vec<f64>>(), rate_hz)
+    });
+    envelope_error_db(&a, &b)
+}
+
+/// Noise with the magnitudes of a signal's spectrum, and the phases of white noise.
+fn with_random_phases(signal: &[f64], noise: &mut Gaussian) -> Vec<f64> {
+    let transform = fft::forward(signal.len());
+    let spectrum = |values: &mut dyn Iterator<Item = f64>| {
+        let mut values: Vec<Complex64> = values.map(|x| Complex64::new(x, 0.0)).collect();
+        transform.process(&mut values);
+        values
+    };
+    let magnitudes = spectrum(&mut signal.iter().copied());
+    let mut turned = spectrum(&mut signal.iter().map(|_| noise.next_sample()));
+    for (turned, magnitude) in turned.iter_mut().zip(&magnitudes) {
+        *turned *= magnitude.norm() / turned.norm().max(f64::MIN_POSITIVE);
+    }
+    fft::inverse(signal.len()).process(&mut turned);
+    turned.iter().map(|x| x.re / signal.len() as f64).collect()
 }
 
 /// Part of a vibration's levels that its speed (m/s) and force (N) do not explain: the standard deviation,
@@ -117,6 +150,23 @@ mod tests {
             unexplained_level_db(&strays[..1500], &speed, &force, 10_000.0),
             None
         );
+    }
+
+    #[test]
+    fn noises_of_one_spectrum_are_apart_by_what_their_bandwidth_leaves_to_chance() {
+        let mut noise = Gaussian::new(3);
+        let white: Vec<f64> = (0..50_000).map(|_| noise.next_sample()).collect();
+        // 500 samples tell a level to 0.27 dB, the difference of two to 0.39.
+        let apart = envelope_between_seeds_db(&white, 10_000.0);
+        assert!((apart - 0.39).abs() < 0.05, "{apart}");
+        // The narrower the band, the more is left to chance.
+        let mut slow = white.clone();
+        (1..slow.len()).for_each(|n| slow[n] += 0.94 * slow[n - 1]);
+        assert!(envelope_between_seeds_db(&slow, 10_000.0) > 1.0);
+        // What is twice as loud is as far apart.
+        let louder: Vec<f64> = white.iter().map(|x| 2.0 * x).collect();
+        assert!((envelope_between_seeds_db(&louder, 10_000.0) - apart).abs() < 1e-9);
+        assert_eq!(envelope_between_seeds_db(&[], 10_000.0), 0.0);
     }
 
     #[test]

@@ -35,6 +35,19 @@ impl Mean {
     }
 }
 
+/// Errors on each material, the means over its folds, dB; none of those that a fold does not have.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ByMaterial {
+    /// Log-spectral distance.
+    pub lsd_db: Vec<f64>,
+    /// From 100 to 500 Hz.
+    pub middle_lsd_db: Vec<f64>,
+    /// Signed error from 20 to 40 Hz.
+    pub low_db: Vec<f64>,
+    /// Signed error of the total power.
+    pub total_db: Vec<f64>,
+}
+
 /// Error of one third octave over all materials.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BandMean {
@@ -51,8 +64,8 @@ pub struct BandMean {
 pub struct MethodMean {
     /// The method.
     pub method: Method,
-    /// Log-spectral distance, dB, by material.
-    pub lsd_by_material: Vec<f64>,
+    /// Errors by material.
+    pub by_material: ByMaterial,
     /// Log-spectral distance over materials, dB.
     pub lsd_db: Mean,
     /// Log-spectral distance minus that of the floor in the same fold, dB.
@@ -187,6 +200,9 @@ impl Holdout {
         };
         let lsd: &Value = &|m| Some(m.bands.lsd_db);
         let middle: &Value = &|m| m.bands.middle_lsd_db;
+        let low: &Value = &|m| m.bands.low_db;
+        let total: &Value = &|m| Some(m.bands.total_db);
+        let each = |value: &Value| over(&|fold| value(fold.of(method))).unwrap_or_default();
         let none = Mean {
             mean: 0.0,
             error: None,
@@ -194,7 +210,12 @@ impl Holdout {
         let above_baseline_db = above(best, lsd).unwrap_or(none);
         MethodMean {
             method,
-            lsd_by_material: over(&|fold| lsd(fold.of(method))).unwrap_or_default(),
+            by_material: ByMaterial {
+                lsd_db: each(lsd),
+                middle_lsd_db: each(middle),
+                low_db: each(low),
+                total_db: each(total),
+            },
             lsd_db: sure(lsd),
             above_floor_db: above(Method::Floor, lsd).unwrap_or(none),
             above_baseline_db,
@@ -202,8 +223,8 @@ impl Holdout {
             middle_above_floor_db: above(Method::Floor, middle),
             pacinian_lsd_db: sure(&|m| Some(m.bands.pacinian_lsd_db)),
             absolute_db: sure(&|m| Some(m.bands.absolute_db)),
-            low_db: maybe(&|m| m.bands.low_db),
-            total_db: sure(&|m| Some(m.bands.total_db)),
+            low_db: maybe(low),
+            total_db: sure(total),
             misplaced: sure(&|m| Some(m.bands.misplaced)),
             kurtosis: sure(&|m| Some(m.kurtosis)),
             envelope_db: maybe(&|m| m.envelope_db),

@@ -78,7 +78,16 @@ fn a_method_that_knows_the_process_comes_near_the_floor_and_a_plain_one_is_shown
         let (floor, law) = (of(Method::Floor), of(Method::Default));
         assert_eq!(floor.above_floor_db.mean, 0.0);
         assert!(law.lsd_db.mean < floor.lsd_db.mean + 0.5, "{law:?}");
-        assert!((law.lsd_by_material.iter().sum::<f64>() / 2.0 - law.lsd_db.mean).abs() < 1e-12);
+        let each = &law.by_material;
+        for (each, mean) in [
+            (&each.lsd_db, law.lsd_db.mean),
+            (&each.middle_lsd_db, law.middle_lsd_db.unwrap().mean),
+            (&each.low_db, law.low_db.unwrap().mean),
+            (&each.total_db, law.total_db.mean),
+        ] {
+            assert_eq!(each.len(), 2);
+            assert!((each.iter().sum::<f64>() / 2.0 - mean).abs() < 1e-12);
+        }
         // The mean of sizes is at least the size of the mean, and over all bands it is the one of the table.
         let (bands, sizes): (Vec<_>, Vec<_>) =
             law.by_band.iter().map(|b| (b.signed_db, b.absolute_db)).unzip();

@@ -44,13 +44,16 @@ fn a_texture_that_follows_a_law_is_predicted_by_the_law_and_not_by_its_neighbour
         "{whole:?}"
     );
     assert!(nearest.lsd_db.mean > 2.0 && triangulation.lsd_db.mean > whole.lsd_db.mean);
-    // The lightest force is always known, so that nothing fades.
-    assert_eq!(law, whole);
+    // The lightest force is always known, so that nothing fades, and the grid is fine.
+    assert!(
+        (law.lsd_db.mean - whole.lsd_db.mean).abs() < 0.1,
+        "{law:?} {whole:?}"
+    );
     let far = |map| {
         let far = Summary::of(&found.far, map, |_| true).expect("far ones");
         far.lsd_db.mean
     };
-    let (law, nearest) = (far(MapKind::LawWithoutFade), far(MapKind::Nearest));
+    let (law, nearest) = (far(MapKind::Law), far(MapKind::Nearest));
     assert!(law < 0.3 * nearest, "{law} {nearest}");
 }
 
@@ -154,8 +157,7 @@ fn on_the_toolkits_models_the_law_predicts_best() {
     let found = leave_one_out(&textures, &|_| ()).expect("predictions");
     let far = |map| Summary::of(&found.far, map, |_| true).expect("far ones");
     let law = of(&found, MapKind::Law);
-    assert!(law.lsd_db.mean <= 2.9 && law.beyond.mean <= 0.05);
-    assert!(of(&found, MapKind::LawWithoutFade).beyond_of_models <= 0.05);
-    assert!(far(MapKind::LawWithoutFade).lsd_db.mean <= 4.5);
+    assert!(law.lsd_db.mean <= 2.9 && law.beyond_of_models <= 0.05, "{law:?}");
+    assert!(far(MapKind::Law).lsd_db.mean <= 4.5, "{:?}", far(MapKind::Law));
     assert!(far(MapKind::Law).lsd_db.mean < far(MapKind::Nearest).lsd_db.mean);
 }
