@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 
 /// Largest recording or other table of samples that is read, bytes: an hour of raw recording.
 pub const MAX_RECORDING_BYTES: u64 = 4 << 30;
-/// Most names that are read of one folder.
-pub const MAX_NAMES: usize = 100_000;
+/// Most names that are read of one folder: the chunks of the largest batch twice, and more.
+pub const MAX_NAMES: usize = 500_000;
 /// Longest line that is read from terminals and other programs, bytes.
 pub const MAX_LINE_BYTES: usize = 64 << 10;
 
@@ -42,7 +42,9 @@ pub enum Refusal {
         max_bytes: u64,
     },
     /// A folder of more names than are read.
-    #[error("it holds more than {max_names} files")]
+    #[error(
+        "it holds more than {max_names} names, notes and folders included; split it into several folders"
+    )]
     TooManyNames {
         /// The bound.
         max_names: usize,
@@ -179,7 +181,8 @@ fn bounded<T>(
         })
 }
 
-/// The regular files of a folder that may be read, unordered; none if it does not exist, [`MAX_NAMES`] at most.
+/// The regular files of a folder that may be read, unordered; none if it does not exist, and the first [`MAX_NAMES`] names of
+/// a larger folder.
 pub fn list(folder: &Path) -> Vec<PathBuf> {
     if !is_folder(folder) {
         return Vec::new();

@@ -2,6 +2,7 @@
 import { find, setText } from "./dom.js";
 
 const HOLD_MS = 50;
+const MOST_APART_MS = 1000;
 const FIRST_DB = -20;
 
 const gainOf = (db) => 10 ** (db / 20);
@@ -17,8 +18,14 @@ export function mountArming(studio) {
     const leave = () => holds() && send({ type: "disarm" });
     document.addEventListener("visibilitychange", () => document.hidden && leave());
     window.addEventListener("pagehide", leave);
-    // Where this page hangs, the engine disarms by itself.
-    setInterval(() => holds() && !document.hidden && send({ type: "hold" }), HOLD_MS);
+    // If this page hangs, the engine disarms by itself; after a suspend, which stops both, the page does.
+    let last_ms = Date.now();
+    setInterval(() => {
+        const passed_ms = Date.now() - last_ms;
+        last_ms += passed_ms;
+        if (passed_ms > MOST_APART_MS) leave();
+        else if (holds() && !document.hidden) send({ type: "hold" });
+    }, HOLD_MS);
     for (const turn of ["graph", "status"]) studio.on(turn, () => show(studio, level));
 }
 
@@ -54,7 +61,7 @@ function said({ hello, status }, who, armed) {
     const before = `Not armed: ${who} gets zeros.`;
     if (!hello?.can.arm) return `${before} It is armed on a page of the studio's own machine`;
     if (status?.state !== "running") return `${before} Resume first`;
-    if (status.replay !== null) return `${before} A recording is done again`;
+    if (status.replay !== null) return `${before} A replay is running`;
     if (!status.owner) return `${before} Another page owns it: take over first`;
     return `${before} Keep clear of it, then press Arm: it rises to a tenth of what the graph asks for`;
 }

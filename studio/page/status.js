@@ -101,7 +101,6 @@ function ownerSays(studio) {
 
 function engineSays(studio, counts, recent) {
     const { behind_ms, cost, silent, actuators, note } = studio.status;
-    if (note) return { level: "warn", text: note };
     if (recent("faults"))
         return {
             level: "bad",
@@ -126,6 +125,7 @@ function engineSays(studio, counts, recent) {
             level: "warn",
             text: `\`${hot.name}\` uses ${(100 * hot.heat).toFixed(0)} % of its continuous limit: turn its gain down or pause`,
         };
+    if (note) return { level: "warn", text: note };
     if (recent("lost"))
         return { level: "warn", text: `The page reads too slowly: ${counts.lost} messages were dropped. Remove a scope` };
     return null;

@@ -47,11 +47,17 @@ impl Stage {
             return Err(other(&"another is being made; end that first"));
         }
         recording.check(self.rate_hz()).map_err(|error| other(&error))?;
+        use super::actuators::driven;
         let same = recording.is_of(&self.source, &self.loaded.text);
         self.begin_anew(After::Replay(recording));
-        Ok(match same {
-            true => "of this graph: the same samples".to_owned(),
-            false => "of another graph, text or parameters: the same hand on what runs now".to_owned(),
+        let is_exact = same && driven(&self.loaded.graph).is_empty();
+        Ok(match (same, is_exact) {
+            (true, true) => "of this graph: the same samples".to_owned(),
+            // See `between_frames`.
+            (true, false) => {
+                "of this graph, recorded with real devices: the same hand, and samples that differ".to_owned()
+            }
+            (false, _) => "of another graph, text or parameters: the same hand on what runs now".to_owned(),
         })
     }
 

@@ -4,6 +4,8 @@
 use super::actuators::driven;
 use super::load::Loaded;
 use super::stage::{Stage, StageError, State};
+use haptograph_engine::run::Session;
+use haptograph_engine::silence::InputState;
 use haptograph_nodes::soundcard::played;
 
 /// The part of what the limits let through that arming begins with: -20 dB.
@@ -15,16 +17,20 @@ impl Stage {
     /// # Errors
     /// [`StageError`]: nothing is driven that could be armed.
     pub fn arm(&mut self) -> Result<(), StageError> {
-        let refused = |why: &str| Err(StageError::Other(format!("nothing is armed: {why}")));
+        let refused = |why: &str| Err(StageError::Other(format!("cannot arm: {why}")));
         if !self.host.can_drive || driven(&self.loaded.graph).is_empty() {
-            return refused("nothing real is driven");
+            return refused("the graph drives no real device");
         }
         if self.state != State::Running {
             return refused("the run is stopped; resume it first");
         }
         if self.replay.is_some() {
-            return refused("a recording is done again; stop it first");
+            return refused("a replay is running; stop it first");
         }
+        if self.drive.as_ref().is_some_and(super::drive::Drive::is_waiting) {
+            return refused("the soundcard is not there; plug it in first");
+        }
+        self.note = None;
         self.switch.arm(FIRST_GAIN);
         Ok(())
     }
@@ -50,6 +56,32 @@ impl Stage {
     /// Takes the real actuators to zero until they are armed again.
     pub fn disarm(&self) {
         self.switch.disarm();
+    }
+
+    /// Disarms when a driven device that was heard falls silent: whatever answers next may be another one.
+    pub fn disarm_if_silent(&mut self) {
+        let driven = driven(&self.loaded.graph);
+        let is_driven = |device: &str| driven.iter().any(|(name, _)| *name == device);
+        let inputs = self
+            .session
+            .as_ref()
+            .map(Session::live_inputs)
+            .unwrap_or_default();
+        let heard = inputs
+            .into_iter()
+            .filter(|input| {
+                matches!(input.state, InputState::Heard | InputState::Jumped) && is_driven(&input.device)
+            })
+            .map(|input| input.device);
+        let heard: Vec<String> = heard.collect();
+        let lost = self.heard.iter().find(|device| !heard.contains(device));
+        if let Some(lost) = lost.filter(|_| self.switch.is_armed()) {
+            self.note = Some(format!(
+                "`{lost}` fell silent and was disarmed; arm it again when it answers"
+            ));
+            self.switch.disarm();
+        }
+        self.heard = heard;
     }
 
     /// Another graph takes over: what is armed is not another device.

@@ -207,6 +207,11 @@ impl Drive {
         notes
     }
 
+    /// True if the soundcard that drives the player is gone and may come back.
+    pub fn is_waiting(&self) -> bool {
+        matches!(&self.runner, Runner::Card(card) if card.is_waiting())
+    }
+
     /// The soundcard that drives it, as it calls itself.
     pub fn card(&self) -> Option<&str> {
         match &self.runner {
@@ -220,7 +225,8 @@ impl Drive {
         matches!(self.runner, Runner::Caller(_))
     }
 
-    /// Calls `work` between two frames with the number of the second.
+    /// Calls `work` between two frames with the number of the second. A thread or card that drives something real is
+    /// not held up: frames may pass meanwhile, and the number is theirs to within a block.
     pub fn between_frames<T>(&self, work: impl FnOnce(u64) -> T) -> T {
         let _held = self.gate.lock().unwrap_or_else(PoisonError::into_inner);
         work(self.pace.frames())
@@ -256,7 +262,7 @@ impl Drive {
         let asked = Instant::now();
         while !self.pace.is_over() && asked.elapsed() < longest {
             // A card that is gone ends nothing.
-            if matches!(&self.runner, Runner::Card(card) if card.is_waiting()) {
+            if self.is_waiting() {
                 break;
             }
             std::thread::sleep(STEP);
@@ -300,7 +306,8 @@ fn run(mut player: Player, (rate_hz, timing): (f64, Timing), (pace, gate): (&Pac
             behind = most;
         }
         let begun = Instant::now();
-        let held = gate.lock().unwrap_or_else(PoisonError::into_inner);
+        // A real-time thread waits for no other: see `between_frames`.
+        let held = (!timing.is_real_time).then(|| gate.lock().unwrap_or_else(PoisonError::into_inner));
         player.process(behind as usize);
         done += behind;
         pace.busy_ns.fetch_add(begun.elapsed().as_nanos() as u64, Relaxed);

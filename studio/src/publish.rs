@@ -78,7 +78,10 @@ impl Publisher {
             levels::send(stage);
             *self = Self::default();
         }
-        stage.pages.retain(|page| !page.is_gone);
+        let gone = stage.pages.iter().filter(|page| page.is_gone).map(|page| page.id);
+        for page in gone.collect::<Vec<_>>() {
+            stage.leave(page);
+        }
     }
 }
 

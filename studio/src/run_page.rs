@@ -1,5 +1,6 @@
 //! Facts and page of a recorded run, written into its folder.
 
+use super::actuators::driven;
 use super::load::Source;
 use super::scope::Scope;
 use haptograph_engine::frame::Kind;
@@ -62,7 +63,7 @@ pub fn write(
 ) -> std::io::Result<()> {
     let set = source.set.iter();
     let set = set.map(|(name, value)| (name.as_str(), value.as_str()));
-    let mut run = Facts::of(graph, outcome, &source.path, set, "simulated");
+    let mut run = Facts::of(graph, outcome, &source.path, set, &source.endpoints);
     let devices = graph.devices().iter().map(|device| {
         let spec = device.entry.spec;
         json!({ "name": device.name, "kind": spec.name, "simulated": spec.simulated })
@@ -83,9 +84,17 @@ fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, kept: &[
         title: source.name(),
         about: graph.about().to_owned(),
         simulation: Simulation::Some(
-            "The hand was real, on the studio's pad; every device was simulated. Their signals show the behaviour of their \
-             models, not a measurement."
-                .to_owned(),
+            match driven(graph).is_empty() {
+                true => {
+                    "The hand was real, on the studio's pad; every device was simulated. Their signals show the behaviour of \
+                     their models, not a measurement."
+                }
+                false => {
+                    "The hand was real, on the studio's pad, and so were driven devices. What is shown as delivered to them is \
+                     the signal behind the limits; they received it only while they were armed, times the gain set then."
+                }
+            }
+            .to_owned(),
         ),
         headlines: facts::limited(outcome),
         facts: run

@@ -88,13 +88,15 @@ pub struct Stage {
     pub state: State,
     pub session: Option<Session>,
     pub drive: Option<Drive>,
-    /// Arms the real actuators of this run.
+    /// Arms the real actuators; the same for all runs.
     pub switch: Arc<ArmSwitch>,
+    /// The driven devices that were heard at the last look.
+    pub heard: Vec<String>,
     /// The real devices of other programs, the soundcards that are listened to, and what was asked of soundcards.
     pub network: Connections,
     pub inputs: Inputs,
     wanted: Option<Wanted>,
-    /// What became of a soundcard.
+    /// The latest event of a real device.
     pub note: Option<String>,
     pub pads: Vec<Pad>,
     pub scopes: Vec<Scope>,
@@ -142,6 +144,7 @@ impl Stage {
             session: None,
             drive: None,
             switch: Arc::default(),
+            heard: Vec::new(),
             network: Connections::default(),
             inputs: Inputs::default(),
             wanted: None,
@@ -206,11 +209,12 @@ impl Stage {
         let mut devices = graph.devices().iter();
         options.live.rested =
             devices.all(|device| device.entry.spec.simulated || self.loaded.is_pad(&device.name));
-        // Whoever armed the run before did not arm this one.
-        self.switch = Arc::default();
+        // A new run begins disarmed.
+        self.switch.disarm();
         options.live.arm = Some(Arc::clone(&self.switch));
         let is_live = self.host.can_drive && !matches!(how, After::Replay(_));
-        if self.host.can_drive {
+        // A replay drives nothing real, and hears nothing that was not recorded.
+        if is_live {
             self.wanted = Some(wanted(graph).map_err(other)?);
             self.network.connect(graph).map_err(other)?;
         }
@@ -306,9 +310,10 @@ impl Stage {
         self.go_on();
     }
 
-    /// Lets go of the real devices; each is told a last zero.
+    /// Disconnects the real devices, after a last zero to each.
     fn release(&mut self) {
         (self.network, self.inputs, self.note) = (Connections::default(), Inputs::default(), None);
+        self.heard.clear();
     }
 
     /// Time of the run, s.
@@ -343,6 +348,7 @@ impl Stage {
         if let Some(session) = &mut self.session {
             session.poll();
         }
+        self.disarm_if_silent();
         self.look_at_scopes(now_s);
     }
 

@@ -72,6 +72,15 @@ pub fn read(message: &Message) -> Result<Incoming, WireError> {
     }
 }
 
+/// True for a message that takes real actuators to zero, whoever sends it.
+#[cfg(not(target_family = "wasm"))]
+pub fn disarms(incoming: &Result<Incoming, WireError>) -> bool {
+    matches!(
+        incoming,
+        Ok(Incoming::Json(Some(ClientMessage::Stop | ClientMessage::Disarm)))
+    )
+}
+
 /// Handles a parsed message as far as that is quick.
 pub fn act_on(stage: &mut Stage, page: u64, incoming: Result<Incoming, WireError>) -> Response {
     match incoming {
@@ -104,6 +113,8 @@ fn act(stage: &mut Stage, page: u64, message: ClientMessage) -> Response {
         ClientMessage::Disarm => stage.disarm(),
         ClientMessage::Check { request, text } => return done_later(request, Work::Check(text)),
         message if stage.owner == Some(page) => return act_as_owner(stage, page, message),
+        // A page that was the owner until now.
+        ClientMessage::Hold => {}
         message => return refused_because(&message, NOT_OWNER),
     }
     Response::None

@@ -22,6 +22,8 @@ const ENOUGH: usize = 100;
 struct Coil {
     currents: Arc<Mutex<Vec<f64>>>,
     end: Arc<AtomicBool>,
+    /// While it is set nothing is sent, as if the program had ended.
+    quiet: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
     place: SocketAddr,
 }
@@ -36,10 +38,15 @@ impl Coil {
         let free = UdpSocket::bind("127.0.0.1:0").expect("a port");
         let place = free.local_addr().expect("an address");
         let (currents, end) = (Arc::<Mutex<Vec<f64>>>::default(), Arc::<AtomicBool>::default());
-        let theirs = (Arc::clone(&currents), Arc::clone(&end));
+        let quiet = Arc::<AtomicBool>::default();
+        let theirs = (Arc::clone(&currents), Arc::clone(&end), Arc::clone(&quiet));
         let thread = std::thread::spawn(move || {
             let (begun, mut sequence, mut bytes) = (Instant::now(), 0, [0; 256]);
             while !theirs.1.load(Ordering::Relaxed) {
+                if theirs.2.load(Ordering::Relaxed) {
+                    std::thread::sleep(Duration::from_millis(1));
+                    continue;
+                }
                 let state = State {
                     sequence,
                     timestamp_ns: begun.elapsed().as_nanos() as u64,
@@ -59,6 +66,7 @@ impl Coil {
         Self {
             currents,
             end,
+            quiet,
             thread: Some(thread),
             place,
         }
@@ -215,7 +223,13 @@ fn a_real_actuator_is_silent_until_the_owner_arms_it_and_after_everything_that_d
     let stopped = page.wait(|said| said["state"] == "stopped");
     assert_eq!(stopped["armed_gain"], 0.0);
     assert!(refusal(&mut page, &json!({ "type": "arm" })).contains("stopped"));
+    rig.coil.take();
     page.say(&json!({ "type": "resume" }));
+    page.wait(|said| said["state"] == "running");
+    assert!(
+        rig.coil.take().iter().all(|current| *current == 0.0),
+        "from the first command on"
+    );
     rig.assert_silent(&mut page);
 
     rig.arm(&mut page);
@@ -253,6 +267,33 @@ fn who_owns_the_page_no_more_or_is_silent_has_disarmed() {
     drop(second);
     first.wait(|said| said["owner"] == true);
     rig.assert_silent(&mut first);
+}
+
+#[test]
+fn a_device_that_falls_silent_is_not_armed_when_it_answers_again() {
+    let rig = Rig::new(Some("live"));
+    let mut page = rig.page();
+    rig.arm(&mut page);
+    rig.coil.quiet.store(true, Ordering::Relaxed);
+    let asked = Instant::now();
+    loop {
+        page.say(&json!({ "type": "hold" }));
+        let status = page.wait(|said| said["type"] == "status");
+        if status["armed_gain"] == 0.0 {
+            assert!(
+                status["note"]
+                    .as_str()
+                    .is_some_and(|note| note.contains("`coil`")),
+                "{status}"
+            );
+            break;
+        }
+        assert!(asked.elapsed() < PATIENCE, "it stayed armed");
+    }
+    rig.coil.take();
+    rig.coil.quiet.store(false, Ordering::Relaxed);
+    rig.assert_silent(&mut page);
+    rig.arm(&mut page);
 }
 
 #[test]

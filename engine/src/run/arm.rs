@@ -1,5 +1,5 @@
-//! The arm gate: what a real device gets behind its limiter is zero until somebody arms it, and for as long as nobody
-//! holds it armed.
+//! The arm gate: a gain between the limiters and a real device. It is zero until the device is armed, and again as
+//! soon as nothing holds it armed.
 
 use super::Run;
 use crate::plan::{DevicePlan, Plan};
@@ -132,8 +132,18 @@ impl ArmGate {
         }
     }
 
-    /// A tick passes.
+    /// Closes the gate at once and disarms, after an interruption without output.
+    pub fn close(&mut self) {
+        self.switch.disarm();
+        self.level = 0.0;
+        for gated in &mut self.channels {
+            gated.output = [0.0; 6];
+        }
+    }
+
+    /// Advances by a tick of the device.
     pub fn advance(&mut self) {
+        let armed = self.switch.gain.load(Relaxed);
         let holds = self.switch.holds.load(Relaxed);
         self.unheld = match holds == self.holds {
             true => self.unheld.saturating_add(1),
@@ -141,13 +151,14 @@ impl ArmGate {
         };
         self.holds = holds;
         if self.unheld > self.most_unheld {
-            self.switch.disarm();
+            // An error means that it was armed anew meanwhile.
+            let _ = self.switch.gain.compare_exchange(armed, 0, Relaxed, Relaxed);
         }
         let by = self.switch.gain() - self.level;
         self.level = (self.level + by.clamp(-self.fall, self.rise)).clamp(0.0, 1.0);
     }
 
-    /// What a channel gets of a frame.
+    /// The frame that a channel receives.
     pub fn pass(&mut self, channel: usize, frame: &[f64]) -> [f64; 6] {
         let mut wanted = [0.0; 6];
         if self.level > 0.0 {

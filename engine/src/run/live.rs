@@ -413,6 +413,12 @@ impl Run {
     /// Fades in after an interruption without output; if the outputs were fading out, they stay at zero.
     pub(crate) fn restart_from_zero(&mut self, seconds: f64) {
         self.reset_limiters();
+        // Whatever is there now is not what was armed.
+        for device in &mut self.state.devices {
+            if let Some(gate) = &mut device.gate {
+                gate.close();
+            }
+        }
         if let FadeGate::Falling { .. } = self.state.fade {
             let (begin, end) = self.fade_span(0.0);
             self.state.fade = FadeGate::Falling {

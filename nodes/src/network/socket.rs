@@ -396,6 +396,8 @@ struct Conversation<'a> {
 
 impl<'a> Conversation<'a> {
     fn new(plug: Plug, socket: &'a UdpSocket) -> Self {
+        // The link may hold the last frame of an earlier run: only a tick from now on counts.
+        let version = plug.link.driven.look().map_or(0, |(version, _)| version);
         Self {
             device: plug.only,
             teller: plug.codec.teller(),
@@ -405,7 +407,7 @@ impl<'a> Conversation<'a> {
             latest: (0, 0),
             sensed: [0.0; SENSED],
             driven: [0.0; DRIVEN],
-            driven_version: (0, None),
+            driven_version: (version, None),
             told: 0,
         }
     }
@@ -516,8 +518,8 @@ impl<'a> Conversation<'a> {
     /// The latest command; zeros if the ticks that compute it have stopped.
     fn look_at_drives(&mut self) {
         if let Some((version, driven)) = self.plug.link.driven.look() {
-            let (known, since) = self.driven_version;
-            if version != known || since.is_none() {
+            let (known, _) = self.driven_version;
+            if version != known {
                 self.driven_version = (version, Some(Instant::now()));
             }
             self.driven = driven;

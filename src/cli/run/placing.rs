@@ -9,7 +9,7 @@ use super::super::output::{self, Force};
 use super::super::written::{FileManifest, free_beside};
 use super::folder::{MANIFEST, MARK, MARKER, MAX_FACTS_BYTES, PROBES, REPLACED};
 use crate::signal::files;
-use crate::surfaces::files::write_atomically;
+use crate::surfaces::files::{is_temporary, write_atomically};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs;
@@ -275,7 +275,7 @@ fn left(place: &Path, old: &[PathBuf], new: &[PathBuf], moved: &[(PathBuf, PathB
     found
 }
 
-/// All files below a folder, as relative paths, without some of its entries.
+/// All files below a folder, as relative paths, without some of its entries and what an interrupted write left.
 fn files_in(folder: &Path, but: &[&str]) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_owned()];
@@ -284,7 +284,7 @@ fn files_in(folder: &Path, but: &[&str]) -> io::Result<Vec<PathBuf>> {
             let entry = entry?;
             let path = entry.path();
             let name = path.strip_prefix(folder).unwrap_or(&path);
-            if but.iter().any(|but| name == Path::new(but)) {
+            if but.iter().any(|but| name == Path::new(but)) || is_temporary(name) {
                 continue;
             }
             if entry.file_type()?.is_dir() {

@@ -127,8 +127,13 @@ fn differs(facts: &Value) -> Vec<String> {
     let mut list = Vec::new();
     let swaps = count("swaps");
     if swaps > 0 {
+        let times = if swaps == 1 {
+            "once".to_owned()
+        } else {
+            format!("{swaps} times")
+        };
         list.push(format!(
-            "the graph was swapped {swaps} times during that run; the replay ends at the first swap"
+            "the graph was swapped {times} during that run; the replay ends at the first swap"
         ));
     }
     if count("vanished") > 0 {

@@ -183,7 +183,7 @@ impl Status {
                 format!("nothing heard yet{place}{received}")
             }
             InputState::Silent => format!("silent for {:.1} s", silent_s + input.timeout_s),
-            InputState::Jumped => format!("{rate}, jumped: force held at zero"),
+            InputState::Jumped => format!("{rate}, jumped: its actuators and force are at zero"),
             InputState::Heard => {
                 let mut counts = facts.network.counts();
                 let counts = counts.find(|(device, _)| *device == input.device);

@@ -9,6 +9,7 @@ use crate::stage::{Stage, StageError};
 use crate::talk::{self, Incoming, Response, Work};
 use crate::wire::Message;
 use axum::extract::ws::{self, WebSocket};
+use haptograph_engine::run::ArmSwitch;
 use serde_json::Value;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -61,6 +62,7 @@ pub struct ExclusiveWork {
 #[derive(Clone)]
 struct Connection {
     stage: Arc<Mutex<Stage>>,
+    switch: Arc<ArmSwitch>,
     page: u64,
     turns: ExclusiveWork,
     replies: Sender<Value>,
@@ -73,8 +75,10 @@ pub async fn run(mut socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, 
     let (page, first) = talk::greet(&mut lock(&stage), Box::new(line), reach);
     let (replies, mut answers) = channel(MOST_REQUESTS);
     let (queue, requests) = channel(MOST_REQUESTS);
+    let switch = Arc::clone(&lock(&stage).switch);
     let connection = Connection {
         stage,
+        switch,
         page,
         turns,
         replies,
@@ -120,6 +124,10 @@ async fn hear(connection: &Connection, queue: &Sender<(u64, Work)>, message: ws:
             .unwrap_or(Ok(Incoming::Json(None))),
         _ => talk::read(&message),
     };
+    // A STOP does not wait for whoever holds the stage.
+    if talk::disarms(&incoming) {
+        connection.switch.disarm();
+    }
     let next = talk::act_on(&mut lock(&connection.stage), connection.page, incoming);
     match next {
         Response::None => None,

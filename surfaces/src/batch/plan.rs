@@ -16,6 +16,8 @@ use std::path::Path;
 const MAX_PLAN_BYTES: u64 = 16 << 20;
 /// Most chunks of a batch, because its manifest lists each.
 pub(super) const MAX_CHUNKS: u64 = 200_000;
+// A chunk and its temporary file are two names of a folder that is listed.
+const _: () = assert!(2 * MAX_CHUNKS < haptograph_signal::files::MAX_NAMES as u64);
 /// Largest memory of a chunk during rendering, bytes.
 const MAX_CHUNK_BYTES: u64 = 2 << 30;
 

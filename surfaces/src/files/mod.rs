@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 
 pub use hatt::{HattProblem, HattWriteError};
 pub(crate) use write::TEMPORARY;
+pub use write::is_temporary;
 pub use write::{write_atomically, write_atomically_by};
 
 /// Most models in one texture of a file.

@@ -8,6 +8,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// The ending of temporary files; a killed process leaves one.
 pub(crate) const TEMPORARY: &str = ".tmp";
 
+/// True for the path of a temporary file: `NAME.PROCESS-NUMBER.tmp`.
+pub fn is_temporary(path: &Path) -> bool {
+    let name = path.to_string_lossy();
+    let numbers = name
+        .strip_suffix(TEMPORARY)
+        .and_then(|rest| rest.rsplit_once('.'));
+    let numbers = numbers.and_then(|(_, numbers)| numbers.split_once('-'));
+    numbers.is_some_and(|(process, number)| [process, number].iter().all(|part| part.parse::<u64>().is_ok()))
+}
+
 /// Writes `bytes` to `path` atomically: through a temporary file in the same folder.
 ///
 /// # Errors

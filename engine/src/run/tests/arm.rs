@@ -194,3 +194,16 @@ fn an_edit_goes_on_with_the_gate_of_a_device_and_begins_that_of_a_new_one_at_zer
         }
     }
 }
+
+#[test]
+fn what_comes_back_after_an_interruption_is_not_armed() {
+    let mut rig = Rig::new(true, None);
+    rig.switch.arm(1.0);
+    let armed = rig.given(2.0 * ARM_RISE_S, true);
+    assert!(armed.last().is_some_and(|current| *current > 0.4));
+    rig.live.resume();
+    assert!(!rig.switch.is_armed());
+    assert!(rig.given(1.0, true).iter().all(|current| *current == 0.0));
+    rig.switch.arm(1.0);
+    assert!(rig.given(1.0, true).iter().any(|current| *current > 0.0));
+}
