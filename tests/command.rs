@@ -245,11 +245,11 @@ fn what_cannot_be_meant_is_refused_before_any_work() {
             &["sweep", &graph, "--over", "gain=1,2", "--over", "gain=3"],
             "--over gives `gain` twice",
         ),
-        (&["draw", &graph, "-o", "no/such.svg"], "there is no folder no"),
+        (&["draw", &graph, "-o", "no/such.svg"], "cannot write no/such.svg"),
         (&["check", "rates.ron"], "all columns of a CSV file need one rate"),
         (
             &["bench", &graph, "--svg", "no/such.svg"],
-            "there is no folder no",
+            "cannot write no/such.svg",
         ),
     ] {
         let said = fail(folder.path(), arguments, 1);

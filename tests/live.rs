@@ -162,7 +162,7 @@ fn a_setting_typed_while_it_runs_glides_and_a_stop_completes_the_files() {
         (&*long, "it is longer than 65536 bytes"),
         ("set loudnes=1", "no parameter `loudnes`"),
         ("set loud.gian=1", "did you mean `loud.gain`"),
-        ("dance", "`dance` is not known"),
+        ("dance", "unknown command `dance`"),
     ] {
         run.type_line(wrong);
         run.wait_for(told);
@@ -318,7 +318,7 @@ fn offline_nothing_is_heard_of_a_soundcard_and_check_counts_its_latency() {
     let told = succeed(folder.path(), &offline);
     let told = String::from_utf8_lossy(&told.stderr).into_owned();
     assert!(
-        told.contains("warning: `tool` is SoundcardAccelerometer"),
+        told.contains("warning: `tool` (SoundcardAccelerometer)"),
         "{told}"
     );
     let felt = samples(&folder.path().join("o/felt.wav"));

@@ -16,7 +16,7 @@ fn what_a_user_got_wrong_is_said_before_the_work() {
         ),
         (
             &["learn", "tap.npz", "-o", "nowhere/x.ron"],
-            "there is no folder nowhere",
+            "cannot write nowhere/x.ron",
         ),
         (&["learn", "tap.npz", "-o", "x.txt"], ".ron"),
         (
@@ -130,7 +130,7 @@ fn what_is_passed_over_or_overruled_is_said() {
     let learned = haptograph(folder, &["learn", "typo.csv", "-o", "typo.ron"], "");
     let warned = String::from_utf8_lossy(&learned.stderr);
     assert!(
-        warned.contains("not used: \"forc_normal_n\" (did you mean force_normal_n?)"),
+        warned.contains("\"forc_normal_n\" (did you mean force_normal_n?)"),
         "{warned}"
     );
 }

@@ -136,6 +136,11 @@ impl Unclaimed {
 }
 
 impl Link {
+    /// Version of the latest command; 0 before the first.
+    pub fn driven_version(&self) -> u64 {
+        self.driven.look().map_or(0, |(version, _)| version)
+    }
+
     pub fn new() -> Self {
         Self {
             sensed: Latest::new(),

@@ -350,9 +350,11 @@ impl Connection {
         let stop = Arc::new(AtomicBool::new(false));
         let (flag, theirs) = (Arc::clone(&stop), plug.clone());
         let (edits, edited) = channel();
+        // The link may hold the last command of an earlier run.
+        let version = plug.link.driven_version();
         let thread = std::thread::Builder::new()
             .name(format!("network {device}"))
-            .spawn(move || Conversation::new(theirs, &socket).hold(&edited, &flag))
+            .spawn(move || Conversation::new(theirs, &socket, version).hold(&edited, &flag))
             .map_err(failed)?;
         Ok(Self {
             plug: plug.clone(),
@@ -395,9 +397,8 @@ struct Conversation<'a> {
 }
 
 impl<'a> Conversation<'a> {
-    fn new(plug: Plug, socket: &'a UdpSocket) -> Self {
-        // The link may hold the last frame of an earlier run: only a tick from now on counts.
-        let version = plug.link.driven.look().map_or(0, |(version, _)| version);
+    /// A conversation in which a command counts that is newer than `version`.
+    fn new(plug: Plug, socket: &'a UdpSocket, version: u64) -> Self {
         Self {
             device: plug.only,
             teller: plug.codec.teller(),

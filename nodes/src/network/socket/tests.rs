@@ -15,10 +15,13 @@ const TIMEOUT: Duration = Duration::from_secs(60);
 
 impl Table {
     fn new(timeout: Duration) -> Self {
+        Self::of(timeout, Arc::new(Link::new()))
+    }
+
+    fn of(timeout: Duration, link: Arc<Link>) -> Self {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.set_read_timeout(Some(WAIT)).unwrap();
         let to = socket.local_addr().unwrap();
-        let link = Arc::new(Link::new());
         let plug = Plug {
             link: Arc::clone(&link),
             listen: to,
@@ -29,7 +32,9 @@ impl Table {
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
         let (_, edits) = channel();
-        let thread = std::thread::spawn(move || Conversation::new(plug, &socket).hold(&edits, &flag));
+        let version = link.driven_version();
+        let thread =
+            std::thread::spawn(move || Conversation::new(plug, &socket, version).hold(&edits, &flag));
         let device = UdpSocket::bind("127.0.0.1:0").unwrap();
         device.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
         Self {
@@ -87,6 +92,23 @@ fn every_state_is_answered_with_the_latest_drives() {
     let (length, _) = device.recv_from(&mut bytes).unwrap();
     let goodbye = Command::from_bytes(&bytes[..length]).unwrap();
     assert_eq!((goodbye.running, goodbye.force_n), (false, [0.0; 3]));
+}
+
+#[test]
+fn the_last_command_of_an_earlier_run_is_not_sent() {
+    let link = Arc::new(Link::new());
+    link.driven.put(&[1.0, 2.0, 3.0, 0.25, 0.1]);
+    let table = Table::of(TIMEOUT, Arc::clone(&link));
+    table.send(1, 0.01);
+    assert_eq!(table.answer().force_n, [0.0; 3]);
+    link.driven.put(&[3.0, 0.0, 0.0, 0.0, 0.0]);
+    table.send(2, 0.01);
+    let mut command = table.answer();
+    while command.answers != 2 {
+        command = table.answer();
+    }
+    assert_eq!(command.force_n, [3.0, 0.0, 0.0]);
+    table.end();
 }
 
 #[test]
