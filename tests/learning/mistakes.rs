@@ -54,7 +54,7 @@ fn what_a_user_got_wrong_is_said_before_the_work() {
     for (arguments, said) in [
         (
             &["learn", "tap.npz", "-o", "x.ron", "--name", " "][..],
-            "needs a name",
+            "the name is empty",
         ),
         (
             &[
