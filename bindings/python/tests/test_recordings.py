@@ -22,7 +22,8 @@ def test_gravity_in_arrays_is_taken_off_and_said(drag):
     assert len(heavy.findings) == 1 and not hg.Recording(drag.acceleration, drag.force, drag.speed, drag.rate).findings
     assert abs(heavy.acceleration.mean()) < 0.01
     compared = hg.compare(drag.acceleration + 9.81, drag)
-    assert len(compared.findings) == 1 and compared.lsd < 1.0
+    # The high-pass takes 6 dB of the lowest band.
+    assert len(compared.findings) == 1 and compared.lsd < 2.5
 
 
 @pytest.mark.parametrize("name", ["take.csv", "take.zip"])
