@@ -201,8 +201,8 @@ impl<const N: usize> Limiter<N> {
     }
 
     /// Continues the state of another limiter of the same actuator, with its heat.
-    pub fn go_on_for(&mut self, other: &Self) {
-        self.heat.go_on_for(&other.heat);
+    pub fn continue_from(&mut self, other: &Self) {
+        self.heat.continue_from(&other.heat);
         let unknown = self.heat.unknown_part(self.window_s);
         let mut known = self.heat.mean_square(self.window_s);
         if (self.window_s, self.rate_hz) == (other.window_s, other.rate_hz) {

@@ -124,7 +124,7 @@ impl Heat {
     }
 
     /// Continues the heat of the same actuator at another rate.
-    pub(super) fn go_on_for(&mut self, other: &Self) {
+    pub(super) fn continue_from(&mut self, other: &Self) {
         self.known = other.known;
         let energy = other.pending / other.rate_hz;
         self.known.energies.iter_mut().for_each(|known| *known += energy);

@@ -205,7 +205,7 @@ fn one_that_goes_on_for_another_heats_its_actuator_no_further() {
             before.apply([5.0]);
         });
         let mut after = Limiter::<1>::new(&limit(continuous), 1000.0).unwrap();
-        after.go_on_for(&before);
+        after.continue_from(&before);
         // The actuator itself knows nothing of who drives it.
         let (weight, mut mean_square) = (1.0 - f64::exp(-1.0 / 200.0), before.mean_square());
         let most = f64::max(mean_square, continuous * continuous);
@@ -240,7 +240,7 @@ fn no_sequence_of_limits_allows_more_than_the_one_in_force() {
             let most = limit.continuous * limit.continuous;
             let mut limiter = Limiter::<1>::new(&limit, RATE_HZ).unwrap();
             if let Some(before) = &before {
-                limiter.go_on_for(before);
+                limiter.continue_from(before);
                 assert!(limiter.mean_square() >= mean * (1.0 - 1e-9));
                 warm += usize::from(mean > 0.5 * most);
                 in_debt += usize::from(mean > most);
@@ -275,7 +275,7 @@ fn a_bound_of_any_window_is_close_for_a_steady_drive() {
     }
     for window_s in [0.002, 0.003, 0.06, 0.1, 1.4] {
         let mut next = Limiter::<1>::new(&Limit { window_s, ..LIMIT }, RATE_HZ).unwrap();
-        next.go_on_for(&limiter);
+        next.continue_from(&limiter);
         let known = 0.04 * (1.0 - (-10.0_f64 / window_s).exp());
         let bound = next.mean_square();
         assert!(bound >= known && bound <= 1.15 * known, "{window_s}: {bound}");
@@ -296,7 +296,7 @@ fn no_limit_is_more_than_spent_by_raising_it_where_rest_is_not_known() {
         assert!(limiter.has_unknown_history());
         limiter.apply([0.0]);
         let mut next = Limiter::<1>::new(&limit(raised), 1000.0).unwrap();
-        next.go_on_for(&limiter);
+        next.continue_from(&limiter);
         let [first] = next.apply([5.0]);
         // What one tick of rest has cooled may be given within one tick, and no more.
         assert!(first > raised && first <= 2.0_f64.sqrt() * raised, "{first}");

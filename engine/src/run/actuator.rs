@@ -213,11 +213,11 @@ impl AnyLimiter {
     }
 
     /// Continues the state of another limiter of the same actuator.
-    pub(super) fn go_on_for(&mut self, other: &Self) {
+    pub(super) fn continue_from(&mut self, other: &Self) {
         match (self, other) {
-            (Self::One(this), Self::One(other)) => this.go_on_for(other),
-            (Self::Three(this), Self::Three(other)) => this.go_on_for(other),
-            (Self::Six(this), Self::Six(other)) => this.go_on_for(other),
+            (Self::One(this), Self::One(other)) => this.continue_from(other),
+            (Self::Three(this), Self::Three(other)) => this.continue_from(other),
+            (Self::Six(this), Self::Six(other)) => this.continue_from(other),
             // Unreachable: a channel of a device has one kind.
             _ => {}
         }

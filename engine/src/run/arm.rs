@@ -13,8 +13,8 @@ pub const ARM_FALL_S: f64 = 0.02;
 /// Time without [`ArmSwitch::hold`] after which the real-time side disarms, s.
 pub const ARM_HOLD_S: f64 = 0.3;
 
-/// Whether the real devices of a run are armed. One thread arms, holds and disarms; the real-time sides poll it
-/// ([`LiveOptions::arm`](super::LiveOptions::arm)). It begins disarmed.
+/// Switch that arms the real devices of a run. Any thread arms, holds and disarms; the real-time threads poll it
+/// ([`LiveOptions::arm`](super::LiveOptions::arm)). It starts disarmed.
 #[derive(Debug, Default)]
 pub struct ArmSwitch {
     /// Bits of the gain; 0 while disarmed.
@@ -24,32 +24,32 @@ pub struct ArmSwitch {
 }
 
 impl ArmSwitch {
-    /// Lets a part of what the limiters give through, 0 to 1. NaN and what is not above 0 disarm.
+    /// Arms with a gain behind the limiters, 0 to 1. NaN, zero and negative gains disarm.
     pub fn arm(&self, gain: f64) {
         self.hold();
         self.gain.store(bounded(gain).to_bits(), Relaxed);
     }
 
-    /// Changes the part that is let through while it is armed; does nothing while it is not.
+    /// Changes the gain. Does nothing while disarmed.
     pub fn set_gain(&self, gain: f64) {
-        let (gain, armed) = (bounded(gain).to_bits(), |bits: u64| bits != 0);
-        // An error is what was disarmed meanwhile.
+        let (gain, is_armed) = (bounded(gain).to_bits(), |bits: u64| bits != 0);
+        // An error means that it is disarmed.
         let _ = self
             .gain
-            .fetch_update(Relaxed, Relaxed, |now| armed(now).then_some(gain));
+            .fetch_update(Relaxed, Relaxed, |now| is_armed(now).then_some(gain));
     }
 
-    /// Keeps it armed for another [`ARM_HOLD_S`]. Does nothing while it is disarmed.
+    /// Keeps it armed for another [`ARM_HOLD_S`]. Does nothing while disarmed.
     pub fn hold(&self) {
         self.holds.fetch_add(1, Relaxed);
     }
 
-    /// Takes the devices to zero. Only [`arm`](Self::arm) ends that.
+    /// Disarms: the devices ramp to zero, until [`arm`](Self::arm) is called.
     pub fn disarm(&self) {
         self.gain.store(0, Relaxed);
     }
 
-    /// The part that is let through: 0 while disarmed, also where nobody held it armed.
+    /// The gain; 0 while disarmed, also after [`ARM_HOLD_S`] without [`hold`](Self::hold).
     pub fn gain(&self) -> f64 {
         f64::from_bits(self.gain.load(Relaxed))
     }
@@ -65,7 +65,7 @@ fn bounded(gain: f64) -> f64 {
 }
 
 impl Run {
-    /// Gates the devices that are not simulated by a switch, from zero.
+    /// Puts a closed gate before each device that is not simulated.
     pub(super) fn arm_by(&mut self, switch: &Arc<ArmSwitch>) {
         for (device, state) in self.plan.devices.iter().zip(&mut self.state.devices) {
             let mut driven_by = device.driven_by.iter();
@@ -76,25 +76,25 @@ impl Run {
     }
 }
 
-/// The gate of a device. It moves with the device from plan to plan; a new one is closed.
+/// Arm gate of a device. A swap moves it to the new plan with the device. A new gate is closed.
 pub(super) struct ArmGate {
     switch: Arc<ArmSwitch>,
     level: f64,
     /// Largest steps of the level in a tick.
     rise: f64,
     fall: f64,
-    /// Holds seen, and ticks since the last one.
+    /// The last number of holds, ticks since it changed, and the maximum of those ticks.
     holds: u32,
     unheld: u64,
-    most_unheld: u64,
+    max_unheld: u64,
     channels: Vec<Gated>,
 }
 
 /// A driven channel.
 struct Gated {
     channel: usize,
-    /// Largest step of its output in a tick, as its limit says.
-    step: f64,
+    /// Maximum step of the output in a tick: the slew limit.
+    max_step: f64,
     output: [f64; 6],
 }
 
@@ -105,7 +105,7 @@ impl ArmGate {
             let slew_per_s = plan.actuators[*actuator].limit.slew_per_s;
             Gated {
                 channel: *channel,
-                step: slew_per_s.map_or(f64::INFINITY, |slew| slew / rate_hz),
+                max_step: slew_per_s.map_or(f64::INFINITY, |slew| slew / rate_hz),
                 output: [0.0; 6],
             }
         };
@@ -116,13 +116,13 @@ impl ArmGate {
             fall: 1.0 / (ARM_FALL_S * rate_hz),
             holds: 0,
             unheld: 0,
-            most_unheld: (ARM_HOLD_S * rate_hz) as u64,
+            max_unheld: (ARM_HOLD_S * rate_hz) as u64,
             channels: device.driven_by.iter().map(gated).collect(),
         }
     }
 
     /// Continues the gate of the same device in another plan.
-    pub fn go_on_for(&mut self, other: &Self) {
+    pub fn continue_from(&mut self, other: &Self) {
         (self.level, self.holds, self.unheld) = (other.level, other.holds, other.unheld);
         for gated in &mut self.channels {
             let mut known = other.channels.iter();
@@ -150,34 +150,34 @@ impl ArmGate {
             false => 0,
         };
         self.holds = holds;
-        if self.unheld > self.most_unheld {
-            // An error means that it was armed anew meanwhile.
+        if self.unheld > self.max_unheld {
+            // An error means that it was armed again meanwhile.
             let _ = self.switch.gain.compare_exchange(armed, 0, Relaxed, Relaxed);
         }
         let by = self.switch.gain() - self.level;
         self.level = (self.level + by.clamp(-self.fall, self.rise)).clamp(0.0, 1.0);
     }
 
-    /// The frame that a channel receives.
+    /// The frame that a channel receives in place of `frame`.
     pub fn pass(&mut self, channel: usize, frame: &[f64]) -> [f64; 6] {
-        let mut wanted = [0.0; 6];
+        let mut target = [0.0; 6];
         if self.level > 0.0 {
             let level = self.level;
-            wanted.iter_mut().zip(frame).for_each(|(to, x)| *to = x * level);
+            target.iter_mut().zip(frame).for_each(|(to, x)| *to = x * level);
         }
         let Some(gated) = self.channels.iter_mut().find(|gated| gated.channel == channel) else {
-            // Unreachable: what is written is driven by an actuator.
+            // Unreachable: every written channel is driven by an actuator.
             return [0.0; 6];
         };
-        let moved = wanted.iter().zip(&gated.output);
-        let way = moved.map(|(to, from): (&f64, &f64)| (to - from).powi(2));
-        let way = way.sum::<f64>().sqrt();
-        if way > gated.step {
-            let part = gated.step / way;
-            let ways = gated.output.iter_mut().zip(&wanted);
-            ways.for_each(|(from, to)| *from += part * (to - *from));
+        let steps = target.iter().zip(&gated.output);
+        let squares = steps.map(|(to, from): (&f64, &f64)| (to - from).powi(2));
+        let step = squares.sum::<f64>().sqrt();
+        if step > gated.max_step {
+            let part = gated.max_step / step;
+            let outputs = gated.output.iter_mut().zip(&target);
+            outputs.for_each(|(from, to)| *from += part * (to - *from));
         } else {
-            gated.output = wanted;
+            gated.output = target;
         }
         gated.output
     }

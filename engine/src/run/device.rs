@@ -60,7 +60,7 @@ impl DeviceState {
         std::mem::swap(&mut self.device, &mut other.device);
         (self.started, self.lost) = (other.started, other.lost);
         match (&mut self.gate, &mut other.gate) {
-            (Some(gate), Some(other)) => gate.go_on_for(other),
+            (Some(gate), Some(other)) => gate.continue_from(other),
             (gate @ None, other) => std::mem::swap(gate, other),
             (Some(_), None) => {}
         }

@@ -181,7 +181,7 @@ impl PlanSwap {
             new[*to].limiter.count_on_from(old[*from].limiter.counts());
         }
         for (from, to) in &self.drives {
-            new[*to].limiter.go_on_for(&old[*from].limiter);
+            new[*to].limiter.continue_from(&old[*from].limiter);
         }
         for old_at in &self.removed_actuators {
             old[*old_at].limiter.leave_to(hottest);
