@@ -39,7 +39,7 @@ pub use kinds::{
     SoundcardHaptuatorSettings, SoundcardInput, SoundcardInputSettings, SoundcardSettings, SoundcardSink,
     SoundcardSinkSettings, SoundcardVoltage, SoundcardVoltageSettings,
 };
-pub use request::{Heard, Played, Request, Wanted, played, wanted};
+pub use request::{CardRequests, Heard, Played, Request, card_requests, played};
 
 use haptograph_engine::run::Histogram;
 
@@ -93,9 +93,9 @@ pub enum SoundcardError {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CardNote {
     /// The card vanished or came back.
-    Turn(String),
+    Changed(String),
     /// An error of the system, which may repeat many times.
-    Complaint(String),
+    Failed(String),
 }
 
 /// A soundcard of this machine.

@@ -59,7 +59,7 @@ impl<P: CallbackState> ReconnectingStream<P> {
     /// Polls the stream, and tries to reopen it while its card is gone, each time
     /// after `anew` has reset the callback's state. Returns messages; `without` states what happens meanwhile.
     pub fn poll(&mut self, without: &str, anew: impl FnOnce(&mut P)) -> Vec<CardNote> {
-        let mut said: Vec<CardNote> = self.errors.try_iter().map(CardNote::Complaint).collect();
+        let mut said: Vec<CardNote> = self.errors.try_iter().map(CardNote::Failed).collect();
         let now = Instant::now();
         let callbacks = self.shared().callbacks.load(Relaxed);
         if callbacks != self.heard.1 {
@@ -73,13 +73,13 @@ impl<P: CallbackState> ReconnectingStream<P> {
             self.stream = None;
             self.vanished += 1;
             self.tried = now;
-            said.push(CardNote::Turn(format!(
+            said.push(CardNote::Changed(format!(
                 "soundcard {} is gone; {without} until it is back",
                 self.got.card
             )));
         } else if self.stream.is_none() && now.saturating_duration_since(self.tried) > RETRY {
             self.tried = now;
-            said.extend(self.reopen(anew).map(CardNote::Turn));
+            said.extend(self.reopen(anew).map(CardNote::Changed));
         }
         said
     }

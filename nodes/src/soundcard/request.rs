@@ -39,7 +39,7 @@ impl Request {
 
 /// All streams that a graph requests. A run can take over any graph with the same requests.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Wanted {
+pub struct CardRequests {
     /// The stream that drives the graph; none if no endpoint plays.
     pub output: Option<Request>,
     /// The inputs.
@@ -70,13 +70,13 @@ pub struct Played {
 ///
 /// # Errors
 /// [`SoundcardError`] if its outputs contradict each other.
-pub fn wanted(graph: &Graph) -> Result<Wanted, SoundcardError> {
+pub fn card_requests(graph: &Graph) -> Result<CardRequests, SoundcardError> {
     let inputs = cards(graph).filter(|(_, card)| card.input.is_some());
     let heard = |(device, _): (&GraphDevice, &Card)| Heard {
         endpoint: device.name.clone(),
         fingerprint: device.fingerprint,
     };
-    Ok(Wanted {
+    Ok(CardRequests {
         output: output(graph)?,
         inputs: inputs.map(heard).collect(),
     })
@@ -134,7 +134,7 @@ mod tests {
     use haptograph_engine::document::Document;
     use haptograph_engine::graph::{CheckOptions, check};
 
-    fn asked(endpoints: &str, gain: f64) -> Result<Wanted, SoundcardError> {
+    fn asked(endpoints: &str, gain: f64) -> Result<CardRequests, SoundcardError> {
         let text = format!(
             r#"Graph(format: 1, clocks: {{ "audio": Driver(rate_hz: 48000) }},
             nodes: {{
@@ -147,7 +147,7 @@ mod tests {
         );
         let document = Document::parse("g.ron", &text).unwrap();
         let graph = check(&document, &crate::registry(), &CheckOptions::default());
-        wanted(&graph.unwrap_or_else(|wrong| panic!("{wrong}")))
+        card_requests(&graph.unwrap_or_else(|wrong| panic!("{wrong}")))
     }
 
     const BOTH: &str = r#"

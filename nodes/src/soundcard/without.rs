@@ -1,6 +1,6 @@
 //! A build without soundcards: every request fails with build instructions.
 
-use super::{CardCounts, CardNote, Listed, OpenedStream, Request, SoundcardError, wanted};
+use super::{CardCounts, CardNote, Listed, OpenedStream, Request, SoundcardError, card_requests};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{Driven, Live, RingMeter};
 use std::convert::Infallible;
@@ -85,7 +85,7 @@ impl Inputs {
     /// # Errors
     /// [`SoundcardError::NotBuilt`] if the graph has one.
     pub fn open(graph: &Graph, _: &mut [Live]) -> Result<Self, SoundcardError> {
-        match wanted(graph)?.inputs.is_empty() {
+        match card_requests(graph)?.inputs.is_empty() {
             true => Ok(Self {}),
             false => Err(SoundcardError::NotBuilt),
         }

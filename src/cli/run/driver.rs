@@ -14,8 +14,8 @@ pub enum Driver {
 
 impl Driver {
     /// Starts the driver that the graph needs.
-    pub fn start(wanted: Option<Request>, live: Live) -> Result<Self, Failure> {
-        match wanted {
+    pub fn start(request: Option<Request>, live: Live) -> Result<Self, Failure> {
+        match request {
             Some(request) => {
                 let card = CardDriver::start(request.clone(), live).map_err(message)?;
                 Ok(Self::Card(Box::new(card), request))

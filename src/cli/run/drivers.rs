@@ -5,7 +5,7 @@ use super::driver::{self, Driver};
 use super::message;
 use crate::engine::graph::Graph;
 use crate::engine::run::{Histogram, Live, RingReport};
-use crate::nodes::soundcard::{CardNote, Inputs, Wanted, played};
+use crate::nodes::soundcard::{CardNote, CardRequests, Inputs, played};
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,7 +23,7 @@ pub struct Drivers {
     list: Vec<(String, Driver)>,
     inputs: Inputs,
     /// The soundcard streams that the graph needs.
-    wanted: Wanted,
+    requests: CardRequests,
     /// When the first driver was found to have ended.
     first_end: Option<Instant>,
     /// Stops all drivers.
@@ -35,7 +35,7 @@ impl Drivers {
     /// stops them.
     pub fn start(
         graph: &Graph,
-        wanted: Wanted,
+        requests: CardRequests,
         mut lives: Vec<Live>,
         stop: &Arc<AtomicBool>,
     ) -> Result<Self, Failure> {
@@ -48,13 +48,13 @@ impl Drivers {
         let mut drivers = Self {
             list: Vec::new(),
             inputs,
-            wanted,
+            requests,
             first_end: None,
             stop: Arc::clone(stop),
         };
         let mut clocks = Vec::new();
         for (clock, live) in waiting {
-            let output = drivers.wanted.output.as_ref().filter(|_| card == Some(clock));
+            let output = drivers.requests.output.as_ref().filter(|_| card == Some(clock));
             let driver = Driver::start(output.cloned(), live)?;
             let place = clocks.partition_point(|known| *known < clock);
             clocks.insert(place, clock);
@@ -70,10 +70,10 @@ impl Drivers {
     }
 
     /// Why the running streams do not fit another graph; `None` if they do.
-    pub fn mismatch(&self, wanted: &Wanted) -> Option<&'static str> {
+    pub fn mismatch(&self, requests: &CardRequests) -> Option<&'static str> {
         match () {
-            () if self.wanted.output != wanted.output => Some("another soundcard"),
-            () if self.wanted.inputs != wanted.inputs => Some("another soundcard input"),
+            () if self.requests.output != requests.output => Some("another soundcard"),
+            () if self.requests.inputs != requests.inputs => Some("another soundcard input"),
             () => None,
         }
     }

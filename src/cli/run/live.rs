@@ -15,7 +15,7 @@ use super::{Arguments, RunSetup, lasts_a_frame, message, stop_on_interrupt};
 use crate::engine::registry::Registry;
 use crate::engine::run::{LiveOptions, RingReport, Session};
 use crate::nodes::network::{Connections, OscControl};
-use crate::nodes::soundcard::wanted;
+use crate::nodes::soundcard;
 use serde_json::json;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -49,7 +49,7 @@ fn run_with(
     let watch = arguments.watch.then(|| FileWatch::of(&graph));
     lasts_a_frame(&graph, arguments.duration_s)?;
     built::refuse_missing(&graph, arguments.graph.endpoints())?;
-    let wanted = wanted(&graph).map_err(message)?;
+    let card_requests = soundcard::card_requests(&graph).map_err(message)?;
     let mut network = Connections::default();
     network.connect(&graph).map_err(message)?;
     let (sender, requests) = sync_channel(MAX_QUEUED);
@@ -71,7 +71,7 @@ fn run_with(
         .collect();
     let start = Instant::now();
     let live_guard = panic_hook::LiveGuard::begin();
-    let mut driver = Drivers::start(&graph, wanted, lives, &stop)?;
+    let mut driver = Drivers::start(&graph, card_requests, lives, &stop)?;
     setup.completion.folder.begin();
     let mut notes = driver.notes();
     notes.iter().for_each(|note| eprint(&format!("note: {note}\n")));

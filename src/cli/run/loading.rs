@@ -9,7 +9,7 @@ use crate::engine::diagnostic::Diagnostics;
 use crate::engine::document::{Document, LoadOptions};
 use crate::engine::graph::{CheckOptions, Graph, check};
 use crate::engine::registry::Registry;
-use crate::nodes::soundcard::{Wanted, wanted};
+use crate::nodes::soundcard::{CardRequests, card_requests};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -82,7 +82,7 @@ pub struct LoadedGraph {
     pub graph: Graph,
     pub watch: FileWatch,
     pub protected: ProtectedSettings,
-    pub wanted: Result<Wanted, String>,
+    pub card_requests: Result<CardRequests, String>,
     pub own_files: Result<(), String>,
     pub texts: Vec<String>,
 }
@@ -243,7 +243,7 @@ impl LoadedGraph {
         Self {
             watch: FileWatch::of(&graph),
             protected: ProtectedSettings::of(&graph),
-            wanted: wanted(&graph).map_err(|error| error.to_string()),
+            card_requests: card_requests(&graph).map_err(|error| error.to_string()),
             own_files: refuse_own_files(&graph, record),
             texts: texts(&graph),
             graph,

@@ -187,8 +187,8 @@ impl Supervisor {
             self.report_panics();
             for note in driver.poll() {
                 match note {
-                    CardNote::Turn(note) => notes.turn(note),
-                    CardNote::Complaint(note) => notes.complaint(note),
+                    CardNote::Changed(note) => notes.turn(note),
+                    CardNote::Failed(note) => notes.complaint(note),
                 }
             }
             let inputs = self.session.live_inputs();

@@ -136,10 +136,12 @@ impl Supervisor {
         if verbosity == Verbosity::All {
             show(&warnings(&graph), verbosity);
         }
-        let unfit = ready.wanted.and_then(|wanted| match driver.mismatch(&wanted) {
-            Some(what) => Err(format!("it needs {what}; start a new run for it")),
-            None => ready.own_files,
-        });
+        let unfit = ready
+            .card_requests
+            .and_then(|requests| match driver.mismatch(&requests) {
+                Some(what) => Err(format!("it needs {what}; start a new run for it")),
+                None => ready.own_files,
+            });
         let guarded = match verbosity < Verbosity::All && ready.protected != self.protected {
             true => Err("limits and devices can only be changed in the file or from the terminal".to_owned()),
             false => Ok(()),
