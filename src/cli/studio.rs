@@ -1,8 +1,11 @@
 //! `haptograph studio`: serves a web page on which a graph runs.
 
+mod confirmation;
+
 use super::run::stop_on_interrupt;
 use super::{Failure, print, refuse_repeated};
 use crate::engine::registry::Registry;
+use confirmation::Confirmation;
 use haptograph_studio::{Export, Options, Studio, StudioError, export, lan_address};
 use qrcode::render::unicode::Dense1x2;
 use std::net::IpAddr;
@@ -88,7 +91,9 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     if !arguments.no_open {
         open_page(&studio.url());
     }
+    let mut confirmation = Confirmation::default();
     while !stop.load(Ordering::Relaxed) {
+        confirmation.poll(&studio)?;
         std::thread::sleep(Duration::from_millis(50));
     }
     Ok(())

@@ -20,7 +20,7 @@ pub struct Timing {
     /// Wake-up period.
     step: Duration,
     /// Maximum delay that is caught up; a longer delay is dropped.
-    most_behind: Duration,
+    max_behind: Duration,
     is_real_time: bool,
 }
 
@@ -28,13 +28,13 @@ impl Timing {
     /// For a run that only pages wait for.
     pub const EASY: Self = Self {
         step: Duration::from_millis(2),
-        most_behind: Duration::from_millis(100),
+        max_behind: Duration::from_millis(100),
         is_real_time: false,
     };
     /// For real devices: like the timer of a live run, without a burst after a stall.
     pub const STRICT: Self = Self {
         step: Duration::from_millis(1),
-        most_behind: Duration::from_millis(20),
+        max_behind: Duration::from_millis(20),
         is_real_time: true,
     };
 }
@@ -102,7 +102,7 @@ impl Pace {
 pub struct Drive {
     pub pace: Arc<Pace>,
     /// Locked while frames are computed.
-    gate: Arc<Mutex<()>>,
+    frame_lock: Arc<Mutex<()>>,
     runner: Runner,
     /// Number of frames at the last call of [`Drive::keep_time`].
     kept_at: u64,
@@ -114,8 +114,7 @@ enum Runner {
     Card(Box<CardDriver<Paced>>),
 }
 
-/// A player that a soundcard drives, and what is known of it. Its callback waits for nobody: what is done between two frames
-/// is done about then.
+/// A player driven by a soundcard, with its state. Its callback takes no lock.
 struct Paced {
     player: Player,
     pace: Arc<Pace>,
@@ -159,11 +158,11 @@ pub enum DrivenBy {
 impl Drive {
     /// Starts a player at the rate of its driver clock.
     pub fn start(player: Player, by: DrivenBy, (rate_hz, timing): (f64, Timing)) -> std::io::Result<Self> {
-        let (pace, gate) = (Arc::new(Pace::default()), Arc::new(Mutex::new(())));
+        let (pace, frame_lock) = (Arc::new(Pace::default()), Arc::new(Mutex::new(())));
         let runner = match by {
             DrivenBy::Caller => Runner::Caller(Box::new(player)),
             DrivenBy::Thread => {
-                let theirs = (Arc::clone(&pace), Arc::clone(&gate));
+                let theirs = (Arc::clone(&pace), Arc::clone(&frame_lock));
                 let thread = std::thread::Builder::new().name("studio driver".to_owned());
                 Runner::Thread(Some(
                     thread.spawn(move || run(player, (rate_hz, timing), (&theirs.0, &theirs.1)))?,
@@ -172,7 +171,7 @@ impl Drive {
         };
         Ok(Self {
             pace,
-            gate,
+            frame_lock,
             runner,
             kept_at: 0,
         })
@@ -190,7 +189,7 @@ impl Drive {
         };
         Ok(Self {
             pace,
-            gate: Arc::default(),
+            frame_lock: Arc::default(),
             runner: Runner::Card(Box::new(CardDriver::start(request, paced)?)),
             kept_at: 0,
         })
@@ -202,7 +201,6 @@ impl Drive {
             return Vec::new();
         };
         let notes = card.poll();
-        // What it plays until then is played.
         self.pace.is_over.store(card.is_finished(), Relaxed);
         notes
     }
@@ -220,15 +218,23 @@ impl Drive {
         }
     }
 
+    /// Number of under- and overruns of the soundcard that drives it.
+    pub fn xruns(&self) -> Option<u64> {
+        match &self.runner {
+            Runner::Card(card) => Some(card.counts().xruns),
+            _ => None,
+        }
+    }
+
     /// True if the caller drives the player.
     pub fn is_the_callers(&self) -> bool {
         matches!(self.runner, Runner::Caller(_))
     }
 
-    /// Calls `work` between two frames with the number of the second. A thread or card that drives something real is
-    /// not held up: frames may pass meanwhile, and the number is theirs to within a block.
+    /// Calls `work` between two frames with the number of the second. A thread or card that drives a real device does
+    /// not wait for it: frames may be computed meanwhile, and the number is exact to within a block.
     pub fn between_frames<T>(&self, work: impl FnOnce(u64) -> T) -> T {
-        let _held = self.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        let _held = self.frame_lock.lock().unwrap_or_else(PoisonError::into_inner);
         work(self.pace.frames())
     }
 
@@ -288,12 +294,16 @@ impl Drop for Drive {
     }
 }
 
-fn run(mut player: Player, (rate_hz, timing): (f64, Timing), (pace, gate): (&Pace, &Mutex<()>)) -> Player {
+fn run(
+    mut player: Player,
+    (rate_hz, timing): (f64, Timing),
+    (pace, frame_lock): (&Pace, &Mutex<()>),
+) -> Player {
     if timing.is_real_time {
         // What the system refuses costs evenness only.
         let _ = Timer::default().prepare_thread();
     }
-    let most = (timing.most_behind.as_secs_f64() * rate_hz) as u64;
+    let most = (timing.max_behind.as_secs_f64() * rate_hz) as u64;
     let (mut origin, mut done) = (Instant::now(), 0_u64);
     while !pace.end.load(Relaxed) && !player.is_idle() {
         let due = (origin.elapsed().as_secs_f64() * rate_hz) as u64;
@@ -307,7 +317,7 @@ fn run(mut player: Player, (rate_hz, timing): (f64, Timing), (pace, gate): (&Pac
         }
         let begun = Instant::now();
         // A real-time thread waits for no other: see `between_frames`.
-        let held = (!timing.is_real_time).then(|| gate.lock().unwrap_or_else(PoisonError::into_inner));
+        let held = (!timing.is_real_time).then(|| frame_lock.lock().unwrap_or_else(PoisonError::into_inner));
         player.process(behind as usize);
         done += behind;
         pace.busy_ns.fetch_add(begun.elapsed().as_nanos() as u64, Relaxed);

@@ -2,12 +2,13 @@
 //! edit from a page may exceed.
 
 use super::load::Source;
-use super::stage::StageError;
+use super::stage::{Stage, StageError};
 use haptograph_engine::diagnostic::{Diagnostics, Severity};
 use haptograph_engine::document::Document;
 use haptograph_engine::graph::{DeclaredDevice, Graph, Hosted, check, declared_devices};
 use haptograph_engine::node::Limit;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// The envelopes confirmed by the person who opened the studio: those of the graph's file and of the
 /// parameters on the command line.
@@ -55,6 +56,46 @@ impl Confirmed {
             return Ok(());
         }
         within(&self.as_set, &source.with_set(self.set.clone()), text)
+    }
+}
+
+/// A graph that a page asked for and that exceeds the confirmed envelope.
+#[derive(Debug)]
+pub struct Proposal {
+    /// Counts the proposals of a studio, from 1.
+    pub number: u64,
+    /// Everything in which it exceeds the envelope, one sentence each.
+    pub beyond: Vec<String>,
+    source: Source,
+    text: String,
+}
+
+impl Stage {
+    /// Keeps what was refused, for the person at the terminal.
+    pub fn propose(&mut self, source: Source, text: String, beyond: Vec<String>) {
+        self.proposals += 1;
+        self.proposal = Some(Proposal {
+            number: self.proposals,
+            beyond,
+            source,
+            text,
+        });
+    }
+
+    /// Confirms the limits and devices of the latest proposal, if it has this number. The page has to ask for it again.
+    ///
+    /// # Errors
+    /// [`StageError`] if another edit was proposed since, or none was.
+    pub fn confirm(&mut self, number: u64) -> Result<(), StageError> {
+        let Some(proposal) = self.proposal.take_if(|proposal| proposal.number == number) else {
+            let why = match &self.proposal {
+                Some(latest) => format!("edit {number} was replaced by edit {}", latest.number),
+                None => format!("there is no edit {number} to confirm"),
+            };
+            return Err(StageError::Other(why));
+        };
+        self.confirmed = Some(Arc::new(Confirmed::of(&proposal.source, &proposal.text)?));
+        Ok(())
     }
 }
 
@@ -134,7 +175,7 @@ impl SafetyEnvelope {
         for (place, text) in &next.depends {
             if self.depends.get(place) != Some(text) {
                 beyond.push(format!(
-                    "{place} comes to depend on parameters in another way: {text}"
+                    "{place} now depends on parameters differently: {text}"
                 ));
             }
         }
@@ -348,6 +389,25 @@ mod tests {
     }
 
     #[test]
+    fn a_slew_limit_is_neither_raised_nor_removed() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/texturepad.ron");
+        let source = Source::new(path, &haptograph_nodes::registry(), Vec::new());
+        let text = source.read().expect("it ships");
+        let with = |slew: &str| {
+            let text = text.replace("continuous_a: 0.25", &format!("continuous_a: 0.25{slew}"));
+            SafetyEnvelope::of(&source, &text).expect("a graph")
+        };
+        let (known, raised) = (with(", slew_a_per_s: 100"), with(", slew_a_per_s: 101"));
+        let (lowered, removed) = (with(", slew_a_per_s: 99"), with(""));
+        for (next, said) in [(raised, "to 101 A/s"), (removed, "to no limit")] {
+            let beyond = known.exceeded_by(&next);
+            let is_said = |beyond: &String| beyond.contains("slew rises") && beyond.ends_with(said);
+            assert!(beyond.len() == 5 && beyond.iter().all(is_said), "{beyond:?}");
+        }
+        assert_eq!(known.exceeded_by(&lowered), [""; 0]);
+    }
+
+    #[test]
     fn a_set_that_cannot_run_any_more_shows_no_limits() {
         let beyond = beyond(replaced("continuous_a", "continous_a"), &[]);
         let of = |name: &str| {
@@ -372,7 +432,7 @@ mod tests {
             assert!(
                 beyond
                     .iter()
-                    .any(|beyond| beyond.contains("depend on parameters")),
+                    .any(|beyond| beyond.contains("depends on parameters")),
                 "{to}: {beyond:?}"
             );
         }

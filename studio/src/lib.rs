@@ -10,7 +10,6 @@
 #![cfg_attr(target_family = "wasm", allow(dead_code))]
 
 mod actuators;
-mod again;
 mod arming;
 mod channels;
 mod describe;
@@ -26,9 +25,12 @@ mod page_clock;
 mod pages;
 mod publish;
 mod record;
+mod replay;
+mod run_cycle;
 mod run_page;
 mod scope;
 mod stage;
+mod swap;
 mod talk;
 mod wire;
 

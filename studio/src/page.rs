@@ -148,7 +148,7 @@ impl Engine {
 
     /// Rate of the driver, Hz.
     pub fn driver_hz(&self) -> f64 {
-        self.stage.rate_hz()
+        self.stage.rate_hz
     }
 
     /// Rate of the played samples, Hz; `None` if the graph drives nothing audible.

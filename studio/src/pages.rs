@@ -1,6 +1,7 @@
 //! The pages connected to a stage.
 
 use super::page_clock::PageClock;
+use super::publish::text;
 use super::stage::Stage;
 use super::wire::{MOST_SCOPES, Message, ScopeRequest};
 
@@ -70,7 +71,9 @@ impl Stage {
         self.pages.retain(|known| known.id != page);
         if self.owner == Some(page) {
             self.disarm();
-            self.owner = self.pages.first().map(|known| known.id);
+            // A page of the network could not resume the run.
+            let of_machine = self.pages.iter().find(|page| page.reach == Reach::Machine);
+            self.owner = of_machine.or(self.pages.first()).map(|page| page.id);
         }
     }
 
@@ -78,6 +81,14 @@ impl Stage {
     pub fn give_to(&mut self, page: u64) {
         if self.owner.replace(page) != Some(page) {
             self.disarm();
+        }
+    }
+
+    /// Sends a message to the owner.
+    pub fn tell_owner(&mut self, value: &serde_json::Value) {
+        let owner = self.owner;
+        if let Some(page) = self.pages.iter_mut().find(|page| Some(page.id) == owner) {
+            page.send(text(value));
         }
     }
 

@@ -155,6 +155,7 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
         .iter()
         .map(|(name, since)| json!({ "input": name, "for_s": time_s - since }));
     let quiet: Vec<Value> = quiet.collect();
+    let xruns = drive.as_ref().and_then(|drive| drive.xruns());
     let pace = drive.as_ref().map(|drive| Arc::clone(&drive.pace));
     let busy = pace.as_ref().map_or(0.0, |pace| pace.take_busy().as_secs_f64());
     json!({
@@ -166,6 +167,7 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
         "pages": pages.len(),
         "behind_ms": pace.as_ref().map_or(0.0, |pace| pace.behind_ms()),
         "late": pace.as_ref().map_or(0, |pace| pace.late()),
+        "xruns": xruns,
         "silent": quiet,
         "actuators": actuators,
         "armed_gain": gain,
@@ -177,12 +179,14 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
 }
 
 impl Page {
-    /// Sends a message; one that the page does not read is counted.
+    /// Sends a message to a page that may not read. Lost samples are counted; where a text is lost, such as the new graph,
+    /// the page is disconnected, and told everything when it comes back.
     pub fn send(&mut self, message: Message) {
+        let is_text = matches!(message, Message::Text(_));
         match self.line.send(message) {
             Ok(()) => {}
-            Err(LineError::Full) => self.lost += 1,
-            Err(LineError::Gone) => self.is_gone = true,
+            Err(LineError::Full) if !is_text => self.lost += 1,
+            Err(LineError::Full | LineError::Gone) => self.is_gone = true,
         }
     }
 }

@@ -5,15 +5,23 @@
 //! Pointer events are stored as integers, which any text format preserves.
 
 use super::load::Source;
+use super::run_cycle::NextRun;
+use super::stage::Stage;
 use super::wire::{MOST_DEG, MOST_M, MOST_N, Pointer};
 use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::PathBuf;
 
+/// File in a run's folder with the recording.
+pub const STROKES: &str = "strokes.json";
+/// Maximum number of folders with one name.
+const MAX_FOLDERS: usize = 10_000;
 /// Version of the format.
 pub const FORMAT: u32 = 1;
 /// Maximum number of events: more than half an hour of a pen.
-pub const MOST_EVENTS: usize = 500_000;
+pub const MAX_EVENTS: usize = 500_000;
 /// Maximum duration of a replay, s.
-const LONGEST_S: f64 = 36_000.0;
+const MAX_REPLAY_S: f64 = 36_000.0;
 
 /// A pointer event, in integers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,7 +79,7 @@ impl From<Move> for Written {
 }
 
 /// A changed setting: driver frame, live setting, value.
-pub type Turn = (u64, String, f64);
+pub type SettingChange = (u64, String, f64);
 
 /// A recording with the graph that it was made with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -88,31 +96,34 @@ pub struct Recording {
     pub rate_hz: f64,
     pub frames: u64,
     pub moves: Vec<Move>,
-    pub turns: Vec<Turn>,
+    #[serde(rename = "turns")]
+    pub settings: Vec<SettingChange>,
 }
 
-/// The stored form of a pointer event, before `frame` and due at a time of the run.
-pub fn moved(frame: u64, pad: usize, due_s: f64, point: &Pointer) -> Move {
-    Move {
-        frame,
-        pad,
-        due_us: (due_s * 1e6).round() as u64,
-        at_nm: point.position_m.map(|x| (x * 1e9).round() as i64),
-        force_un: (point.force_n * 1e6).round() as u64,
-        tilt_udeg: point.tilt_deg.map(|x| (x * 1e6).round() as i64),
+impl Move {
+    /// The stored form of a pointer event of a pad, before `frame` and due at a time of the run.
+    pub fn new(frame: u64, pad: usize, due_s: f64, point: &Pointer) -> Self {
+        Self {
+            frame,
+            pad,
+            due_us: (due_s * 1e6).round() as u64,
+            at_nm: point.position_m.map(|x| (x * 1e9).round() as i64),
+            force_un: (point.force_n * 1e6).round() as u64,
+            tilt_udeg: point.tilt_deg.map(|x| (x * 1e6).round() as i64),
+        }
     }
-}
 
-/// Time, s, and pointer of a stored event.
-pub fn meant(made: &Move) -> (f64, Pointer) {
-    let due_s = made.due_us as f64 * 1e-6;
-    let pointer = Pointer {
-        at_s: due_s,
-        position_m: made.at_nm.map(|x| x as f64 * 1e-9),
-        force_n: made.force_un as f64 * 1e-6,
-        tilt_deg: made.tilt_udeg.map(|x| x as f64 * 1e-6),
-    };
-    (due_s, pointer)
+    /// Time, s, and pointer of the event.
+    pub fn pointer(&self) -> (f64, Pointer) {
+        let due_s = self.due_us as f64 * 1e-6;
+        let pointer = Pointer {
+            at_s: due_s,
+            position_m: self.at_nm.map(|x| x as f64 * 1e-9),
+            force_n: self.force_un as f64 * 1e-6,
+            tilt_deg: self.tilt_udeg.map(|x| x as f64 * 1e-6),
+        };
+        (due_s, pointer)
+    }
 }
 
 /// Why a recording cannot be replayed.
@@ -140,19 +151,20 @@ impl Recording {
             set: source.set.clone(),
             rate_hz,
             frames: 0,
-            moves: Vec::new(),
-            turns: Vec::new(),
+            // A page's audio thread records without allocating.
+            moves: Vec::with_capacity(MAX_EVENTS),
+            settings: Vec::new(),
         }
     }
 
     /// Adds a setting changed before this frame.
-    pub fn turned(&mut self, frame: u64, name: &str, value: f64) {
-        self.turns.push((frame, name.to_owned(), value));
+    pub fn add_setting_change(&mut self, frame: u64, name: &str, value: f64) {
+        self.settings.push((frame, name.to_owned(), value));
     }
 
     /// True if the maximum number of events is reached.
     pub fn is_full(&self) -> bool {
-        self.moves.len() + self.turns.len() >= MOST_EVENTS
+        self.moves.len() + self.settings.len() >= MAX_EVENTS
     }
 
     /// True if the recording was made with this graph.
@@ -177,19 +189,19 @@ impl Recording {
         }
         let in_order = |frames: &mut dyn Iterator<Item = u64>| frames.is_sorted();
         if !in_order(&mut self.moves.iter().map(|made| made.frame))
-            || !in_order(&mut self.turns.iter().map(|made| made.0))
+            || !in_order(&mut self.settings.iter().map(|made| made.0))
         {
             return Err(RecordingError::Damaged("its moves are out of order"));
         }
         let is_right = |made: &Move| {
-            let (due_s, point) = meant(made);
+            let (due_s, point) = made.pointer();
             let is_near = point.position_m.iter().all(|x| x.abs() <= MOST_M);
             let is_upright = point.tilt_deg.iter().all(|tilt| tilt.abs() <= MOST_DEG);
-            due_s <= LONGEST_S && is_near && is_upright && point.force_n <= MOST_N
+            due_s <= MAX_REPLAY_S && is_near && is_upright && point.force_n <= MOST_N
         };
         match self.moves.iter().all(is_right)
-            && self.seconds() <= LONGEST_S
-            && self.moves.len() + self.turns.len() <= 2 * MOST_EVENTS
+            && self.seconds() <= MAX_REPLAY_S
+            && self.moves.len() + self.settings.len() <= 2 * MAX_EVENTS
         {
             true => Ok(()),
             false => Err(RecordingError::Damaged(
@@ -199,59 +211,63 @@ impl Recording {
     }
 }
 
-/// A replay in progress.
-#[derive(Debug)]
-pub struct Replay {
-    recording: Recording,
-    moves: usize,
-    turns: usize,
-}
-
-/// The next step of a replay.
-pub enum Again<'a> {
-    Move(&'a Move),
-    Turn(&'a Turn),
-    /// No event before this frame.
-    Until(u64),
-    /// The replay is over.
-    Over,
-}
-
-impl Replay {
-    pub fn of(recording: Recording) -> Self {
-        Self {
-            recording,
-            moves: 0,
-            turns: 0,
+impl Stage {
+    /// Starts or ends a recording; either restarts the run.
+    pub fn record(&mut self, on: bool) {
+        if on != self.recorder.is_some() {
+            self.close_recording();
+            self.restart(if on { NextRun::Record } else { NextRun::Live });
         }
     }
 
-    /// The next step before `frame` is run.
-    pub fn next(&mut self, frame: u64) -> Again<'_> {
-        let Recording {
-            moves, turns, frames, ..
-        } = &self.recording;
-        let (next_move, next_turn) = (moves.get(self.moves), turns.get(self.turns));
-        if let Some(made) = next_move.filter(|made| made.frame <= frame) {
-            self.moves += 1;
-            return Again::Move(made);
+    /// Ends the recording at the present frame.
+    pub fn close_recording(&mut self) {
+        if let (Some(recording), Some(drive)) = (&mut self.recorder, &self.drive) {
+            recording.frames = drive.between_frames(|frame| frame);
         }
-        if let Some(made) = next_turn.filter(|made| made.0 <= frame) {
-            self.turns += 1;
-            return Again::Turn(made);
-        }
-        if frame >= *frames {
-            return Again::Over;
-        }
-        let next = next_move
-            .map(|made| made.frame)
-            .into_iter()
-            .chain(next_turn.map(|made| made.0));
-        Again::Until(next.chain([*frames]).min().unwrap_or(*frames))
     }
 
-    /// Fraction of the replay that is done, 0 to 1.
-    pub fn part(&self, frame: u64) -> f64 {
-        (frame as f64 / self.recording.frames.max(1) as f64).min(1.0)
+    /// Saves a recording if there is a folder for it, and sends it to the page that made it.
+    pub fn deliver_recording(&mut self, recording: &Recording) {
+        let page_error = self.page_error.take();
+        let written = self.folder.take().map(|folder| {
+            let path = folder.join(STROKES);
+            let text = serde_json::to_vec(recording).map_err(std::io::Error::other);
+            text.and_then(|text| haptograph_surfaces::files::write_atomically(&path, &text))
+                .map(|()| folder)
+        });
+        let (saved, error) = match written {
+            None => (None, None),
+            Some(Ok(folder)) => {
+                let error =
+                    page_error.map(|error| format!("the page about the recording is not on disk: {error}"));
+                (Some(folder), error)
+            }
+            Some(Err(error)) => (None, Some(format!("the recording is not on disk: {error}"))),
+        };
+        let report = saved.as_ref().filter(|_| error.is_none());
+        let report = report.and_then(|folder| Some(folder.file_name()?.to_string_lossy().into_owned()));
+        self.tell_owner(&json!({
+            "type": "recording", "name": format!("{}-{STROKES}", recording.graph), "seconds": recording.seconds(),
+            "saved": saved.map(|folder| folder.display().to_string()), "report": report, "error": error,
+            "recording": recording,
+        }));
+    }
+
+    /// Creates a folder with this name and a number, where runs are stored.
+    pub fn new_folder(&self, name: &str) -> std::io::Result<Option<PathBuf>> {
+        let Some(out) = &self.out else { return Ok(None) };
+        std::fs::create_dir_all(out)?;
+        for number in 1..MAX_FOLDERS {
+            let folder = out.join(format!("{name}-{number}"));
+            match std::fs::create_dir(&folder) {
+                Ok(()) => return Ok(Some(folder)),
+                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Err(std::io::Error::other(format!(
+            "there are ten thousand folders of `{name}`: remove some"
+        )))
     }
 }

@@ -19,13 +19,13 @@ pub const REPORT: &str = "report.html";
 
 /// A signal recorded for the page.
 #[derive(Debug)]
-pub struct Kept {
+pub struct PageSignal {
     port: String,
     recorder: Recorder,
     record: Record,
 }
 
-impl Kept {
+impl PageSignal {
     /// The signals that a run's page shows.
     pub fn of(graph: &Graph) -> Vec<Self> {
         // Scopes show numbers only.
@@ -59,7 +59,7 @@ pub fn write(
     source: &Source,
     graph: &Graph,
     outcome: &Outcome,
-    kept: &[Kept],
+    signals: &[PageSignal],
 ) -> std::io::Result<()> {
     let set = source.set.iter();
     let set = set.map(|(name, value)| (name.as_str(), value.as_str()));
@@ -69,14 +69,14 @@ pub fn write(
         json!({ "name": device.name, "kind": spec.name, "simulated": spec.simulated })
     });
     run.extend([("devices", "Devices", devices.collect())]);
-    let page = page(source, graph, outcome, &run, kept);
+    let page = page(source, graph, outcome, &run, signals);
     haptograph_surfaces::files::write_atomically(&folder.join(facts::FILE), run.to_json().as_bytes())?;
     haptograph_surfaces::files::write_atomically(&folder.join(REPORT), page.as_bytes())
 }
 
-fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, kept: &[Kept]) -> String {
+fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, signals: &[PageSignal]) -> String {
     let own = [(
-        super::again::STROKES,
+        super::record::STROKES,
         "the moves and turns, to be replayed in the studio",
     )];
     Page {
@@ -105,7 +105,7 @@ fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, kept: &[
         files: facts::files_beside(graph, &own),
         sound: None,
         requests: Vec::new(),
-        signals: kept.iter().map(|kept| kept.record.content()).collect(),
+        signals: signals.iter().map(|signal| signal.record.content()).collect(),
         textures: Vec::new(),
         drawing: drawing::svg(graph, ""),
     }

@@ -1,30 +1,26 @@
 //! A running graph with its connected pages, and the actions that these may take.
 
-use super::actuators::{Actuator, Sound, driven};
-use super::again::After;
-use super::drive::{Drive, DrivenBy, Timing};
-use super::envelope::Confirmed;
+use super::actuators::{Actuator, Sound};
+use super::drive::{Drive, DrivenBy};
+use super::envelope::{Confirmed, Proposal};
 use super::levels::Costs;
 use super::load::{Loaded, Source};
 use super::pads::Pad;
 use super::pages::Page;
-use super::publish::send_samples;
-use super::record::{Recording, Replay, meant, moved};
-use super::run_page::{self, Kept};
-use super::scope::{self, Port, Scope};
+use super::record::{Move, Recording};
+use super::replay::Replay;
+use super::run_cycle::NextRun;
+use super::run_page::PageSignal;
+use super::scope::Scope;
 use super::wire::Pointer;
 use haptograph_engine::diagnostic::Diagnostics;
-use haptograph_engine::host::{PlayOptions, Player};
 use haptograph_engine::run::{ArmSwitch, Session};
 use haptograph_nodes::network::Connections;
-use haptograph_nodes::soundcard::{CardNote, Inputs, Wanted, wanted};
+use haptograph_nodes::soundcard::{CardNote, CardRequests, Inputs};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
-
-/// Maximum duration of the fall to zero.
-const STOPPING: Duration = Duration::from_secs(2);
 
 /// State of the run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,8 +52,8 @@ pub enum StageError {
     Graph(Diagnostics),
     /// The graph exceeds the limits and devices of the file when the studio was opened, one sentence each.
     #[error(
-        "limits cannot be raised, nor actuators added or devices changed, from the page: {}; nothing is changed. Edit \
-         the file itself, with an editor on the machine of the studio, and open the studio again",
+        "limits cannot be raised, nor actuators added or devices changed, from the page alone: {}; nothing was changed. \
+         Confirm it at the terminal of the studio, then repeat it here",
         .0.join("; ")
     )]
     Beyond(Vec<String>),
@@ -72,7 +68,7 @@ impl From<Diagnostics> for StageError {
     }
 }
 
-fn other(error: impl std::fmt::Display) -> StageError {
+pub fn other(error: impl std::fmt::Display) -> StageError {
     StageError::Other(error.to_string())
 }
 
@@ -85,6 +81,9 @@ pub struct Stage {
     pub on_disk: String,
     /// Limits and devices that no edit may exceed; `None` if no real device can be reached.
     pub confirmed: Option<Arc<Confirmed>>,
+    /// The latest edit beyond them, and the number of such edits.
+    pub proposal: Option<Proposal>,
+    pub proposals: u64,
     pub state: State,
     pub session: Option<Session>,
     pub drive: Option<Drive>,
@@ -92,10 +91,10 @@ pub struct Stage {
     pub switch: Arc<ArmSwitch>,
     /// The driven devices that were heard at the last look.
     pub heard: Vec<String>,
-    /// The real devices of other programs, the soundcards that are listened to, and what was asked of soundcards.
+    /// The real devices of other programs, the soundcards that are listened to, and the streams requested of soundcards.
     pub network: Connections,
     pub inputs: Inputs,
-    wanted: Option<Wanted>,
+    pub card_requests: Option<CardRequests>,
     /// The latest event of a real device.
     pub note: Option<String>,
     pub pads: Vec<Pad>,
@@ -113,17 +112,18 @@ pub struct Stage {
     pub folder: Option<PathBuf>,
     pub recorder: Option<Recording>,
     /// Signals recorded for the page in that folder.
-    kept: Vec<Kept>,
+    pub page_signals: Vec<PageSignal>,
     /// Error of writing that page.
     pub page_error: Option<String>,
     pub replay: Option<Replay>,
     /// What follows this run.
-    pub after: After,
+    pub next_run: NextRun,
     /// Time still to be run in a replay, s.
-    pub owed_s: f64,
+    pub pending_s: f64,
     /// Delays from the arrival of pointers to their ticks, s.
     latencies_s: Vec<f64>,
-    rate_hz: f64,
+    /// Rate of the driver, Hz.
+    pub rate_hz: f64,
     pub next_page: u64,
 }
 
@@ -140,6 +140,8 @@ impl Stage {
             loaded,
             on_disk: text,
             confirmed: None,
+            proposal: None,
+            proposals: 0,
             state: State::Stopped,
             session: None,
             drive: None,
@@ -147,7 +149,7 @@ impl Stage {
             heard: Vec::new(),
             network: Connections::default(),
             inputs: Inputs::default(),
-            wanted: None,
+            card_requests: None,
             note: None,
             pads: Vec::new(),
             scopes: Vec::new(),
@@ -160,11 +162,11 @@ impl Stage {
             out: None,
             folder: None,
             recorder: None,
-            kept: Vec::new(),
+            page_signals: Vec::new(),
             page_error: None,
             replay: None,
-            after: After::Nothing,
-            owed_s: 0.0,
+            next_run: NextRun::None,
+            pending_s: 0.0,
             latencies_s: Vec::new(),
             rate_hz: 1.0,
             next_page: 0,
@@ -173,158 +175,10 @@ impl Stage {
         Ok(stage)
     }
 
-    /// Starts a live run.
-    pub fn start(&mut self) -> Result<(), StageError> {
-        self.start_as(After::Live)
-    }
-
-    /// Starts a run. Real actuators start as warm as their limits allow, since their temperature is unknown.
-    pub fn start_as(&mut self, how: After) -> Result<(), StageError> {
-        if self.state == State::Running {
-            return Ok(());
-        }
-        let begun = self.begin(how);
-        if begun.is_err() {
-            self.release();
-        }
-        begun
-    }
-
-    fn begin(&mut self, how: After) -> Result<(), StageError> {
-        // The queues of endpoints serve one run only.
-        self.loaded = self.source.load(&self.loaded.text)?;
-        let graph = &self.loaded.graph;
-        let ports = scope::ports(graph);
-        let mut options = PlayOptions::default();
-        options.sample_costs = true;
-        options.probes = ports.iter().map(|port| port.name.clone()).collect();
-        if matches!(how, After::Record) {
-            let failed = |error| other(format!("there is no folder to record to: {error}"));
-            let name = format!("{}-strokes", self.source.name());
-            self.folder = self.new_folder(&name).map_err(failed)?;
-            options.folder = self.folder.clone();
-        }
-        self.costs = Costs::default();
-        // Outputs of a pad's endpoint are not connected.
-        let mut devices = graph.devices().iter();
-        options.live.rested =
-            devices.all(|device| device.entry.spec.simulated || self.loaded.is_pad(&device.name));
-        // A new run begins disarmed.
-        self.switch.disarm();
-        options.live.arm = Some(Arc::clone(&self.switch));
-        let is_live = self.host.can_drive && !matches!(how, After::Replay(_));
-        // A replay drives nothing real, and hears nothing that was not recorded.
-        if is_live {
-            self.wanted = Some(wanted(graph).map_err(other)?);
-            self.network.connect(graph).map_err(other)?;
-        }
-        let (mut player, session) = Player::open(graph, &options).map_err(other)?;
-        if is_live {
-            let live = std::slice::from_mut(player.live_mut());
-            self.inputs = Inputs::open(graph, live).map_err(other)?;
-        }
-        let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
-        self.pads = pads.collect::<Result<_, _>>().map_err(other)?;
-        let scope = |port: Port| player.any_probe(&port.name).map(|frames| Scope::of(port, frames));
-        self.scopes = ports
-            .into_iter()
-            .map(scope)
-            .collect::<Result<_, _>>()
-            .map_err(other)?;
-        let driver = graph
-            .drivers()
-            .first()
-            .map(|driver| graph.clocks()[*driver].rate.hz());
-        self.rate_hz = driver.unwrap_or(1.0);
-        let timing = match self.host.can_drive && !driven(graph).is_empty() {
-            true => Timing::STRICT,
-            false => Timing::EASY,
-        };
-        let driven_by = match how {
-            After::Replay(_) => DrivenBy::Caller,
-            _ => self.host.driven_by,
-        };
-        match how {
-            After::Record => {
-                self.recorder = Some(Recording::begin(&self.source, &self.loaded.text, self.rate_hz));
-                // Without a folder there is no page.
-                self.kept = match self.folder {
-                    Some(_) => Kept::of(graph),
-                    None => Vec::new(),
-                };
-            }
-            After::Replay(recording) => self.replay = Some(Replay::of(*recording)),
-            After::Nothing | After::Live => {}
-        }
-        let card = self.wanted.as_ref().filter(|_| is_live);
-        self.drive = Some(match card.and_then(|wanted| wanted.output.clone()) {
-            Some(request) => Drive::start_by_card(player, request).map_err(other)?,
-            None => Drive::start(player, driven_by, (self.rate_hz, timing)).map_err(other)?,
-        });
-        self.session = Some(session);
-        self.state = State::Running;
-        self.describe_actuators();
-        Ok(())
-    }
-
-    /// Lets the outputs fall to zero and stops; if the caller drives, within its next frames.
-    pub fn stop(&mut self) {
-        self.disarm();
-        let (Some(session), Some(drive)) = (&self.session, &mut self.drive) else {
-            return;
-        };
-        session.stop();
-        if drive.is_done_within(STOPPING) {
-            self.end();
-        }
-    }
-
-    fn end(&mut self) {
-        if self
-            .recorder
-            .as_ref()
-            .is_some_and(|recording| recording.frames == 0)
-        {
-            self.close_recording();
-        }
-        let now_s = self.now_s();
-        let (Some(session), Some(drive)) = (self.session.take(), self.drive.take()) else {
-            return;
-        };
-        self.disarm();
-        let ended = drive.join().map(|player| player.finish(session));
-        self.release();
-        // The last frames: what begins next has scopes of its own.
-        self.look_at_scopes(now_s);
-        send_samples(self);
-        let kept = std::mem::take(&mut self.kept);
-        if let (Some(folder), Some(ended), true) = (&self.folder, &ended, self.recorder.is_some()) {
-            let (graph, outcome) = (&self.loaded.graph, &ended.outcome);
-            let written = run_page::write(folder, &self.source, graph, outcome, &kept);
-            self.page_error = written.err().map(|error| error.to_string());
-        }
-        let failed = ended.is_none_or(|ended| ended.panicked);
-        self.state = if failed { State::Failed } else { State::Stopped };
-        self.pads.clear();
-        self.silent.clear();
-        self.go_on();
-    }
-
-    /// Disconnects the real devices, after a last zero to each.
-    fn release(&mut self) {
-        (self.network, self.inputs, self.note) = (Connections::default(), Inputs::default(), None);
-        self.heard.clear();
-    }
-
     /// Time of the run, s.
     pub fn now_s(&self) -> f64 {
         let frames = self.drive.as_ref().map_or(0, |drive| drive.pace.frames());
         frames as f64 / self.rate_hz
-    }
-
-    /// Rate of the driver, Hz.
-    pub fn rate_hz(&self) -> f64 {
-        self.rate_hz
     }
 
     /// Updates the timing if the caller drives: wall-clock time and computing time since the last call.
@@ -339,7 +193,7 @@ impl Stage {
         let now_s = self.now_s();
         let notes = self.drive.as_mut().map(Drive::poll).unwrap_or_default();
         for note in notes.into_iter().chain(self.inputs.poll()) {
-            if let CardNote::Turn(note) = note {
+            if let CardNote::Changed(note) = note {
                 // What is plugged in anew is not what was armed.
                 self.disarm();
                 self.note = Some(note);
@@ -362,12 +216,12 @@ impl Stage {
         }
     }
 
-    fn look_at_scopes(&mut self, now_s: f64) {
+    pub fn look_at_scopes(&mut self, now_s: f64) {
         for scope in &mut self.scopes {
             scope.look(now_s);
         }
-        for kept in &mut self.kept {
-            kept.take(&self.scopes);
+        for signal in &mut self.page_signals {
+            signal.take(&self.scopes);
         }
         for actuator in &mut self.actuators {
             let port = format!("{}.delivered", actuator.name);
@@ -405,8 +259,8 @@ impl Stage {
             for point in points {
                 let due_s = page.clock.due_s(point.at_s, now_s);
                 // The recorded event is the one that is applied.
-                let made = moved(frame, number, due_s, point);
-                let (due_s, point) = meant(&made);
+                let made = Move::new(frame, number, due_s, point);
+                let (due_s, point) = made.pointer();
                 pad.move_to(due_s, &point);
                 self.latencies_s.push((due_s - now_s).max(0.0));
                 if let Some(recording) = &mut self.recorder {
@@ -433,102 +287,20 @@ impl Stage {
             return Err(other("the run is stopped"));
         };
         if self.replay.is_some() {
-            return Err(other("a recording is done again; stop it first"));
+            return Err(other("a replay is running; stop it first"));
         }
         drive.between_frames(|frame| {
             session.set_by_name(name, value).map_err(other)?;
             if let Some(recording) = &mut self.recorder {
-                recording.turned(frame, name, value);
+                recording.add_setting_change(frame, name, value);
             }
             Ok(())
         })
-    }
-
-    /// Swaps the graph; returns a description of the change.
-    pub fn take(&mut self, source: Source, next: Loaded) -> Result<String, StageError> {
-        if self.session.is_none() {
-            (self.loaded, self.source) = (next, source);
-            self.describe_actuators();
-            return Ok("it is taken over when the run goes on".to_owned());
-        }
-        if let Some(why) = self.obstacle(&next) {
-            return Err(other(why));
-        }
-        let ports = scope::ports(&next.graph);
-        let names: Vec<String> = ports.iter().map(|port| port.name.clone()).collect();
-        let connected = match self.host.can_drive {
-            true => Some(self.network.connect(&next.graph).map_err(other)?),
-            false => None,
-        };
-        self.disarm_unless_same(&next);
-        let Some(session) = self.session.as_mut() else {
-            return Err(other("the run is stopped"));
-        };
-        let changed = session.change_and_probe(&next.graph, None, &names);
-        let (changed, mut probes) = changed.map_err(|error| {
-            connected
-                .into_iter()
-                .for_each(|before| self.network.let_go(before));
-            other(error)
-        })?;
-        self.network.follow(&next.graph);
-        self.scopes.retain(|scope| ports.contains(&scope.port));
-        for port in ports {
-            if !self.scopes.iter().any(|scope| scope.port == port) {
-                let frames = probes.take_any(&port.name);
-                self.scopes.extend(frames.map(|frames| Scope::of(port, frames)));
-            }
-        }
-        (self.loaded, self.source) = (next, source);
-        // The new pads have the same channels.
-        for (pad, spec) in self.pads.iter_mut().zip(&self.loaded.pads) {
-            pad.lay_on(spec);
-        }
-        self.describe_actuators();
-        Ok(changed.change.to_string())
-    }
-
-    /// Why a graph cannot be swapped in without a new run.
-    fn obstacle(&self, next: &Loaded) -> Option<String> {
-        if self.recorder.is_some() || self.replay.is_some() {
-            return Some("a recording is of one graph: end it first".to_owned());
-        }
-        if self.wanted.is_some() && self.wanted != wanted(&next.graph).ok() {
-            return Some("it asks for another soundcard: stop, apply, and go on".to_owned());
-        }
-        let channels = |loaded: &Loaded| -> Vec<String> {
-            let channels = loaded.graph.host_inputs().chain(loaded.graph.host_outputs());
-            channels.map(|(name, _)| name).collect()
-        };
-        let (before, after) = (channels(&self.loaded), channels(next));
-        (before != after).then(|| {
-            format!(
-                "the pads' channels would be {} instead of {}; stop, apply, and go on",
-                list(&after),
-                list(&before)
-            )
-        })
-    }
-}
-
-impl Stage {
-    /// Ends the run with complete files.
-    pub fn close(&mut self) {
-        self.halt();
-        self.end();
     }
 }
 
 impl Drop for Stage {
     fn drop(&mut self) {
         self.close();
-    }
-}
-
-fn list(names: &[String]) -> String {
-    if names.is_empty() {
-        "none".to_owned()
-    } else {
-        names.join(", ")
     }
 }

@@ -176,7 +176,7 @@ fn act_as_owner(stage: &mut Stage, page: u64, message: ClientMessage) -> Respons
         }
         ClientMessage::Record { on } => stage.record(on),
         ClientMessage::Replay { request, recording } => {
-            let begun = stage.do_again(recording);
+            let begun = stage.start_replay(recording);
             return Response::Answer(reply(request, begun));
         }
         ClientMessage::Save { request, text } => return done_later(request, Work::Save(text)),
@@ -191,7 +191,7 @@ fn act_as_owner(stage: &mut Stage, page: u64, message: ClientMessage) -> Respons
 /// # Errors
 /// [`StageError`] if it cannot be swapped in.
 pub fn put(stage: &mut Stage, source: Source, loaded: Loaded) -> Result<String, StageError> {
-    let change = stage.take(source, loaded)?;
+    let change = stage.swap(source, loaded)?;
     tell_graph(stage);
     Ok(change)
 }

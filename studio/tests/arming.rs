@@ -338,3 +338,28 @@ fn simulated_devices_are_not_armed_and_a_set_that_is_not_there_is_said() {
     assert!(rig.coil.take().is_empty(), "nobody talks to it");
     assert!(open(rig.folder.path(), Some("nowhere")).is_err());
 }
+
+#[test]
+fn hostile_pages_that_do_not_own_a_real_actuator_do_not_move_it() {
+    let rig = Rig::new(Some("live"));
+    let mut owner = rig.page();
+    let kinds = [
+        "arm", "hold", "gain", "set", "resume", "apply", "record", "replay", "nothing",
+    ];
+    for round in 0..12 {
+        let mut hostile = rig.page();
+        for number in 0..90 {
+            let kind = kinds[(round + number) % kinds.len()];
+            let value = [json!(1), json!(1e300), json!("1"), json!(null), json!([1])][number % 5].clone();
+            hostile.say(&json!({
+                "type": kind, "gain": value, "name": "out.gain", "value": value, "request": number, "text": "", "on": true,
+            }));
+        }
+        hostile.say(&json!({ "type": "check", "request": u32::MAX, "text": "" }));
+        hostile.wait(|said| said["type"] == "reply" && said["request"] == u32::MAX);
+    }
+    let driven = rig.coil.take();
+    assert!(driven.iter().all(|current| *current == 0.0));
+    rig.assert_silent(&mut owner);
+    assert_eq!(fresh_status(&mut owner)["owner"], true);
+}

@@ -301,6 +301,32 @@ fn what_one_page_asks_for_is_done_in_its_order() {
 }
 
 #[test]
+fn what_exceeds_a_limit_runs_once_the_terminal_has_confirmed_it() {
+    let (_folder, path) = copied();
+    let studio = open(&path);
+    let mut page = Page::of(&studio);
+    let text = page.graph["text"].as_str().expect("a text").to_owned();
+    let raised = |peak: &str| text.replace("peak_a: 0.5", &format!("peak_a: {peak}"));
+    assert!(studio.proposal().is_none() && studio.confirm(1).is_err());
+    let mut apply = |peak: &str| page.request(json!({ "type": "apply", "text": raised(peak) }))["ok"] == true;
+    assert!(!apply("0.6"));
+    let (number, beyond) = studio.proposal().expect("it was proposed");
+    assert!(beyond.iter().all(|excess| excess.contains("0.6 A")), "{beyond:?}");
+    // Another edit does not slip in under its number.
+    assert!(!apply("0.7"));
+    assert!(studio.confirm(number).is_err());
+    assert!(!apply("0.7"));
+    assert!(!apply("0.6"));
+    let (number, _) = studio.proposal().expect("it was proposed");
+    studio.confirm(number).expect("it is the latest");
+    assert!(studio.proposal().is_none());
+    assert!(apply("0.6"));
+    assert!(!apply("0.7"));
+    let saved = page.request(json!({ "type": "save", "text": raised("0.6") }));
+    assert_eq!(saved["ok"], true, "{saved}");
+}
+
+#[test]
 fn no_edit_from_the_page_raises_a_limit_or_changes_a_device() {
     let (_folder, path) = copied();
     let studio = open(&path);
@@ -388,9 +414,10 @@ fn a_recorded_stroke_is_done_again_with_the_same_samples() {
     );
     let shown = std::fs::read_to_string(folder.join("report.html")).expect("it is there");
     assert!(shown.contains("texture/filter.acceleration") && shown.contains("texture.wav"));
-    let reply = page.request(json!({ "type": "replay", "recording": kept["recording"] }));
-    assert_eq!(reply["ok"], true, "{reply}");
+    page.say(&json!({ "type": "replay", "request": 0, "recording": kept["recording"] }));
     page.wait(|said| said["type"] == "graph");
+    let reply = page.wait(|said| said["type"] == "reply");
+    assert_eq!(reply["ok"], true, "{reply}");
     let count = frames.min(felt.len());
     let again = page.stroke(0.0, 0.0, count as f64 / rate_hz);
     let differs = (0..count).find(|at| felt[*at] != again[*at]);
@@ -559,7 +586,8 @@ fn ten_thousand_hostile_messages_move_nothing_and_end_nothing() {
         if sent > 0 {
             hostile.say(&json!({ "type": "own" }));
         }
-        for _ in 0..200 {
+        // Fewer than what ends a connection.
+        for _ in 0..90 {
             let message = match next(4) {
                 3 => Message::text(owners_attack(&mut next, sent).to_string()),
                 0 => Message::text(
@@ -573,10 +601,11 @@ fn ten_thousand_hostile_messages_move_nothing_and_end_nothing() {
                 ),
             };
             sent += 1;
-            if hostile.socket.send(message).is_err() {
-                break;
-            }
+            hostile.socket.send(message).expect("it is heard");
         }
+        // Messages are handled in order: the last reply says that all were.
+        hostile.say(&json!({ "type": "check", "request": u32::MAX, "text": "" }));
+        hostile.wait(|said| said["type"] == "reply" && said["request"] == u32::MAX);
     }
     let status = watching.wait(|said| {
         let few = said["pages"].as_u64().is_some_and(|pages| pages <= 2);

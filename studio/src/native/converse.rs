@@ -1,28 +1,32 @@
 //! Connection to one page.
 
-use super::{learn, lock, save::save};
+use super::{blocking, learn, lock, save::save, with_stage};
 use crate::describe;
 use crate::pages::{Line, LineError, Reach};
 use crate::publish::text;
 use crate::run_page::REPORT;
 use crate::stage::{Stage, StageError};
 use crate::talk::{self, Incoming, Response, Work};
-use crate::wire::Message;
+use crate::wire::{Message, WireError};
 use axum::extract::ws::{self, WebSocket};
+use futures_util::stream::{SplitSink, SplitStream};
+use futures_util::{SinkExt, StreamExt};
 use haptograph_engine::run::ArmSwitch;
 use serde_json::Value;
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
-use tokio::sync::Mutex as Turn;
+use std::time::{Duration, Instant};
+use tokio::sync::Mutex as AsyncMutex;
 use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 
 /// Number of invalid messages after which a page is disconnected.
-const MOST_REFUSED: u32 = 100;
-/// Maximum number of queued messages for a page that does not read.
-const MOST_WAITING: usize = 512;
+const MAX_REFUSED: u32 = 100;
+/// Maximum number of queued messages to a page that does not read, and from a page that the stage does not keep up with.
+const MAX_QUEUED: usize = 512;
 /// Maximum number of queued requests of a page.
-const MOST_REQUESTS: usize = 32;
+const MAX_REQUESTS: usize = 32;
+/// Maximum time in which a page takes a message.
+const SENDING: Duration = Duration::from_secs(5);
 /// Longer texts are parsed on another thread, bytes.
 const LONG_BYTES: usize = 1 << 16;
 
@@ -54,91 +58,147 @@ fn unframed(message: ws::Message) -> Option<Message> {
 #[derive(Debug, Clone, Default)]
 pub struct ExclusiveWork {
     /// Swapping the graph or writing the file.
-    edit: Arc<Turn<()>>,
-    learn: Arc<Turn<()>>,
+    edit: Arc<AsyncMutex<()>>,
+    learn: Arc<AsyncMutex<()>>,
 }
 
-/// A connection as seen by its work.
+/// A connection as seen by its tasks.
 #[derive(Clone)]
 struct Connection {
     stage: Arc<Mutex<Stage>>,
-    switch: Arc<ArmSwitch>,
     page: u64,
-    turns: ExclusiveWork,
-    replies: Sender<Value>,
+    exclusive: ExclusiveWork,
+    /// Answers to messages, and replies to requests.
+    answers: Sender<Value>,
 }
 
-/// Serves a page until either end closes. Long work runs on other threads, so that a STOP is handled
-/// meanwhile.
-pub async fn run(mut socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, turns: ExclusiveWork) {
-    let (line, mut out) = channel(MOST_WAITING);
-    let (page, first) = talk::greet(&mut lock(&stage), Box::new(line), reach);
-    let (replies, mut answers) = channel(MOST_REQUESTS);
-    let (queue, requests) = channel(MOST_REQUESTS);
-    let switch = Arc::clone(&lock(&stage).switch);
+/// A message that was read from the socket.
+enum Received {
+    Parsed(Result<Incoming, WireError>),
+    /// A text that takes a while to parse.
+    Long(Message),
+}
+
+/// Serves a page until either end closes. What reads the socket waits for nothing else, so that a STOP takes effect at
+/// once: neither for the stage, which another thread may hold, nor for a page that does not read.
+pub async fn run(socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, exclusive: ExclusiveWork) {
+    let (line, out) = channel(MAX_QUEUED);
+    let greeted = with_stage(&stage, move |stage| {
+        let greeted = talk::greet(stage, Box::new(line), reach);
+        (greeted, Arc::clone(&stage.switch))
+    });
+    let Some(((page, first), switch)) = greeted.await else {
+        return;
+    };
+    let (answers, answered) = channel(MAX_REQUESTS);
+    let (received, messages) = channel(MAX_QUEUED);
     let connection = Connection {
         stage,
-        switch,
         page,
-        turns,
-        replies,
+        exclusive,
+        answers,
     };
-    tokio::spawn(in_order(connection.clone(), requests));
-    let mut refused = 0;
-    for message in first {
-        if socket.send(framed(message)).await.is_err() {
-            refused = MOST_REFUSED;
-        }
+    let (sink, stream) = socket.split();
+    tokio::spawn(act_in_order(connection.clone(), messages));
+    tokio::select! {
+        () = read(stream, &switch, received) => {}
+        () = write(sink, first, out, answered) => {}
     }
-    while refused < MOST_REFUSED {
-        let sent = tokio::select! {
-            message = out.recv() => match message {
-                Some(message) => socket.send(framed(message)).await,
-                None => break,
-            },
-            Some(answer) = answers.recv() => socket.send(framed(text(&answer))).await,
-            message = socket.recv() => match message {
-                Some(Ok(message)) => match hear(&connection, &queue, message).await {
-                    Some(answer) => {
-                        refused += u32::from(answer["type"] == "refused");
-                        socket.send(framed(text(&answer))).await
-                    }
-                    None => Ok(()),
-                },
-                _ => break,
-            },
-        };
-        if sent.is_err() {
+    with_stage(&connection.stage, move |stage| stage.leave(page)).await;
+}
+
+/// Reads messages until the page closes, or sends more than the stage keeps up with.
+async fn read(mut stream: SplitStream<WebSocket>, switch: &ArmSwitch, received: Sender<Received>) {
+    while let Some(Ok(message)) = stream.next().await {
+        if let Some(message) = unframed(message)
+            && received.try_send(receive(switch, message)).is_err()
+        {
             break;
         }
     }
-    lock(&connection.stage).leave(page);
 }
 
-/// Handles a message, or queues it; returns an immediate answer.
-async fn hear(connection: &Connection, queue: &Sender<(u64, Work)>, message: ws::Message) -> Option<Value> {
-    let message = unframed(message)?;
-    let incoming = match &message {
-        Message::Text(text) if text.len() > LONG_BYTES => blocking(move || talk::read(&message))
-            .await
-            .unwrap_or(Ok(Incoming::Json(None))),
-        _ => talk::read(&message),
-    };
-    // A STOP does not wait for whoever holds the stage.
-    if talk::disarms(&incoming) {
-        connection.switch.disarm();
+/// Sends messages until the page closes, does not read for [`SENDING`], or has been refused too often.
+async fn write(
+    mut sink: SplitSink<WebSocket, ws::Message>,
+    first: [Message; 2],
+    mut out: Receiver<Message>,
+    mut answered: Receiver<Value>,
+) {
+    let (mut first, mut refused) = (first.into_iter(), 0);
+    while refused < MAX_REFUSED {
+        let message = match first.next() {
+            Some(message) => message,
+            None => tokio::select! {
+                // What a request causes is sent before its answer.
+                biased;
+                message = out.recv() => match message {
+                    Some(message) => message,
+                    None => break,
+                },
+                Some(answer) = answered.recv() => {
+                    refused += u32::from(answer["type"] == "refused");
+                    text(&answer)
+                },
+            },
+        };
+        let sent = tokio::time::timeout(SENDING, sink.send(framed(message))).await;
+        if !matches!(sent, Ok(Ok(()))) {
+            break;
+        }
     }
-    let next = talk::act_on(&mut lock(&connection.stage), connection.page, incoming);
-    match next {
+}
+
+/// Parses a message unless that takes a while. A STOP disarms here: it does not wait for the stage.
+fn receive(switch: &ArmSwitch, message: Message) -> Received {
+    match &message {
+        Message::Text(text) if text.len() > LONG_BYTES => Received::Long(message),
+        _ => {
+            let incoming = talk::read(&message);
+            if talk::disarms(&incoming) {
+                switch.disarm();
+            }
+            Received::Parsed(incoming)
+        }
+    }
+}
+
+/// Handles the messages of a page in order. Requests that take long are queued once more.
+async fn act_in_order(connection: Connection, mut messages: Receiver<Received>) {
+    let (queue, requests) = channel(MAX_REQUESTS);
+    tokio::spawn(work_in_order(connection.clone(), requests));
+    while let Some(received) = messages.recv().await {
+        let incoming = match received {
+            Received::Parsed(incoming) => incoming,
+            Received::Long(message) => blocking(move || talk::read(&message))
+                .await
+                .unwrap_or(Ok(Incoming::Json(None))),
+        };
+        let page = connection.page;
+        let acted = with_stage(&connection.stage, move |stage| {
+            talk::act_on(stage, page, incoming)
+        });
+        let Some(response) = acted.await else { continue };
+        if let Some(answer) = answer_to(&connection, &queue, response)
+            && connection.answers.send(answer).await.is_err()
+        {
+            break;
+        }
+    }
+}
+
+/// Queues the work that a message asks for; returns an immediate answer.
+fn answer_to(connection: &Connection, queue: &Sender<(u64, Work)>, response: Response) -> Option<Value> {
+    match response {
         Response::None => None,
         Response::Answer(answer) => Some(answer),
         Response::Work { request, work } => queue.try_send((request, work)).err().map(|_| {
             let why =
-                format!("{MOST_REQUESTS} requests of this page are queued already; wait for their replies");
+                format!("{MAX_REQUESTS} requests of this page are queued already; wait for their replies");
             talk::reply(request, Err(StageError::Other(why)))
         }),
         Response::Learn { request, name, csv } => {
-            let Ok(turn) = Arc::clone(&connection.turns.learn).try_lock_owned() else {
+            let Ok(turn) = Arc::clone(&connection.exclusive.learn).try_lock_owned() else {
                 let why = "another recording is being learned; retry when it is done";
                 return Some(talk::reply(request, Err(StageError::Other(why.to_owned()))));
             };
@@ -156,7 +216,7 @@ async fn hear(connection: &Connection, queue: &Sender<(u64, Work)>, message: ws:
                     Err(error) => talk::reply(request, Err(error)),
                 };
                 // A closed page needs no answer.
-                let _ = connection.replies.send(answer).await;
+                let _ = connection.answers.send(answer).await;
             });
             None
         }
@@ -164,19 +224,19 @@ async fn hear(connection: &Connection, queue: &Sender<(u64, Work)>, message: ws:
 }
 
 /// Processes the requests of a page in order.
-async fn in_order(connection: Connection, mut requests: Receiver<(u64, Work)>) {
+async fn work_in_order(connection: Connection, mut requests: Receiver<(u64, Work)>) {
     while let Some((request, work)) = requests.recv().await {
         let answer = match work {
             Work::Check(_) => check(&connection, request, work).await,
             Work::Apply(_) | Work::Parameter(..) | Work::Save(_) => {
-                let turn = connection.turns.edit.lock().await;
+                let turn = connection.exclusive.edit.lock().await;
                 let (stage, page) = (Arc::clone(&connection.stage), connection.page);
                 let done = blocking(move || edit(&stage, page, work)).await;
                 drop(turn);
                 talk::reply(request, done.unwrap_or_else(failed))
             }
         };
-        if connection.replies.send(answer).await.is_err() {
+        if connection.answers.send(answer).await.is_err() {
             break;
         }
     }
@@ -184,16 +244,15 @@ async fn in_order(connection: Connection, mut requests: Receiver<(u64, Work)>) {
 
 async fn check(connection: &Connection, request: u64, work: Work) -> Value {
     let begun = Instant::now();
-    let (source, text) = work.graph(&lock(&connection.stage));
-    match blocking(move || source.load(&text).err()).await {
+    let stage = Arc::clone(&connection.stage);
+    let checked = blocking(move || {
+        let (source, text) = work.graph(&lock(&stage));
+        source.load(&text).err()
+    });
+    match checked.await {
         Some(wrong) => talk::checked(request, wrong.as_ref(), Some(begun.elapsed())),
         None => talk::reply(request, failed()),
     }
-}
-
-/// Runs `work` on a blocking thread; `None` if it panicked.
-async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
-    tokio::task::spawn_blocking(work).await.ok()
 }
 
 fn failed<T>() -> Result<T, StageError> {
@@ -211,13 +270,15 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
     };
     // The limits of a text with errors are unknown, so it is not saved either.
     let loaded = source.load(&text)?;
-    if let Some(confirmed) = confirmed {
-        match saves {
-            true => confirmed.permits_save(&source, &text)?,
-            false => confirmed.permits_run(&source, &text)?,
-        }
-    }
+    let permitted = confirmed.map_or(Ok(()), |confirmed| match saves {
+        true => confirmed.permits_save(&source, &text),
+        false => confirmed.permits_run(&source, &text),
+    });
     talk::is_owner(&lock(stage), page)?;
+    if let Err(StageError::Beyond(beyond)) = &permitted {
+        lock(stage).propose(source.clone(), text.clone(), beyond.clone());
+    }
+    permitted?;
     if saves {
         return save(stage, &text);
     }
@@ -245,4 +306,56 @@ fn learned(stage: &Mutex<Stage>, name: &str, csv: &str) -> Result<(String, Optio
     let folder = folder.and_then(|folder| Some(folder.file_name()?.to_string_lossy().into_owned()));
     talk::tell_graph(&mut lock(stage));
     Ok((describe::from_graph(&path, &graph), folder))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::lock;
+    use crate::native::{Options, Studio};
+    use std::path::Path;
+    use std::time::{Duration, Instant};
+    use tungstenite::client::IntoClientRequest;
+    use tungstenite::{Message, connect};
+
+    fn request(studio: &Studio) -> tungstenite::handshake::client::Request {
+        let address = studio.address();
+        let url = format!("ws://{address}/live?token={}", studio.token());
+        let mut request = url.into_client_request().expect("a request");
+        let origin = format!("http://{address}").parse().expect("a header");
+        request.headers_mut().insert("origin", origin);
+        request
+    }
+
+    #[test]
+    fn a_stop_disarms_while_another_thread_holds_the_stage() {
+        let options = Options {
+            graph: Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/texturepad.ron"),
+            set: Vec::new(),
+            endpoints: None,
+            port: 0,
+            out: std::env::temp_dir().join("haptograph-no-recordings"),
+            surfaces: Vec::new(),
+            lan: None,
+        };
+        let studio = Studio::open(&options, &haptograph_nodes::registry()).expect("a studio");
+        let (mut page, _) = connect(request(&studio)).expect("it is let in");
+        page.read().expect("it is greeted");
+        let stage = lock(&studio.stage);
+        stage.switch.arm(0.1);
+        // What waits for the stage: a message of the page, and another page.
+        let text = |text: &str| Message::text(text.to_owned());
+        page.send(text(r#"{"type":"set","name":"out.gain","value":0.5}"#))
+            .expect("sent");
+        let another = request(&studio);
+        let another = std::thread::spawn(move || connect(another).is_ok());
+        std::thread::sleep(Duration::from_millis(50));
+        page.send(text(r#"{"type":"stop"}"#)).expect("sent");
+        let sent = Instant::now();
+        while stage.switch.is_armed() && sent.elapsed() < Duration::from_secs(60) {
+            std::thread::yield_now();
+        }
+        assert!(!stage.switch.is_armed());
+        drop(stage);
+        assert!(another.join().expect("no panic"));
+    }
 }

@@ -15,7 +15,7 @@ pub fn run(stage: &Weak<Mutex<Stage>>) {
         let passed = last.elapsed();
         last = Instant::now();
         let mut stage = lock(&stage);
-        stage.keep_up(passed);
+        stage.advance_replay(passed);
         publisher.publish(&mut stage, passed);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::assets::PAGE;
 use super::converse::{self, ExclusiveWork};
-use super::{listen, lock, pump};
+use super::{blocking, listen, lock, pump, with_stage};
 use crate::drive::DrivenBy;
 use crate::envelope::Confirmed;
 use crate::load::Source;
@@ -30,7 +30,7 @@ use std::thread::JoinHandle;
 use tokio::sync::oneshot;
 
 /// Maximum size of a served report, bytes.
-const MOST_REPORT_BYTES: u64 = 64 << 20;
+const MAX_REPORT_BYTES: u64 = 64 << 20;
 /// Maximum number of connected pages.
 const MOST_PAGES: usize = 16;
 /// The host of an engine on this machine.
@@ -103,7 +103,7 @@ fn other(error: impl std::fmt::Display) -> StudioError {
 
 /// A served page with its running graph; dropping it ends both.
 pub struct Studio {
-    stage: Arc<Mutex<Stage>>,
+    pub(super) stage: Arc<Mutex<Stage>>,
     address: SocketAddr,
     lan: Option<SocketAddr>,
     token: String,
@@ -115,7 +115,7 @@ pub struct Studio {
 #[derive(Clone)]
 struct Shared {
     stage: Arc<Mutex<Stage>>,
-    turns: ExclusiveWork,
+    exclusive: ExclusiveWork,
     token: Arc<str>,
     /// The host names of this server.
     hosts: Arc<[String]>,
@@ -139,11 +139,11 @@ impl Studio {
             .name("studio pump".to_owned())
             .spawn(move || pump::run(&watched))
             .map_err(other)?;
-        let (turns, known): (_, Arc<str>) = (ExclusiveWork::default(), token.as_str().into());
+        let (exclusive, known): (_, Arc<str>) = (ExclusiveWork::default(), token.as_str().into());
         let served = doors.all().map(|door| {
             let shared = Shared {
                 stage: Arc::clone(&stage),
-                turns: turns.clone(),
+                exclusive: exclusive.clone(),
                 token: Arc::clone(&known),
                 hosts: door.hosts.into(),
                 reach: door.reach,
@@ -183,6 +183,23 @@ impl Studio {
         let stage = lock(&self.stage);
         let driven = crate::actuators::driven(&stage.loaded.graph).into_iter();
         driven.map(|(name, _)| name.to_owned()).collect()
+    }
+
+    /// The latest edit of a page that was refused since it raises or removes a limit, adds an actuator or changes a device:
+    /// its number, and each excess in one sentence. The sentences quote the edit, control characters included.
+    pub fn proposal(&self) -> Option<(u64, Vec<String>)> {
+        let stage = lock(&self.stage);
+        let proposal = stage.proposal.as_ref()?;
+        Some((proposal.number, proposal.beyond.clone()))
+    }
+
+    /// Confirms the limits and devices of such an edit: the page may repeat it. Call it only if the person at this machine
+    /// said so.
+    ///
+    /// # Errors
+    /// [`StudioError`] if the edit was replaced by another one.
+    pub fn confirm(&self, number: u64) -> Result<(), StudioError> {
+        lock(&self.stage).confirm(number).map_err(StudioError::from)
     }
 
     /// The access token.
@@ -345,10 +362,13 @@ async fn report(
     if !is_let_in(&shared, &query) {
         return (StatusCode::FORBIDDEN, Html(LOCKED)).into_response();
     }
-    let out = lock(&shared.stage).out.clone();
     let is_name = !folder.is_empty() && !folder.starts_with('.') && !folder.contains(['/', '\\', ':', '\0']);
+    let out = with_stage(&shared.stage, |stage| stage.out.clone())
+        .await
+        .flatten();
     let path = out.filter(|_| is_name).map(|out| out.join(folder).join(REPORT));
-    match path.and_then(|path| files::read(&path, MOST_REPORT_BYTES).ok()) {
+    let page = blocking(move || files::read(&path?, MAX_REPORT_BYTES).ok());
+    match page.await.flatten() {
         Some(page) => {
             let kind = (header::CONTENT_TYPE, "text/html; charset=utf-8");
             ([kind, (header::CONTENT_SECURITY_POLICY, REPORT_POLICY)], page).into_response()
@@ -383,16 +403,17 @@ async fn live(
         return StatusCode::FORBIDDEN.into_response();
     }
     // Pages of the network leave capacity for those of this machine, and cannot send recordings.
-    let (most_pages, most_bytes) = match shared.reach {
+    let (max_pages, max_bytes) = match shared.reach {
         Reach::Machine => (MOST_PAGES, MOST_LEARNED_BYTES),
         Reach::Network => (MOST_PAGES / 2, MOST_BYTES),
     };
-    if lock(&shared.stage).pages.len() >= most_pages {
+    let pages = with_stage(&shared.stage, |stage| stage.pages.len()).await;
+    if pages.is_none_or(|pages| pages >= max_pages) {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages").into_response();
     }
     let upgrade = upgrade
         .protocols([SUBPROTOCOL])
-        .max_message_size(most_bytes)
-        .max_frame_size(most_bytes);
-    upgrade.on_upgrade(move |socket| converse::run(socket, shared.reach, shared.stage, shared.turns))
+        .max_message_size(max_bytes)
+        .max_frame_size(max_bytes);
+    upgrade.on_upgrade(move |socket| converse::run(socket, shared.reach, shared.stage, shared.exclusive))
 }

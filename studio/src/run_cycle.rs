@@ -1,0 +1,228 @@
+//! Begin and end of the runs of a stage.
+
+use super::actuators::driven;
+use super::drive::{Drive, DrivenBy, Timing};
+use super::levels::Costs;
+use super::pads::Pad;
+use super::publish::send_samples;
+use super::record::Recording;
+use super::replay::Replay;
+use super::run_page::{self, PageSignal};
+use super::scope::{self, Port, Scope};
+use super::stage::{Stage, StageError, State, other};
+use haptograph_engine::host::{PlayOptions, Player};
+use haptograph_nodes::network::Connections;
+use haptograph_nodes::soundcard::{Inputs, card_requests};
+use serde_json::json;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Maximum duration of the fall to zero.
+const STOPPING: Duration = Duration::from_secs(2);
+
+/// What follows when a run has fallen to zero.
+#[derive(Debug, Default)]
+pub enum NextRun {
+    /// No run.
+    #[default]
+    None,
+    /// A live run.
+    Live,
+    /// A live run that is recorded.
+    Record,
+    /// The replay of a recording.
+    Replay(Box<Recording>),
+}
+
+impl Stage {
+    /// Starts a live run.
+    pub fn start(&mut self) -> Result<(), StageError> {
+        self.start_as(NextRun::Live)
+    }
+
+    /// Starts a run. Real actuators start as warm as their limits allow, since their temperature is unknown.
+    pub fn start_as(&mut self, how: NextRun) -> Result<(), StageError> {
+        if self.state == State::Running {
+            return Ok(());
+        }
+        let begun = self.begin(how);
+        if begun.is_err() {
+            self.release();
+        }
+        begun
+    }
+
+    fn begin(&mut self, how: NextRun) -> Result<(), StageError> {
+        // The queues of endpoints serve one run only.
+        self.loaded = self.source.load(&self.loaded.text)?;
+        let graph = &self.loaded.graph;
+        let ports = scope::ports(graph);
+        self.folder = match how {
+            NextRun::Record => self
+                .new_folder(&format!("{}-strokes", self.source.name()))
+                .map_err(|error| other(format!("there is no folder to record to: {error}")))?,
+            _ => None,
+        };
+        // A new run begins disarmed.
+        self.disarm();
+        let options = self.play_options(&ports);
+        // A replay drives nothing real, and hears nothing that was not recorded.
+        let is_live = self.host.can_drive && !matches!(how, NextRun::Replay(_));
+        if is_live {
+            self.card_requests = Some(card_requests(graph).map_err(other)?);
+            self.network.connect(graph).map_err(other)?;
+        }
+        let (mut player, session) = Player::open(graph, &options).map_err(other)?;
+        if is_live {
+            let live = std::slice::from_mut(player.live_mut());
+            self.inputs = Inputs::open(graph, live).map_err(other)?;
+        }
+        let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
+        self.pads = pads.collect::<Result<_, _>>().map_err(other)?;
+        let scope = |port: Port| player.any_probe(&port.name).map(|frames| Scope::of(port, frames));
+        let scopes = ports.into_iter().map(scope);
+        self.scopes = scopes.collect::<Result<_, _>>().map_err(other)?;
+        self.costs = Costs::default();
+        let rate_of = |driver: &usize| graph.clocks()[*driver].rate.hz();
+        self.rate_hz = graph.drivers().first().map_or(1.0, rate_of);
+        self.drive = Some(self.drive_by(player, &how, is_live)?);
+        self.begin_recording_or_replay(how);
+        self.session = Some(session);
+        self.state = State::Running;
+        self.describe_actuators();
+        Ok(())
+    }
+
+    /// Options of a run with these probes.
+    fn play_options(&self, probes: &[Port]) -> PlayOptions {
+        let mut options = PlayOptions::default();
+        options.sample_costs = true;
+        options.probes = probes.iter().map(|port| port.name.clone()).collect();
+        options.folder = self.folder.clone();
+        // Outputs of a pad's endpoint are not connected.
+        let mut devices = self.loaded.graph.devices().iter();
+        options.live.rested =
+            devices.all(|device| device.entry.spec.simulated || self.loaded.is_pad(&device.name));
+        options.live.arm = Some(Arc::clone(&self.switch));
+        options
+    }
+
+    /// Starts what drives the player: the soundcard that the graph plays on, a thread, or the caller.
+    fn drive_by(&self, player: Player, how: &NextRun, is_live: bool) -> Result<Drive, StageError> {
+        let requests = self.card_requests.as_ref().filter(|_| is_live);
+        if let Some(request) = requests.and_then(|requests| requests.output.clone()) {
+            return Drive::start_by_card(player, request).map_err(other);
+        }
+        let timing = match self.host.can_drive && !driven(&self.loaded.graph).is_empty() {
+            true => Timing::STRICT,
+            false => Timing::EASY,
+        };
+        let driven_by = match how {
+            NextRun::Replay(_) => DrivenBy::Caller,
+            _ => self.host.driven_by,
+        };
+        Drive::start(player, driven_by, (self.rate_hz, timing)).map_err(other)
+    }
+
+    /// Begins the recording or the replay of a run.
+    fn begin_recording_or_replay(&mut self, how: NextRun) {
+        match how {
+            NextRun::Record => {
+                self.recorder = Some(Recording::begin(&self.source, &self.loaded.text, self.rate_hz));
+                // Without a folder there is no page.
+                self.page_signals = match self.folder {
+                    Some(_) => PageSignal::of(&self.loaded.graph),
+                    None => Vec::new(),
+                };
+            }
+            NextRun::Replay(recording) => self.replay = Some(Replay::of(*recording)),
+            NextRun::None | NextRun::Live => {}
+        }
+    }
+
+    /// Lets the outputs fall to zero and stops; if the caller drives, within its next frames.
+    pub fn stop(&mut self) {
+        self.disarm();
+        let (Some(session), Some(drive)) = (&self.session, &mut self.drive) else {
+            return;
+        };
+        session.stop();
+        if drive.is_done_within(STOPPING) {
+            self.end();
+        }
+    }
+
+    pub fn end(&mut self) {
+        if self
+            .recorder
+            .as_ref()
+            .is_some_and(|recording| recording.frames == 0)
+        {
+            self.close_recording();
+        }
+        let now_s = self.now_s();
+        let (Some(session), Some(drive)) = (self.session.take(), self.drive.take()) else {
+            return;
+        };
+        self.disarm();
+        let ended = drive.join().map(|player| player.finish(session));
+        self.release();
+        // The last frames: what begins next has scopes of its own.
+        self.look_at_scopes(now_s);
+        send_samples(self);
+        let kept = std::mem::take(&mut self.page_signals);
+        if let (Some(folder), Some(ended), true) = (&self.folder, &ended, self.recorder.is_some()) {
+            let (graph, outcome) = (&self.loaded.graph, &ended.outcome);
+            let written = run_page::write(folder, &self.source, graph, outcome, &kept);
+            self.page_error = written.err().map(|error| error.to_string());
+        }
+        let failed = ended.is_none_or(|ended| ended.panicked);
+        self.state = if failed { State::Failed } else { State::Stopped };
+        self.pads.clear();
+        self.silent.clear();
+        self.start_next_run();
+    }
+
+    /// Disconnects the real devices, after a last zero to each.
+    fn release(&mut self) {
+        (self.network, self.inputs, self.note) = (Connections::default(), Inputs::default(), None);
+        self.heard.clear();
+    }
+
+    /// Stops the run without a successor.
+    pub fn halt(&mut self) {
+        self.close_recording();
+        (self.next_run, self.replay) = (NextRun::None, None);
+        self.stop();
+    }
+
+    /// Stops the run, and starts this one after it.
+    pub fn restart(&mut self, next: NextRun) {
+        (self.next_run, self.replay) = (next, None);
+        match self.session {
+            Some(_) => self.stop(),
+            None => self.start_next_run(),
+        }
+    }
+
+    /// Delivers the recording of the finished run and starts the next run.
+    pub fn start_next_run(&mut self) {
+        if let Some(recording) = self.recorder.take() {
+            self.deliver_recording(&recording);
+        }
+        let next = std::mem::take(&mut self.next_run);
+        if matches!(next, NextRun::None) || self.state == State::Failed {
+            return;
+        }
+        match self.start_as(next) {
+            Ok(()) => super::talk::tell_graph(self),
+            Err(error) => self.tell_owner(&json!({ "type": "refused", "error": error.to_string() })),
+        }
+    }
+
+    /// Ends the run with complete files.
+    pub fn close(&mut self) {
+        self.halt();
+        self.end();
+    }
+}
