@@ -70,22 +70,33 @@ function connectionSays(studio) {
             label: "Start",
             action: () => engine.start(),
         };
-    if (!studio.connection.open || !studio.status)
-        return {
-            level: "warn",
-            text: studio.lost
-                ? "Not connected: the engine has taken its actuators to zero by itself"
-                : "Connecting to the engine",
-        };
-    return null;
+    if (studio.connection.open && studio.status) return null;
+    if (!studio.lost) return { level: "warn", text: "Connecting to the engine" };
+    if (studio.lost.wait_s === null) return { level: "bad", text: "No engine can run at this address" };
+    if (studio.connection.stopping)
+        return { level: "bad", text: "Not connected: STOP is sent as soon as the engine answers" };
+    if (engine) return { level: "warn", text: "The engine in this page ended" };
+    return { level: "warn", text: "Not connected: the engine has taken its actuators to zero by itself" };
+}
+
+// What a STOP did, and how it ends; null where there is none.
+export function stopSays(studio) {
+    const { state, owner } = studio.status ?? {};
+    if (state !== "stopped" && state !== "stopping") return null;
+    const end = studio.connection.engine ? "close this page" : "end haptograph in its terminal";
+    const text =
+        state === "stopped"
+            ? "Stopped: every drive is at zero"
+            : `Stopping: the engine has not confirmed STOP yet. If it does not, ${end}`;
+    if (!studio.mayResume)
+        return { level: "bad", text: `${text}. This page came over the network and cannot resume: resume on the studio's own machine` };
+    return { level: "bad", text, label: owner ? "Resume" : "Take over and resume", action: () => studio.resume() };
 }
 
 function stateSays(studio) {
     const { state } = studio.status;
-    if (state === "stopped")
-        return studio.hello?.can.edit === false
-            ? { level: "bad", text: "Stopped: every drive is at zero. It is resumed on a page of the studio's own machine" }
-            : { level: "bad", text: "Stopped: every drive is at zero", label: "Resume", action: () => studio.resume() };
+    const stop = stopSays(studio);
+    if (stop) return stop;
     if (state === "failed")
         return {
             level: "bad",
