@@ -30,6 +30,7 @@ class Studio extends Emitter {
         this.hello = this.graph = this.status = this.photo = null;
         this.lost = null; // how the connection was lost, while it is
         this.heard_ms = -Infinity; // when the last status came
+        this.stop_ms = -Infinity; // when STOP was pressed
         const { connection } = this;
         connection.on("hello", (hello) => this.#greet(hello));
         connection.on("graph", (graph) => this.#take(graph));
@@ -76,6 +77,7 @@ class Studio extends Emitter {
 
     stop() {
         this.connection.send({ type: "stop" });
+        this.stop_ms = performance.now();
         this.sound.cut();
         this.pad.hands.liftAll();
         if (this.status) this.#follow(this.status);

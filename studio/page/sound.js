@@ -42,6 +42,11 @@ export class Sound {
         return this.report.fill_s + (this.#context.baseLatency || 0) + (this.#context.outputLatency || 0);
     }
 
+    // What the sound is multiplied by now.
+    get gain() {
+        return this.#gain?.gain.value ?? 0;
+    }
+
     async toggle() {
         if (this.on) return this.#end();
         this.error = null;

@@ -7,6 +7,7 @@ const LATE_MS = 8;
 const SILENT_S = 0.5;
 const HOT = 0.85;
 const RECENT_MS = 8000;
+const UNCONFIRMED_MS = 1000; // after which an engine that has not confirmed STOP is worth a word
 
 export function mountStatus(studio) {
     const state = { said: null, action: null, counts: { lost: 0, faults: 0, underruns: 0 }, since: {} };
@@ -17,7 +18,10 @@ export function mountStatus(studio) {
     find("status-action").addEventListener("click", () => state.action?.());
     find("owner").addEventListener("click", () => studio.own());
     setInterval(() => show(studio, state), 250);
-    studio.on("status", () => watchCounts(studio, state));
+    studio.on("status", () => {
+        watchCounts(studio, state);
+        show(studio, state);
+    });
     studio.on("graph", () => show(studio, state));
 }
 
@@ -84,10 +88,13 @@ export function stopSays(studio) {
     const { state, owner } = studio.status ?? {};
     if (state !== "stopped" && state !== "stopping") return null;
     const end = studio.connection.engine ? "close this page" : "end haptograph in its terminal";
+    const late = performance.now() - studio.stop_ms > UNCONFIRMED_MS;
     const text =
         state === "stopped"
             ? "Stopped: every drive is at zero"
-            : `Stopping: the engine has not confirmed STOP yet. If it does not, ${end}`;
+            : late
+              ? `Stopping: the engine has not confirmed STOP. If it does not, ${end}`
+              : "Stopping";
     if (!studio.mayResume)
         return { level: "bad", text: `${text}. This page came over the network and cannot resume: resume on the studio's own machine` };
     return { level: "bad", text, label: owner ? "Resume" : "Take over and resume", action: () => studio.resume() };
