@@ -238,6 +238,8 @@ mountArming(studio);
 mountStatus(studio);
 mountStop(studio);
 mountGraphChoice(studio);
-window.addEventListener("error", ({ message }) => studio.say("bad", `A part of this page failed (${message}). Reload the page`));
+window.addEventListener("error", ({ error, message }) => {
+    if (error) studio.say("bad", `A part of this page failed (${message}). Reload the page`);
+});
 studio.connection.connect();
 window.studio = studio; // for those who try things in the browser's console, and for tests

@@ -7,6 +7,7 @@ const LATE_MS = 8;
 const SILENT_S = 0.5;
 const HOT = 0.85;
 const RECENT_MS = 8000;
+const UNHEARD_S = 2;
 const UNCONFIRMED_MS = 1000; // after which an engine that has not confirmed STOP is worth a word
 
 export function mountStatus(studio) {
@@ -74,13 +75,21 @@ function connectionSays(studio) {
             label: "Start",
             action: () => engine.start(),
         };
-    if (studio.connection.open && studio.status) return null;
+    if (studio.connection.open && studio.status) return silenceSays(studio);
     if (!studio.lost) return { level: "warn", text: "Connecting to the engine" };
     if (studio.lost.wait_s === null) return { level: "bad", text: "No engine can run at this address" };
     if (studio.connection.stopping)
         return { level: "bad", text: "Not connected: STOP is sent as soon as the engine answers" };
     if (engine) return { level: "warn", text: "The engine in this page ended" };
     return { level: "warn", text: "Not connected: the engine has taken its actuators to zero by itself" };
+}
+
+// An engine that is connected and says nothing: what the page shows is not what it does.
+function silenceSays({ heard_ms, connection }) {
+    const silent_s = (performance.now() - heard_ms) / 1000;
+    if (silent_s < UNHEARD_S) return null;
+    const end = connection.engine ? "Reload the page" : "Use its terminal";
+    return { level: "bad", text: `The engine has said nothing for ${silent_s.toFixed(0)} s, so its state is not known. ${end}` };
 }
 
 // What a STOP did, and how it ends; null where there is none.
