@@ -109,8 +109,7 @@ serverTest("a STOP without a connection stops the engine when there is one, and 
     await until(mine, () => !studio.connection.open);
     await mine.keyboard.press("Escape");
     assert.match(await mine.textContent("#banner"), /STOP is sent as soon as it answers/);
-    await mine.waitForTimeout(300);
-    assert.match(await mine.textContent("#status-text"), /STOP is sent/);
+    await until(mine, () => document.getElementById("status-text").textContent.includes("STOP is sent"));
     await picture(mine, "stop-unsent");
     assert.equal(await page.evaluate(() => studio.status.state), "running");
     proxy.mend();
@@ -218,6 +217,7 @@ programTest("a real actuator rises when it is armed, and falls at STOP and where
         // The page goes on, but the engine's statuses do not come.
         proxy.hold();
         await until_driven((current) => current === 0, 3000);
+        await until(page, () => /^The engine has said nothing for/.test(document.getElementById("status-text").textContent));
         proxy.release();
         await until(page, () => document.getElementById("real").dataset.armed === "false");
         await assertSilent();

@@ -54,13 +54,18 @@ test("a pause freezes what is seen, and zoom and span act in it", async (page) =
     await demo(page, true);
     await page.waitForTimeout(1200);
     const seen = () => page.evaluate(() => document.querySelector("#scopes canvas").toDataURL());
-    const settled = () => page.waitForTimeout(150);
+    // What waits for every second frame has been drawn by then, however slow the machine is.
+    const settled = () =>
+        page.evaluate(async () => {
+            for (let i = 0; i < 8; i++) await new Promise(requestAnimationFrame);
+        });
     await page.click("#scope-pause");
     await settled();
     const before = await seen();
     // What goes on behind it is longer than what a ring holds, as if that time had passed.
     await page.evaluate(() => studio.taps.traces.forEach((trace) => trace.clear()));
-    await page.waitForTimeout(700);
+    await page.waitForTimeout(500);
+    await settled();
     assert.equal(await seen(), before);
     await picture(page, "paused");
     await page.locator("#scopes .scope").first().hover();
@@ -75,7 +80,7 @@ test("a pause freezes what is seen, and zoom and span act in it", async (page) =
     await settled();
     assert.notEqual(await seen(), before);
     await page.setViewportSize({ width: 1300, height: 900 }); // a canvas that is resized is empty until it is drawn
-    await page.waitForTimeout(300);
+    await settled();
     const empty = await page.evaluate(() =>
         [...document.querySelectorAll("#scopes canvas")].filter((canvas) => {
             const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
@@ -86,7 +91,8 @@ test("a pause freezes what is seen, and zoom and span act in it", async (page) =
     await page.setViewportSize({ width: 1440, height: 900 });
     await page.selectOption("#scope-span", "2");
     await page.click("#scope-pause");
-    await page.waitForTimeout(600);
+    await page.waitForTimeout(500);
+    await settled();
     assert.notEqual(await seen(), before);
     await demo(page, false);
 });
@@ -187,6 +193,7 @@ test("a recording that was kept is replayed after a reload, with the same sample
         await page.evaluate(() => studio.own());
         await until(page, () => studio.status.owner);
     };
+    await afresh(); // the page of a site comes back with the graph as it was exported
     await gather(page, port);
     const { recording, run } = await record(page, 0.5, 900);
     const [download] = await Promise.all([page.waitForEvent("download"), page.click("#keep")]);

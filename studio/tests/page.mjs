@@ -117,7 +117,7 @@ test("the drawing shows how strong each wire is, and what each node costs where 
         const percents = [...shadowRoot.querySelectorAll(".cost text")].map((text) => parseInt(text.textContent, 10));
         const sum = percents.reduce((all, percent) => all + percent, 0);
         const key = document.querySelector(".graph-key").textContent;
-        return studio.hello.host === "page" ? key.includes("not known") : sum > 80 && sum < 120;
+        return studio.hello.host === "page" ? key.includes("not measured") : sum > 80 && sum < 120;
     });
     await picture(page, "levels");
     await page.click("#demo");
@@ -301,6 +301,23 @@ siteTest("an edit makes no gap that nobody is told of", async (page) => {
     });
     assert(took_ms >= 0, "the edit was refused");
     console.log(`        an edit took ${took_ms.toFixed(0)} ms, ${(await late()) - before} late callbacks`);
+});
+
+siteTest("an edit that the engine refused leaves the checker with what runs", async (page) => {
+    const ask = (message) => page.evaluate((said) => studio.connection.request(said), message);
+    const text = await page.evaluate(() => studio.graph.text);
+    const without = text.replace('"gain": 1.0,', "").replace('Param("gain")', "1.0");
+    assert.notEqual(text, without);
+    await page.click("#record");
+    await page.waitForFunction(() => studio.status.recording_s !== null, null, { timeout: PATIENCE_MS });
+    const refused = await ask({ type: "apply", text: without });
+    assert.match(refused.error, /a recording is of one graph/);
+    await page.click("#record");
+    await page.waitForFunction(() => studio.status.recording_s === null && studio.runs, null, { timeout: PATIENCE_MS });
+    for (const value of ["0.9", "1.0"]) {
+        const reply = await ask({ type: "parameter", name: "gain", value });
+        assert(reply.ok, `${reply.error}: ${JSON.stringify(reply.diagnostics)}`);
+    }
 });
 
 for (const others of ["safe", "work", "seen"]) await import(`./page-${others}.mjs`);
