@@ -13,7 +13,7 @@ import { simulatedAlone } from "./pads.js";
 import { mountRecorder } from "./recorder.js";
 import { mountScopes } from "./scopes.js";
 import { Sound } from "./sound.js";
-import { mountStatus } from "./status.js";
+import { mountStatus, stopSays } from "./status.js";
 import { currentSurface, mountSurfaces } from "./surfaces.js";
 import { mountTabs } from "./tabs.js";
 import { Taps } from "./taps.js";
@@ -28,11 +28,16 @@ class Studio extends Emitter {
         this.taps = new Taps(this.connection);
         this.values = new Map();
         this.hello = this.graph = this.status = this.photo = null;
-        this.lost = false;
+        this.lost = null; // how the connection was lost, while it is
+        this.heard_ms = -Infinity; // when the last status came
+        this.stop_ms = -Infinity; // when STOP was pressed
         const { connection } = this;
         connection.on("hello", (hello) => this.#greet(hello));
         connection.on("graph", (graph) => this.#take(graph));
-        connection.on("status", (status) => this.#follow(status));
+        connection.on("status", (status) => {
+            this.heard_ms = performance.now();
+            this.#follow(status);
+        });
         connection.on("settings", ({ settings }) => settings.forEach(({ name, value }) => this.#changed(name, value)));
         connection.on("refused", ({ error }) => this.say("bad", `The engine refused a message: ${error}`));
         connection.on("lost", (how) => this.#lose(how));
@@ -43,9 +48,19 @@ class Studio extends Emitter {
         return currentSurface(this.graph);
     }
 
+    // Does the engine run, as far as is known, without a STOP that it has not confirmed?
+    get runs() {
+        return this.connection.open && this.status?.state === "running";
+    }
+
     // May this page put a hand on the pad now?
     mayTouch() {
-        return this.connection.open && (this.status?.owner ?? false) && this.status.state === "running";
+        return this.runs && this.status.owner;
+    }
+
+    // Only a page of the studio's own machine ends a STOP.
+    get mayResume() {
+        return this.hello?.from !== "network";
     }
 
     set(name, value) {
@@ -62,14 +77,17 @@ class Studio extends Emitter {
 
     stop() {
         this.connection.send({ type: "stop" });
+        this.stop_ms = performance.now();
         this.sound.cut();
         this.pad.hands.liftAll();
-        if (this.status) this.#follow({ ...this.status, state: "stopped", armed_gain: 0 });
+        if (this.status) this.#follow(this.status);
+        if (this.lost) this.#sayLost();
     }
 
+    // Only the owner ends a STOP, so this page takes over first. The sound follows when the engine runs.
     resume() {
+        if (!this.status?.owner) this.own();
         this.connection.send({ type: "resume" });
-        this.sound.resume();
     }
 
     own() {
@@ -78,7 +96,7 @@ class Studio extends Emitter {
 
     #greet(hello) {
         this.hello = hello;
-        this.lost = false;
+        this.lost = null;
         find("banner").hidden = hello.version === VERSION;
         if (hello.version !== VERSION)
             setText(
@@ -100,11 +118,14 @@ class Studio extends Emitter {
         for (const [name, value] of this.values) this.emit("value", { name, value });
     }
 
-    #follow(status) {
+    // An engine that was told to stop is "stopping", whatever older statuses say, until it says that it is stopped.
+    #follow(received) {
         const before = this.status;
+        const stops = received.state === "running" && this.connection.stopping;
+        const status = stops ? { ...received, state: "stopping" } : received;
         this.status = status;
-        if (before && before.state !== status.state) {
-            if (status.state === "running") this.sound.resume();
+        if (before?.state !== status.state) {
+            if (this.runs) this.sound.resume();
             else {
                 this.sound.cut();
                 this.pad.hands.liftAll();
@@ -121,40 +142,44 @@ class Studio extends Emitter {
         this.emit("value", { name, value });
     }
 
-    #lose({ wait_s, ever, reason }) {
-        this.lost = true;
+    #lose(how) {
+        this.lost = how;
         this.status = null;
         this.pad.hands.liftAll();
-        find("banner").hidden = false;
-        const again = `Trying again in ${wait_s < 1 ? "a moment" : `${Math.round(wait_s)} s`}.`;
-        setText(
-            find("banner"),
-            this.connection.engine
-                ? `The engine in this page ended (${reason}). ${again}`
-                : ever
-                  ? `The connection to the engine is lost. It takes its actuators to zero by itself. ${again}`
-                  : `No engine answers here. Is haptograph still running? Open the address that it printed, with its token. ${again}`,
-        );
+        this.#sayLost();
         cover(this);
+    }
+
+    #sayLost() {
+        const { wait_s, ever, reason } = this.lost;
+        const stop = this.connection.stopping ? " STOP is sent as soon as it answers." : "";
+        const again = ` Trying again in ${wait_s < 1 ? "a moment" : `${Math.round(wait_s)} s`}.`;
+        const why = this.connection.engine
+            ? `The engine in this page ended (${reason}).`
+            : ever
+              ? "The connection to the engine is lost. It takes its actuators to zero by itself."
+              : "No engine answers here. Is haptograph still running? Open the address that it printed, with its token.";
+        find("banner").hidden = false;
+        setText(find("banner"), wait_s === null ? reason : why + stop + again);
     }
 }
 
 // What lies over the pad while it cannot be touched, and what to do about it.
+function coverSays(studio) {
+    const { status } = studio;
+    const { engine, open } = studio.connection;
+    if (!open) return null;
+    if (engine?.waits)
+        return ["The engine runs in this page. Browsers let it begin only when you say so.", "Start", () => engine.start()];
+    const stop = stopSays(studio);
+    if (stop) return [`${stop.text}.`, stop.label, stop.action];
+    if (status && !status.owner) return ["Another page owns the pad.", "Take over", () => studio.own()];
+    if (studio.graph?.pads.length !== 0) return null;
+    return [["No endpoint of this graph can be a pointer.", ...simulatedAlone(studio.graph)].join(" ")];
+}
+
 function cover(studio) {
-    const { engine } = studio.connection;
-    const says = !studio.connection.open
-        ? null
-        : engine?.waits
-          ? ["The engine runs in this page. Browsers let it begin only when you say so.", "Start", () => engine.start()]
-          : studio.status?.state === "stopped"
-            ? studio.hello?.can.edit === false
-                ? ["Stopped. Every drive is at zero. It is resumed on a page of the studio's own machine."]
-                : ["Stopped. Every drive is at zero.", "Resume", () => studio.resume()]
-            : studio.status && !studio.status.owner
-              ? ["Another page owns the pad.", "Take over", () => studio.own()]
-              : studio.graph?.pads.length === 0
-                ? [["No endpoint of this graph can be a pointer.", ...simulatedAlone(studio.graph)].join(" ")]
-                : null;
+    const says = coverSays(studio);
     find("pad-cover").hidden = !says;
     if (!says) return;
     setText(find("pad-cover-text"), says[0]);
@@ -213,5 +238,8 @@ mountArming(studio);
 mountStatus(studio);
 mountStop(studio);
 mountGraphChoice(studio);
+window.addEventListener("error", ({ error, message }) => {
+    if (error) studio.say("bad", `A part of this page failed (${message}). Reload the page`);
+});
 studio.connection.connect();
 window.studio = studio; // for those who try things in the browser's console, and for tests

@@ -4,6 +4,7 @@ import { find, setText } from "./dom.js";
 const HOLD_MS = 50;
 const MOST_APART_MS = 1000;
 const FIRST_DB = -20;
+const HEARD_MS = 500; // a status that is older does not tell what moves now
 
 const gainOf = (db) => 10 ** (db / 20);
 const decibels = (gain) => `${(20 * Math.log10(gain)).toFixed(0).replace("-", "−")} dB`;
@@ -15,6 +16,7 @@ export function mountArming(studio) {
     find("arm").addEventListener("click", () => send({ type: isArmed(studio) ? "disarm" : "arm" }));
     level.addEventListener("input", () => isArmed(studio) && send({ type: "gain", gain: gainOf(Number(level.value)) }));
     const holds = () => studio.hello?.can.arm && studio.status?.owner && drivenOf(studio.graph).length > 0;
+    const sees = () => studio.runs && isRecent(studio.heard_ms, performance.now());
     const leave = () => holds() && send({ type: "disarm" });
     document.addEventListener("visibilitychange", () => document.hidden && leave());
     window.addEventListener("pagehide", leave);
@@ -24,10 +26,13 @@ export function mountArming(studio) {
         const passed_ms = Date.now() - last_ms;
         last_ms += passed_ms;
         if (passed_ms > MOST_APART_MS) leave();
-        else if (holds() && !document.hidden) send({ type: "hold" });
+        else if (holds() && sees() && !document.hidden) send({ type: "hold" });
     }, HOLD_MS);
     for (const turn of ["graph", "status"]) studio.on(turn, () => show(studio, level));
 }
+
+// Whether the status that came then still tells what the actuators do.
+export const isRecent = (heard_ms, now_ms) => now_ms - heard_ms < HEARD_MS;
 
 function show(studio, level) {
     const real = drivenOf(studio.graph);
@@ -57,6 +62,7 @@ const named = ({ name, kind, at }) => `${name} (${kind}${at ? `, ${at}` : ""})`;
 const mayBeArmed = ({ hello, status }) => Boolean(hello?.can.arm && status?.owner && status.state === "running" && status.replay === null);
 
 function said({ hello, status }, who, armed) {
+    if (armed && status.state === "stopping") return `STOP was sent: ${who} falls to zero`;
     if (armed) return `Armed: ${who} moves. STOP, Disarm, or leaving this page takes it to zero`;
     const before = `Not armed: ${who} gets zeros.`;
     if (!hello?.can.arm) return `${before} It is armed on a page of the studio's own machine`;

@@ -7,7 +7,8 @@ const BEYOND_MM = 2; // the hand has to be this far across
 
 // `studio.compared` are the surfaces, left then right, or null; `studio.blind` hides which.
 export function mountCompare(studio) {
-    const state = { on: false, chosen: ["", ""], swapped: false, side: null, asked: false };
+    // `side` is the half whose surface runs, `refused` the one that the engine did not take.
+    const state = { on: false, chosen: ["", ""], swapped: false, side: null, refused: null, asked: false, turn: 0 };
     const [button, blind, tools] = ["compare", "blind", "compare-tools"].map(find);
     const choices = ["compare-a", "compare-b"].map(find);
     studio.compared = null;
@@ -24,7 +25,8 @@ export function mountCompare(studio) {
     };
     const begin = () => {
         state.swapped = blind.checked && Math.random() < 0.5;
-        state.side = null;
+        state.side = state.refused = null;
+        state.turn++;
         show();
     };
     button.addEventListener("click", () => {
@@ -59,15 +61,18 @@ export function mountCompare(studio) {
 // The half that the hand is on is the surface that runs.
 async function follow(studio, state) {
     const x_mm = studio.pad.hands.down[0]?.samples.at(-1)?.x_mm;
+    if (x_mm === undefined) state.refused = null; // the next touch asks again
     if (!studio.compared || x_mm === undefined || state.asked) return;
     if (Math.abs(x_mm) < BEYOND_MM && state.side !== null) return;
     const side = x_mm < 0 ? 0 : 1;
-    if (side === state.side) return;
+    if (side === state.side || side === state.refused) return;
+    const { turn } = state;
     state.asked = true;
     const reply = await studio.parameter(parameterOf(studio.graph).name, quoted(studio.compared[side].path));
     state.asked = false;
-    state.side = side;
-    if (!reply.ok) studio.say("bad", reply.error);
+    if (turn !== state.turn) return; // other surfaces were chosen meanwhile
+    state[reply.ok ? "side" : "refused"] = side;
+    if (!reply.ok) studio.say("bad", studio.blind ? "The engine refused the surface of this half" : reply.error);
 }
 
 // What lies under the hand: a picture on either half, or none where nobody is to know.

@@ -7,13 +7,15 @@ const PROTOCOL = "haptograph.studio.1";
 const FIRST_WAIT_S = 0.5;
 const LONGEST_WAIT_S = 8;
 
-// Emits `open`, `lost` ({ wait_s, ever, reason }), `waiting` when an engine in this page waits for a press or no more, `samples`, and every JSON message by its type. Sound goes to the player's port.
+// Emits `open`, `lost` ({ wait_s, ever, reason }; `wait_s` is null where it is not tried again), `waiting` when an engine in
+// this page waits for a press or no more, `samples`, and every JSON message by its type. Sound goes to the player's port.
 export class Connection extends Emitter {
     #worker = new Worker(new URL("socket.js", import.meta.url), { type: "module" });
     #wait_s = FIRST_WAIT_S;
     #ever = false;
     #next = 1;
     #waiting = new Map();
+    #stop = null; // a STOP that the engine has not confirmed
 
     constructor() {
         super();
@@ -31,6 +33,11 @@ export class Connection extends Emitter {
         this.#worker.onmessage = ({ data }) => hear[data.what]?.(data);
     }
 
+    // Was STOP sent, or is it kept to be sent, without the engine having said that it is stopped?
+    get stopping() {
+        return this.#stop !== null;
+    }
+
     connect() {
         if (this.engine) return this.#connectHere();
         const address = new URL("live", location.href);
@@ -45,6 +52,8 @@ export class Connection extends Emitter {
     }
 
     async #connectHere() {
+        const { obstacle } = this.engine;
+        if (obstacle) return this.emit("lost", { wait_s: null, ever: false, reason: obstacle });
         try {
             const engine = await this.engine.open();
             this.#worker.postMessage({ what: "connect", engine, origin_ms: performance.timeOrigin }, [engine.port]);
@@ -64,10 +73,14 @@ export class Connection extends Emitter {
         this.#worker.postMessage({ what: "stroke", ...how });
     }
 
+    // A STOP is kept until the engine confirms it or somebody resumes; everything else is dropped without a connection.
     send(message) {
+        if (message.type === "stop") this.#stop = message;
+        if (message.type === "resume") this.#stop = null;
+        if (!this.open) return;
         const text = JSON.stringify(message);
         this.unsent += text.length;
-        if (this.open) this.#worker.postMessage({ what: "send", message: text });
+        this.#worker.postMessage({ what: "send", message: text });
     }
 
     sendBinary(buffer) {
@@ -88,6 +101,7 @@ export class Connection extends Emitter {
         this.open = this.#ever = true;
         this.unsent = 0;
         this.#wait_s = FIRST_WAIT_S;
+        if (this.#stop) this.send(this.#stop); // before anything that the panels send
         this.emit("open");
     }
 
@@ -107,6 +121,7 @@ export class Connection extends Emitter {
             this.#waiting.get(message.request)?.(message);
             this.#waiting.delete(message.request);
         }
+        if (message.type === "status" && message.state !== "running") this.#stop = null;
         this.emit(message.type, message);
     }
 

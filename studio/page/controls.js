@@ -19,8 +19,9 @@ export function mountControls(studio) {
             rows = rebuild(studio, graph);
             shape = now;
         }
-        showParameters(graph);
+        showParameters(studio);
     });
+    studio.on("compared", () => showParameters(studio));
     find("preset-save").addEventListener("click", () => savePreset(studio));
     find("preset-load").addEventListener("change", async (event) => {
         const [file] = event.target.files;
@@ -90,10 +91,17 @@ function parameterRow(studio, parameter) {
     );
 }
 
-function showParameters(graph) {
-    for (const { name, value } of graph.parameters) {
+// While surfaces are compared blind, no field says which one runs.
+function showParameters({ graph, blind }) {
+    for (const { name, value, is_surface } of graph.parameters) {
         const field = find("controls").querySelector(`[data-parameter="${CSS.escape(name)}"]`);
-        if (field && document.activeElement !== field) field.value = value;
+        if (!field) continue;
+        const isHidden = is_surface && blind;
+        const button = field.parentElement.querySelector("button");
+        field.disabled = button.disabled = isHidden;
+        field.placeholder = isHidden ? "hidden while blind" : "";
+        if (isHidden) field.value = "";
+        else if (document.activeElement !== field) field.value = value;
     }
 }
 

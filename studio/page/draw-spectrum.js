@@ -167,7 +167,7 @@ function waiting(context, surface) {
 }
 
 // The spectra of the last seconds, a column each, dark to bright over 70 dB.
-export function drawSpectrogram(context, surface, { trace, memory, now_ms }) {
+export function drawSpectrogram(context, surface, { trace, memory, now_ms, paused }) {
     const before = memory.fresh_count;
     if (!measure(trace, memory, now_ms)) return waiting(context, surface);
     const box = boxOf(surface),
@@ -187,7 +187,7 @@ export function drawSpectrogram(context, surface, { trace, memory, now_ms }) {
     context.fillText("Hz", 6, box.top + box.height + 14);
     context.fillText(`−${Math.round((picture.canvas.width * EVERY_MS) / 1000)} s`, box.left, box.top + box.height + 14);
     context.textAlign = "right";
-    context.fillText("now", box.left + box.width, box.top + box.height + 14);
+    context.fillText(paused ? "pause" : "now", box.left + box.width, box.top + box.height + 14);
     context.textAlign = "left";
 }
 

@@ -3,6 +3,7 @@ import { roundUp, scaleOf, tickText, ticks } from "./numbers.js";
 import { colours, haloText } from "./theme.js";
 
 const INSET = { left: 46, right: 6, top: 5, bottom: 17 };
+const NARROWER = 0.985;
 export const LANE_INKS = ["ink0", "ink1", "ink2", "ink3", "ink4", "ink5"];
 
 // What is smaller than this fills no scope: at rest an axis is quiet.
@@ -17,14 +18,14 @@ export const boxOf = (surface) => ({
 });
 
 // Draws `trace` from `end_s - span_s` to `end_s`. `memory` keeps the range between frames; `limits` are the actuator's.
-export function drawTime(context, surface, { trace, end_s, span_s, memory, limits, port, zoom }) {
+export function drawTime(context, surface, { trace, end_s, span_s, memory, limits, port, zoom, paused }) {
     const box = boxOf(surface);
     const columns = columnsOf(trace, end_s, span_s, Math.max(1, Math.floor(box.width)));
     memory.least ??= LEAST_SHOWN[port.unit] ?? 1e-6;
-    const range = rangeOf(columns, memory, limits, zoom);
+    const range = rangeOf(columns, memory, limits, zoom, paused ? 1 : NARROWER);
     const scale = scaleOf(port.unit, Math.max(Math.abs(range[0]), range[1]));
     const y = (value) => box.top + (box.height * (range[1] - value)) / (range[1] - range[0]);
-    drawAxes(context, box, range, scale, span_s, y);
+    drawAxes(context, box, range, scale, [span_s, paused ? "pause" : "now"], y);
     if (limits) drawLimits(context, box, range, limits, y);
     context.save();
     context.beginPath();
@@ -58,20 +59,20 @@ function columnsOf(trace, end_s, span_s, width) {
     return { low, high, first, last, sparse: trace.interval_s * scale > 0.9 };
 }
 
-// Follows what is seen: wider at once, narrower slowly.
-function rangeOf({ low, high }, memory, limits, zoom) {
+// Follows what is seen: wider at once, narrower slowly, by the part `narrower` a frame.
+function rangeOf({ low, high }, memory, limits, zoom, narrower) {
     let [least, most] = [0, 0];
     low.forEach((lane) => lane.forEach((value) => value < least && (least = value)));
     high.forEach((lane) => lane.forEach((value) => value > most && (most = value)));
     const two = least < -0.05 * most;
     const wanted = Math.max(most, -least);
-    memory.size = Math.max(wanted, (memory.size ?? 0) * 0.985, limits ? limits.peak * 1e-3 : memory.least);
+    memory.size = Math.max(wanted, (memory.size ?? 0) * narrower, limits ? limits.peak * 1e-3 : memory.least);
     memory.two = two || (memory.two && wanted < memory.size * 0.2);
     const size = roundUp(memory.size * 1.02) / zoom;
     return memory.two ? [-size, size] : [least < 0 ? -size * 0.05 : 0, size];
 }
 
-function drawAxes(context, box, range, scale, span_s, y) {
+function drawAxes(context, box, range, scale, [span_s, end], y) {
     context.lineWidth = 1;
     context.textAlign = "right";
     const [low, high] = range.map((value) => value * scale.factor);
@@ -94,7 +95,7 @@ function drawAxes(context, box, range, scale, span_s, y) {
     context.textAlign = "left";
     context.fillText(scale.unit, 6, box.top + box.height + 14);
     context.textAlign = "right";
-    context.fillText("now", box.left + box.width, box.top + box.height + 14);
+    context.fillText(end, box.left + box.width, box.top + box.height + 14);
     context.fillText(
         `−${span_s < 1 ? `${Math.round(span_s * 1000)} ms` : `${span_s} s`}`,
         box.left + 34,
@@ -147,7 +148,9 @@ function drawLane(context, box, { low, high, first, last, sparse }, lane, y) {
 function drawNames(context, box, names) {
     let x = box.left + 6;
     names.forEach((name, lane) => {
-        haloText(context, name, x, box.top + 11, colours[LANE_INKS[lane % LANE_INKS.length]], colours.box);
-        x += context.measureText(name).width + 10;
+        context.fillStyle = colours[LANE_INKS[lane % LANE_INKS.length]];
+        context.fillRect(x, box.top + 4, 8, 8);
+        haloText(context, name, x + 12, box.top + 11, colours.ink, colours.box);
+        x += context.measureText(name).width + 24;
     });
 }

@@ -190,7 +190,7 @@ function problem(state, diagnostic, own) {
 const { tags } = cm;
 const highlight = cm.HighlightStyle.define([
     { tag: [tags.lineComment, tags.blockComment], color: "var(--soft)", fontStyle: "italic" },
-    { tag: tags.string, color: "var(--ink2)" },
+    { tag: tags.string, color: "var(--good)" },
     { tag: tags.labelName, color: "var(--ink3)", fontWeight: "600" },
     { tag: tags.number, color: "var(--warn)" },
     { tag: tags.atom, color: "var(--ink5)" },
@@ -223,7 +223,7 @@ const theme = cm.EditorView.theme({
     },
     ".cm-tooltip-autocomplete ul li[aria-selected]": { backgroundColor: "var(--accent)", color: "var(--on-accent)" },
     ".cm-tooltip-autocomplete ul": { fontFamily: "var(--mono)", fontSize: "12.5px" },
-    ".cm-completionDetail": { color: "inherit", opacity: ".75", fontStyle: "normal" },
+    ".cm-completionDetail": { color: "inherit", fontStyle: "normal" },
     ".cm-panels": { backgroundColor: "var(--panel)", color: "var(--ink)" },
     ".cm-panel input, .cm-panel button": { fontSize: "13px", backgroundImage: "none" },
     ".cm-foldPlaceholder": { backgroundColor: "var(--tint6)", border: "none", color: "var(--soft)" },

@@ -1,5 +1,6 @@
 // In place of a WebSocket: the way to an engine in the audio thread. Edits are checked here, beside it, by a second
 // engine, so that the one that plays is only told what is right.
+import { Edits } from "./edits.js";
 import { Module } from "./module.js";
 
 const CHECKED = new Set(["check", "apply", "parameter"]);
@@ -9,6 +10,7 @@ const decoder = new TextDecoder();
 export class EngineLink {
     #port;
     #checker = new Promise(() => {});
+    #edits = new Edits(async (message) => (await this.#checker).check(encoder.encode(JSON.stringify(message))));
 
     constructor({ port, wasm, files, opened }) {
         this.#port = port;
@@ -34,7 +36,10 @@ export class EngineLink {
         const begun_ms = performance.now();
         try {
             const answer = (await this.#checker).check(encoder.encode(message));
-            if (!answer) return this.#forward(message);
+            if (!answer) {
+                this.#edits.sent(JSON.parse(message));
+                return this.#forward(message);
+            }
             const reply = { ...JSON.parse(decoder.decode(answer)), ms: performance.now() - begun_ms };
             this.onmessage({ data: JSON.stringify(reply) });
         } catch (error) {
@@ -52,7 +57,9 @@ export class EngineLink {
     }
 
     #deliver({ bytes, text }) {
-        this.onmessage({ data: text ? decoder.decode(bytes) : bytes });
+        const data = text ? decoder.decode(bytes) : bytes;
+        if (text) this.#edits.heard(data);
+        this.onmessage({ data });
     }
 
     #fail(why) {

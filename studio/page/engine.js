@@ -17,6 +17,15 @@ export class PageEngine {
         this.onchange = () => {};
     }
 
+    // Why no engine can run in this page, and what to do about it; null where one can.
+    get obstacle() {
+        if (!isSecureContext)
+            return "Browsers run the engine of this page only where it comes by https or from this machine: open its https address, or serve it on this machine and open it at localhost.";
+        if (!("audioWorklet" in AudioContext.prototype))
+            return "This browser has no AudioWorklet, in which the engine of this page runs: open it in a current Chrome, Firefox or Safari.";
+        return null;
+    }
+
     // Browsers let sound begin only when a person presses something.
     get waits() {
         return this.context !== null && this.context.state !== "running";

@@ -10,6 +10,12 @@ export class Emitter {
     }
 
     emit(type, value) {
-        for (const listener of this.#listeners.get(type) ?? []) listener(value);
+        for (const listener of this.#listeners.get(type) ?? []) {
+            try {
+                listener(value);
+            } catch (error) {
+                reportError(error); // the others still have to know
+            }
+        }
     }
 }

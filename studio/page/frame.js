@@ -23,14 +23,26 @@ export function mostFrames(draw) {
 // Frames in the last second.
 export const frameRate = () => rate_hz;
 
+const failed = new Set();
+
+// What fails in one drawer is reported once and ends neither the others nor the loop.
+function drawWith(draw, now_ms) {
+    try {
+        draw(now_ms);
+    } catch (error) {
+        if (!failed.has(draw)) reportError(error);
+        failed.add(draw);
+    }
+}
+
 function loop(now_ms) {
+    requestAnimationFrame(loop);
     frames++;
     turn = 1 - turn;
     if (now_ms - since_ms >= 1000) {
         rate_hz = Math.round((1000 * frames) / (now_ms - since_ms));
         [frames, since_ms] = [0, now_ms];
     }
-    for (const draw of drawers) draw(now_ms);
-    requestAnimationFrame(loop);
+    for (const draw of drawers) drawWith(draw, now_ms);
 }
 requestAnimationFrame(loop);

@@ -2,6 +2,7 @@
 import { find, make } from "./dom.js";
 import { LIVE_STYLE, mountLiveDrawing } from "./live-drawing.js";
 import { mountNode } from "./node.js";
+import { bare } from "./surfaces.js";
 import { cleaned } from "./svg.js";
 
 const LEAST_SCALE = 0.05;
@@ -24,15 +25,18 @@ export function mountGraph(studio) {
     const host = find("graph");
     const canvas = make("div");
     const shadow = canvas.attachShadow({ mode: "open" });
-    const view = { x: 0, y: 0, scale: 1, svg: null, size: [1, 1], drawing: null, fitted: false };
+    const view = { x: 0, y: 0, scale: 1, svg: null, size: [1, 1], shown: null, fitted: false };
     host.append(canvas, buttonsOf(host, view));
     const showNode = mountNode(studio, (node) => choose(view, node));
     studio.showNode = showNode;
-    studio.on("graph", ({ drawing }) => {
-        if (drawing !== view.drawing) build(studio, shadow, view, drawing, showNode);
-        view.drawing = drawing;
+    const show = () => {
+        const shown = `${studio.blind} ${studio.graph.drawing}`;
+        if (shown !== view.shown) build(studio, shadow, view, studio.graph.drawing, showNode);
+        view.shown = shown;
         if (!view.fitted) fit(host, view);
-    });
+    };
+    studio.on("graph", show);
+    studio.on("compared", show);
     new ResizeObserver(() => !view.fitted && fit(host, view)).observe(host);
     followHand(host, view);
     mountLiveDrawing(studio, host, view);
@@ -47,6 +51,7 @@ function build(studio, shadow, view, drawing, showNode) {
     svg.setAttribute("width", view.size[0]);
     svg.setAttribute("height", view.size[1]);
     svg.removeAttribute("role");
+    if (studio.blind) hideSurfaces(svg, studio.graph.surfaces);
     for (const node of svg.querySelectorAll("[data-node]")) {
         const path = node.getAttribute("data-node");
         for (const [name, value] of [
@@ -72,6 +77,14 @@ function build(studio, shadow, view, drawing, showNode) {
         else showNode(null);
     };
     place(view);
+}
+
+// While surfaces are compared blind the drawing names none.
+function hideSurfaces(svg, surfaces) {
+    const files = surfaces.map(({ path }) => bare(path).split("/").at(-1));
+    for (const element of svg.querySelectorAll("text, tspan, title, desc"))
+        if (!element.firstElementChild && files.some((file) => element.textContent.includes(file)))
+            element.textContent = "hidden while blind";
 }
 
 function grabOf(wire) {

@@ -32,16 +32,26 @@ export class Hands {
         this.pads = pads;
     }
 
-    // Puts a hand on the first free pad; false where there is none.
-    press(who, sample) {
+    // Puts a hand on the first free pad; false where there is none. A pen has a force of its own, all others that of the slider.
+    press(who, sample, hasForce = false) {
         if (!this.allowed()) return false;
         if (who !== "demo") this.lift("demo");
-        const taken = new Set(this.down.map((hand) => hand.pad));
-        const pad = this.pads.findIndex((_, i) => !taken.has(i));
+        const pad = this.#padFor(who);
         if (pad < 0) return false;
-        this.#hands.set(who, { who, pad, samples: [], speed_mm_s: 0, sent_ms: 0 });
+        this.#hands.set(who, { who, pad, hasForce, samples: [], speed_mm_s: 0, sent_ms: 0 });
         this.move(who, [sample]);
         return true;
+    }
+
+    // The force at full pressure of the pad that a hand is on or would be put on.
+    fullForce(who) {
+        return this.pads[this.#padFor(who)]?.force_n ?? 1;
+    }
+
+    // The pad of a hand that is down, else the first that is free or only the simulated hand's; -1 where there is none.
+    #padFor(who) {
+        const taken = new Set(this.down.filter((hand) => hand.who !== "demo").map((hand) => hand.pad));
+        return this.#hands.get(who)?.pad ?? this.pads.findIndex((_, i) => !taken.has(i));
     }
 
     // A hand on the first pad that is moved and sent elsewhere; `end` lifts it there.
@@ -63,10 +73,12 @@ export class Hands {
         this.#measure(hand);
     }
 
-    // Changes the force of a hand that stands still.
-    repress(who, force_n) {
-        const last = this.#hands.get(who)?.samples.at(-1);
-        if (last) this.move(who, [{ ...last, force_n, time_ms: performance.now() }]);
+    // Hands without a force of their own press with that of the slider, also while they stand still.
+    repress() {
+        for (const { who, hasForce, end, samples } of this.down) {
+            if (end || hasForce || samples.length === 0) continue;
+            this.move(who, [{ ...samples.at(-1), force_n: this.force_n, time_ms: performance.now() }]);
+        }
     }
 
     lift(who) {
@@ -139,7 +151,8 @@ export function followPointers(element, hands, toMm) {
         force_n,
         ...tiltOf(event),
     });
-    const forceOf = (event) => (event.pointerType === "pen" ? event.pressure * (hands.pads[0]?.force_n ?? 1) : hands.force_n);
+    const isPen = ({ pointerType }) => pointerType === "pen";
+    const forceOf = (event) => (isPen(event) ? event.pressure * hands.fullForce(event.pointerId) : hands.force_n);
     const samplesOf = (event) => {
         const events = event.getCoalescedEvents?.() ?? [];
         return (events.length ? events : [event]).map((each) => sampleOf(each, forceOf(each)));
@@ -151,7 +164,7 @@ export function followPointers(element, hands, toMm) {
         event.preventDefault();
         element.focus({ preventScroll: true });
         element.setPointerCapture(event.pointerId);
-        hands.press(event.pointerId, sampleOf(event, forceOf(event)));
+        hands.press(event.pointerId, sampleOf(event, forceOf(event)), isPen(event));
     });
     // Not held back until the next frame where the browser can do that; pointermove brings what is left.
     element.addEventListener("pointerrawupdate", move);

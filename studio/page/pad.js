@@ -121,16 +121,14 @@ function mountPhoto(studio) {
 // The slider of force: finer for small forces, as the hand is.
 function mountForce(studio, hands, element) {
     const slider = find("force");
-    const most = () => hands.pads[0]?.force_n ?? 5;
+    const most = () => Math.max(0, ...hands.pads.map(({ force_n }) => force_n)) || 5;
     const show = () => {
         hands.force_n = Math.min(hands.force_n, most());
         slider.value = 1000 * Math.sqrt(hands.force_n / most());
         slider.setAttribute("aria-valuetext", `${digits(hands.force_n)} newtons`);
         setText(find("force-text"), `${hands.force_n.toFixed(2)} N`);
-        for (const { who, end } of hands.down) {
-            if (end) studio.pad.demo.press();
-            else if (who !== studio.penDown) hands.repress(who, hands.force_n);
-        }
+        hands.repress();
+        if (studio.pad?.demo.running) studio.pad.demo.press();
     };
     const set = (force_n) => {
         hands.force_n = Math.max(0.02, Math.min(most(), force_n));
@@ -138,7 +136,6 @@ function mountForce(studio, hands, element) {
     };
     slider.addEventListener("input", () => set(most() * (slider.value / 1000) ** 2));
     const change = (steps) => set(hands.force_n * 1.12 ** steps);
-    element.addEventListener("pointerdown", (event) => (studio.penDown = event.pointerType === "pen" ? event.pointerId : null));
     element.addEventListener(
         "wheel",
         (event) => {

@@ -4,7 +4,7 @@ import { drawMeter, drawNumber } from "./draw-meter.js";
 import { drawSpectrogram, drawSpectrum } from "./draw-spectrum.js";
 import { drawTime } from "./draw-time.js";
 import { mostFrames } from "./frame.js";
-import { Surface } from "./theme.js";
+import { colours, Surface } from "./theme.js";
 
 const SPANS_S = [0.05, 0.2, 0.5, 1, 2, 5, 10, 20];
 const LAG_S = 0.04; // the right edge stands this much behind, so that it does not flicker
@@ -13,7 +13,8 @@ const VIEWS = { time: drawTime, spectrum: drawSpectrum, spectrogram: drawSpectro
 const SPECTRAL_FROM_HZ = 200;
 
 export function mountScopes(studio) {
-    const state = { cards: [], span_s: kept.get("span", 2), paused_s: null, graph: null };
+    // `paused` is what a pause froze: { end_s, now_ms, actuators, traces }, copies by the traces that go on.
+    const state = { cards: [], span_s: kept.get("span", 2), paused: null, graph: null };
     mountBar(studio, state);
     studio.on("graph", (graph) => follow(studio, state, graph));
     studio.addScope = (name, view = "time") => add(studio, state, name, view);
@@ -25,17 +26,26 @@ function mountBar(studio, state) {
     span.replaceChildren(...SPANS_S.map((s) => make("option", { value: String(s), text: s < 1 ? `${s * 1000} ms` : `${s} s` })));
     span.value = String(state.span_s);
     span.addEventListener("change", () => kept.set("span", (state.span_s = Number(span.value))));
-    const pause = find("scope-pause");
-    pause.addEventListener("click", () => {
-        state.paused_s = state.paused_s === null ? studio.taps.now_s() - LAG_S : null;
-        pause.setAttribute("aria-pressed", String(state.paused_s !== null));
-        setText(pause, state.paused_s === null ? "Pause" : "Go on");
-    });
+    find("scope-pause").addEventListener("click", () => setPaused(studio, state, state.paused === null));
     const list = find("scope-add");
     list.addEventListener("change", () => {
         if (list.value) add(studio, state, list.value, "time");
         list.selectedIndex = 0;
     });
+}
+
+// A pause freezes what is seen; zoom, span and view act on what was kept at that moment.
+function setPaused(studio, state, on) {
+    state.paused = on
+        ? {
+              end_s: studio.taps.now_s() - LAG_S,
+              now_ms: performance.now(),
+              actuators: studio.status?.actuators ?? [],
+              traces: new Map(studio.taps.traces.map((trace) => [trace, trace.copy()])),
+          }
+        : null;
+    find("scope-pause").setAttribute("aria-pressed", String(on));
+    setText(find("scope-pause"), on ? "Go on" : "Pause");
 }
 
 // Another graph: cards whose ports are still there stay, the list is made anew.
@@ -58,6 +68,7 @@ function follow(studio, state, graph) {
         for (const card of state.cards) card.port = graph.ports.find((port) => port.name === card.name);
         return;
     }
+    setPaused(studio, state, false);
     for (const card of [...state.cards]) remove(studio, state, card, false);
     for (const { name, view } of wanted) if (there(name)) add(studio, state, name, view, false);
     showEmpty(state);
@@ -180,12 +191,24 @@ function showEmpty(state) {
         );
 }
 
-function drawCard(studio, state, card, now_ms) {
-    const end_s = state.paused_s ?? studio.taps.now_s() - LAG_S;
-    if (state.paused_s !== null && card.view !== "time") return;
+function drawCard(studio, state, card, frame_ms) {
+    const { paused, span_s } = state;
     const context = card.surface.begin();
-    if (!context || card.trace.lanes === 0) return;
+    if (!context) return;
+    const trace = paused ? paused.traces.get(card.trace) : card.trace;
+    if (paused && !trace?.lanes) return drawNothing(context, card.surface);
+    if (trace.lanes === 0) return;
     const limits = studio.graph.actuators.find(({ name, unit }) => name === card.port.node && unit === card.port.unit) ?? null;
-    const actuator = limits && studio.status?.actuators.find(({ name }) => name === limits.name);
-    VIEWS[card.view](context, card.surface, { ...card, span_s: state.span_s, end_s, now_ms, limits, actuator });
+    const { end_s, now_ms, actuators } = paused ?? {
+        end_s: studio.taps.now_s() - LAG_S,
+        now_ms: frame_ms,
+        actuators: studio.status?.actuators ?? [],
+    };
+    const actuator = limits && actuators.find(({ name }) => name === limits.name);
+    VIEWS[card.view](context, card.surface, { ...card, trace, span_s, end_s, now_ms, limits, actuator, paused: paused !== null });
+}
+
+function drawNothing(context, { height }) {
+    context.fillStyle = colours.soft;
+    context.fillText("Nothing was kept of this before the pause", 12, height / 2);
 }

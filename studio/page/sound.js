@@ -21,6 +21,7 @@ export class Sound {
         find("sound").addEventListener("click", () => this.toggle());
         find("level").addEventListener("input", (event) => this.#setLevel(Number(event.target.value)));
         studio.on("graph", (graph) => this.#follow(graph));
+        document.addEventListener("visibilitychange", () => (document.hidden ? this.cut() : this.resume()));
         this.#show();
     }
 
@@ -39,6 +40,11 @@ export class Sound {
     get latency_s() {
         if (!this.on || !this.report || !this.#context) return null;
         return this.report.fill_s + (this.#context.baseLatency || 0) + (this.#context.outputLatency || 0);
+    }
+
+    // What the sound is multiplied by now.
+    get gain() {
+        return this.#gain?.gain.value ?? 0;
     }
 
     async toggle() {
@@ -60,7 +66,7 @@ export class Sound {
 
     // Back to the level, slowly.
     resume() {
-        if (this.on) this.#ramp();
+        this.#ramp();
     }
 
     async #begin() {
@@ -74,7 +80,7 @@ export class Sound {
             this.#player.port.postMessage({ restart: true });
             this.#studio.connection.send({ type: "sound", on: true });
         }
-        if (this.#studio.status?.state !== "stopped") this.#ramp();
+        this.#ramp();
     }
 
     async #open(rate_hz) {
@@ -124,11 +130,13 @@ export class Sound {
 
     #setLevel(level_db) {
         this.level_db = level_db;
-        if (this.on && this.#studio.status?.state !== "stopped") this.#ramp(0.03);
+        this.#ramp(0.03);
         this.#show();
     }
 
+    // Only while the engine runs and the page is seen: what was cut stays so.
     #ramp(time_s = RAMP_S) {
+        if (!this.on || !this.#studio.runs || document.hidden) return;
         const { gain } = this.#gain;
         const wanted = this.level_db <= SILENT_DB ? 0 : 10 ** (this.level_db / 20);
         gain.cancelScheduledValues(0);

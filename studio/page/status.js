@@ -7,6 +7,8 @@ const LATE_MS = 8;
 const SILENT_S = 0.5;
 const HOT = 0.85;
 const RECENT_MS = 8000;
+const UNHEARD_S = 2;
+const UNCONFIRMED_MS = 1000; // after which an engine that has not confirmed STOP is worth a word
 
 export function mountStatus(studio) {
     const state = { said: null, action: null, counts: { lost: 0, faults: 0, underruns: 0 }, since: {} };
@@ -17,7 +19,10 @@ export function mountStatus(studio) {
     find("status-action").addEventListener("click", () => state.action?.());
     find("owner").addEventListener("click", () => studio.own());
     setInterval(() => show(studio, state), 250);
-    studio.on("status", () => watchCounts(studio, state));
+    studio.on("status", () => {
+        watchCounts(studio, state);
+        show(studio, state);
+    });
     studio.on("graph", () => show(studio, state));
 }
 
@@ -70,22 +75,44 @@ function connectionSays(studio) {
             label: "Start",
             action: () => engine.start(),
         };
-    if (!studio.connection.open || !studio.status)
-        return {
-            level: "warn",
-            text: studio.lost
-                ? "Not connected: the engine has taken its actuators to zero by itself"
-                : "Connecting to the engine",
-        };
-    return null;
+    if (studio.connection.open && studio.status) return silenceSays(studio);
+    if (!studio.lost) return { level: "warn", text: "Connecting to the engine" };
+    if (studio.lost.wait_s === null) return { level: "bad", text: "No engine can run at this address" };
+    if (studio.connection.stopping)
+        return { level: "bad", text: "Not connected: STOP is sent as soon as the engine answers" };
+    if (engine) return { level: "warn", text: "The engine in this page ended" };
+    return { level: "warn", text: "Not connected: the engine has taken its actuators to zero by itself" };
+}
+
+// An engine that is connected and says nothing: what the page shows is not what it does.
+function silenceSays({ heard_ms, connection }) {
+    const silent_s = (performance.now() - heard_ms) / 1000;
+    if (silent_s < UNHEARD_S) return null;
+    const end = connection.engine ? "Reload the page" : "Use its terminal";
+    return { level: "bad", text: `The engine has said nothing for ${silent_s.toFixed(0)} s, so its state is not known. ${end}` };
+}
+
+// What a STOP did, and how it ends; null where there is none.
+export function stopSays(studio) {
+    const { state, owner } = studio.status ?? {};
+    if (state !== "stopped" && state !== "stopping") return null;
+    const end = studio.connection.engine ? "close this page" : "end haptograph in its terminal";
+    const late = performance.now() - studio.stop_ms > UNCONFIRMED_MS;
+    const text =
+        state === "stopped"
+            ? "Stopped: every drive is at zero"
+            : late
+              ? `Stopping: the engine has not confirmed STOP. If it does not, ${end}`
+              : "Stopping";
+    if (!studio.mayResume)
+        return { level: "bad", text: `${text}. This page came over the network and cannot resume: resume on the studio's own machine` };
+    return { level: "bad", text, label: owner ? "Resume" : "Take over and resume", action: () => studio.resume() };
 }
 
 function stateSays(studio) {
     const { state } = studio.status;
-    if (state === "stopped")
-        return studio.hello?.can.edit === false
-            ? { level: "bad", text: "Stopped: every drive is at zero. It is resumed on a page of the studio's own machine" }
-            : { level: "bad", text: "Stopped: every drive is at zero", label: "Resume", action: () => studio.resume() };
+    const stop = stopSays(studio);
+    if (stop) return stop;
     if (state === "failed")
         return {
             level: "bad",

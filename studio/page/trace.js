@@ -65,6 +65,14 @@ export class Trace {
         return { rms: taken ? Math.sqrt(sum / taken) : 0, peak };
     }
 
+    // As it is now: what comes later does not reach it.
+    copy() {
+        const copy = Object.assign(new Trace(this.name, this.raw), this);
+        copy.most = this.most.slice();
+        copy.least = this.least === this.most ? copy.most : this.least.slice();
+        return copy;
+    }
+
     #start(lanes, thinned, interval_s) {
         this.clear();
         this.lanes = lanes;

@@ -1,11 +1,16 @@
 // What of the page needs no browser: node --test
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
 import test from "node:test";
-import { drivenOf } from "../page/arming.js";
+import { drivenOf, isRecent } from "../page/arming.js";
+import { Connection } from "../page/connection.js";
 import { scaleFor } from "../page/control.js";
+import { Edits } from "../page/edits.js";
+import { PageEngine } from "../page/engine.js";
+import { Emitter } from "../page/events.js";
 import { density } from "../page/fft.js";
 import { pointers, read } from "../page/frames.js";
-import { tiltOf } from "../page/hands.js";
+import { Hands, tiltOf } from "../page/hands.js";
 import { Levels } from "../page/levels.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
 import { simulatedAlone } from "../page/pads.js";
@@ -211,4 +216,227 @@ test("what is armed is what an actuator drives and is real, once each", () => {
     ];
     assert.deepEqual(drivenOf({ actuators, devices }), [devices[0]]);
     assert.deepEqual(drivenOf(null), []);
+});
+
+// The globals of a browser that `work` needs, as long as it runs.
+async function within(globals, work) {
+    const before = Object.keys(globals).map((name) => [name, Object.getOwnPropertyDescriptor(globalThis, name)]);
+    for (const [name, value] of Object.entries(globals))
+        Object.defineProperty(globalThis, name, { value, configurable: true, writable: true });
+    try {
+        return await work();
+    } finally {
+        for (const [name, descriptor] of before) {
+            if (descriptor) Object.defineProperty(globalThis, name, descriptor);
+            else delete globalThis[name];
+        }
+    }
+}
+
+// A connection whose worker is the test: what it was told to send, and what comes from the engine.
+function connectionOf(work) {
+    const sent = [];
+    let worker;
+    class Worker {
+        constructor() {
+            worker = this;
+        }
+        postMessage({ what, message }) {
+            if (what === "send") sent.push(JSON.parse(message).type);
+        }
+    }
+    return within({ Worker, document: { querySelector: () => null } }, () => {
+        const connection = new Connection();
+        const comes = (data) => worker.onmessage({ data });
+        const says = (message) => comes({ what: "message", data: JSON.stringify(message) });
+        return work(connection, { sent, comes, says });
+    });
+}
+
+test("a STOP without a connection is sent first when there is one, and until the engine says that it is stopped", (t) =>
+    connectionOf((connection, { sent, comes, says }) => {
+        t.mock.timers.enable({ apis: ["setTimeout"] });
+        connection.on("open", () => connection.send({ type: "levels", on: true }));
+        connection.send({ type: "set", name: "a", value: 1 });
+        connection.send({ type: "stop" });
+        assert.deepEqual([sent, connection.stopping], [[], true]);
+        comes({ what: "open" });
+        assert.deepEqual(sent.splice(0), ["stop", "levels"]);
+        says({ type: "status", state: "running" }); // was under way
+        assert.equal(connection.stopping, true);
+        comes({ what: "close", reason: "" });
+        comes({ what: "open" });
+        assert.deepEqual(sent.splice(0), ["stop", "levels"]);
+        says({ type: "status", state: "stopped" });
+        assert.equal(connection.stopping, false);
+        comes({ what: "close", reason: "" });
+        comes({ what: "open" });
+        assert.deepEqual(sent, ["levels"]);
+    }));
+
+test("who resumes takes a STOP back that was not confirmed", () =>
+    connectionOf((connection, { sent, comes }) => {
+        connection.send({ type: "stop" });
+        connection.send({ type: "resume" });
+        comes({ what: "open" });
+        assert.deepEqual([sent, connection.stopping], [[], false]);
+    }));
+
+test("actuators are held only while statuses come", () => {
+    assert.deepEqual([isRecent(1000, 1100), isRecent(1000, 1499), isRecent(1000, 1500), isRecent(-Infinity, 0)], [true, true, false, false]);
+});
+
+test("a drawer or a listener that fails is reported, and the others go on", async () => {
+    const [next, errors, seen] = [[], [], []];
+    const globals = { requestAnimationFrame: (call) => next.push(call), reportError: (error) => errors.push(error.message) };
+    await within(globals, async () => {
+        const { everyFrame } = await import("../page/frame.js");
+        everyFrame(() => {
+            throw new Error("drawer");
+        });
+        everyFrame((now_ms) => seen.push(now_ms));
+        for (const now_ms of [1, 2, 3]) next.shift()(now_ms);
+        assert.deepEqual([seen, errors, next.length], [[1, 2, 3], ["drawer"], 1]);
+        const emitter = new Emitter();
+        emitter.on("a", () => {
+            throw new Error("listener");
+        });
+        emitter.on("a", (value) => seen.push(value));
+        emitter.emit("a", 4);
+        assert.deepEqual([seen.at(-1), errors.at(-1)], [4, "listener"]);
+    });
+});
+
+test("where the engine refuses an edit, the checker goes back to what runs", () => {
+    const told = [];
+    const edits = new Edits(({ type, name, value, text }) => told.push(name ? `${name}=${value}` : `${type} ${text}`));
+    const says = (message) => edits.heard(JSON.stringify(message));
+    says({ type: "graph", text: "one", parameters: [{ name: "gain", value: "1.0" }] });
+    edits.sent({ type: "apply", request: 1 });
+    edits.sent({ type: "check", request: 2 });
+    says({ type: "reply", request: 2, ok: false });
+    assert.deepEqual(told, []);
+    says({ type: "reply", request: 1, ok: false });
+    assert.deepEqual(told.splice(0), ["gain=1.0", "apply one"]);
+    edits.sent({ type: "parameter", request: 3 });
+    says({ type: "graph", text: "two", parameters: [] });
+    says({ type: "reply", request: 3, ok: true });
+    says({ type: "reply", request: 3, ok: false });
+    assert.deepEqual(told, []);
+});
+
+// Hands on pads, and what they sent: [pad, force].
+function handsOn(t, pads) {
+    t.mock.timers.enable({ apis: ["setInterval"] });
+    const sent = [];
+    const hands = new Hands({
+        sendBinary: (buffer) => {
+            const view = new DataView(buffer);
+            sent.push([view.getUint8(1), Math.round(view.getFloat32(24, true) * 100) / 100]);
+        },
+    });
+    hands.setPads(pads);
+    return { hands, sent };
+}
+
+test("each hand presses with the force of its own pad, and a pen keeps its force beside other hands", (t) => {
+    const pad = (force_n) => ({ force_n, width_mm: 100, height_mm: 60 });
+    const { hands, sent } = handsOn(t, [pad(3), pad(8)]);
+    const at = (force_n) => ({ x_mm: 0, y_mm: 0, tilt_x_deg: 0, tilt_y_deg: 0, time_ms: performance.now(), force_n });
+    assert.equal(hands.fullForce("pen"), 3);
+    assert(hands.press("pen", at(1.5), true));
+    assert.equal(hands.fullForce("second pen"), 8);
+    assert(hands.press("finger", at(1)));
+    assert.deepEqual([hands.fullForce("pen"), hands.fullForce("finger")], [3, 8]);
+    assert.equal(hands.press("third", at(1)), false);
+    sent.length = 0;
+    hands.force_n = 2;
+    hands.repress();
+    assert.deepEqual(sent, [[1, 2]]);
+    hands.lift("pen");
+    assert.equal(hands.fullForce("second pen"), 3);
+});
+
+test("a copy of a trace stays as it was", () => {
+    for (const thinned of [false, true]) {
+        const trace = new Trace("a.b", !thinned);
+        const push = (time_s, ...numbers) => trace.push(read(samples(1, thinned, time_s, 0.001, numbers)));
+        push(0, 1, 2, 3, 4);
+        const [copy, count] = [trace.copy(), trace.count];
+        for (let i = 0; i < 60_000; i++) push(0.001 * (count + i), 9, 9);
+        assert.deepEqual([copy.count, copy.latest(), copy.end_s], [count, 4, 0.001 * count]);
+        assert.equal(trace.latest(), 9);
+    }
+});
+
+test("an engine of a page says why it cannot run at an address, and what to do", () => {
+    const engine = new PageEngine("site.json");
+    const at = (isSecureContext, prototype) => within({ isSecureContext, AudioContext: { prototype } }, () => engine.obstacle);
+    return Promise.all([at(true, { audioWorklet: null }), at(false, {}), at(true, {})]).then(([none, plain, old]) => {
+        assert.equal(none, null);
+        assert.match(plain, /https.*localhost/);
+        assert.match(old, /AudioWorklet.*current/);
+    });
+});
+
+// The colours of a scheme by name, as the style sheet has them.
+const STYLE = readFileSync(new URL("../page/style.css", import.meta.url), "utf8");
+const PANELS = readFileSync(new URL("../page/panels.css", import.meta.url), "utf8");
+const EDITOR = readFileSync(new URL("../page/editor.js", import.meta.url), "utf8");
+const coloursIn = (css) => Object.fromEntries([...css.matchAll(/--([\w-]+): *(#[0-9a-f]{6})/g)].map(([, name, value]) => [name, value]));
+const DARK_FROM = STYLE.indexOf("@media (prefers-color-scheme: dark)");
+const light = coloursIn(STYLE.slice(0, DARK_FROM));
+const SCHEMES = { light, dark: { ...light, ...coloursIn(STYLE.slice(DARK_FROM)) } };
+
+const channels = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255);
+const mixed = (a, b, part) => channels(a).map((x, i) => part * x + (1 - part) * channels(b)[i]);
+function contrast(a, b) {
+    const luminance = (rgb) =>
+        rgb
+            .map((part) => (part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4))
+            .reduce((sum, part, i) => sum + part * [0.2126, 0.7152, 0.0722][i], 0);
+    const [low, high] = [luminance(a), luminance(b)].sort((x, y) => x - y);
+    return (high + 0.05) / (low + 0.05);
+}
+
+// Rules of the style sheets as { selector, text, ground }: names of colours, null where the rule sets none.
+function rulesOf(css) {
+    return [...css.matchAll(/([^{}]+)\{([^{}]*)\}/g)].map(([, selector, body]) => ({
+        selector: selector.trim(),
+        text: body.match(/(?:^|[;\s])color: *var\(--([\w-]+)\)/)?.[1] ?? null,
+        ground: body.match(/background(?:-color)?: *var\(--([\w-]+)\)/)?.[1] ?? null,
+        border: body.match(/border(?:-color)?: *(?:[\w.]+ +\w+ +)?var\(--([\w-]+)\)/)?.[1] ?? null,
+    }));
+}
+
+test("every text and every edge of a control stands out from what is behind it, in both schemes", () => {
+    const rules = [...rulesOf(STYLE.replaceAll(/\/\*.*?\*\//g, "")), ...rulesOf(PANELS)];
+    const isExempt = ({ selector }) => selector.includes(":disabled"); // WCAG 1.4.3 and 1.4.11
+    const GROUNDS = ["paper", "panel", "box"]; // of text whose rule sets none
+    const inRules = rules
+        .filter((rule) => rule.text && !isExempt(rule))
+        .flatMap(({ text, ground }) => (ground ? [[text, ground]] : text.startsWith("on-") ? [] : GROUNDS.map((g) => [text, g])));
+    const inEditor = [...EDITOR.matchAll(/color: "var\(--([\w-]+)\)"/g)].map(([, text]) => text).filter((text) => !text.startsWith("on-"));
+    const drawn = ["ink", "soft"]; // on canvases
+    const texts = [...inRules, ...drawn.flatMap((text) => GROUNDS.map((ground) => [text, ground])), ["on-accent", "accent"], ["soft", "tint6"]];
+    const edges = rules.filter(({ border }) => ["edge", "accent"].includes(border)).map(({ border }) => border);
+    const marks = ["edge", "accent", "good", "warn", "bad", "faint"]; // of what has no text
+    assert(inRules.length > 40 && inEditor.length > 5 && edges.length > 2, `${inRules.length} ${inEditor.length} ${edges.length}`);
+    const wrong = [];
+    const check = (scheme, least, name, a, b) => {
+        const found = contrast(a, b);
+        if (found < least) wrong.push(`${scheme}: ${name} ${found.toFixed(2)}, not ${least}`);
+    };
+    for (const [scheme, colours] of Object.entries(SCHEMES)) {
+        for (const [text, ground] of texts)
+            check(scheme, 4.5, `${text} on ${ground}`, channels(colours[text]), channels(colours[ground]));
+        for (const text of inEditor) {
+            check(scheme, 4.5, `${text} in the editor`, channels(colours[text]), channels(colours.box));
+            check(scheme, 4.5, `${text} in its active line`, channels(colours[text]), mixed(colours.tint0, colours.box, 0.45));
+        }
+        for (const mark of marks)
+            for (const ground of GROUNDS) check(scheme, 3, `${mark} on ${ground}`, channels(colours[mark]), channels(colours[ground]));
+        for (const ground of ["tint5", "tint6"]) check(scheme, 3, `edge on ${ground}`, channels(colours.edge), channels(colours[ground]));
+    }
+    assert.deepEqual([...new Set(wrong)], []);
 });

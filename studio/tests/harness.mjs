@@ -1,0 +1,266 @@
+// What the scenarios of the page share: a Chromium, pages in it, hands on the pad, and studios of their own for what changes
+// files or drives a device.
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { cpSync, existsSync, mkdirSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { fileURLToPath } from "node:url";
+import { chromium } from "playwright-core";
+import { serve } from "./serve.mjs";
+
+const [where, folder] = process.argv.slice(2);
+assert(where, "give the address that the studio printed, or a site's folder");
+export const served = where.startsWith("http") ? null : await serve(where);
+export const address = served?.address ?? where;
+if (folder) mkdirSync(folder, { recursive: true });
+// The repository, and the program that was built in it.
+export const HOME = process.env.HAPTOGRAPH_HOME ?? fileURLToPath(new URL("../..", import.meta.url));
+const PROGRAM = process.env.HAPTOGRAPH ?? join(HOME, "target/release/haptograph");
+// A name that leads here but is not this machine to a browser.
+export const FAR_NAME = "studio.test";
+export const browser = await chromium.launch({
+    executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+    args: ["--autoplay-policy=no-user-gesture-required", `--host-resolver-rules=MAP ${FAR_NAME} 127.0.0.1`],
+});
+const LEAST_MOVES = 50;
+export const PATIENCE_MS = 15_000;
+export const problems = [];
+const AS_WIDE = { viewport: { width: 1440, height: 900 } };
+export const AS_PHONE = { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true, deviceScaleFactor: 2 };
+
+// A page at `at`, where the scenario does not go on to say otherwise once the engine has spoken. What `expected` matches is
+// no problem.
+export async function open({ at = address, expected = null, isReady = ready, ...options } = {}) {
+    const context = await browser.newContext({ ...AS_WIDE, ...options });
+    const page = await context.newPage();
+    const problem = (text) => expected?.test(text) || problems.push(text);
+    page.on("console", (message) => ["error", "warning"].includes(message.type()) && problem(message.text()));
+    page.on("pageerror", (error) => problem(error.stack));
+    page.on(
+        "request",
+        (request) =>
+            new URL(request.url()).host === new URL(at).host ||
+            !/^(http|ws)/.test(request.url()) ||
+            problem(`a request left the origin: ${request.url()}`),
+    );
+    await page.goto(at);
+    await isReady(page);
+    return page;
+}
+
+export async function ready(page) {
+    await page.waitForFunction(() => window.studio?.hello && studio.graph && studio.status, null, { timeout: PATIENCE_MS });
+}
+
+// Waits until `look` is true in the page.
+export const until = (page, look, given = null, timeout = PATIENCE_MS) => page.waitForFunction(look, given, { timeout });
+
+export const picture = async (page, name) => folder && page.screenshot({ path: `${folder}/${name}.png` });
+
+export const tests = [];
+export const test = (name, run) => tests.push([name, run]);
+// Of a page that shares its engine with others.
+export const serverTest = (name, run) => served || test(name, run);
+export const siteTest = (name, run) => served && test(name, run);
+// Of a studio that the scenario opens itself.
+export const programTest = (name, run) => {
+    if (served) return;
+    if (existsSync(PROGRAM)) test(name, run);
+    else console.log(`skipped ${name}: there is no ${PROGRAM}`);
+};
+
+// A studio of `graph` in a folder of its own with a copy of the graphs; `files` are further texts by path. `end` ends it.
+export async function studioOf(graph, { files = {}, more = [] } = {}) {
+    const root = mkdtempSync(join(tmpdir(), "haptograph-studio-"));
+    cpSync(join(HOME, "graphs"), join(root, "graphs"), { recursive: true });
+    for (const [path, text] of Object.entries(files)) writeFileSync(join(root, path), text);
+    const program = spawn(PROGRAM, ["studio", graph, "--no-open", ...more], { cwd: root, stdio: ["ignore", "pipe", "pipe"] });
+    let said = "";
+    const addresses = await new Promise((done, failed) => {
+        const take = (bytes) => {
+            said += bytes;
+            const found = said.match(/http:\/\/\S+/g) ?? [];
+            if (found.length > (more.some((option) => option.startsWith("--lan")) ? 1 : 0)) done(found);
+        };
+        program.stdout.on("data", take);
+        program.stderr.on("data", take);
+        program.on("exit", () => failed(new Error(`the studio ended: ${said}`)));
+    });
+    const end = () =>
+        new Promise((done) => {
+            program.removeAllListeners("exit");
+            program.on("exit", () => (rmSync(root, { recursive: true, force: true }), done()));
+            program.kill("SIGINT");
+        });
+    return { root, address: addresses[0], addresses, end };
+}
+
+// A pen by DevTools' own input events, so that pressure and kind arrive as from a tablet.
+export async function pen(page) {
+    const session = await page.context().newCDPSession(page);
+    const send = (type, x, y, force) =>
+        session.send("Input.dispatchMouseEvent", {
+            type,
+            x,
+            y,
+            force,
+            button: type === "mouseMoved" ? "none" : "left",
+            buttons: type === "mouseReleased" ? 0 : 1,
+            clickCount: 1,
+            pointerType: "pen",
+        });
+    const at = await padPlace(page);
+    return {
+        press: (x, y, force) => send("mousePressed", ...at(x, y), force),
+        move: (x, y, force) => send("mouseMoved", ...at(x, y), force),
+        lift: (x, y) => send("mouseReleased", ...at(x, y), 0),
+    };
+}
+
+// A finger on a page that was opened with `hasTouch`.
+export async function finger(page) {
+    const session = await page.context().newCDPSession(page);
+    const at = await padPlace(page);
+    const send = (type, ...points) =>
+        session.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y]) => ({ x, y })) });
+    return {
+        press: (x, y) => send("touchStart", at(x, y)),
+        move: (x, y) => send("touchMove", at(x, y)),
+        lift: () => send("touchEnd"),
+    };
+}
+
+// From parts of the surface's picture to places on the page.
+async function padPlace(page) {
+    const box = await page.locator("#pad-swatch").boundingBox();
+    return (x, y) => [box.x + x * box.width, box.y + y * box.height];
+}
+
+// Circles on the pad for at least `time_ms` and `LEAST_MOVES`, calling `look` on the way.
+export async function stroke(page, force, time_ms, look = () => {}, hand = null) {
+    hand ??= await pen(page);
+    await hand.press(0.7, 0.5, force);
+    const start_ms = performance.now();
+    for (let moves = 0, part = 0; part < 1; moves++) {
+        const elapsed_ms = performance.now() - start_ms;
+        part = Math.min(elapsed_ms / time_ms, moves / LEAST_MOVES);
+        const angle = elapsed_ms / 150;
+        await hand.move(0.5 + 0.2 * Math.cos(angle), 0.5 + 0.25 * Math.sin(angle), force);
+        await look(part);
+    }
+    await hand.lift(0.5, 0.5);
+}
+
+export const latest = (page, name) =>
+    page.evaluate((port) => studio.taps.traces.find((trace) => trace.name === port)?.latest() ?? null, name);
+export const level = (page, name, span_s) =>
+    page.evaluate(
+        ([port, span]) => studio.taps.traces.find((trace) => trace.name === port)?.level(span).rms ?? null,
+        [name, span_s],
+    );
+
+// The port of what is felt.
+export const feltPort = (page) =>
+    page.evaluate(
+        () => studio.graph.ports.findLast(({ quantity, rate_hz }) => quantity === "acceleration" && rate_hz > 1000)?.name,
+    );
+
+// Switches the simulated hand.
+export async function demo(page, on) {
+    if ((await page.getAttribute("#demo", "aria-pressed")) !== String(on)) await page.click("#demo");
+    await until(page, (wanted) => studio.pad.hands.down.length > 0 === wanted, on);
+}
+
+// Drops a file on the page, as a person does from the desktop.
+export async function drop(page, name, type, text) {
+    const transfer = await page.evaluateHandle(
+        ([fileName, kind, content]) => {
+            const data = new DataTransfer();
+            data.items.add(new File([content], fileName, { type: kind }));
+            return data;
+        },
+        [name, type, text],
+    );
+    await page.dispatchEvent("body", "dragenter", { dataTransfer: transfer });
+    assert(await page.isVisible("#drop"), "nothing says that a file can be dropped");
+    await page.dispatchEvent("body", "drop", { dataTransfer: transfer });
+    assert.equal(await page.isVisible("#drop"), false);
+}
+
+// Keeps every sample of a port: of the run that goes on, and of the one before in `studio.lastRun`, as { first, values }
+// with the number of its first frame.
+export const gather = (page, port) =>
+    page.evaluate((name) => {
+        const trace = studio.taps.watch(name, true);
+        let run = { first: 0, values: [] };
+        studio.lastRun = null;
+        studio.connection.on("graph", () => {
+            if (run.values.length) studio.lastRun = run;
+            run = { first: 0, values: [] };
+        });
+        studio.connection.on("samples", ({ place, time_s, interval_s, values }) => {
+            if (place !== studio.taps.traces.indexOf(trace)) return;
+            if (run.values.length === 0) run.first = Math.round(time_s / interval_s);
+            for (const value of values) run.values.push(value);
+        });
+    }, port);
+
+// Strokes and records that; { recording, run }, the latter as `gather` keeps it.
+export async function record(page, force, time_ms) {
+    await page.evaluate(() => {
+        studio.recorded = null;
+        studio.connection.on("recording", ({ recording }) => (studio.recorded = recording));
+    });
+    await page.click("#record");
+    await until(page, () => studio.status.recording_s !== null);
+    await stroke(page, force, time_ms);
+    await picture(page, "recording");
+    await page.click("#record");
+    await until(page, () => studio.recorded && studio.status.recording_s === null && studio.runs);
+    return page.evaluate(() => ({ recording: studio.recorded, run: studio.lastRun }));
+}
+
+// Replays what the page has; the run of it.
+export async function replay(page) {
+    await page.click("#replay");
+    await until(page, () => studio.status.replay > 0);
+    await until(page, () => studio.status.replay === null && studio.runs);
+    return page.evaluate(() => studio.lastRun);
+}
+
+// Two runs of the same recording have the same samples where both were kept.
+export function assertSame({ frames }, one, other) {
+    const first = Math.max(one.first, other.first);
+    const of = (run) => run.values.slice(first - run.first, frames - run.first);
+    const [a, b] = [of(one), of(other)];
+    const power = a.reduce((sum, value) => sum + value * value, 0);
+    assert(a.length > 0.9 * frames && power > 1e-3, `${a.length} samples of ${frames} frames, power ${power}`);
+    const at = a.findIndex((value, i) => value !== b[i]);
+    assert.equal(at, -1, `sample ${at} of ${a.length} differs: ${a[at]} and ${b[at]}`);
+}
+
+// Runs all scenarios on one page; how many failed.
+export async function runAll() {
+    let failed = 0;
+    const only = process.env.ONLY; // a part of the names of those to be run
+    const page = await open();
+    await page.evaluate(() => studio.own());
+    await until(page, () => studio.status.owner);
+    for (const [name, run] of tests) {
+        if (only && !name.includes(only)) continue;
+        try {
+            await run(page);
+            console.log(`ok      ${name}`);
+        } catch (error) {
+            failed++;
+            await picture(page, `failed-${failed}`);
+            console.log(`FAILED  ${name}\n        ${String(error.stack).split("\n").slice(0, 7).join("\n        ")}`);
+        }
+    }
+    if (problems.length) console.log(`FAILED  no console error, no request elsewhere\n        ${problems.join("\n        ")}`);
+    else console.log("ok      no console error, no request elsewhere");
+    await browser.close();
+    served?.close();
+    return failed + problems.length;
+}

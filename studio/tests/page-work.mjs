@@ -1,0 +1,366 @@
+// What a person works with: presets, the editor and its file, recordings, surfaces, scopes; and whether what is felt is what
+// the surface's models say.
+import assert from "node:assert/strict";
+import { appendFileSync, readFileSync } from "node:fs";
+import { join } from "node:path";
+import {
+    assertSame,
+    demo,
+    drop,
+    feltPort,
+    gather,
+    HOME,
+    latest,
+    level,
+    open,
+    pen,
+    picture,
+    programTest,
+    ready,
+    record,
+    replay,
+    studioOf,
+    stroke,
+    test,
+    until,
+} from "./harness.mjs";
+
+const LEARNING_MS = 180_000;
+const SPREAD_DB = 2; // of the level of a noise over a second and a half
+
+test("a preset is saved to a file and brings the settings back", async (page) => {
+    await page.evaluate(() => studio.showTab("controls"));
+    const [setting, other] = await page.evaluate(() => {
+        const found = studio.graph.settings.find(({ min, max }) => min !== null && max !== null) ?? studio.graph.settings[0];
+        return [found, found.value * 0.5 + 0.5 * (found.max ?? 2 * found.value)];
+    });
+    const value = () => page.evaluate((name) => studio.values.get(name), setting.name);
+    const before = await value();
+    const [download] = await Promise.all([page.waitForEvent("download"), page.click("#preset-save")]);
+    const preset = JSON.parse(readFileSync(await download.path(), "utf8"));
+    assert.deepEqual([preset.haptograph_preset, preset.settings[setting.name]], [1, before]);
+    await page.evaluate(([name, to]) => studio.set(name, to), [setting.name, other]);
+    assert.notEqual(await value(), before);
+    await page.setInputFiles("#preset-load", {
+        name: "mine.json",
+        mimeType: "application/json",
+        buffer: Buffer.from(JSON.stringify(preset)),
+    });
+    await until(page, ([name, wanted]) => studio.values.get(name) === wanted, [setting.name, before]);
+    await until(page, () => document.getElementById("status-text").textContent.includes("mine.json was loaded"));
+});
+
+test("a pause freezes what is seen, and zoom and span act in it", async (page) => {
+    await demo(page, true);
+    await page.waitForTimeout(1200);
+    const seen = () => page.evaluate(() => document.querySelector("#scopes canvas").toDataURL());
+    // What waits for every second frame has been drawn by then, however slow the machine is.
+    const settled = () =>
+        page.evaluate(async () => {
+            for (let i = 0; i < 8; i++) await new Promise(requestAnimationFrame);
+        });
+    await page.click("#scope-pause");
+    await settled();
+    const before = await seen();
+    // What goes on behind it is longer than what a ring holds, as if that time had passed.
+    await page.evaluate(() => studio.taps.traces.forEach((trace) => trace.clear()));
+    await page.waitForTimeout(500);
+    await settled();
+    assert.equal(await seen(), before);
+    await picture(page, "paused");
+    await page.locator("#scopes .scope").first().hover();
+    await page.locator('#scopes [aria-label="Larger"]').first().click();
+    await settled();
+    const larger = await seen();
+    assert.notEqual(larger, before);
+    await page.locator('#scopes [aria-label="Smaller"]').first().click();
+    await settled();
+    assert.equal(await seen(), before);
+    await page.selectOption("#scope-span", "0.5");
+    await settled();
+    assert.notEqual(await seen(), before);
+    await page.setViewportSize({ width: 1300, height: 900 }); // a canvas that is resized is empty until it is drawn
+    await settled();
+    const empty = await page.evaluate(() =>
+        [...document.querySelectorAll("#scopes canvas")].filter((canvas) => {
+            const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+            return !data.some((value) => value > 0);
+        }).length,
+    );
+    assert.equal(empty, 0, `${empty} views are blank`);
+    await page.setViewportSize({ width: 1440, height: 900 });
+    await page.selectOption("#scope-span", "2");
+    await page.click("#scope-pause");
+    await page.waitForTimeout(500);
+    await settled();
+    assert.notEqual(await seen(), before);
+    await demo(page, false);
+});
+
+test("a drawer that fails leaves the others drawing", async () => {
+    const page = await open({ expected: /for a test/ });
+    await page.evaluate(async () => {
+        const { everyFrame } = await import(new URL("frame.js", document.baseURI));
+        window.drawn = 0;
+        everyFrame(() => {
+            throw new Error("for a test");
+        });
+        everyFrame(() => window.drawn++);
+    });
+    await until(page, () => window.drawn > 10);
+    await until(page, () => document.getElementById("status-text").textContent.includes("Reload the page"));
+    await page.context().close();
+});
+
+test("a surface that the engine refuses is asked for again at the next touch", async (page) => {
+    await page.evaluate(() => studio.showTab("surfaces"));
+    if (await page.locator("#compare").isHidden()) return;
+    await page.evaluate(() => {
+        studio.asked = 0;
+        studio.parameter = async () => (studio.asked++, { ok: false, error: "refused for a test" });
+    });
+    await page.click("#compare");
+    const [left] = await page.evaluate(() => studio.compared.map(({ path }) => path));
+    const hand = await pen(page);
+    await hand.press(0.25, 0.5, 0.4);
+    await until(page, () => document.getElementById("status-text").textContent.includes("refused for a test"));
+    await page.waitForTimeout(300);
+    assert.equal(await page.evaluate(() => studio.asked), 1, "it asks at every frame");
+    await hand.lift(0.25, 0.5);
+    await page.evaluate(() => delete studio.parameter);
+    await page.waitForTimeout(100);
+    await hand.press(0.25, 0.5, 0.4);
+    await until(page, (path) => studio.currentSurface()?.path === path, left);
+    await hand.lift(0.25, 0.5);
+    await page.click("#compare");
+});
+
+// All that a person can read on the page, of a tab: text, values of fields, titles.
+const readable = (page) =>
+    page.evaluate(() => {
+        const parts = [];
+        const visible = (element) => element.checkVisibility({ visibilityProperty: true });
+        const walk = (root) => {
+            for (const element of root.querySelectorAll("*")) {
+                if (element.shadowRoot) walk(element.shadowRoot);
+                if (!visible(element) || element.closest("select")) continue;
+                parts.push(element.title, element.value, element.getAttribute("aria-label"));
+                for (const child of element.childNodes) if (child.nodeType === Node.TEXT_NODE) parts.push(child.textContent);
+            }
+        };
+        walk(document);
+        return parts.filter((part) => typeof part === "string" && part !== "").join("\n");
+    });
+
+test("nothing that can be read says which surface runs while one compares blind", async (page) => {
+    await page.evaluate(() => studio.showTab("surfaces"));
+    if (await page.locator("#compare").isHidden()) return;
+    await page.click("#compare");
+    await page.check("#blind");
+    const hand = await pen(page);
+    const sides = await page.evaluate(() => studio.compared.map(({ path, name }) => ({ path, name })));
+    for (const [x, { path, name }] of [
+        [0.25, sides[0]],
+        [0.75, sides[1]],
+    ]) {
+        await hand.press(x, 0.5, 0.4);
+        await until(page, (wanted) => studio.currentSurface()?.path === wanted, path);
+        for (const tab of ["graph", "controls", "surfaces"]) {
+            await page.evaluate((shown) => studio.showTab(shown), tab);
+            const text = (await readable(page)).replaceAll(/^default .*$/gm, ""); // which is the same whatever runs
+            for (const said of [path, path.split("/").at(-1).replace(/\.ron"?$/, ""), name])
+                assert(!text.includes(said), `${tab}: ${text.split("\n").find((line) => line.includes(said))}`);
+        }
+        await hand.lift(x, 0.5);
+    }
+    await page.evaluate(() => studio.showTab("controls"));
+    await picture(page, "blind-controls");
+    await page.evaluate(() => studio.showTab("surfaces"));
+    await page.uncheck("#blind");
+    await page.click("#compare");
+    const value = await page.evaluate(() => {
+        const { name } = studio.graph.parameters.find(({ is_surface }) => is_surface);
+        return document.querySelector(`[data-parameter="${name}"]`).value;
+    });
+    assert(sides.some(({ path }) => value.includes(path.replaceAll('"', ""))), value);
+});
+
+test("a recording that was kept is replayed after a reload, with the same samples", async (page) => {
+    const port = await page.evaluate(() => `${studio.graph.actuators[0].name}.delivered`);
+    const afresh = async () => {
+        await page.reload();
+        await ready(page);
+        await page.evaluate(() => studio.own());
+        await until(page, () => studio.status.owner);
+    };
+    await afresh(); // the page of a site comes back with the graph as it was exported
+    await gather(page, port);
+    const { recording, run } = await record(page, 0.5, 900);
+    const [download] = await Promise.all([page.waitForEvent("download"), page.click("#keep")]);
+    const text = readFileSync(await download.path(), "utf8");
+    assert.deepEqual(JSON.parse(text), recording);
+    await afresh();
+    assert(await page.isHidden("#replay"), "a recording survived the reload");
+    await gather(page, port);
+    await drop(page, "mine-strokes.json", "application/json", text);
+    assertSame(recording, run, await replay(page));
+    await afresh();
+});
+
+// The models of a surface file: places in m/s and N, the root of each one's power in m/s2, and the triangles between them.
+function modelsOf(path) {
+    const text = readFileSync(path, "utf8");
+    const vertices = [...text.matchAll(/\(speed_mm_s: ([\d.e-]+), force_n: ([\d.e-]+), filter: \d+, power_m2_s4: ([\d.e-]+)/g)];
+    const after = text.slice(text.indexOf("triangles: ["));
+    const triangles = [...after.matchAll(/\((\d+), (\d+), (\d+)\)/g)].map((match) => match.slice(1).map(Number));
+    const points = vertices.map(([, speed, force, power]) => [Number(speed) / 1000, Number(force), Math.sqrt(Number(power))]);
+    assert(points.length > 2 && triangles.length > 0, `${path} has no models`);
+    return { points, triangles };
+}
+
+// The amplitude that the models give at a speed and a force: between three of them by the triangle's weights.
+function amplitudeAt({ points, triangles }, speed, force) {
+    const most = [0, 1].map((axis) => Math.max(...points.map((point) => point[axis])));
+    const [x, y] = [Math.min(speed, most[0]), Math.min(force, most[1])];
+    for (const triangle of triangles) {
+        const [a, b, c] = triangle.map((i) => points[i]);
+        const area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+        const second = ((x - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (y - a[1])) / area;
+        const third = ((b[0] - a[0]) * (y - a[1]) - (x - a[0]) * (b[1] - a[1])) / area;
+        const weights = [1 - second - third, second, third];
+        if (weights.every((weight) => weight >= -1e-6)) return weights.reduce((sum, w, i) => sum + w * [a, b, c][i][2], 0);
+    }
+    return 0;
+}
+
+// The latest values of a port over so long.
+const history = (page, name, span_s) =>
+    page.evaluate(
+        ([port, span]) => {
+            const trace = studio.taps.traces.find((each) => each.name === port);
+            const count = Math.min(trace.count, Math.round(span / trace.interval_s));
+            return Array.from({ length: count }, (_, back) => trace.most[trace.place(count - 1 - back)]);
+        },
+        [name, span_s],
+    );
+
+test("harder and faster strokes vibrate as much more as the surface's models say", async (page) => {
+    const port = await feltPort(page);
+    const map = await page.evaluate(() => studio.graph.maps[0]);
+    const { path } = await page.evaluate(() => studio.currentSurface());
+    const models = modelsOf(join(HOME, "graphs", path.replaceAll('"', "")));
+    const pad = await page.evaluate(() => studio.graph.pads[0]);
+    const SPAN_S = 1.5;
+    const [RADIUS_MM, SETTLED_S] = [28, 0.6];
+    // Circles of an even speed, and what was felt against what the models give for the speeds and forces that arrived.
+    const stroked = async (pressure, speed_mm_s) => {
+        const hand = await pen(page);
+        const at = (angle) => [
+            0.5 + (RADIUS_MM / pad.width_mm) * Math.cos(angle),
+            0.5 + (RADIUS_MM / pad.height_mm) * Math.sin(angle),
+        ];
+        await hand.press(...at(0), pressure);
+        const begun_ms = performance.now();
+        for (let time_s = 0; time_s < SPAN_S + SETTLED_S; time_s = (performance.now() - begun_ms) / 1000)
+            await hand.move(...at((time_s * speed_mm_s) / RADIUS_MM), pressure);
+        const rms = await level(page, port, SPAN_S);
+        const [speeds, forces] = await Promise.all([map.speed_port, map.force_port].map((name) => history(page, name, SPAN_S)));
+        await hand.lift(...at(0));
+        const powers = speeds.map((speed, i) => amplitudeAt(models, speed, forces[Math.min(i, forces.length - 1)]) ** 2);
+        const wanted = Math.sqrt(powers.reduce((sum, power) => sum + power, 0) / powers.length);
+        const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
+        return { rms, wanted, speed: mean(speeds), force: mean(forces) };
+    };
+    const decibels = (ratio) => 20 * Math.log10(ratio);
+    const [soft, hard] = [await stroked(0.2, 60), await stroked(0.7, 180)];
+    await page.waitForTimeout(600);
+    const told = ({ rms, wanted, speed, force }) =>
+        `${rms.toFixed(2)} m/s² at ${(1000 * speed).toFixed(0)} mm/s and ${force.toFixed(2)} N, ${wanted.toFixed(2)} by the models`;
+    console.log(`        ${told(soft)}; ${told(hard)}`);
+    assert(decibels(hard.wanted / soft.wanted) > 6, "the strokes are too much alike");
+    for (const { rms, wanted } of [soft, hard])
+        assert(Math.abs(decibels(rms / wanted)) < SPREAD_DB, `${decibels(rms / wanted).toFixed(1)} dB beside the models`);
+    const apart_db = decibels(hard.rms / soft.rms) - decibels(hard.wanted / soft.wanted);
+    assert(Math.abs(apart_db) < SPREAD_DB, `${apart_db.toFixed(1)} dB beside the ratio of the models`);
+    assert((await latest(page, map.force_port)) < 0.01);
+});
+
+programTest("the editor completes, explains and saves, and not over what somebody else wrote", async () => {
+    const own = await studioOf("graphs/texturepad.ron");
+    const page = await open({ at: own.address });
+    const file = join(own.root, "graphs/texturepad.ron");
+    const save = async (remark) => {
+        await page.evaluate((text) => studio.editor.dispatch({ changes: { from: 0, insert: text } }), `// ${remark}\n`);
+        await page.focus(".cm-content");
+        await page.keyboard.press("Control+s");
+        await until(page, () => /^(Saved|Not saved)/.test(document.getElementById("editor-state").textContent));
+        return page.textContent("#editor-state");
+    };
+    try {
+        await page.evaluate(() => studio.showTab("editor"));
+        // Hover on a kind of node.
+        await page.evaluate(() => {
+            const at = studio.editor.state.doc.toString().indexOf("SpeedEstimator(");
+            studio.editor.dispatch({ selection: { anchor: at }, scrollIntoView: true });
+        });
+        await page.waitForTimeout(300);
+        const word = page.locator(".cm-line span", { hasText: /^SpeedEstimator$/ }).first();
+        await word.hover();
+        await page.waitForSelector(".cm-tooltip .tip h4", { timeout: 5000 });
+        assert.match(await page.textContent(".cm-tooltip .tip"), /SpeedEstimator.*inputs:/s);
+        await picture(page, "hover");
+        // Completion inside of it.
+        await page.evaluate(() => {
+            const text = studio.editor.state.doc.toString();
+            const at = text.indexOf("SpeedEstimator(") + "SpeedEstimator(".length;
+            studio.editor.dispatch({ selection: { anchor: at } });
+        });
+        await page.focus(".cm-content");
+        await page.keyboard.type("cut");
+        await page.waitForSelector(".cm-tooltip-autocomplete li", { timeout: 5000 });
+        assert.match(await page.textContent(".cm-tooltip-autocomplete"), /cutoff_hz/);
+        await picture(page, "completion");
+        await page.keyboard.press("Escape"); // of the list, no STOP
+        await page.waitForSelector(".cm-tooltip-autocomplete", { state: "detached" });
+        assert.equal(await page.evaluate(() => studio.status.state), "running");
+        await page.click("#editor-revert");
+        // The file.
+        assert.match(await save("saved by the page"), /^Saved to/);
+        assert(readFileSync(file, "utf8").startsWith("// saved by the page\n"));
+        appendFileSync(file, "// somebody else\n");
+        assert.match(await save("over it"), /^Not saved/);
+        assert(readFileSync(file, "utf8").endsWith("// somebody else\n"));
+        assert(!readFileSync(file, "utf8").includes("over it"));
+    } finally {
+        await page.context().close();
+        await own.end();
+    }
+});
+
+programTest("a recording that is dropped on the page is learned, and is on the pad", async () => {
+    const own = await studioOf("graphs/texturepad.ron");
+    const page = await open({ at: own.address });
+    try {
+        const before = await page.evaluate(() => studio.graph.surfaces.length);
+        await drop(
+            page,
+            "my-tile.csv",
+            "text/csv",
+            readFileSync(join(HOME, "examples/data/t3-tile-drag-simulated.csv"), "utf8"),
+        );
+        await page.waitForSelector(".surface-message", { timeout: 5000 });
+        await page.waitForSelector(".surface-message button", { timeout: LEARNING_MS });
+        await picture(page, "learned");
+        assert.match(await page.textContent(".surface-message"), /my-tile\.csv was learned; it is on the pad: stroke it/);
+        await page.waitForSelector(".surface-message a.report");
+        await until(page, (count) => studio.graph.surfaces.length === count + 1, before);
+        assert.match(await page.evaluate(() => studio.currentSurface().path), /my-tile/);
+        const port = await feltPort(page);
+        let during = 0;
+        await stroke(page, 0.5, 1500, async (part) => part > 0.6 && (during = Math.max(during, await level(page, port, 0.3))));
+        assert(during > 0.01, `${during} m/s² while stroking`);
+    } finally {
+        await page.context().close();
+        await own.end();
+    }
+});
