@@ -519,6 +519,51 @@ fn a_run_ends_by_saying_what_to_look_at_and_what_to_listen_to() {
 }
 
 #[test]
+fn where_a_limit_struck_the_largest_request_stands_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = |amplitude: &str| {
+        format!(
+            r#"Graph(format: 1, clocks: {{ "audio": Driver(rate_hz: 10000) }}, nodes: {{
+                "tone": Sine(clock: "audio", frequency_hz: 100, amplitude: {amplitude}, quantity: "current"),
+                "out": ActuatorSink(current: "tone", endpoint: "coil", limit: (peak_a: 0.5, continuous_a: 0.4)),
+            }}, endpoints: {{ "simulated": {{ "coil": SimulatedHaptuator() }} }})"#
+        )
+    };
+    let run = |amplitude: &str| {
+        fs::write(folder.path().join("g.ron"), graph(amplitude)).unwrap();
+        let output = haptograph(folder.path(), &["run", "g.ron", "--for", "0.2", "--out", "out"]);
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{told}");
+        let page = fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+        let facts = fs::read_to_string(folder.path().join("out/run.json")).unwrap();
+        let facts: serde_json::Value = serde_json::from_str(&facts).unwrap();
+        (told, page, facts["limits"].clone())
+    };
+    let (told, page, limits) = run("0.8");
+    assert!(
+        told.contains("the peak limit reduced ")
+            && told.contains(": the largest request was 0.8 A, the limit is 0.5 A; lower the signal"),
+        "{told}"
+    );
+    assert!(
+        page.contains("<span>Largest request</span><b>0.8 A</b>")
+            && page.contains("0.5 A peak, 0.4 A continuous"),
+        "no headline"
+    );
+    assert!((limits[0]["largest_request"].as_f64().unwrap() - 0.8).abs() < 1e-12);
+    assert_eq!(
+        (&limits[0]["actuator"], &limits[0]["unit"], &limits[0]["peak"]),
+        (&"out".into(), &"A".into(), &0.5.into())
+    );
+    let (told, page, limits) = run("0.3");
+    assert!(
+        !told.contains("limit") && !page.contains("Largest request"),
+        "{told}"
+    );
+    assert_eq!(limits, serde_json::json!([]));
+}
+
+#[test]
 fn a_run_that_cannot_be_played_is_refused_before_it_starts() {
     if cfg!(feature = "soundcard") {
         return;

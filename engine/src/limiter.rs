@@ -121,6 +121,7 @@ pub struct Limiter<const N: usize> {
     window_s: f64,
     rate_hz: f64,
     counts: ClipCounts,
+    largest_request: f64,
 }
 
 /// A step of the ramp down to the continuous limit: from this magnitude or below, `budget` suffices for the ramp.
@@ -175,6 +176,7 @@ impl<const N: usize> Limiter<N> {
             window_s: limit.window_s,
             rate_hz,
             counts: ClipCounts::default(),
+            largest_request: 0.0,
         })
     }
 
@@ -192,6 +194,11 @@ impl<const N: usize> Limiter<N> {
     /// Counts since the start.
     pub fn counts(&self) -> ClipCounts {
         self.counts
+    }
+
+    /// Largest magnitude of a finite request since the start.
+    pub fn largest_request(&self) -> f64 {
+        self.largest_request
     }
 
     /// Upper bound of the weighted mean square, unit squared: 0 when cold; can exceed the square of the continuous
@@ -215,9 +222,9 @@ impl<const N: usize> Limiter<N> {
         self.budget = self.continuous_square * (1.0 - unknown) - known;
     }
 
-    /// Continues the counts of another limiter.
-    pub fn count_on_from(&mut self, counts: ClipCounts) {
-        self.counts = counts;
+    /// Continues the counts and the largest request of another limiter.
+    pub fn count_on_from(&mut self, counts: ClipCounts, largest_request: f64) {
+        (self.counts, self.largest_request) = (counts, largest_request);
     }
 
     /// Starts without heat reserve: the earlier output of the actuator is unknown.
@@ -263,6 +270,7 @@ impl<const N: usize> Limiter<N> {
         } else {
             norm(request)
         };
+        self.largest_request = self.largest_request.max(relative);
         if relative <= self.peak {
             return request;
         }

@@ -5,6 +5,7 @@
 
 pub mod actuators;
 pub mod contact;
+mod csv_table;
 mod fallback;
 pub mod filters;
 pub mod friction;

@@ -1,6 +1,7 @@
 //! The facts and warnings of a run, for `run.json` and its page.
 
 use super::headlines::Headline;
+use super::scale::plain as rounded;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::limiter::ClipCounts;
 use haptograph_engine::node::AfterData;
@@ -11,6 +12,9 @@ use std::path::{Path, PathBuf};
 
 /// Name of the file with the facts, in the folder of a run.
 pub const FILE: &str = "run.json";
+
+/// The fact that the headlines of a page state already.
+const LIMITS: &str = "limits";
 
 /// A fact: key in `run.json`, name on the page, value.
 pub type Fact = (&'static str, &'static str, Value);
@@ -54,6 +58,11 @@ impl Facts {
             ("driver_frames", "Driver frames", json!(outcome.driver_frames)),
             ("stopped", "Stopped early", json!(outcome.stopped)),
             ("faults", "NaN or infinity at actuators", faults(outcome)),
+            (
+                LIMITS,
+                "Limits that reduced a signal",
+                limits_that_struck(outcome),
+            ),
             ("haptograph", "haptograph", json!(env!("CARGO_PKG_VERSION"))),
         ];
         if !outcome.rings.is_empty() {
@@ -92,37 +101,65 @@ impl Facts {
         format!("{:#}\n", Value::Object(object))
     }
 
-    /// For the page: key, name and text of each fact that is not empty.
+    /// For the page: key, name and text of each fact that is not empty and no headline states.
     pub fn listed(&self) -> impl Iterator<Item = (&'static str, &'static str, String)> {
-        let facts = self.facts.iter();
+        let facts = self.facts.iter().filter(|(key, ..)| *key != LIMITS);
         let facts = facts.filter(|(_, _, value)| !matches!(value, Value::Array(list) if list.is_empty()));
         facts.map(|(key, name, value)| (*key, *name, plain(value)))
     }
 }
 
-/// Share of the time for which each actuator's limits reduced its signal.
+/// Share of the time for which each actuator's limits reduced its signal, and the largest request to an
+/// actuator with a limit that did.
 pub fn limited(outcome: &Outcome) -> Vec<Headline> {
-    let limited = |actuator: &ActuatorReport| {
-        let ClipCounts {
-            peak,
-            continuous,
-            slew,
-            ticks,
-            ..
-        } = actuator.clipped;
-        let held = peak.max(continuous).max(slew);
-        let part = 100.0 * held as f64 / ticks.max(1) as f64;
-        let part = match held {
-            0 => "none".to_owned(),
-            _ => format!("{part:.2} %"),
-        };
-        Headline::new(
-            "Reduced by limits",
-            part,
-            format!("of the time of {}", actuator.path),
-        )
+    outcome.actuators.iter().flat_map(limited_one).collect()
+}
+
+fn limited_one(actuator: &ActuatorReport) -> impl Iterator<Item = Headline> {
+    let (path, held) = (&actuator.path, held_ticks(actuator));
+    let part = 100.0 * held as f64 / actuator.clipped.ticks.max(1) as f64;
+    let part = match held {
+        0 => "none".to_owned(),
+        _ => format!("{part:.2} %"),
     };
-    outcome.actuators.iter().map(limited).collect()
+    let share = Headline::new("Reduced by limits", part, format!("of the time of {path}"));
+    let largest = (held > 0).then(|| {
+        let (unit, limit) = (&actuator.unit, &actuator.limit);
+        let of = format!(
+            "of {path}, before its limits: {} {unit} peak, {} {unit} continuous",
+            rounded(limit.peak),
+            rounded(limit.continuous)
+        );
+        let value = format!("{} {unit}", rounded(actuator.largest_request));
+        Headline::new("Largest request", value, of)
+    });
+    [share].into_iter().chain(largest)
+}
+
+/// Ticks in which a limit reduced the signal of an actuator.
+fn held_ticks(actuator: &ActuatorReport) -> u64 {
+    let ClipCounts {
+        peak,
+        continuous,
+        slew,
+        ..
+    } = actuator.clipped;
+    peak.max(continuous).max(slew)
+}
+
+/// The largest request to each actuator with a limit that reduced its signal, beside its limits.
+fn limits_that_struck(outcome: &Outcome) -> Value {
+    let struck = outcome
+        .actuators
+        .iter()
+        .filter(|actuator| held_ticks(actuator) > 0);
+    let facts = struck.map(|actuator| {
+        json!({
+            "actuator": actuator.path, "unit": actuator.unit, "largest_request": actuator.largest_request,
+            "peak": actuator.limit.peak, "continuous": actuator.limit.continuous,
+        })
+    });
+    facts.collect()
 }
 
 /// The files beside a run's page with their contents; `own` are those that no sink writes.
@@ -205,17 +242,25 @@ fn warnings(outcome: &Outcome) -> Vec<String> {
         }
     }
     for actuator in &outcome.actuators {
-        let clipped = actuator.clipped;
+        let (clipped, limit, unit) = (actuator.clipped, &actuator.limit, &actuator.unit);
         let ticks = clipped.ticks;
-        for (count, limit) in [
-            (clipped.peak, "peak"),
-            (clipped.continuous, "continuous"),
-            (clipped.slew, "slew"),
+        let largest = rounded(actuator.largest_request);
+        let beside = |limit: f64| {
+            format!(
+                ": the largest request was {largest} {unit}, the limit is {} {unit}",
+                rounded(limit)
+            )
+        };
+        for (count, name, beside) in [
+            (clipped.peak, "peak", beside(limit.peak)),
+            (clipped.continuous, "continuous", beside(limit.continuous)),
+            // A request has no slew of its own: the output may still be on its way to one before.
+            (clipped.slew, "slew", String::new()),
         ] {
             if count > 0 {
                 list.push(format!(
-                    "{}: the {limit} limit reduced {count} of {ticks} ticks; lower the signal, or raise that limit \
-                     if the actuator allows it",
+                    "{}: the {name} limit reduced {count} of {ticks} ticks{beside}; lower the signal, or raise that \
+                     limit if the actuator allows it",
                     actuator.path
                 ));
             }

@@ -29,8 +29,11 @@ pub fn page(title: &str, found: &Holdout, contact: &[ContactResult], simulated: 
         sections.push(("Taps, friction and stiffness", format!("{CONTACTS}{contacts}")));
     }
     let about = format!(
-        "Textures learned from one part of a recording, tested on another part; {} materials, powers averaged over {} seeds of noise.",
-        found.materials.len(),
+        "Textures learned from one part of a recording, tested on another part; {}, powers averaged over {} seeds of noise.",
+        match found.materials.len() {
+            1 => "1 material".to_owned(),
+            count => format!("{count} materials"),
+        },
         found.seeds
     );
     Sheet {

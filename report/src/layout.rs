@@ -230,8 +230,8 @@ fn backward_links(blocks: usize, links: &[Link]) -> Vec<bool> {
     backward
 }
 
-/// Layer of every block: as far left as its inputs allow; blocks without inputs as far right as their readers
-/// allow.
+/// Layer of every block: as far left as its inputs allow; blocks that begin signals as far right as their
+/// readers allow.
 fn layers(blocks: &[Block], links: &[Link], backward: &[bool]) -> Vec<usize> {
     let forward: Vec<&Link> = links
         .iter()
@@ -246,10 +246,8 @@ fn layers(blocks: &[Block], links: &[Link], backward: &[bool]) -> Vec<usize> {
         .collect();
     let mut waiting = vec![0; blocks.len()];
     let mut outgoing = vec![Vec::new(); blocks.len()];
-    let mut incoming = vec![0; blocks.len()];
     for link in &forward {
         waiting[link.to] += 1;
-        incoming[link.to] += 1;
         outgoing[link.from].push(link.to);
     }
     let mut ready: VecDeque<usize> = (0..blocks.len()).filter(|i| waiting[*i] == 0).collect();
@@ -264,12 +262,6 @@ fn layers(blocks: &[Block], links: &[Link], backward: &[bool]) -> Vec<usize> {
             }
         }
     }
-    for block in sorted.into_iter().rev() {
-        let nearest = outgoing[block].iter().map(|to| layer[*to]).min();
-        if let (0, Side::Free, Some(nearest)) = (incoming[block], blocks[block].side, nearest) {
-            layer[block] = nearest.saturating_sub(1).max(first);
-        }
-    }
     let inner = blocks
         .iter()
         .zip(&layer)
@@ -281,7 +273,29 @@ fn layers(blocks: &[Block], links: &[Link], backward: &[bool]) -> Vec<usize> {
             *layer = last;
         }
     }
+    let begins = beginnings(blocks, links, backward, &sorted);
+    for block in sorted.into_iter().rev() {
+        let nearest = outgoing[block].iter().map(|to| layer[*to]).min();
+        if let (true, Some(nearest)) = (begins[block], nearest) {
+            layer[block] = nearest.saturating_sub(1).max(first);
+        }
+    }
     layer
+}
+
+/// Blocks without inputs, and those with inputs only from such blocks that nothing else reads. `order` has every
+/// block after its sources.
+fn beginnings(blocks: &[Block], links: &[Link], backward: &[bool], order: &[usize]) -> Vec<bool> {
+    let mut begins: Vec<bool> = blocks.iter().map(|block| block.side == Side::Free).collect();
+    for (link, _) in links.iter().zip(backward).filter(|(_, backward)| **backward) {
+        (begins[link.from], begins[link.to]) = (false, false);
+    }
+    for block in order {
+        let read_elsewhere = |from: usize| links.iter().any(|link| link.from == from && link.to != *block);
+        let mut sources = links.iter().filter(|link| link.to == *block);
+        begins[*block] &= sources.all(|link| begins[link.from] && !read_elsewhere(link.from));
+    }
+    begins
 }
 
 type Subdivision = (Vec<Item>, Vec<Segment>, Vec<Vec<usize>>);

@@ -138,7 +138,7 @@ impl Page<'_> {
             let (address, name) = (address(name), escape(name));
             format!(
                 "<dt><a href=\"{address}\">{name}</a></dt><dd>{}</dd>",
-                escape(holds)
+                prose(holds)
             )
         };
         match self.files.as_slice() {
@@ -159,7 +159,7 @@ pub(super) fn line_up<'a>(plots: &mut [Plot], signals: impl IntoIterator<Item = 
 /// A list of names and values.
 pub(super) fn facts(facts: &[(String, String)]) -> String {
     let fact =
-        |(name, value): &(String, String)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(value));
+        |(name, value): &(String, String)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), prose(value));
     match facts {
         [] => String::new(),
         facts => format!("<dl>{}</dl>", facts.iter().map(fact).collect::<String>()),
@@ -202,7 +202,7 @@ impl Sheet<'_> {
         let warnings: String = self
             .warnings
             .iter()
-            .map(|w| format!("<p class=\"warning\">{}</p>", escape(w)))
+            .map(|w| format!("<p class=\"warning\">{}</p>", prose(w)))
             .collect();
         let sections: String = self
             .sections
@@ -233,7 +233,21 @@ impl Sheet<'_> {
 
 fn paragraphs(text: &str) -> String {
     let parts = text.split("\n\n").map(str::trim).filter(|part| !part.is_empty());
-    parts.map(|part| format!("<p>{}</p>", escape(part))).collect()
+    parts.map(|part| format!("<p>{}</p>", prose(part))).collect()
+}
+
+/// Text as HTML, with names between backticks as code.
+fn prose(text: &str) -> String {
+    let escaped = escape(text);
+    if escaped.matches('`').count() % 2 == 1 {
+        return escaped;
+    }
+    let parts = escaped.split('`').enumerate();
+    let shown = parts.map(|(i, part)| match i % 2 {
+        0 => part.to_owned(),
+        _ => format!("<code>{part}</code>"),
+    });
+    shown.collect()
 }
 
 const STYLE: &str = include_str!("page/style.css");

@@ -8,7 +8,7 @@ mod wire;
 use super::Failure;
 use crate::engine::diagnostic::{Diagnostic, Diagnostics, Severity, Span};
 use crate::engine::document::Document;
-use crate::engine::graph::{CheckOptions, check};
+use crate::engine::graph::{CheckOptions, Graph, check};
 use crate::engine::registry::Registry;
 use crate::engine::settings::SettingSpec;
 use crate::report::reference;
@@ -40,8 +40,17 @@ pub fn run(_: &Arguments, registry: &Registry) -> Result<(), Failure> {
 /// The documents that an editor has open.
 struct Server<'r> {
     registry: &'r Registry,
-    texts: HashMap<String, String>,
+    texts: HashMap<String, Open>,
     is_shut: bool,
+}
+
+/// An open document.
+#[derive(Default)]
+struct Open {
+    text: String,
+    /// What can be connected, with its kind and quantity, when the graph was last sound: it is not while one
+    /// types.
+    outputs: Vec<(String, String)>,
 }
 
 /// Constants of the protocol.
@@ -106,13 +115,17 @@ impl Server<'_> {
     /// Stores the present text of a document; returns its findings.
     fn take(&mut self, address: &str, text: Option<&str>) -> Vec<Value> {
         let Some(text) = text else { return Vec::new() };
-        self.texts.insert(address.to_owned(), text.to_owned());
+        let open = self.texts.entry(address.to_owned()).or_default();
+        text.clone_into(&mut open.text);
         let path = path_of(address);
         let findings = match Document::parse(&path, text) {
             Err(findings) => findings,
             Ok(document) => match check(&document, self.registry, &CheckOptions::default()) {
                 Err(findings) => findings,
-                Ok(graph) => super::warnings(&graph),
+                Ok(graph) => {
+                    open.outputs = connectable(&graph);
+                    super::warnings(&graph)
+                }
             },
         };
         let positions = Positions::of(text);
@@ -129,10 +142,30 @@ impl Server<'_> {
             return json!([]);
         };
         match context(text, at) {
-            Context::Connection => outputs(text),
+            Context::Connection => self.connections(address, text, at),
             Context::Fields(kind) => self.fields(&kind),
             Context::Other => self.kinds(),
         }
+    }
+
+    /// Outputs of nodes, then other quoted names; each replaces what is between the quote and the position.
+    fn connections(&self, address: &str, text: &str, at: usize) -> Value {
+        let known = self.texts.get(address).map_or(&[][..], |open| &open.outputs);
+        let begun = text[..at].rfind('"').map_or(at, |quote| quote + 1);
+        let range = Positions::of(text).range(begun, at);
+        let item = |name: &str, detail: &str| {
+            json!({
+                "label": name, "kind": KIND_VALUE, "detail": detail, "filterText": name,
+                "textEdit": { "range": range, "newText": name },
+            })
+        };
+        let node = |output: &str| output.split('.').next().unwrap_or_default().to_owned();
+        let nodes: Vec<String> = known.iter().map(|(output, _)| node(output)).collect();
+        let others = names(text)
+            .into_iter()
+            .filter(|name| !nodes.iter().any(|node| node == name));
+        let outputs = known.iter().map(|(output, detail)| item(output, detail));
+        outputs.chain(others.map(|name| item(name, ""))).collect()
     }
 
     /// The kinds of nodes and devices.
@@ -210,7 +243,7 @@ impl Server<'_> {
 
     /// The text of an open document, and the byte at a position in it.
     fn place(&self, address: &str, position: &Value) -> Option<(&str, usize)> {
-        let text = self.texts.get(address)?;
+        let text = self.texts.get(address)?.text.as_str();
         let number = |name: &str| usize::try_from(position[name].as_u64()?).ok();
         let at = Positions::of(text).byte(text, number("line")?, number("character")?);
         Some((text, at))
@@ -275,8 +308,24 @@ fn shown(finding: &Diagnostic, all: &Diagnostics, path: &Path, positions: &Posit
     })
 }
 
-/// Completions of connections: the names of nodes in a text, i.e. quoted words before a colon.
-fn outputs(text: &str) -> Value {
+/// The outputs that a graph's own nodes have, as a connection names them.
+fn connectable(graph: &Graph) -> Vec<(String, String)> {
+    let own = graph.nodes().iter().filter(|node| !node.path.contains('/'));
+    let outputs = own.flat_map(|node| {
+        let is_only = node.outputs.len() == 1;
+        node.outputs.iter().map(move |output| {
+            let name = match is_only {
+                true => node.path.clone(),
+                false => format!("{}.{}", node.path, output.name),
+            };
+            (name, format!("{}, {}", output.kind, output.quantity))
+        })
+    });
+    outputs.collect()
+}
+
+/// Names in a text, of nodes among others: quoted words before a colon.
+fn names(text: &str) -> Vec<&str> {
     let mut names: Vec<&str> = text
         .split('"')
         .collect::<Vec<_>>()
@@ -288,10 +337,7 @@ fn outputs(text: &str) -> Value {
         .collect();
     names.sort_unstable();
     names.dedup();
-    let items = names
-        .iter()
-        .map(|name| json!({ "label": name, "kind": KIND_VALUE }));
-    items.collect()
+    names
 }
 
 /// The path of a `file://` URI.

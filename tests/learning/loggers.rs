@@ -128,3 +128,37 @@ fn files_of_one_take_are_one_recording_of_a_study() {
     let error = fail(folder.path(), &["evaluate", "half", "--holdout"]);
     assert!(error.contains("brick.me.1.motion.csv"), "{error}");
 }
+
+/// What a person types first is refused with what to type, and that is read: three axes, one normal force and a position.
+#[test]
+fn a_table_of_three_axes_a_normal_force_and_a_position_is_learned_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut way_mm = 0.0;
+    let rows = drag(6, 3);
+    let lines: String = { rows.iter().enumerate() }
+        .map(|(i, (a, f, v))| {
+            way_mm += v / RATE_HZ as f64;
+            let (time_s, g) = (i as f64 / RATE_HZ as f64, a / 9.80665);
+            format!("{time_s},{},{},{},{f},{way_mm}\n", 0.6 * g, 0.8 * g, 1.0)
+        })
+        .collect();
+    let head = "Zeit [s],ax [g],ay [g],az [g],Fz [N],pos_x [mm]\n";
+    fs::write(folder.path().join("log.csv"), head.to_owned() + &lines).unwrap();
+    let learn = ["learn", "log.csv", "-o", "felt.ron"];
+    let told = fail(folder.path(), &learn);
+    let flags = [r#"--column force_normal="Fz [N]""#, r#"--column time="Zeit [s]""#];
+    assert!(
+        told.contains("missing columns: force_normal, time. ")
+            && flags.iter().all(|flag| told.contains(flag)),
+        "{told}"
+    );
+    let named = ["--column", "force_normal=Fz [N]", "--column", "time=Zeit [s]"];
+    let output = haptograph(folder.path(), &[&learn[..], &named].concat(), "");
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{told}");
+    for part in ["ax [g]", "ay [g]", "az [g]", "pos_x"] {
+        assert!(told.contains(part), "{told}");
+    }
+    let learned = String::from_utf8_lossy(&output.stdout);
+    assert!(learned.contains("texture   a law"), "{learned}");
+}

@@ -78,6 +78,37 @@ fn what_arrives_equals_the_offline_rendering() {
     assert!(heard[24_480..].iter().all(|x| *x == 0.0));
 }
 
+#[test]
+fn play_plays_the_sound_of_the_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = shipped("texturepad.ron");
+    let run = ["run", &graph, "--for", "0.5", "--out", "out", "--play"];
+    let output = command(folder.path(), &run)
+        .env("ALSA_CONFIG_PATH", config(folder.path()))
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    if told.contains("there is no soundcard") || told.contains("Unknown PCM") {
+        return skip(&format!("ALSA's file plug-in is not there: {told}"));
+    }
+    assert!(output.status.success(), "{told}");
+    assert!(
+        told.contains("playing 0.5 s of out.delivered, its highest peak at -12 dBFS"),
+        "{told}"
+    );
+    let page = sound_of_page(&folder.path().join("out"));
+    assert_eq!(page.len(), 24_000);
+    let raw = fs::read(folder.path().join("heard.raw")).unwrap();
+    // One channel is enough, and the plug-in has it.
+    let heard: Vec<f32> = { raw.as_chunks().0.iter() }
+        .map(|bytes| f32::from_le_bytes(*bytes))
+        .collect();
+    assert!(is_as_on_page(&heard[..24_000], &page), "not what the page plays");
+    let peak = heard.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
+    assert!((20.0 * peak.log10() + 12.0).abs() < 0.001, "{peak}");
+    assert!(heard[24_000..].iter().all(|x| *x == 0.0), "it goes on");
+}
+
 fn raw_channels(told: &str) -> usize {
     let before = told.split(" channels").next().unwrap();
     before.rsplit(' ').next().unwrap().parse().unwrap()

@@ -373,6 +373,74 @@ fn what_one_endpoint_plays_another_hears() {
     assert!(right >= all / 3, "{right} of {all}: {facts:#}");
 }
 
+/// Where the parts of a sound begin that are heard whole, of 50 ms each.
+fn parts_heard(heard: &[f32], page: &[f32]) -> Vec<Option<usize>> {
+    let parts = page.chunks_exact(2400);
+    parts
+        .map(|part| { heard.windows(2400) }.position(|heard| is_as_on_page(heard, part)))
+        .collect()
+}
+
+#[test]
+fn a_daemon_hears_all_that_play_plays() {
+    let Some(home) = Home::new() else { return };
+    let recorder = home.record();
+    let graph = shipped("texturepad.ron");
+    let Some(told) = home.run(&["run", &graph, "--for", "3", "--out", "out", "--play"]) else {
+        return;
+    };
+    assert!(told.contains("playing 3.0 s of out.delivered"), "{told}");
+    let heard = recorder.finish();
+    let page = sound_of_page(&home.path().join("out"));
+    let parts = parts_heard(&heard, &page);
+    // The first and the last are neither late nor cut off; between them a busy machine may let the daemon run dry.
+    let (first, last) = (parts[0], *parts.last().unwrap());
+    let whole = parts.iter().flatten().count();
+    println!(
+        "{whole} of {} parts of 50 ms are what the page plays",
+        parts.len()
+    );
+    assert!(first.is_some() && last.is_some(), "{parts:?}");
+    assert!(whole >= parts.len() / 3, "{parts:?}");
+}
+
+#[test]
+fn a_sound_that_is_stopped_by_ctrl_c_ends_soon_and_without_a_click() {
+    let Some(home) = Home::new() else { return };
+    let recorder = home.record();
+    let graph = shipped("texturepad.ron");
+    let said = home.path().join("said");
+    let mut command = home.haptograph(&["run", &graph, "--for", "10", "--out", "out", "--play"]);
+    let playing = command.stderr(fs::File::create(&said).unwrap()).spawn();
+    let mut playing = Ours(playing.unwrap());
+    let start = Instant::now();
+    while !fs::read_to_string(&said).unwrap().contains("playing 10.0 s") {
+        let ended = playing.0.try_wait().unwrap().is_some();
+        let told = fs::read_to_string(&said).unwrap();
+        if ended && is_without_plug(&told) {
+            return;
+        }
+        assert!(!ended && start.elapsed() < Duration::from_secs(60), "{told}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    std::thread::sleep(Duration::from_secs(2));
+    let interrupt = Command::new("kill")
+        .arg("-INT")
+        .arg(playing.0.id().to_string())
+        .status();
+    assert!(interrupt.unwrap().success());
+    assert!(playing.0.wait().unwrap().success());
+    let heard = recorder.finish();
+    let last = heard.iter().rposition(|x| *x != 0.0).unwrap();
+    let first = heard.iter().position(|x| *x != 0.0).unwrap();
+    assert!(last - first < 6 * 48_000, "{} samples of 10 s", last - first);
+    // A fade of 10 ms, whose last samples are nearly nothing.
+    let end = heard[last - 48..=last]
+        .iter()
+        .fold(0.0_f32, |most, x| most.max(x.abs()));
+    assert!(end < 0.02, "it ends at {end}");
+}
+
 /// A current that does not change.
 const STEADY: &str = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) },
     nodes: {

@@ -173,6 +173,27 @@ fn what_is_within_the_limits_passes_bit_for_bit() {
 }
 
 #[test]
+fn the_largest_finite_request_is_kept_and_continued() {
+    let mut limiter = Limiter::<2>::new(&LIMIT, RATE_HZ).unwrap();
+    for request in [
+        [0.1, 0.0],
+        [0.6, -0.8],
+        [f64::INFINITY, 0.0],
+        [f64::NAN, 9.0],
+        [0.3, 0.3],
+    ] {
+        limiter.apply(request);
+    }
+    assert_eq!(limiter.largest_request(), 1.0);
+    let mut next = Limiter::<2>::new(&LIMIT, RATE_HZ).unwrap();
+    next.count_on_from(limiter.counts(), limiter.largest_request());
+    next.apply([0.2, 0.0]);
+    assert_eq!((next.largest_request(), next.counts().ticks), (1.0, 6));
+    next.apply([0.0, -1e200]);
+    assert_eq!(next.largest_request(), 1e200);
+}
+
+#[test]
 fn a_short_overload_passes_and_a_long_one_falls_to_continuous() {
     let limit = Limit {
         peak: 5.0,

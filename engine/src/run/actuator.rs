@@ -2,16 +2,22 @@
 
 use super::fade::FadeGate;
 use super::silence::SilenceGate;
-use crate::limiter::{ClipCounts, Hottest, Limiter};
+use crate::limiter::{ClipCounts, Hottest, Limit, Limiter};
 use crate::plan::ActuatorPlan;
 
-/// Limiter counts of an actuator sink.
+/// What the limiter of an actuator sink did.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActuatorReport {
     /// Path of the sink.
     pub path: String,
     /// Ticks in which each limit acted.
     pub clipped: ClipCounts,
+    /// Largest magnitude of a request, before the limits.
+    pub largest_request: f64,
+    /// Its limit.
+    pub limit: Limit,
+    /// Unit of the request and of the limit.
+    pub unit: String,
 }
 
 /// State of an actuator sink.
@@ -234,9 +240,9 @@ impl AnyLimiter {
         self.output() == [0.0; 6]
     }
 
-    /// Continues the counts of another limiter.
-    pub(super) fn count_on_from(&mut self, counts: ClipCounts) {
-        any!(self, limiter => limiter.count_on_from(counts), closed: ());
+    /// Continues the counts and the largest request of another limiter.
+    pub(super) fn count_on_from(&mut self, other: &Self) {
+        any!(self, limiter => limiter.count_on_from(other.counts(), other.largest_request()), closed: ());
     }
 
     /// Starts without heat reserve: the earlier output of the actuator is unknown.
@@ -274,6 +280,11 @@ impl AnyLimiter {
 
     pub(super) fn counts(&self) -> ClipCounts {
         any!(self, limiter => limiter.counts(), closed: ClipCounts::default())
+    }
+
+    /// Largest magnitude of a request.
+    pub(super) fn largest_request(&self) -> f64 {
+        any!(self, limiter => limiter.largest_request(), closed: 0.0)
     }
 }
 

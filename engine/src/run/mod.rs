@@ -353,6 +353,9 @@ impl Run {
             .map(|(plan, state)| ActuatorReport {
                 path: plan.path.clone(),
                 clipped: state.limiter.counts(),
+                largest_request: state.limiter.largest_request(),
+                limit: plan.limit,
+                unit: plan.unit.clone(),
             })
     }
 }

@@ -178,7 +178,7 @@ impl PlanSwap {
     fn transfer_heat(&mut self, running: &Run, hottest: &Hottest) {
         let (old, new) = (&running.state.actuators, &mut self.run.state.actuators);
         for (from, to) in &self.actuators {
-            new[*to].limiter.count_on_from(old[*from].limiter.counts());
+            new[*to].limiter.count_on_from(&old[*from].limiter);
         }
         for (from, to) in &self.drives {
             new[*to].limiter.continue_from(&old[*from].limiter);

@@ -1,10 +1,13 @@
 //! A function that is given by points.
 
+use crate::csv_table::{CsvTable, at_file, si_of_column};
+use crate::units;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
     BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor,
     QuantityRule, Tick, any_input,
 };
+use std::path::PathBuf;
 
 haptograph_engine::choices! {
     /// What lies between two points of a [`Curve`].
@@ -31,8 +34,15 @@ haptograph_engine::choices! {
 haptograph_engine::settings! {
     /// Settings of [`Curve`].
     pub struct CurveSettings {
-        /// Points `[x, y]` with x rising, at least two, both in the SI units of the signals.
-        points: Vec<[f64; 2]>;
+        /// Points `[x, y]` with x rising, at least two, both in the SI units of the signals. They stand here or in `file`.
+        points: Vec<[f64; 2]> = Vec::new();
+        /// A CSV file with a header and a point in each row, relative to the graph file, in place of `points`. The units at
+        /// the end of its columns' names, as in `force_n` and `depth_mm`, are converted to SI.
+        file: Option<PathBuf> = None;
+        /// The header of the column of x; none: the first column.
+        x_column: Option<String> = None;
+        /// The header of the column of y; none: the second column.
+        y_column: Option<String> = None;
         /// What lies between the points.
         between: Between = Between::Linear;
         /// What lies beyond them.
@@ -51,7 +61,8 @@ impl NodeKind for Curve {
         name: "Curve",
         group: "math",
         doc: "A function of a scalar that is given by points, a lookup table: the characteristic of a sensor, the map from force \
-              to loudness, the profile of a surface over position, a force over depth.",
+              to loudness, the profile of a surface over position, a force over depth. The points are written in the graph or come \
+              from two columns of a CSV file: `file: \"spring.csv\", x_column: \"depth_mm\", y_column: \"force_n\"`.",
         source: "Fritsch and Butland, A method for constructing local monotone piecewise cubic interpolants, 1984 (`Smooth`)",
         inputs: &[InputSpec {
             kind: KindRule::Is(Kind::Scalar),
@@ -67,18 +78,79 @@ impl NodeKind for Curve {
     };
 
     fn build(settings: CurveSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let points = &settings.points;
-        if points.len() < 2 {
-            return Err(BuildError::at("points", "a curve has at least two points"));
-        }
-        if let Some(pair) = points.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {
-            let message = format!("x does not rise from {} to {}", pair[0][0], pair[1][0]);
-            return Err(BuildError::at("points", message).help("order the points by x, each x once"));
-        }
+        let points = points(&settings)?;
         Ok(Box::new(Table {
-            knots: knots(points, &settings.between),
+            knots: knots(&points, &settings.between),
             repeats: settings.beyond == Beyond::Repeat,
         }))
+    }
+}
+
+/// The points of the settings or of their file, x rising.
+fn points(settings: &CurveSettings) -> Result<Vec<[f64; 2]>, BuildError> {
+    match (&settings.file, &settings.points[..]) {
+        (Some(_), [_, ..]) => {
+            let message = "`Curve` has both `points` and `file`";
+            Err(BuildError::at("points", message).help("remove one of them"))
+        }
+        (Some(_), []) => points_of_file(settings),
+        (None, written) => {
+            let columns = [("x_column", &settings.x_column), ("y_column", &settings.y_column)];
+            if let Some((field, _)) = columns.into_iter().find(|(_, column)| column.is_some()) {
+                let message = format!("`{field}` names a column, but there is no `file`");
+                return Err(BuildError::at(field, message).help("add `file: \"...\"`, a CSV file"));
+            }
+            rising(written)?;
+            Ok(written.to_vec())
+        }
+    }
+}
+
+/// Refuses written points that are no curve.
+fn rising(points: &[[f64; 2]]) -> Result<(), BuildError> {
+    if points.len() < 2 {
+        let help = "write `points: [[x, y], [x, y]]`, or name a CSV file: `file: \"...\"`";
+        return Err(BuildError::at("points", "a curve has at least two points").help(help));
+    }
+    match points.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {
+        Some(pair) => {
+            let message = format!("x does not rise from {} to {}", pair[0][0], pair[1][0]);
+            Err(BuildError::at("points", message).help("order the points by x, each x once"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Two columns of a CSV file, in SI units.
+fn points_of_file(settings: &CurveSettings) -> Result<Vec<[f64; 2]>, BuildError> {
+    let Some(path) = &settings.file else {
+        return Ok(Vec::new());
+    };
+    let mut table = CsvTable::open(path)?;
+    let place = |setting: &'static str, named: &Option<String>, other: usize| match named {
+        Some(header) => table.column(setting, header),
+        None if table.header(other).is_empty() => Err(at_file(path, "there is only one column, x or y")),
+        None => Ok(other),
+    };
+    let x = place("x_column", &settings.x_column, 0)?;
+    let y = place("y_column", &settings.y_column, 1)?;
+    let (_, si_x) = units::of_header(table.header(x));
+    let si_y = si_of_column(table.header(y), &settings.quantity)?;
+    let mut points: Vec<[f64; 2]> = Vec::new();
+    let mut before = f64::NEG_INFINITY;
+    for row in table.rows() {
+        let row = row?;
+        let written = row.number(x)?;
+        if written <= before {
+            let problem = format_args!("x does not rise from {before} to {written}");
+            return Err(row.wrong(problem).help("order the rows by x, each x once"));
+        }
+        before = written;
+        points.push([si_x * written, si_y * row.number(y)?]);
+    }
+    match points.len() {
+        0 | 1 => Err(at_file(path, "a curve has at least two points, one in each row")),
+        _ => Ok(points),
     }
 }
 
@@ -168,6 +240,9 @@ mod tests {
     fn bench(points: &[[f64; 2]], between: Between, beyond: Beyond) -> Result<Bench, BuildError> {
         let settings = CurveSettings {
             points: points.to_vec(),
+            file: None,
+            x_column: None,
+            y_column: None,
             between,
             beyond,
             quantity: "force".to_owned(),
@@ -216,5 +291,87 @@ mod tests {
             let refused = bench(points, Between::Linear, Beyond::Hold).err();
             assert_eq!(refused.and_then(|error| error.field), Some("points"));
         }
+    }
+
+    /// The curve of a file, with these columns and this quantity; or the field at fault and the message.
+    fn of_file(
+        text: &str,
+        columns: [Option<&str>; 2],
+        quantity: &str,
+    ) -> Result<Bench, (Option<&'static str>, String)> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("curve.csv");
+        std::fs::write(&path, text).unwrap();
+        let [x_column, y_column] = columns.map(|column| column.map(str::to_owned));
+        let settings = CurveSettings {
+            points: Vec::new(),
+            file: Some(path),
+            x_column,
+            y_column,
+            between: Between::Linear,
+            beyond: Beyond::Hold,
+            quantity: quantity.to_owned(),
+        };
+        let bench = Bench::new::<Curve>(settings, 1.0, &[Kind::Scalar]);
+        bench.map_err(|error| (error.field, error.to_string()))
+    }
+
+    #[test]
+    fn points_come_from_a_file_in_its_units() {
+        let text = "# measured on Monday\ndepth_mm, gain, force_n\n0, 7, 0\n\n2, 8, 1\n4, 9, 4\n";
+        let mut spring = of_file(text, [Some("depth_mm"), Some("force_n")], "force").unwrap();
+        let y = spring.run(&[&[-1.0, 0.001, 0.003, 0.004, 9.0]]).remove(0);
+        let expected = [0.0, 0.5, 2.5, 4.0, 4.0];
+        assert!(
+            y.iter().zip(expected).all(|(y, e)| (y - e).abs() < 1e-12),
+            "{y:?}"
+        );
+        let mut gain = of_file(text, [None, None], "number").unwrap();
+        assert_eq!(gain.run(&[&[0.0, 0.002]]), [[7.0, 8.0]]);
+    }
+
+    #[test]
+    fn a_file_that_makes_no_curve_is_refused_where_it_is_wrong() {
+        let refused = |text: &str, columns, quantity: &str| of_file(text, columns, quantity).err().unwrap();
+        for (text, part) in [
+            ("x,y\n0,1\n0,2\n", "line 3: x does not rise from 0 to 0"),
+            ("x,y\n0,1\n1,many\n", "line 3, column 2: 'many' in y"),
+            ("x,y\n0,1\n1,\n", "line 3, column 2: the cell of y is empty"),
+            ("x,y\n0,1\n", "at least two points"),
+            ("x\n0\n1\n", "only one column"),
+            ("x;y\n0;1\n", "semicolons"),
+            ("", "the file is empty"),
+        ] {
+            let (field, said) = refused(text, [None, None], "number");
+            assert!(field == Some("file") && said.contains(part), "{text:?}: {said}");
+        }
+        let text = "x,force_n\n0,1\n1,2\n";
+        assert_eq!(refused(text, [Some("z"), None], "force").0, Some("x_column"));
+        assert_eq!(refused(text, [None, Some("z")], "force").0, Some("y_column"));
+        assert_eq!(refused(text, [None, None], "speed").0, Some("quantity"));
+    }
+
+    #[test]
+    fn points_stand_in_one_place() {
+        let settings = CurveSettings {
+            points: POINTS.to_vec(),
+            file: Some("curve.csv".into()),
+            x_column: None,
+            y_column: None,
+            between: Between::Linear,
+            beyond: Beyond::Hold,
+            quantity: "number".to_owned(),
+        };
+        let field = |settings| {
+            let refused = Bench::new::<Curve>(settings, 1.0, &[Kind::Scalar]).err();
+            refused.and_then(|error| error.field)
+        };
+        assert_eq!(field(settings.clone()), Some("points"));
+        let only_column = CurveSettings {
+            file: None,
+            y_column: Some("force_n".to_owned()),
+            ..settings
+        };
+        assert_eq!(field(only_column), Some("y_column"));
     }
 }

@@ -5,7 +5,7 @@ use super::{CardFormat, Request, SoundcardError};
 use cpal::traits::{DeviceTrait, StreamTrait};
 use cpal::{BufferSize, Error, ErrorKind, FromSample, I24, SampleFormat, SizedSample, Stream, StreamConfig};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 /// Time between polls of the waiting thread.
@@ -14,14 +14,18 @@ const POLL: Duration = Duration::from_millis(10);
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Fade-out of a stopped sound, s.
 const FADE_S: f64 = 0.01;
-/// Time that the card may still play after it has taken the last sample.
+/// Time that the card may still play after what it says that it holds has been played.
 const DRAIN: Duration = Duration::from_millis(150);
+/// Longest time that a card is believed to hold.
+const MOST_HELD: Duration = Duration::from_secs(5);
 
 /// State shared by the callback and the waiting thread.
 #[derive(Debug, Default)]
 struct Shared {
     /// Samples taken.
     taken: AtomicUsize,
+    /// Time from the last call of the card until the last sample of that call has been played, us.
+    held_us: AtomicU64,
     stop: AtomicBool,
     lost: AtomicBool,
 }
@@ -89,7 +93,8 @@ fn wait(shared: &Shared, count: usize, stop: &AtomicBool) -> Result<(), Soundcar
         std::thread::sleep(POLL);
     }
     shared.stop.store(true, Relaxed);
-    std::thread::sleep(DRAIN);
+    let held = Duration::from_micros(shared.held_us.load(Relaxed));
+    std::thread::sleep(held.min(MOST_HELD) + DRAIN);
     Ok(())
 }
 
@@ -109,12 +114,17 @@ impl Voice {
     where
         T: SizedSample + FromSample<f32> + Send + 'static,
     {
-        let channels = usize::from(config.channels);
+        let (channels, rate_hz) = (usize::from(config.channels), f64::from(config.sample_rate));
         let shared = Arc::clone(&self.shared);
-        let fill = move |data: &mut [T], _: &cpal::OutputCallbackInfo| {
+        let fill = move |data: &mut [T], info: &cpal::OutputCallbackInfo| {
+            let stamp = info.timestamp();
+            let ahead = stamp.playback.saturating_duration_since(stamp.callback);
+            let lasts = Duration::from_secs_f64((data.len() / channels) as f64 / rate_hz);
             for frame in data.chunks_mut(channels) {
                 frame.fill(T::from_sample(self.next_sample()));
             }
+            let held_us = u64::try_from((ahead + lasts).as_micros());
+            self.shared.held_us.store(held_us.unwrap_or(0), Relaxed);
             self.shared.taken.store(self.next, Relaxed);
         };
         let failed = move |error: Error| {

@@ -1,15 +1,12 @@
 //! A source that plays one column of a CSV file.
 
 use haptograph_engine::node::{BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Processor, Tick};
-use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
-use haptograph_signal::quantity::Quantity;
-use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::wav::Playback;
 use super::{AtEnd, made};
-use crate::units;
+use crate::csv_table::{CsvTable, at_file, si_of_column};
 
 haptograph_engine::choices! {
     /// How the source interpolates between two rows.
@@ -59,7 +56,7 @@ impl NodeKind for CsvSource {
     };
 
     fn build(settings: CsvSourceSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let scale = scale(&settings)?;
+        let scale = si_of_column(&settings.column, &settings.quantity)?;
         let table = Table::read(&settings, scale)?;
         let at_end = settings.at_end.or_loop(settings.repeat);
         if table.time_s.is_empty() {
@@ -75,32 +72,6 @@ impl NodeKind for CsvSource {
             at_end,
         }))
     }
-}
-
-/// Factor from the unit of the column to SI. The unit has to belong to the quantity of the settings.
-fn scale(settings: &CsvSourceSettings) -> Result<f64, BuildError> {
-    let (unit, scale) = units::of_header(&settings.column);
-    let Some(wanted) = Quantity::by_name(&settings.quantity) else {
-        return Err(BuildError::at(
-            "quantity",
-            format!("unknown quantity {}", settings.quantity),
-        ));
-    };
-    if unit == wanted {
-        return Ok(scale);
-    }
-    if let Some(scale) = units::of_header_as(&settings.column, wanted) {
-        return Ok(scale);
-    }
-    let message = format!(
-        "the name of column {} has unit {unit}; {wanted} was expected",
-        settings.column
-    );
-    let help = format!(
-        "set `quantity` to what the column is, or rename it: ..{}",
-        units::suffix(wanted)
-    );
-    Err(BuildError::at("quantity", message).help(help))
 }
 
 #[derive(Debug, Clone)]
@@ -120,59 +91,23 @@ impl Table {
     }
 
     fn read(settings: &CsvSourceSettings, scale: f64) -> Result<Self, BuildError> {
-        let file = settings.file.display();
-        let failed = |problem: String| BuildError::at("file", format!("{file}: {problem}"));
-        let source =
-            files::open(&settings.file, MAX_RECORDING_BYTES).map_err(|error| failed(error.to_string()))?;
-        let mut reader = csv::ReaderBuilder::new()
-            .comment(Some(b'#'))
-            .trim(csv::Trim::All)
-            .from_reader(source);
-        let headers = reader
-            .headers()
-            .map_err(|error| failed(wrong(&error, &settings.file)))?
-            .clone();
-        if let Some(problem) = units::no_header(&headers) {
-            return Err(failed(problem.to_owned()));
-        }
-        let place = |name: &str| headers.iter().position(|header| header == name);
-        let Some(column) = place(&settings.column) else {
-            let message = format!("{file} has no column `{}`", settings.column);
-            let known: Vec<&str> = headers.iter().collect();
-            return Err(
-                BuildError::at("column", message).help(format!("its columns are {}", known.join(", ")))
-            );
-        };
-        let time = place("time_s");
+        let failed = |problem: String| at_file(&settings.file, problem);
+        let mut file = CsvTable::open(&settings.file)?;
+        let column = file.column("column", &settings.column)?;
+        let time = file.find("time_s");
         let (mut times, mut values) = (Vec::new(), Vec::new());
-        for record in reader.records() {
-            let record = record.map_err(|error| failed(wrong(&error, &settings.file)))?;
-            let line = || line_of(record.position(), &settings.file);
-            let number = |column: usize| {
-                let text = record.get(column).unwrap_or_default();
-                let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
-                number.ok_or_else(|| {
-                    let name = headers.get(column).unwrap_or_default();
-                    let (line, cell) = (line(), column + 1);
-                    failed(match text {
-                        "" => format!("line {line}, column {cell}: the cell of {name} is empty"),
-                        _ => format!("line {line}, column {cell}: '{text}' in {name} is not a finite number"),
-                    })
-                })
-            };
+        for row in file.rows() {
+            let row = row?;
             if let Some(time) = time {
-                let time_s = number(time)?;
+                let time_s = row.number(time)?;
                 if times.last().is_some_and(|last| time_s <= *last) {
-                    return Err(failed(format!(
-                        "line {}: the time {time_s} s is not after the one before",
-                        line()
-                    )));
+                    return Err(row.wrong(format_args!("the time {time_s} s is not after the one before")));
                 }
                 times.push(time_s);
             }
-            values.push(match record.get(column) {
-                Some("") => values.last().copied().unwrap_or(f64::NAN),
-                _ => scale * number(column)?,
+            values.push(match row.is_empty_at(column) {
+                true => values.last().copied().unwrap_or(f64::NAN),
+                false => scale * row.number(column)?,
             });
         }
         let first = values.iter().copied().find(|value| !value.is_nan());
@@ -192,40 +127,6 @@ impl Table {
             values: values.into(),
         })
     }
-}
-
-/// What is wrong with a line.
-fn wrong(error: &csv::Error, file: &Path) -> String {
-    let line = line_of(error.position(), file);
-    match error.kind() {
-        csv::ErrorKind::Io(error) => error.to_string(),
-        csv::ErrorKind::Utf8 { err, .. } => {
-            let column = err.field() + 1;
-            format!("line {line}, column {column}: the text is not UTF-8; save the file as UTF-8")
-        }
-        csv::ErrorKind::UnequalLengths {
-            expected_len, len, ..
-        } => format!(
-            "line {line} has {len} {}, the header {expected_len}",
-            if *len == 1 { "cell" } else { "cells" }
-        ),
-        _ => format!("line {line} is no row of a table"),
-    }
-}
-
-/// The line of a row. The reader's position is that of the remarks and empty lines above it, or of the end of the row before.
-fn line_of(position: Option<&csv::Position>, file: &Path) -> u64 {
-    let (Some(position), Ok(opened)) = (position, files::open(file, MAX_RECORDING_BYTES)) else {
-        return 1;
-    };
-    let mut opened = BufReader::new(opened);
-    let read = opened.by_ref().take(position.byte());
-    let above = read.bytes().map_while(Result::ok).filter(|byte| *byte == b'\n');
-    let above = above.count();
-    let is_skipped = |line: &Vec<u8>| matches!(&line[..], [] | [b'\r'] | [b'#', ..]);
-    let lines = opened.split(b'\n').map_while(Result::ok);
-    let skipped = lines.take_while(is_skipped).count();
-    (above + skipped) as u64 + 1
 }
 
 /// A signal over time; time 0 is the first row.

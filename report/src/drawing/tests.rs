@@ -1,5 +1,7 @@
 use super::sketch::{Port, Stroke, WireLine};
 use super::*;
+use haptograph_engine::document::Document;
+use haptograph_engine::graph::{CheckOptions, check};
 
 /// Parses a sketch from lines like `name: Kind @clock in,in -> out,out` and wires `a.out b.in [bridge]`.
 fn sketch(clocks: &[&str], nodes: &[&str], wires: &[&str]) -> Sketch {
@@ -265,6 +267,100 @@ fn the_picture_is_well_formed() {
         roxmltree::Document::parse(&text).unwrap();
         if let Some(folder) = std::env::var_os("HAPTOGRAPH_PICTURES") {
             std::fs::write(std::path::Path::new(&folder).join(format!("{name}.svg")), text).unwrap();
+        }
+    }
+}
+
+/// The sketches of all graphs that ship.
+fn shipped() -> Vec<(String, Sketch)> {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
+    let files = ["", "cookbook"].map(|folder| std::fs::read_dir(root.join(folder)).unwrap());
+    let files = files.into_iter().flatten().map(|entry| entry.unwrap().path());
+    let graphs = files.filter(|path| path.extension().is_some_and(|end| end == "ron"));
+    let sketch = |path: std::path::PathBuf| {
+        let document = Document::load(&path, &Default::default()).unwrap_or_else(|wrong| panic!("{wrong}"));
+        let graph = check(&document, &haptograph_nodes::registry(), &CheckOptions::default());
+        let graph = graph.unwrap_or_else(|wrong| panic!("{wrong}"));
+        (path.display().to_string(), Sketch::of(&graph))
+    };
+    graphs.map(sketch).collect()
+}
+
+/// Points along a part of a wire, as it is painted.
+fn along(route: &Route) -> Vec<(f64, f64)> {
+    let between = |pair: &[(f64, f64)]| {
+        let [a, b] = [pair[0], pair[1]];
+        let smooth = matches!(route, Route::Forward(_));
+        (0..=200).map(move |k| {
+            let t = f64::from(k) / 200.0;
+            // A cubic that begins and ends horizontally, and whose reach is half of its width.
+            let across = if smooth {
+                1.5 * t - 1.5 * t * t + t * t * t
+            } else {
+                t
+            };
+            let down = if smooth { t * t * (3.0 - 2.0 * t) } else { t };
+            (a.0 + (b.0 - a.0) * across, a.1 + (b.1 - a.1) * down)
+        })
+    };
+    route
+        .points()
+        .windows(2)
+        .flat_map(|pair| between(pair).collect::<Vec<_>>())
+        .collect()
+}
+
+fn is_in(rect: &Rect, point: (f64, f64)) -> bool {
+    (rect.x..rect.right()).contains(&point.0) && (rect.y..rect.bottom()).contains(&point.1)
+}
+
+#[test]
+fn no_wire_crosses_a_label_or_a_box() {
+    let made = [("texturepad", texturepad()), ("arm", arm())].map(|(name, sketch)| (name.to_owned(), sketch));
+    for (name, sketch) in made.into_iter().chain(shipped()) {
+        let all: Vec<usize> = (0..sketch.boxes.len()).collect();
+        let scene = arrange(&sketch, &all, "");
+        let place = |node: usize| scene.boxes.iter().find(|(number, _)| *number == node).unwrap().1;
+        let wires: Vec<(usize, Vec<(f64, f64)>)> = { scene.routes.iter() }
+            .map(|(wire, route)| (*wire, along(route)))
+            .collect();
+        let crossing = |rect: &Rect, own: Option<usize>| {
+            let mut others = wires.iter().filter(|(wire, _)| Some(*wire) != own);
+            others.find(|(_, points)| points.iter().any(|point| is_in(rect, *point)))
+        };
+        for (number, at) in &scene.boxes {
+            let wire = crossing(&at.inflated(-2.0), None).map(|(wire, _)| &sketch.wires[*wire].port);
+            assert_eq!(wire, None, "{name}: through {}", sketch.boxes[*number].path);
+        }
+        for (number, wire) in sketch.wires.iter().enumerate() {
+            let (from, to) = (place(wire.from.0), place(wire.to.0));
+            let (start, end) = (from.y + port_height(wire.from.1), to.y + port_height(wire.to.1));
+            // The unit stands above the start of the wire, in letters of 9 pixels; its own wire stays below it.
+            let unit = Rect {
+                x: from.right() + 6.0,
+                y: start - 10.5,
+                width: text_width(&wire.unit, 9.0),
+                height: 8.0,
+            };
+            let found = crossing(&unit, None).filter(|_| !wire.unit.is_empty());
+            assert_eq!(
+                found.map(|(other, _)| &sketch.wires[*other].port),
+                None,
+                "{name}: {wire:?}"
+            );
+            let width = text_width(&wire.bridge, 9.0) + 10.0;
+            let bridge = Rect {
+                x: to.x - width - 7.0,
+                y: end - 7.0,
+                width,
+                height: 14.0,
+            };
+            let found = crossing(&bridge, Some(number)).filter(|_| !wire.bridge.is_empty());
+            assert_eq!(
+                found.map(|(other, _)| &sketch.wires[*other].port),
+                None,
+                "{name}: {wire:?}"
+            );
         }
     }
 }

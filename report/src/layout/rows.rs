@@ -1,10 +1,12 @@
 //! Layouts wider than a page: layers are broken into rows like text into lines, and links between rows run
 //! down the right margin, back between the rows, and in from the left.
 
-use super::{Block, Columns, LANE, Layout, Link, Route, Side, backward_links, layers, layout};
+use super::{Block, Columns, LANE, Layout, Link, Route, Side, backward_links, beginnings, layers, layout};
 
 /// Distance from a row to the first lane below it, and from the last lane to the next row.
 const ROW_GAP: f64 = 22.0;
+/// Cost of a last row with one box, beside 1 for a row more.
+const ALONE: f64 = 0.3;
 
 /// Computes the layout, in rows of about `widest` if one row is too wide.
 pub(crate) fn in_rows(blocks: &[Block], links: &[Link], widest: f64) -> Layout {
@@ -17,7 +19,21 @@ pub(crate) fn in_rows(blocks: &[Block], links: &[Link], widest: f64) -> Layout {
     }
     let row_of_layer = rows(&columns, links, &layers, widest);
     let mut row: Vec<usize> = layers.iter().map(|layer| row_of_layer[*layer]).collect();
-    // A pin stands in the row of its neighbour.
+    let mut order: Vec<usize> = (0..blocks.len()).collect();
+    order.sort_by_key(|block| layers[*block]);
+    let begins = beginnings(blocks, links, &backward, &order);
+    gather(blocks, links, (&order, &begins), widest, &mut row);
+    beside_neighbours(blocks, links, &mut row);
+    let count = without_gaps(&mut row);
+    let crossings = crossings(links, &row);
+    let rows: Vec<Row> = (0..count)
+        .map(|number| Row::of(number, blocks, links, &row, &crossings))
+        .collect();
+    stack(blocks, links, &rows, &crossings)
+}
+
+/// Moves a pin to the row of its neighbour.
+fn beside_neighbours(blocks: &[Block], links: &[Link], row: &mut [usize]) {
     for link in links {
         if blocks[link.from].side == Side::Left {
             row[link.from] = row[link.to];
@@ -26,12 +42,61 @@ pub(crate) fn in_rows(blocks: &[Block], links: &[Link], widest: f64) -> Layout {
             row[link.to] = row[link.from];
         }
     }
-    let count = row.iter().max().map_or(0, |last| last + 1);
-    let crossings = crossings(links, &row);
-    let rows: Vec<Row> = (0..count)
-        .map(|number| Row::of(number, blocks, links, &row, &crossings))
-        .collect();
-    stack(blocks, links, &rows, &crossings)
+}
+
+/// Numbers the rows anew if some have no blocks. Returns how many there are.
+fn without_gaps(row: &mut [usize]) -> usize {
+    let mut used = row.to_vec();
+    used.sort_unstable();
+    used.dedup();
+    for row in row.iter_mut() {
+        *row = used.partition_point(|known| known < row);
+    }
+    used.len()
+}
+
+/// Moves blocks that nothing reads up to the row of their sources, and blocks that begin signals down to the row
+/// of their readers, where there is room: links within a row are short.
+fn gather(
+    blocks: &[Block],
+    links: &[Link],
+    (order, begins): (&[usize], &[bool]),
+    widest: f64,
+    row: &mut Vec<usize>,
+) {
+    let width = |number: usize, row: &[usize]| {
+        let mut row = row.to_vec();
+        beside_neighbours(blocks, links, &mut row);
+        let crossings = crossings(links, &row);
+        Row::of(number, blocks, links, &row, &crossings).placed.size.0
+    };
+    let attempt = |block: usize, to: usize, row: &mut Vec<usize>| {
+        let mut moved = row.clone();
+        moved[block] = to;
+        if width(to, &moved) <= width(to, row).max(widest) {
+            *row = moved;
+        }
+    };
+    let is_free = |block: usize| blocks[block].side == Side::Free;
+    for block in order.iter().copied().filter(|block| is_free(*block)) {
+        let sources = links.iter().filter(|link| link.to == block).map(|link| link.from);
+        let nearest = sources.filter(|from| is_free(*from)).map(|from| row[from]).max();
+        let is_read = links.iter().any(|link| link.from == block);
+        if let (false, Some(nearest)) = (is_read, nearest)
+            && nearest < row[block]
+        {
+            attempt(block, nearest, row);
+        }
+    }
+    for block in order.iter().rev().copied().filter(|block| begins[*block]) {
+        let readers = links.iter().filter(|link| link.from == block).map(|link| link.to);
+        let nearest = readers.filter(|to| is_free(*to)).map(|to| row[to]).min();
+        if let Some(nearest) = nearest
+            && nearest > row[block]
+        {
+            attempt(block, nearest, row);
+        }
+    }
 }
 
 /// Row of every layer: as few rows as needed, of similar widths, broken where few links pass.
@@ -48,6 +113,7 @@ fn rows(columns: &[(f64, f64)], links: &[Link], layers: &[usize], widest: f64) -
     for layer in 1..=count {
         passing[layer] += passing[layer - 1];
     }
+    let last = layers.iter().filter(|layer| **layer + 1 == count).count();
     // For each layer: the minimum cost of breaking the layers before it, and the start of its last row.
     let mut best = vec![(0.0_f64, 0_usize); count + 1];
     for end in 1..=count {
@@ -64,7 +130,13 @@ fn rows(columns: &[(f64, f64)], links: &[Link], layers: &[usize], widest: f64) -
             } else {
                 1.0 + 0.02 * passing[first] as f64
             };
-            let cost = best[first].0 + ragged + broken;
+            // A box in a row of its own is far from what leads to it.
+            let alone = if first > 0 && first + 1 == count && last == 1 {
+                ALONE
+            } else {
+                0.0
+            };
+            let cost = best[first].0 + ragged + broken + alone;
             if cost < best[end].0 {
                 best[end] = (cost, first);
             }

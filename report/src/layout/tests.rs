@@ -122,6 +122,31 @@ fn pins_stand_at_their_sides() {
     assert!(layout.corners[1].0 < layout.corners[0].0 && layout.corners[2].0 > layout.corners[3].0 + 40.0);
 }
 
+#[test]
+fn what_ends_or_begins_a_signal_stands_in_the_row_of_its_neighbour() {
+    // A chain of eight in two rows; a block reads the first, another feeds the seventh through one more.
+    let blocks = [block(100.0, 30.0); 11];
+    let mut links: Vec<_> = (0..7).map(|i| link(i, i + 1)).collect();
+    links.extend([link(0, 8), link(9, 10), link(10, 6)]);
+    let layout = in_rows(&blocks, &links, 600.0);
+    let y = |block: usize| layout.corners[block].1;
+    let height = layout.size.1;
+    let is_above = |block: usize| y(block) < height / 2.0;
+    assert!(is_above(0) && !is_above(6) && !overlap(&layout, &blocks));
+    assert!(is_above(8) && !is_above(9) && !is_above(10));
+    let parts = |number: usize| layout.routes.iter().filter(|(of, _)| *of == number).count();
+    assert!((7..10).all(|number| parts(number) == 1), "they stay within a row");
+}
+
+#[test]
+fn no_box_is_left_alone_in_the_last_row() {
+    let blocks = [block(100.0, 30.0); 7];
+    let links: Vec<_> = (0..6).map(|i| link(i, i + 1)).collect();
+    let layout = in_rows(&blocks, &links, 400.0);
+    let y = |block: usize| layout.corners[block].1;
+    assert!((y(6) - y(5)).abs() < 1e-6 && !overlap(&layout, &blocks));
+}
+
 /// Links each other way, blocks of many sizes: what holds of any graph that is broken into rows.
 #[test]
 fn rows_hold_every_block_once_and_every_link_runs_through() {

@@ -74,6 +74,40 @@ fn kinds_fields_and_nodes_are_completed_where_they_can_stand() {
 }
 
 #[test]
+fn a_connection_is_completed_by_the_outputs_of_the_graph_when_it_was_last_sound() {
+    let text = r#"Graph(format: 1, clocks: { "c": Driver(rate_hz: 125) }, nodes: {
+        "turn": Sine(clock: "c", frequency_hz: 5),
+        "pen": Tablet(clock: "c", endpoint: "pen"),
+        "quiet": Gain(input: "pen.force", gain: 0.5),
+        "file": CsvSink(inputs: ["turn", "quiet"], file: "x.csv"),
+    }, endpoints: { "simulated": { "pen": SimulatedTablet() } })"#;
+    let document = json!({ "uri": "file:///tmp/a%20b.ron", "version": 1, "text": text });
+    let open = json!({ "method": "textDocument/didOpen", "params": { "textDocument": document } });
+    let broken = text.replace("gain: 0.5", "gain: ");
+    let change = json!({
+        "method": "textDocument/didChange",
+        "params": { "textDocument": document, "contentChanges": [{ "text": broken }] },
+    });
+    // Behind `pen.f` of the fourth line.
+    let answers = talk(&[open, change, ask("textDocument/completion", 3, 35)]);
+    assert_eq!(answers[0]["params"]["diagnostics"], json!([]));
+    assert_ne!(answers[1]["params"]["diagnostics"], json!([]));
+    let labels = labels(&answers[2]);
+    for output in ["pen.position", "pen.force", "turn", "quiet", "c"] {
+        assert!(labels.contains(&output), "{labels:?}");
+    }
+    assert!(!labels.contains(&"pen"), "it has several outputs: {labels:?}");
+    let items = answers[2]["result"].as_array().unwrap();
+    let force = items.iter().find(|item| item["label"] == "pen.force").unwrap();
+    assert_eq!(force["textEdit"]["newText"], "pen.force");
+    assert_eq!(
+        force["textEdit"]["range"]["start"],
+        json!({ "line": 3, "character": 30 })
+    );
+    assert!(force["detail"].as_str().unwrap().contains("force"), "{force}");
+}
+
+#[test]
 fn a_word_is_explained() {
     let hover = "textDocument/hover";
     let answers = talk(&[open(), ask(hover, 2, 14), ask(hover, 2, 36), ask(hover, 0, 0)]);

@@ -1,5 +1,6 @@
 //! Summary of a run: as JSON, as text, and on its page.
 
+use super::super::built::SOUNDCARDS;
 use super::endpoints::Endpoints;
 use super::{Arguments, PlottedSignals, has_end};
 use crate::engine::graph::Graph;
@@ -92,7 +93,13 @@ impl Summary {
         let stopped = if self.stopped { "stopped after" } else { "ran" };
         let simulated = self.endpoints.in_brackets();
         let heard = match sound {
-            Some(sound) => format!(", and listen to `{}` there or with --play", sound.stream.name),
+            Some(sound) => {
+                let played = match SOUNDCARDS.is_built {
+                    true => "or with --play",
+                    false => "(--play needs a build with soundcards)",
+                };
+                format!(", and listen to `{}` there {played}", sound.stream.name)
+            }
             None if audible(graph).is_empty() => {
                 "; nothing to listen to: no actuator or file receives an acceleration, a force, a voltage or a current at \
                  2 kHz or more"

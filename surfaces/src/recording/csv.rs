@@ -156,10 +156,11 @@ pub(super) fn recording(
     Ok((recording, findings))
 }
 
-/// Whether tables hold what sensors gave: forces by axis, or positions without the force and the acceleration that processed ones have.
+/// Whether tables hold what sensors gave: forces by axis, or orientations without the force and the acceleration that processed ones
+/// have. Positions alone may be those of a processed one, of which the speed is derived.
 fn is_raw(tables: &[Table], import: &ImportSettings) -> bool {
     let has = |name: &str| import.constants.contains_key(name) || tables.iter().any(|table| table.has(name));
-    has("force_x") || has("position_x") && !has("force_normal") && !has("accel")
+    has("force_x") || has("orientation_w") && !has("force_normal") && !has("accel")
 }
 
 /// The first table with such a note, and the note.

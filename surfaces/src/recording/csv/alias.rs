@@ -5,9 +5,12 @@ use super::AXES;
 use super::units::{QUANTITIES, plain_name, unit_in_file};
 
 /// Words that names begin with, and ours for them.
-const WORDS: [(&str, &str); 5] = [
+const WORDS: [(&str, &str); 8] = [
     ("acceleration", "accel"),
     ("acc", "accel"),
+    ("ax", "accel_x"),
+    ("ay", "accel_y"),
+    ("az", "accel_z"),
     ("velocity", "speed"),
     ("pos", "position"),
     ("timestamp", "time"),

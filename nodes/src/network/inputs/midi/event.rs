@@ -54,6 +54,51 @@ impl Event {
     }
 }
 
+/// Splits a stream of bytes into messages. A status byte may be left out where it repeats (running status), real-time
+/// messages stand anywhere, and after wrong bytes the next status byte begins anew.
+#[derive(Debug, Default)]
+pub(super) struct ByteStream {
+    /// Status of the message to come; none: data bytes belong to nothing.
+    status: Option<u8>,
+    /// First of the two data bytes.
+    first: Option<u8>,
+}
+
+impl ByteStream {
+    /// Takes a byte. Returns the event that it completes.
+    pub fn take(&mut self, byte: u8) -> Option<Event> {
+        match byte {
+            0xf8.. => None,
+            // Exclusive and common messages end the running status; their data bytes are skipped.
+            0xf0..0xf8 => {
+                *self = Self::default();
+                None
+            }
+            0x80..0xf0 => {
+                *self = Self {
+                    status: Some(byte),
+                    first: None,
+                };
+                None
+            }
+            data => {
+                let status = self.status?;
+                // Program changes and the pressure of a channel have one data byte.
+                if matches!(status & 0xf0, 0xc0 | 0xd0) {
+                    return None;
+                }
+                match self.first.take() {
+                    Some(first) => Event::understand(&[status, first, data]),
+                    None => {
+                        self.first = Some(data);
+                        None
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// Position of a pitch wheel from 0 to 1; its middle is 0.5.
 fn bend(position: u16) -> f64 {
     const MIDDLE: f64 = 8192.0;
@@ -107,7 +152,53 @@ mod tests {
         }
     }
 
+    /// What a stream of bytes says of a message, in order.
+    fn heard_of(stream: &[u8], message: Message) -> Vec<f64> {
+        let (mut bytes, selector) = (
+            ByteStream::default(),
+            MidiSelector {
+                message,
+                channel: None,
+            },
+        );
+        let events = stream.iter().filter_map(|byte| bytes.take(*byte));
+        events.filter_map(|event| event.number(&selector)).collect()
+    }
+
+    #[test]
+    fn a_status_is_not_repeated_and_a_clock_stands_anywhere() {
+        // A keyboard: C pressed, E pressed, both released by velocity 0, with its clock and its active sensing.
+        let keys = [0x90, 60, 127, 0xf8, 64, 0xfe, 127, 60, 0xf8, 0, 64, 0];
+        assert_eq!(heard_of(&keys, Message::Note(60)), [1.0, 0.0]);
+        assert_eq!(heard_of(&keys, Message::Note(64)), [1.0, 0.0]);
+        // A fader: three positions after one status, then its wheel.
+        let fader = [0xb0, 7, 0, 7, 127, 8, 64, 7, 0, 0xe0, 0, 64, 127, 127];
+        assert_eq!(heard_of(&fader, Message::Control(7)), [0.0, 1.0, 0.0]);
+        assert_eq!(heard_of(&fader, Message::PitchBend), [0.5, 1.0]);
+    }
+
+    #[test]
+    fn other_messages_and_wrong_bytes_are_no_numbers_and_the_next_status_begins_anew() {
+        let control = |stream: &[u8]| heard_of(stream, Message::Control(7));
+        let (program, pressure) = ([0xc0, 7, 7, 0xb0, 7, 127], [0xd0, 7, 7, 0xb0, 7, 127]);
+        assert_eq!((control(&program), control(&pressure)), (vec![1.0], vec![1.0]));
+        // An exclusive message with a clock in it, and a song position: what follows has no status.
+        assert_eq!(control(&[0xb0, 7, 127, 0xf0, 7, 0xf8, 7, 7, 0xf7, 7, 7]), [1.0]);
+        assert_eq!(control(&[0xb0, 7, 127, 0xf2, 7, 7, 7, 7]), [1.0]);
+        // Data without a status, a message cut short by the next, an exclusive one that never ends.
+        assert_eq!(control(&[7, 7, 7, 0xb0, 7, 0xb0, 7, 127]), [1.0]);
+        assert_eq!(control(&[0xb0, 0x90, 7, 7, 0xf0, 1, 2, 3, 0xb0, 7, 0]), [0.0]);
+    }
+
     proptest! {
+        #[test]
+        fn any_stream_gives_numbers_within_the_range(bytes in prop::collection::vec(any::<u8>(), 0..500)) {
+            let mut stream = ByteStream::default();
+            for event in bytes.iter().filter_map(|byte| stream.take(*byte)) {
+                prop_assert!((0.0..=1.0).contains(&event.share));
+            }
+        }
+
         #[test]
         fn any_bytes_are_within_the_range(bytes in prop::collection::vec(any::<u8>(), 0..5)) {
             let share = Event::understand(&bytes).map_or(0.0, |event| event.share);

@@ -1,7 +1,7 @@
 //! MIDI ports of this machine, and the thread that listens to one.
 
 use super::super::hub::{Routes, Selector};
-use super::event::Event;
+use super::event::{ByteStream, Event};
 use crate::network::link::Link;
 use midir::{Ignore, MidiInput, MidiInputConnection};
 use std::io::{Error, Result};
@@ -18,8 +18,11 @@ const ALIVE: Duration = Duration::from_millis(10);
 /// Time between attempts to find the port.
 const LOOK: Duration = Duration::from_millis(100);
 /// Silence after which the port is reopened: a port that was unplugged and replugged between two polls has its old name, but the
-/// old connection receives nothing.
-const IDLE: Duration = Duration::from_secs(1);
+/// old connection receives nothing. By JACK it is not: that takes longer than a port may be silent.
+const IDLE: Duration = match cfg!(feature = "midi-jack") {
+    true => Duration::MAX,
+    false => Duration::from_secs(1),
+};
 /// Size of the message queue. If it overflows, all keys count as released, because a release may be lost.
 const MOST_WAITING: usize = 1024;
 
@@ -28,12 +31,31 @@ const MOST_WAITING: usize = 1024;
 /// # Errors
 /// The system's error if it has no MIDI.
 pub fn names() -> Result<Vec<String>> {
-    let input = MidiInput::new(CLIENT).map_err(Error::other)?;
-    let ports = input.ports();
-    Ok(ports
+    Ok(names_by(&MidiInput::new(CLIENT).map_err(Error::other)?))
+}
+
+fn names_by(client: &MidiInput) -> Vec<String> {
+    let ports = client.ports();
+    ports
         .iter()
-        .filter_map(|port| input.port_name(port).ok())
-        .collect())
+        .filter_map(|port| client.port_name(port).ok())
+        .collect()
+}
+
+/// Lists the ports again and again by one client: to open one takes JACK longer than a port may be silent.
+#[derive(Default)]
+struct Lister(Option<MidiInput>);
+
+impl Lister {
+    fn names(&mut self) -> Vec<String> {
+        let Some(client) = self.0.take().or_else(|| MidiInput::new(CLIENT).ok()) else {
+            return Vec::new();
+        };
+        let names = names_by(&client);
+        // A client of a server that has ended lists nothing; the next call opens another.
+        self.0 = Some(client).filter(|_| !names.is_empty());
+        names
+    }
 }
 
 /// An open port, by its full name, and the links updated since.
@@ -68,8 +90,9 @@ fn open(part: &str, inbox: Inbox) -> Result<Open> {
             "no MIDI port has `{part}` in its name; {found}"
         )));
     };
+    let mut stream = ByteStream::default();
     let hear = move |_: u64, bytes: &[u8], (): &mut ()| {
-        if let Some(event) = Event::understand(bytes) {
+        for event in bytes.iter().filter_map(|byte| stream.take(*byte)) {
             // Do not wait if the queue is full.
             if inbox.events.try_send(event).is_err() {
                 inbox.overflowed.store(true, Relaxed);
@@ -122,7 +145,7 @@ fn attend(
     routes: &Routes,
     stop: &AtomicBool,
 ) {
-    let mut connection = Some(connection);
+    let (mut connection, mut lister) = (Some(connection), Lister::default());
     let (mut looked, mut heard) = (Instant::now(), Instant::now());
     while !stop.load(Relaxed) {
         let first = arrived.recv_timeout(ALIVE).ok();
@@ -138,7 +161,7 @@ fn attend(
         }
         if looked.elapsed() >= LOOK {
             looked = Instant::now();
-            let names = names().unwrap_or_default();
+            let names = lister.names();
             connection = connection.filter(|open| names.contains(&open.name));
             if let Some(known) = connection.take_if(|_| heard.elapsed() >= IDLE) {
                 heard = Instant::now();
@@ -183,5 +206,99 @@ fn take(event: Event, routes: &Routes, mut open: Option<&mut Open>) {
 fn stay(link: &Link) {
     if let Some((1.., sensed)) = link.sensed.look() {
         link.tell_number(sensed[0]);
+    }
+}
+
+#[cfg(all(test, unix))]
+#[path = "../../../../../tests/skip/mod.rs"]
+mod skip;
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::super::{Message, MidiSelector};
+    use super::*;
+    use crate::network::inputs::hub::{Hub, Place, Route};
+    use midir::os::unix::VirtualOutput;
+    use midir::{MidiOutput, MidiOutputConnection};
+
+    /// A port of the system that sends; none where the system has no MIDI.
+    fn sender(name: &str) -> Option<MidiOutputConnection> {
+        let output = match MidiOutput::new("haptograph test") {
+            Ok(output) => output,
+            Err(error) => {
+                skip::skip(&format!("this machine has no MIDI: {error}"));
+                return None;
+            }
+        };
+        Some(output.create_virtual(name).unwrap())
+    }
+
+    fn route(hub: &Hub, message: Message) -> Arc<Link> {
+        let link = Arc::new(Link::new());
+        let channel = None;
+        let selector = Selector::Midi(MidiSelector { message, channel });
+        assert!(hub.add(&Route {
+            selector,
+            link: Arc::clone(&link),
+        }));
+        link
+    }
+
+    /// Waits until a number is heard.
+    fn hears(link: &Link, number: f64) -> bool {
+        (0..5000).any(|_| {
+            std::thread::sleep(Duration::from_millis(1));
+            let heard = link.sensed.look();
+            heard.is_some_and(|(version, sensed)| version > 0 && sensed[0] == number)
+        })
+    }
+
+    #[test]
+    fn a_port_of_the_system_is_heard_and_heard_again_after_it_was_gone() {
+        let name = format!("knobs of {}", std::process::id());
+        let Some(mut knobs) = sender(&name) else { return };
+        assert!(names().unwrap().iter().any(|known| known.contains(&name)));
+        let hub = Hub::open(&Place::Midi(name.clone())).unwrap();
+        let fader = route(&hub, Message::Control(7));
+        let key = route(&hub, Message::Note(60));
+        let wheel = route(&hub, Message::PitchBend);
+        knobs.send(&[0xb0, 7, 127]).unwrap();
+        assert!(hears(&fader, 1.0));
+        knobs.send(&[0x90, 60, 127]).unwrap();
+        assert!(hears(&key, 1.0));
+        knobs.send(&[0x80, 60, 64]).unwrap();
+        assert!(hears(&key, 0.0));
+        knobs.send(&[0xe0, 0, 64]).unwrap();
+        assert!(hears(&wheel, 0.5));
+        // Nobody's messages.
+        for other in [&[0xc0, 7][..], &[0xf8], &[0xb0, 8, 1]] {
+            knobs.send(other).unwrap();
+        }
+        knobs.send(&[0xb0, 7, 0]).unwrap();
+        assert!(hears(&fader, 0.0) && hears(&wheel, 0.5));
+
+        // Unplugged, and another time plugged in.
+        drop(knobs);
+        std::thread::sleep(5 * LOOK);
+        let mut knobs = sender(&name).unwrap();
+        let again = (0..100).any(|_| {
+            knobs.send(&[0xb0, 7, 127]).unwrap();
+            std::thread::sleep(Duration::from_millis(50));
+            fader.sensed.look().is_some_and(|(_, sensed)| sensed[0] == 1.0)
+        });
+        assert!(again);
+    }
+
+    #[test]
+    fn a_port_that_is_not_there_is_named() {
+        let Some(_knobs) = sender("other knobs") else {
+            return;
+        };
+        let refused = Hub::open(&Place::Midi("no such port".to_owned())).err().unwrap();
+        let said = refused.to_string();
+        assert!(
+            said.contains("`no such port`") && said.contains("other knobs"),
+            "{said}"
+        );
     }
 }
