@@ -297,6 +297,16 @@ pub struct Latency {
     pub group_delay_s: f64,
 }
 
+impl Latency {
+    /// A group delay, without transport delay.
+    pub const fn of_group(group_delay_s: f64) -> Self {
+        Self {
+            transport_s: 0.0,
+            group_delay_s,
+        }
+    }
+}
+
 /// Downcasts the replacing processor, if it has this type.
 pub fn successor<T: Processor + 'static>(new: &mut dyn Processor) -> Option<&mut T> {
     new.as_any_mut().downcast_mut()

@@ -42,10 +42,7 @@ impl LaneFilter {
         Self {
             lanes: vec![SectionsState::new(filter); width].into(),
             scratch: vec![0.0; scratch].into(),
-            latency: Latency {
-                transport_s: 0.0,
-                group_delay_s: filter.group_delay_s(passband_hz, cx.rate.hz()),
-            },
+            latency: Latency::of_group(filter.group_delay_s(passband_hz, cx.rate.hz())),
             tuning: None,
         }
     }

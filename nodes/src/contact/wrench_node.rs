@@ -263,10 +263,7 @@ impl Processor for Following {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: self.path.delay_s(),
-        }
+        Latency::of_group(self.path.delay_s())
     }
 }
 

@@ -250,10 +250,7 @@ impl Processor for StateVariable {
             Shape::BandPass => self.wanted.frequency_hz,
             Shape::HighPass => (self.wanted.frequency_hz * 0.5 * self.rate_hz).sqrt(),
         };
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: sections.group_delay_s(passband_hz, self.rate_hz),
-        }
+        Latency::of_group(sections.group_delay_s(passband_hz, self.rate_hz))
     }
 }
 

@@ -81,10 +81,7 @@ impl Processor for Difference {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: 0.5 / self.rate_hz,
-        }
+        Latency::of_group(0.5 / self.rate_hz)
     }
 }
 

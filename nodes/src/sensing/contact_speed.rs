@@ -105,10 +105,7 @@ impl Processor for Sliding {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: self.estimator.delay_s(),
-        }
+        Latency::of_group(self.estimator.delay_s())
     }
 }
 

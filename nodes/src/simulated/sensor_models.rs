@@ -96,10 +96,7 @@ impl Processor for Accelerometer {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: self.0.delay_s(),
-        }
+        Latency::of_group(self.0.delay_s())
     }
 }
 
@@ -279,9 +276,6 @@ impl Processor for ForceSensor {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: self.0.delay_s(),
-        }
+        Latency::of_group(self.0.delay_s())
     }
 }

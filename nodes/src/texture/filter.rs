@@ -265,10 +265,7 @@ impl Processor for Synthesis {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            group_delay_s: self.upsampler.as_ref().map_or(0.0, |up| up.group_delay_s()),
-            ..Latency::default()
-        }
+        Latency::of_group(self.upsampler.as_ref().map_or(0.0, |up| up.group_delay_s()))
     }
 
     fn copy_state_into(&self, new: &mut dyn Processor) {
