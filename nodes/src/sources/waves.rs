@@ -237,7 +237,7 @@ impl Sweeping {
     }
 
     /// Continues from the phase reached so far.
-    fn go_on_from(&mut self, turns: f64) {
+    fn continue_from(&mut self, turns: f64) {
         let ahead = self.ahead_turns + turns - self.turns_at(self.next_s);
         self.ahead_turns = ahead - ahead.floor();
     }
@@ -272,7 +272,7 @@ impl Processor for Sweeping {
             _ => return,
         }
         if setting != 3 {
-            self.go_on_from(reached);
+            self.continue_from(reached);
         }
     }
 
@@ -280,7 +280,7 @@ impl Processor for Sweeping {
         if let Some(new) = successor::<Self>(new) {
             (new.next_s, new.ahead_turns) = (self.next_s, self.ahead_turns);
             if new.settings != self.settings {
-                new.go_on_from(self.turns_at(self.next_s));
+                new.continue_from(self.turns_at(self.next_s));
             }
         }
     }
