@@ -1,9 +1,9 @@
 //! A function that is given by points.
 
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor,
-    QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
+    Processor, QuantityRule, Tick, any_input,
 };
 
 haptograph_engine::choices! {
@@ -82,6 +82,11 @@ impl NodeKind for Curve {
     }
 }
 
+impl Curve {
+    const INPUT: Input<Scalar> = Self::SPEC.input("input");
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+}
+
 /// A point, and the cubic from it to the next: y + u (b + u (c + u d)), u from 0 to 1.
 #[derive(Debug, Clone, Copy)]
 struct Knot {
@@ -151,8 +156,8 @@ impl Table {
 
 impl Processor for Table {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.components(0);
-        for (y, x) in io.out(0).iter_mut().zip(x) {
+        let x = io.read(Curve::INPUT);
+        for (y, x) in io.write(Curve::OUTPUT).iter_mut().zip(x) {
             // No value is that of no place.
             let value = if x.is_finite() { self.at(*x) } else { 0.0 };
             *y = if value.is_finite() { value } else { 0.0 };

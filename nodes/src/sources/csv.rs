@@ -1,6 +1,9 @@
 //! A source that plays one column of a CSV file.
 
-use haptograph_engine::node::{BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Processor, Tick};
+use haptograph_engine::frame::Scalar;
+use haptograph_engine::node::{
+    BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Output, Processor, Tick,
+};
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use haptograph_signal::quantity::Quantity;
 use std::io::{BufRead, BufReader, Read};
@@ -75,6 +78,10 @@ impl NodeKind for CsvSource {
             at_end,
         }))
     }
+}
+
+impl CsvSource {
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
 }
 
 /// Factor from the unit of the column to SI. The unit has to belong to the quantity of the settings.
@@ -265,7 +272,7 @@ impl Curve {
 impl Processor for Curve {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
         let is_silent = matches!(self.at_end, AtEnd::Silence);
-        for (frame, y) in io.out(0).iter_mut().enumerate() {
+        for (frame, y) in io.write(CsvSource::OUTPUT).iter_mut().enumerate() {
             let is_over = is_silent && tick.first + frame as u64 >= self.frames;
             *y = if is_over { 0.0 } else { self.at(tick.time_s(frame)) };
         }
