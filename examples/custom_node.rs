@@ -1,9 +1,10 @@
 //! A program with a node kind of its own and every command of haptograph:
 //! `cargo run --release --example custom_node -- run examples/custom_node.ron`.
 
-use haptograph::engine::frame::Kind;
+use haptograph::engine::frame::{Kind, Scalar};
 use haptograph::engine::node::{
-    BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, input,
+    output,
 };
 use haptograph::engine::registry::Registry;
 use haptograph::signal::quantity::Quantity;
@@ -48,6 +49,9 @@ impl NodeKind for Detents {
     }
 }
 
+const POSITION: Input<Scalar> = Detents::SPEC.input("position");
+const FORCE: Output<Scalar> = Detents::SPEC.output("force");
+
 #[derive(Clone)]
 struct Pull {
     radians_per_m: f64,
@@ -56,8 +60,8 @@ struct Pull {
 
 impl Processor for Pull {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let positions_m = io.components(0);
-        for (force_n, position_m) in io.out(0).iter_mut().zip(positions_m) {
+        let positions_m = io.read(POSITION);
+        for (force_n, position_m) in io.write(FORCE).iter_mut().zip(positions_m) {
             *force_n = -self.strength_n * (self.radians_per_m * position_m).sin();
         }
     }

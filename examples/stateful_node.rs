@@ -1,9 +1,10 @@
 //! A node kind with state and a setting that can be changed while it runs:
 //! `cargo run --release --example stateful_node -- run examples/stateful_node.ron`.
 
-use haptograph::engine::frame::Kind;
+use haptograph::engine::frame::{Kind, Scalar};
 use haptograph::engine::node::{
-    BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, input, output, successor,
+    BuildContext, BuildError, Input, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    input, output, successor,
 };
 use haptograph::engine::registry::Registry;
 use haptograph::signal::quantity::Quantity;
@@ -52,6 +53,10 @@ impl NodeKind for Bristle {
     }
 }
 
+const POSITION: Input<Scalar> = Bristle::SPEC.input("position");
+const FORCE: Output<Scalar> = Bristle::SPEC.output("force");
+const SLIPS_AT_N: SettingId = BristleSettings::live("slips_at_n");
+
 #[derive(Clone)]
 struct Spring {
     stiffness_n_per_m: f64,
@@ -73,15 +78,15 @@ impl Spring {
 
 impl Processor for Spring {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let positions_m = io.components(0);
-        for (force_n, position_m) in io.out(0).iter_mut().zip(positions_m) {
+        let positions_m = io.read(POSITION);
+        for (force_n, position_m) in io.write(FORCE).iter_mut().zip(positions_m) {
             *force_n = self.pull_n(*position_m);
         }
     }
 
-    /// A live setting, by its place in the declaration above.
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 1 {
+    /// The graph sets a live setting.
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == SLIPS_AT_N {
             self.slips_at_n = value;
         }
     }

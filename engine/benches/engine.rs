@@ -3,11 +3,11 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use haptograph_engine::document::{Builder, Document, Part, ring as from_ring};
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, NodeEntry, NodeKind, NodeSpec, Presence, Processor, Single,
-    Tick, any_input, output,
+    BuildContext, BuildError, Input, InputSpec, Io, Many, NodeEntry, NodeKind, NodeSpec, Output, Presence,
+    Processor, Single, Tick, any_input, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -320,10 +320,24 @@ macro_rules! kinds {
     )* };
 }
 
+const SIGNAL: Input<Linear> = Input::common([
+    Copy::SPEC.input("input"),
+    Call::SPEC.input("input"),
+    Product::SPEC.input("input"),
+]);
+const TERMS: Input<Linear, Many> = Mix::SPEC.input("inputs");
+const OUTPUT: Output<Scalar> = Output::common([
+    Source::SPEC.output("output"),
+    Copy::SPEC.output("output"),
+    Call::SPEC.output("output"),
+    Product::SPEC.output("output"),
+    Mix::SPEC.output("output"),
+]);
+
 kinds! {
     Source(&[]) {
         fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            io.out(0).fill(0.5);
+            io.write(OUTPUT).fill(0.5);
         }
     }
     Nothing(&[INPUT]) {
@@ -331,14 +345,14 @@ kinds! {
     }
     Copy(&[INPUT]) {
         fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let x = io.components(0);
-            io.out(0).copy_from_slice(x);
+            let x = io.read(SIGNAL);
+            io.write(OUTPUT).copy_from_slice(x);
         }
     }
     Call(&[INPUT]) {
         fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let x = io.components(0);
-            io.out(0).copy_from_slice(x);
+            let x = io.read(SIGNAL);
+            io.write(OUTPUT).copy_from_slice(x);
         }
         fn single(&self) -> Option<Single> {
             Some(Single::Call)
@@ -349,8 +363,8 @@ kinds! {
     }
     Product(&[INPUT]) {
         fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let x = io.components(0);
-            io.out(0).iter_mut().zip(x).for_each(|(y, x)| *y = 0.5 * x);
+            let x = io.read(SIGNAL);
+            io.write(OUTPUT).iter_mut().zip(x).for_each(|(y, x)| *y = 0.5 * x);
         }
         fn single(&self) -> Option<Single> {
             Some(Single::Scale(0.5))
@@ -358,8 +372,9 @@ kinds! {
     }
     Mix(&[INPUTS]) {
         fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let (a, b) = (io.components(0), io.components(1));
-            for ((y, a), b) in io.out(0).iter_mut().zip(a).zip(b) {
+            let terms = io.read(TERMS);
+            let (a, b) = (terms.nth_or_last(0), terms.nth_or_last(1));
+            for ((y, a), b) in io.write(OUTPUT).iter_mut().zip(a).zip(b) {
                 *y = 0.5 * (a + b);
             }
         }

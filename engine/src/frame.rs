@@ -89,6 +89,188 @@ impl fmt::Display for Kind {
     }
 }
 
+/// A frame of one number.
+pub type Scalar = f64;
+/// A frame of three numbers, x y z.
+pub type Vector = [f64; 3];
+/// A frame of force x y z (N), then torque x y z (N m).
+pub type Wrench = [f64; 6];
+
+/// Stands for scalars, 3-vectors and wrenches in the handle of a port that takes all of them, component by component.
+#[derive(Clone, Copy, Debug)]
+pub enum Linear {}
+
+/// Stands for frames of every kind in the handle of a port, read and written as components.
+#[derive(Clone, Copy, Debug)]
+pub enum AnyKind {}
+
+/// A type that stands for the kind of frames of a port in its handle: [`Scalar`], [`Vector`], [`Wrench`], [`Contact`],
+/// [`Weights`], [`Coefficients`], [`Event`], [`Linear`] or [`AnyKind`].
+pub trait FrameKind: sealed::Sealed + 'static {
+    /// One frame: a number, an array of components, or a slice of them where the width is not fixed.
+    type Frame<'a>;
+    /// Successive frames: a slice of numbers or arrays, or of all components where the width is not fixed.
+    type Frames<'a>;
+    /// Successive frames to be filled.
+    type FramesMut<'a>;
+    #[doc(hidden)]
+    const KINDS: Kinds;
+    #[doc(hidden)]
+    fn frame(components: &[f64]) -> Option<Self::Frame<'_>>;
+    #[doc(hidden)]
+    fn frames(components: &[f64]) -> Self::Frames<'_>;
+    #[doc(hidden)]
+    fn frames_mut(components: &mut [f64]) -> Self::FramesMut<'_>;
+}
+
+/// The kinds that a [`FrameKind`] stands for.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug)]
+pub enum Kinds {
+    One(Kind),
+    Linear,
+    Any,
+}
+
+impl Kinds {
+    /// Whether one of these has frames of this width.
+    pub(crate) fn have_width(self, width: usize) -> bool {
+        match self {
+            Self::One(kind) => kind.width() == width,
+            Self::Linear => Kind::ALL
+                .iter()
+                .any(|kind| kind.is_linear() && kind.width() == width),
+            Self::Any => true,
+        }
+    }
+}
+
+mod sealed {
+    pub trait Sealed {}
+}
+
+/// Kinds whose frames are arrays of a fixed number of components.
+macro_rules! arrays {
+    ($($type:ty, $kind:ident;)+) => { $(
+        impl sealed::Sealed for $type {}
+
+        impl FrameKind for $type {
+            type Frame<'a> = &'a [f64; Kind::$kind.width()];
+            type Frames<'a> = &'a [[f64; Kind::$kind.width()]];
+            type FramesMut<'a> = &'a mut [[f64; Kind::$kind.width()]];
+            const KINDS: Kinds = Kinds::One(Kind::$kind);
+
+            #[inline]
+            fn frame(components: &[f64]) -> Option<Self::Frame<'_>> {
+                components.first_chunk()
+            }
+            #[inline]
+            fn frames(components: &[f64]) -> Self::Frames<'_> {
+                components.as_chunks().0
+            }
+            #[inline]
+            fn frames_mut(components: &mut [f64]) -> Self::FramesMut<'_> {
+                components.as_chunks_mut().0
+            }
+        }
+    )+ };
+}
+
+arrays! {
+    Vector, Vector;
+    Wrench, Wrench;
+    Contact, Contact;
+    Weights, Weights;
+    Coefficients<'static>, Coefficients;
+    Event, Event;
+}
+
+impl sealed::Sealed for Scalar {}
+
+impl FrameKind for Scalar {
+    type Frame<'a> = f64;
+    type Frames<'a> = &'a [f64];
+    type FramesMut<'a> = &'a mut [f64];
+    const KINDS: Kinds = Kinds::One(Kind::Scalar);
+
+    #[inline]
+    fn frame(components: &[f64]) -> Option<f64> {
+        components.first().copied()
+    }
+    #[inline]
+    fn frames(components: &[f64]) -> &[f64] {
+        components
+    }
+    #[inline]
+    fn frames_mut(components: &mut [f64]) -> &mut [f64] {
+        components
+    }
+}
+
+/// Kinds whose frames are components of a width that is known only when the graph runs.
+macro_rules! components {
+    ($($type:ty, $kinds:expr;)+) => { $(
+        impl sealed::Sealed for $type {}
+
+        impl FrameKind for $type {
+            type Frame<'a> = &'a [f64];
+            type Frames<'a> = &'a [f64];
+            type FramesMut<'a> = &'a mut [f64];
+            const KINDS: Kinds = $kinds;
+
+            #[inline]
+            fn frame(components: &[f64]) -> Option<&[f64]> {
+                Some(components)
+            }
+            #[inline]
+            fn frames(components: &[f64]) -> &[f64] {
+                components
+            }
+            #[inline]
+            fn frames_mut(components: &mut [f64]) -> &mut [f64] {
+                components
+            }
+        }
+
+        impl AnyWidth for $type {}
+    )+ };
+}
+
+components! {
+    Linear, Kinds::Linear;
+    AnyKind, Kinds::Any;
+}
+
+/// A [`FrameKind`] of no fixed width: [`Linear`] or [`AnyKind`].
+pub trait AnyWidth: FrameKind {}
+
+/// A [`FrameKind`] whose frames are values of its own type: [`Contact`], [`Weights`] or [`Event`].
+pub trait Record: FrameKind + Sized {
+    /// The values of successive frames.
+    fn decode(frames: Self::Frames<'_>) -> impl Iterator<Item = Self>;
+}
+
+impl Record for Contact {
+    #[inline]
+    fn decode(frames: Self::Frames<'_>) -> impl Iterator<Item = Self> {
+        frames.iter().map(Self::from_components)
+    }
+}
+
+impl Record for Weights {
+    #[inline]
+    fn decode(frames: Self::Frames<'_>) -> impl Iterator<Item = Self> {
+        frames.iter().map(Self::from_components)
+    }
+}
+
+impl Record for Event {
+    #[inline]
+    fn decode(frames: Self::Frames<'_>) -> impl Iterator<Item = Self> {
+        frames.iter().map(Self::from_components)
+    }
+}
+
 /// A contact between tool and object. Positions in m, in the object's frame; the normal points out of the object.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Contact {

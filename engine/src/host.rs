@@ -26,7 +26,8 @@ mod handles;
 mod player;
 mod queue;
 
+pub use crate::frame::{Scalar, Vector, Wrench};
 pub use any::{AnyInput, AnyOutput};
 pub use endpoint::{Host, HostSettings};
-pub use handles::{Full, HostError, HostFrame, Input, Output, Scalar, Vector, Wrench};
+pub use handles::{Full, HostError, HostFrame, Input, Output};
 pub use player::{PlayOptions, Player, Probes};

@@ -1,8 +1,11 @@
 //! Inputs and outputs of a processor: typed slices with the frames of a tick.
 
-use crate::frame::{Contact, Weights};
+use crate::frame::{AnyWidth, FrameKind, Kinds, Record};
+use crate::node::{Input, Mode, Output, Outputs};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::hint::black_box;
+use std::marker::PhantomData;
+use std::ops::Range;
 
 /// The memory of a run: all buffers in one slice, each aligned to a cache line.
 ///
@@ -118,15 +121,12 @@ pub(crate) struct Placing {
     pub width: u32,
 }
 
-/// The inputs and outputs of one call of `process`.
-///
-/// Inputs are numbered in the order of the node's spec, the connections of a [`Many`](crate::node::Presence::Many)
-/// port one after the other; outputs likewise. A port that does not exist or has another width gives an empty slice;
-/// with debug assertions, as in tests, it panics.
+/// The inputs and outputs of one call of `process`, read and written by the handles of their ports.
 pub struct Io<'a> {
     pub(crate) frames: usize,
     /// Frames of the buffers that earlier calls of the same block have used.
     pub(crate) offset: usize,
+    /// In the order of the node's spec, the connections of a `Many` port one after the other.
     pub(crate) inputs: &'a [ResolvedInput],
     pub(crate) outputs: &'a [Placing],
     /// The memory before the step's own buffer, that buffer, and the memory behind it.
@@ -142,15 +142,55 @@ impl<'a> Io<'a> {
         self.frames
     }
 
-    /// Number of inputs, every connection of a `Many` port counted.
+    /// The frames of an input: a slice of numbers or arrays, its components if the width is not fixed, an [`Option`] if
+    /// it may be left out, [`Runs`] if it is held, [`Connections`] if it has many.
     #[inline]
-    pub fn input_count(&self) -> usize {
-        self.inputs.len()
+    pub fn read<F: FrameKind, M: Mode>(&self, input: Input<F, M>) -> M::Read<'a, F> {
+        M::read(self, input)
     }
 
+    /// The frames of an input of contacts, weights or events, as values.
+    #[inline]
+    pub fn decode<F: Record>(&self, input: Input<F>) -> impl Iterator<Item = F> + use<'a, F> {
+        F::decode(self.read(input))
+    }
+
+    /// Components of one frame of an input, at least 1. The connections of a `Many` input have the same.
+    #[inline]
+    pub fn width<F: AnyWidth, M: Mode>(&self, input: Input<F, M>) -> usize {
+        self.width_at(input.index()).max(1)
+    }
+
+    /// The frames of an output, to be filled completely.
+    #[inline]
+    pub fn write<F: FrameKind>(&mut self, output: Output<F>) -> F::FramesMut<'_> {
+        debug_assert!(
+            F::KINDS.have_width(
+                self.outputs
+                    .get(output.index())
+                    .map_or(0, |placing| placing.width as usize)
+            ),
+            "{output:?} is none of this node's, or has another width"
+        );
+        F::frames_mut(self.out(output.index()))
+    }
+
+    /// The frames of several outputs, a tuple of different handles in any order, each to be filled completely:
+    /// `let (speed, velocity) = io.write_all((SPEED, VELOCITY));`
+    ///
+    /// # Panics
+    /// If a handle is given twice.
+    #[inline]
+    pub fn write_all<T: Outputs>(&mut self, outputs: T) -> T::Write<'_> {
+        outputs.write(self)
+    }
+}
+
+/// Access by index, in the order of the node's spec.
+impl<'a> Io<'a> {
     /// Whether this input is connected.
     #[inline]
-    pub fn connected(&self, input: usize) -> bool {
+    pub(crate) fn connected(&self, input: usize) -> bool {
         self.inputs
             .get(input)
             .is_some_and(|wire| wire.form != Form::Absent)
@@ -158,13 +198,23 @@ impl<'a> Io<'a> {
 
     /// Components of one frame of an input.
     #[inline]
-    pub fn width(&self, input: usize) -> usize {
+    fn width_at(&self, input: usize) -> usize {
         self.inputs.get(input).map_or(0, |wire| wire.width as usize)
     }
 
-    /// All components of a sampled input, `frames` times its width, frame by frame. For scalars: its samples.
+    /// The frames of an input that has one per tick.
     #[inline]
-    pub fn components(&self, input: usize) -> &'a [f64] {
+    pub(crate) fn sampled<F: FrameKind>(&self, input: usize) -> F::Frames<'a> {
+        debug_assert!(
+            F::KINDS.have_width(self.width_at(input)),
+            "input {input} is not connected, or has another width"
+        );
+        F::frames(self.components(input))
+    }
+
+    /// All components of a sampled input, `frames` times its width, frame by frame.
+    #[inline]
+    pub(crate) fn components(&self, input: usize) -> &'a [f64] {
         debug_assert!(input < self.inputs.len(), "there is no input {input}");
         match self.inputs.get(input) {
             Some(wire) if wire.form == Form::Sampled => {
@@ -182,46 +232,37 @@ impl<'a> Io<'a> {
         if wire.behind { self.behind } else { self.before }
     }
 
-    /// The frames of a sampled input of `W` components: `frames::<3>` of a 3-vector.
+    /// The connections from an input on.
     #[inline]
-    pub fn frames_of<const W: usize>(&self, input: usize) -> &'a [[f64; W]] {
-        debug_assert!(
-            !self.connected(input) || self.width(input) == W,
-            "input {input} has {} components, not {W}",
-            self.width(input)
-        );
-        if self.width(input) == W {
-            self.components(input).as_chunks().0
-        } else {
-            &[]
+    pub(crate) fn connections<F: FrameKind>(&self, first: usize) -> Connections<'a, F> {
+        Connections {
+            io: Io {
+                frames: self.frames,
+                offset: self.offset,
+                inputs: self.inputs.get(first..).unwrap_or_default(),
+                outputs: &[],
+                before: self.before,
+                out: &mut [],
+                behind: self.behind,
+            },
+            kind: PhantomData,
         }
-    }
-
-    /// The frames of a contact input.
-    #[inline]
-    pub fn contacts(&self, input: usize) -> impl Iterator<Item = Contact> + use<'a> {
-        self.frames_of::<{ Contact::WIDTH }>(input)
-            .iter()
-            .map(Contact::from_components)
-    }
-
-    /// The frames of a weights input.
-    #[inline]
-    pub fn weights(&self, input: usize) -> impl Iterator<Item = Weights> + use<'a> {
-        self.frames_of::<{ Weights::WIDTH }>(input)
-            .iter()
-            .map(Weights::from_components)
     }
 
     /// The runs of a held input.
     #[inline]
-    pub fn held(&self, input: usize) -> Held<'a> {
-        let absent = Held {
+    pub(crate) fn runs<F: FrameKind>(&self, input: usize) -> Runs<'a, F> {
+        debug_assert!(
+            F::KINDS.have_width(self.width_at(input)),
+            "input {input} is not connected, or has another width"
+        );
+        let absent = Runs {
             at: 0,
             frames: 0,
             width: 1,
             runs: 0,
             components: &[],
+            kind: PhantomData,
         };
         let Some(wire) = self.inputs.get(input) else {
             return absent;
@@ -229,92 +270,110 @@ impl<'a> Io<'a> {
         let width = wire.width as usize;
         match wire.form {
             Form::Absent => absent,
-            Form::Sampled => Held {
+            Form::Sampled => Runs {
                 at: 0,
                 frames: self.frames,
                 width,
                 runs: usize::MAX,
                 components: self.components(input),
+                kind: PhantomData,
             },
             Form::Runs => {
                 let components = &self.side(wire)[wire.at as usize..];
                 let runs = components[0] as usize;
-                Held {
+                Runs {
                     at: 0,
                     frames: self.frames,
                     width,
                     runs,
                     components: &components[1..1 + runs * (width + 1)],
+                    kind: PhantomData,
                 }
             }
         }
     }
 
-    /// All components of an output, to be filled completely.
+    /// The components of an output in the step's buffer.
     #[inline]
-    pub fn out(&mut self, output: usize) -> &mut [f64] {
+    fn place(&self, output: usize) -> Range<usize> {
         debug_assert!(output < self.outputs.len(), "there is no output {output}");
         let Some(placing) = self.outputs.get(output) else {
-            return &mut [];
+            return 0..0;
         };
         let width = placing.width as usize;
         let start = placing.start as usize + self.offset * width;
-        &mut self.out[start..][..self.frames * width]
+        start..start + self.frames * width
     }
 
-    /// The frames of an output of `W` components, to be filled completely.
+    /// All components of an output, to be filled completely.
     #[inline]
-    pub fn out_frames<const W: usize>(&mut self, output: usize) -> &mut [[f64; W]] {
-        debug_assert!(
-            self.outputs
-                .get(output)
-                .is_some_and(|placing| placing.width as usize == W),
-            "there is no output {output} of {W} components"
-        );
-        if self
-            .outputs
-            .get(output)
-            .is_some_and(|placing| placing.width as usize == W)
-        {
-            self.out(output).as_chunks_mut().0
-        } else {
-            &mut []
+    pub(crate) fn out(&mut self, output: usize) -> &mut [f64] {
+        let place = self.place(output);
+        &mut self.out[place]
+    }
+
+    /// All components of several outputs, each with the kinds that its handle stands for.
+    #[inline]
+    pub(crate) fn outs<const N: usize>(&mut self, outputs: [(usize, Kinds); N]) -> [&mut [f64]; N] {
+        let places = outputs.map(|(output, kinds)| {
+            debug_assert!(
+                kinds.have_width(
+                    self.outputs
+                        .get(output)
+                        .map_or(0, |placing| placing.width as usize)
+                ),
+                "output {output} is none of this node's, or has another width"
+            );
+            self.place(output)
+        });
+        match self.out.get_disjoint_mut(places) {
+            Ok(ports) => ports,
+            Err(_) => panic!("an output is written twice at once: {outputs:?}"),
         }
     }
+}
 
-    /// The first `N` outputs at once, each to be filled completely.
+/// The connections of an input that has one or more, in the order of the graph file.
+pub struct Connections<'a, F> {
+    /// Its inputs are the connections.
+    io: Io<'a>,
+    kind: PhantomData<fn() -> F>,
+}
+
+impl<'a, F: FrameKind> Connections<'a, F> {
+    /// How many there are; at least one.
     #[inline]
-    pub fn outs<const N: usize>(&mut self) -> [&mut [f64]; N] {
-        let mut rest: &mut [f64] = self.out;
-        let mut taken = 0;
-        std::array::from_fn(|output| {
-            let Some(placing) = self.outputs.get(output) else {
-                return Default::default();
-            };
-            let width = placing.width as usize;
-            let start = placing.start as usize + self.offset * width;
-            let (_, from) = std::mem::take(&mut rest).split_at_mut(start - taken);
-            let (port, after) = from.split_at_mut(self.frames * width);
-            rest = after;
-            taken = start + self.frames * width;
-            port
-        })
+    #[expect(clippy::len_without_is_empty, reason = "there is always one")]
+    pub fn len(&self) -> usize {
+        self.io.inputs.len()
+    }
+
+    /// The frames of a connection, counted from 0, or of the last one for any number beyond it.
+    #[inline]
+    pub fn nth_or_last(&self, connection: usize) -> F::Frames<'a> {
+        self.io.sampled::<F>(connection.min(self.len().saturating_sub(1)))
+    }
+
+    /// The frames of each connection.
+    #[inline]
+    pub fn iter(&self) -> impl Iterator<Item = F::Frames<'a>> {
+        (0..self.len()).map(|connection| self.io.sampled::<F>(connection))
     }
 }
 
 /// The runs of a held input: an iterator of (frames of this call, the frame that holds during them).
-#[derive(Debug, Clone)]
-pub struct Held<'a> {
+pub struct Runs<'a, F> {
     at: usize,
     frames: usize,
     width: usize,
     /// Runs written by a hold, or `usize::MAX` for a sampled signal: a run a frame.
     runs: usize,
     components: &'a [f64],
+    kind: PhantomData<fn() -> F>,
 }
 
-impl<'a> Iterator for Held<'a> {
-    type Item = (std::ops::Range<usize>, &'a [f64]);
+impl<'a, F: FrameKind> Iterator for Runs<'a, F> {
+    type Item = (Range<usize>, F::Frame<'a>);
 
     #[inline]
     fn next(&mut self) -> Option<Self::Item> {
@@ -324,7 +383,7 @@ impl<'a> Iterator for Held<'a> {
             let components = self
                 .components
                 .get(frame * self.width..(frame + 1) * self.width)?;
-            return Some((frame..frame + 1, components));
+            return Some((frame..frame + 1, F::frame(components)?));
         }
         let stride = self.width + 1;
         let run = self.components.get(self.at * stride..(self.at + 1) * stride)?;
@@ -333,7 +392,7 @@ impl<'a> Iterator for Held<'a> {
             .components
             .get(self.at * stride)
             .map_or(self.frames, |start| *start as usize);
-        Some((run[0] as usize..end, &run[1..]))
+        Some((run[0] as usize..end, F::frame(&run[1..])?))
     }
 }
 

@@ -5,9 +5,10 @@
 //! input and output in a tick.
 
 mod entry;
+mod port;
 mod spec;
 
-use crate::frame::Kind;
+use crate::frame::{FrameKind, Kind};
 use crate::settings::Settings;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
@@ -15,11 +16,13 @@ use std::any::Any;
 use std::path::Path;
 use std::sync::Arc;
 
-pub use crate::io::{Held, Io};
+pub use crate::io::{Connections, Io, Runs};
 pub use crate::limiter::Limit;
 pub use crate::scripted::{OfflineOnly, ScriptBuild, ScriptedKind, raised};
+pub use crate::settings::SettingId;
 pub use entry::NodeEntry;
 pub(crate) use entry::{Advised, Build, Finish, Measured, Read};
+pub use port::{Held, Input, Many, Mode, OneSignal, Optional, Output, Outputs, Sampled};
 pub use spec::{
     Flow, InputSpec, KindRule, NodeSpec, OutputSpec, Presence, QuantityRule, any_input, input, output,
     output_like,
@@ -36,8 +39,31 @@ pub struct BuildContext {
     pub max_frames: usize,
     /// Seed of the node's random stream, derived from the graph's seed and the node's path.
     pub seed: u64,
-    /// Components of each connected input, 0 for an unconnected one, in the order of [`Io`].
+    /// Components of each connected input, 0 for an unconnected one, in the order of the spec, the connections of a
+    /// `Many` input one after the other. [`width`](Self::width), [`is_connected`](Self::is_connected) and
+    /// [`connections`](Self::connections) read it.
     pub input_widths: Vec<usize>,
+}
+
+impl BuildContext {
+    /// Components of a frame of this input, at least 1.
+    pub fn width<F: FrameKind, M: Mode>(&self, input: Input<F, M>) -> usize {
+        self.input_widths
+            .get(input.index())
+            .map_or(1, |width| *width.max(&1))
+    }
+
+    /// Whether this input is connected.
+    pub fn is_connected<F: FrameKind, M: OneSignal>(&self, input: Input<F, Optional<M>>) -> bool {
+        self.input_widths
+            .get(input.index())
+            .is_some_and(|width| *width > 0)
+    }
+
+    /// How many connections this input has.
+    pub fn connections<F: FrameKind>(&self, input: Input<F, Many>) -> usize {
+        self.input_widths.len().saturating_sub(input.index())
+    }
 }
 
 /// Error or warning of a node or device with well-formed settings.
@@ -201,8 +227,88 @@ pub trait FrameWriter: Send {
 
 /// State of a running node.
 ///
-/// `process` runs on real-time threads: it must not allocate, lock, make system calls, print or panic. Its output
-/// must not depend on the block size.
+/// # Life
+/// 1. [`NodeKind::build`] makes it, outside the real-time threads: it may read files, allocate and block.
+/// 2. A plan keeps it and runs copies of it ([`CloneProcessor`]), each in one run.
+/// 3. If it replaces a processor of an older plan, that one gives it its state by
+///    [`copy_state_into`](Self::copy_state_into).
+/// 4. [`process`](Self::process), or [`frame`](Self::frame) where [`single`](Self::single) allows it, computes every
+///    frame of the run once, in order. [`set`](Self::set) comes between two calls.
+/// 5. It hands its state on as in step 3, and may run on while the two are cross-faded.
+/// 6. It is dropped outside the real-time threads.
+///
+/// Steps 3 to 5 are real-time code: no allocation, no lock, no system call, no printing, no panic. The output must not
+/// depend on the block size.
+///
+/// # Ports and settings
+/// A processor reads and writes its ports, and tells its settings apart, by handles that are looked up by name where the
+/// program is compiled ([`Input`], [`Output`], [`SettingId`]):
+///
+/// ```
+/// use haptograph_engine::frame::{Kind, Scalar};
+/// use haptograph_engine::node::{
+///     BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+///     input, output,
+/// };
+/// use haptograph_signal::quantity::Quantity;
+///
+/// haptograph_engine::settings! {
+///     /// Settings of [`Spring`].
+///     pub struct SpringSettings {
+///         /// Of the spring, N/m.
+///         [live] stiffness_n_per_m: f64 = 100.0, in 0.0..=1e6;
+///     }
+/// }
+///
+/// /// Pulls back to the origin.
+/// pub struct Spring;
+///
+/// impl NodeKind for Spring {
+///     type Settings = SpringSettings;
+///     const SPEC: NodeSpec = NodeSpec {
+///         name: "Spring",
+///         group: "mine",
+///         doc: "Pulls the tool back to the origin.",
+///         source: "",
+///         inputs: &[input("position", Kind::Scalar, Quantity::LENGTH, "Where the tool is, m.")],
+///         outputs: &[output("force", Kind::Scalar, Quantity::FORCE, "On the tool, N.")],
+///         example: r#""spring": Spring(position: "hand")"#,
+///     };
+///
+///     fn build(settings: SpringSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+///         Ok(Box::new(Pull { stiffness_n_per_m: settings.stiffness_n_per_m }))
+///     }
+/// }
+///
+/// const POSITION: Input<Scalar> = Spring::SPEC.input("position");
+/// const FORCE: Output<Scalar> = Spring::SPEC.output("force");
+/// const STIFFNESS_N_PER_M: SettingId = SpringSettings::live("stiffness_n_per_m");
+///
+/// #[derive(Clone)]
+/// struct Pull {
+///     stiffness_n_per_m: f64,
+/// }
+///
+/// impl Processor for Pull {
+///     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+///         let positions_m = io.read(POSITION);
+///         for (force_n, position_m) in io.write(FORCE).iter_mut().zip(positions_m) {
+///             *force_n = -self.stiffness_n_per_m * position_m;
+///         }
+///     }
+///
+///     fn set(&mut self, setting: SettingId, value: f64) {
+///         if setting == STIFFNESS_N_PER_M {
+///             self.stiffness_n_per_m = value;
+///         }
+///     }
+/// }
+/// # use haptograph_engine::testing::Bench;
+/// # let settings = SpringSettings { stiffness_n_per_m: 100.0 };
+/// # let mut bench = Bench::new::<Spring>(settings, 1000.0, &[Kind::Scalar]).unwrap();
+/// # bench.processor().set(STIFFNESS_N_PER_M, 200.0);
+/// # assert_eq!(bench.run(&[&[0.0, 0.25]]), [[0.0, -50.0]]);
+/// ```
 pub trait Processor: CloneProcessor + Send + Sync {
     /// Computes `tick.frames` frames of every output.
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>);
@@ -221,8 +327,10 @@ pub trait Processor: CloneProcessor + Send + Sync {
         x
     }
 
-    /// Sets a live setting by its index in the list of settings. Real-time code like `process`.
-    fn set(&mut self, setting: usize, value: f64) {
+    /// Sets a live setting to a finite value within its range. Real-time code like `process`.
+    ///
+    /// The engine calls it with the handles of the settings that are declared `[live]`, and at each frame of a ramp.
+    fn set(&mut self, setting: SettingId, value: f64) {
         let _ = (setting, value);
     }
 
@@ -295,6 +403,16 @@ pub struct Latency {
     pub transport_s: f64,
     /// Group delay in the middle of the pass band, s.
     pub group_delay_s: f64,
+}
+
+impl Latency {
+    /// A group delay, without transport delay.
+    pub const fn of_group(group_delay_s: f64) -> Self {
+        Self {
+            transport_s: 0.0,
+            group_delay_s,
+        }
+    }
 }
 
 /// Downcasts the replacing processor, if it has this type.

@@ -4,10 +4,15 @@
 #[macro_use]
 mod declare;
 mod fields;
+mod live;
 mod spelling;
 mod values;
 
 pub use fields::{Fields, fields_of};
+#[doc(hidden)]
+pub use live::any;
+pub(crate) use live::same;
+pub use live::{DeclaredField, SettingId};
 pub use spelling::closest;
 
 use crate::diagnostic::{Diagnostic, Span};
@@ -17,7 +22,7 @@ use std::path::{Path, PathBuf};
 /// Specification of a setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SettingSpec {
-    /// Field name, with its unit: `cutoff_hz`.
+    /// DeclaredField name, with its unit: `cutoff_hz`.
     pub name: &'static str,
     /// From the doc comment.
     pub doc: String,
@@ -50,6 +55,8 @@ pub struct Part {
 
 /// A set of named settings; declared by [`settings!`](crate::settings!).
 pub trait Settings: Sized + 'static {
+    /// The fields among which [`SettingId::of`] looks a name up, in the order of declaration; may be empty if none is live.
+    const FIELDS: &'static [DeclaredField];
     /// Its fields, in the order of declaration.
     fn specs() -> Vec<SettingSpec>;
     /// Takes its fields out of `fields`. `None` after at least one reported diagnostic.

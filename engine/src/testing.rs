@@ -1,7 +1,7 @@
 //! A bench that runs one node outside a graph: for tests of nodes, the shipped ones and yours.
 //!
 //! ```
-//! use haptograph_engine::frame::Kind;
+//! use haptograph_engine::frame::{Kind, Linear};
 //! # use haptograph_engine::node::*;
 //! # use haptograph_signal::quantity::Quantity;
 //! # haptograph_engine::settings! { /** Settings of the example. */ pub struct TwiceSettings {} }
@@ -15,10 +15,12 @@
 //! #     fn build(_: TwiceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
 //! Ok(Box::new(Doubler)) }
 //! # }
+//! # const INPUT: Input<Linear> = Twice::SPEC.input("input");
+//! # const OUTPUT: Output<Linear> = Twice::SPEC.output("output");
 //! # impl Processor for Doubler {
 //! #     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-//! #         let x = io.components(0);
-//! #         io.out(0).iter_mut().zip(x).for_each(|(y, x)| *y = 2.0 * x);
+//! #         let x = io.read(INPUT);
+//! #         io.write(OUTPUT).iter_mut().zip(x).for_each(|(y, x)| *y = 2.0 * x);
 //! #     }
 //! # }
 //! use haptograph_engine::testing::Bench;

@@ -3,11 +3,11 @@
 
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::Document;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{AnyKind, Kind};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::host::{HostError, PlayOptions, Player, Scalar};
 use haptograph_engine::node::{
-    Io, NodeEntry, NodeSpec, OfflineOnly, Processor, ScriptBuild, ScriptedKind, Tick, output, raised,
+    Io, NodeEntry, NodeSpec, OfflineOnly, Output, Processor, ScriptBuild, ScriptedKind, Tick, output, raised,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -20,12 +20,15 @@ use std::sync::Arc;
 struct Counter(NodeSpec);
 
 #[derive(Clone)]
-struct Counting(f64);
+struct Counting {
+    step: f64,
+    count: Output<AnyKind>,
+}
 
 impl Processor for Counting {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        for (frame, value) in io.out(0).iter_mut().enumerate() {
-            *value = self.0 * (tick.first + frame as u64) as f64;
+        for (frame, value) in io.write(self.count).iter_mut().enumerate() {
+            *value = self.step * (tick.first + frame as u64) as f64;
         }
     }
 }
@@ -51,7 +54,8 @@ impl ScriptedKind for Counter {
 
     fn read(&'static self, fields: &mut Fields, reading: &mut Reading<'_>) -> Option<ScriptBuild> {
         let step: f64 = fields.setting("step", Some(1.0), Some((0.0, 10.0)), reading)?;
-        Some(Box::new(move |_| Ok(Box::new(Counting(step)))))
+        let (_, count) = self.0.any_outputs().next().expect("it has one");
+        Some(Box::new(move |_| Ok(Box::new(Counting { step, count }))))
     }
 }
 

@@ -1,31 +1,41 @@
 //! Inputs that fall back to a setting while they are not connected.
 
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{BuildContext, BuildError, InputSpec, input};
+use haptograph_engine::frame::{Kind, Scalar};
+use haptograph_engine::node::{
+    BuildContext, BuildError, Input, InputSpec, NodeKind, Optional, SettingId, input,
+};
 use haptograph_signal::quantity::Quantity;
 
 /// An input, and the setting that replaces it while it is not connected.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fallback {
-    /// Index of the input in its node.
-    pub input: usize,
-    /// Name of the input.
-    pub port: &'static str,
-    /// Name of the setting, which is an `Option`.
-    pub field: &'static str,
+    pub input: Input<Scalar, Optional>,
+    pub setting: SettingId,
+    port: &'static str,
+    field: &'static str,
 }
 
 impl Fallback {
+    /// The input `port` of the kind `K`, and its setting `field`, which is an `Option`.
+    pub const fn of<K: NodeKind>(port: &'static str, field: &'static str) -> Self {
+        Self {
+            input: K::SPEC.input(port),
+            setting: SettingId::of::<K::Settings>(field),
+            port,
+            field,
+        }
+    }
+
     /// Whether the input is connected.
     pub fn is_connected(&self, cx: &BuildContext) -> bool {
-        cx.input_widths.get(self.input).is_some_and(|width| *width > 0)
+        cx.is_connected(self.input)
     }
 
     /// The setting, which is optional if the input is connected.
     ///
     /// # Errors
     /// [`BuildError`] if the setting is missing and the input is not connected.
-    pub fn setting(&self, setting: Option<f64>, cx: &BuildContext) -> Result<Option<f64>, BuildError> {
+    pub fn value(&self, setting: Option<f64>, cx: &BuildContext) -> Result<Option<f64>, BuildError> {
         if setting.is_some() || self.is_connected(cx) {
             return Ok(setting);
         }
@@ -50,8 +60,8 @@ pub(crate) const fn frequency_input(name: &'static str, doc: &'static str) -> In
 }
 
 /// The first frame after `from` at which one of the signals changes; `frames` if there is none.
-/// Unconnected signals are empty.
-pub(crate) fn next_change(signals: &[&[f64]], from: usize, frames: usize) -> usize {
+/// A signal that is not connected never changes.
+pub(crate) fn next_change(signals: &[Option<&[f64]>], from: usize, frames: usize) -> usize {
     let change = |signal: &&[f64]| {
         let first = signal.get(from)?.to_bits();
         let rest = signal.get(from + 1..frames)?;
@@ -59,5 +69,10 @@ pub(crate) fn next_change(signals: &[&[f64]], from: usize, frames: usize) -> usi
             .position(|x| x.to_bits() != first)
             .map(|at| from + 1 + at)
     };
-    signals.iter().filter_map(change).min().unwrap_or(frames)
+    signals
+        .iter()
+        .flatten()
+        .filter_map(change)
+        .min()
+        .unwrap_or(frames)
 }

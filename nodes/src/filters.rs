@@ -3,14 +3,37 @@
 pub mod classical;
 pub mod section;
 
-use haptograph_engine::node::{BuildContext, BuildError, Io, Latency, Processor, Single, Tick};
+use haptograph_engine::frame::{Linear, Scalar};
+use haptograph_engine::node::{
+    BuildContext, BuildError, Input, Io, Latency, NodeKind, Optional, Output, Processor, SettingId, Single,
+    Tick,
+};
 use haptograph_signal::filter::{DesignError, Prototype, Sections, SectionsState};
 
+use self::classical::{BandPass, Bessel, DoublePole, HighPass, LowPass};
+use self::section::SecondOrderSection;
 use crate::fallback::{Fallback, next_change};
 use crate::successor;
 
 /// Largest number of frequencies of a design.
 const MOST: usize = 2;
+
+const INPUT: Input<Linear> = Input::common([
+    LowPass::SPEC.input("input"),
+    HighPass::SPEC.input("input"),
+    BandPass::SPEC.input("input"),
+    Bessel::SPEC.input("input"),
+    DoublePole::SPEC.input("input"),
+    SecondOrderSection::SPEC.input("input"),
+]);
+const OUTPUT: Output<Linear> = Output::common([
+    LowPass::SPEC.output("output"),
+    HighPass::SPEC.output("output"),
+    BandPass::SPEC.output("output"),
+    Bessel::SPEC.output("output"),
+    DoublePole::SPEC.output("output"),
+    SecondOrderSection::SPEC.output("output"),
+]);
 
 /// A cascade of second-order sections on each component of a linear signal.
 #[derive(Debug, Clone)]
@@ -22,30 +45,44 @@ pub(crate) struct LaneFilter {
     tuning: Option<Tuning>,
 }
 
-/// The frequencies of a tunable filter: the first live settings of its node, and inputs that replace them.
+/// A frequency of a tunable filter: a live setting, and the input that replaces it, if there is one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Frequency {
+    pub setting: SettingId,
+    pub input: Option<Input<Scalar, Optional>>,
+}
+
+impl From<Fallback> for Frequency {
+    fn from(fallback: Fallback) -> Self {
+        Self {
+            setting: fallback.setting,
+            input: Some(fallback.input),
+        }
+    }
+}
+
+/// The frequencies of a tunable filter.
 #[derive(Debug, Clone)]
 struct Tuning {
     prototype: Prototype,
     rate_hz: f64,
+    sources: Box<[Frequency]>,
     settings: [f64; MOST],
     /// The frequencies last requested. The sections keep their old ones where these give no filter.
     asked: [f64; MOST],
-    /// For each frequency, whether an input that replaces the setting is connected.
-    inputs: Box<[bool]>,
+    /// Whether one of the frequencies is a signal.
+    follows: bool,
 }
 
 impl LaneFilter {
     /// A filter with fixed frequencies and zero state; its group delay is stated for `passband_hz`.
     pub(crate) fn fixed(filter: &Sections, cx: &BuildContext, passband_hz: f64) -> Self {
-        let width = cx.input_widths.first().copied().unwrap_or(1).max(1);
+        let width = cx.width(INPUT);
         let scratch = if width > 1 { cx.max_frames } else { 0 };
         Self {
             lanes: vec![SectionsState::new(filter); width].into(),
             scratch: vec![0.0; scratch].into(),
-            latency: Latency {
-                transport_s: 0.0,
-                group_delay_s: filter.group_delay_s(passband_hz, cx.rate.hz()),
-            },
+            latency: Latency::of_group(filter.group_delay_s(passband_hz, cx.rate.hz())),
             tuning: None,
         }
     }
@@ -54,23 +91,25 @@ impl LaneFilter {
     fn tuned(
         prototype: Prototype,
         frequencies: [f64; MOST],
-        inputs: &[Fallback],
+        sources: &[Frequency],
         cx: &BuildContext,
         passband_hz: f64,
     ) -> Result<Self, DesignError> {
         let rate_hz = cx.rate.hz();
         let sections = prototype.at(frequencies, rate_hz)?.into();
         let mut filter = Self::fixed(&sections, cx, passband_hz);
-        let inputs: Box<[bool]> = inputs.iter().map(|input| input.is_connected(cx)).collect();
-        if inputs.contains(&true) {
-            filter.latency.group_delay_s = 0.0;
+        let mut inputs = sources.iter().filter_map(|source| source.input);
+        let follows = inputs.any(|input| cx.is_connected(input));
+        if follows {
+            filter.latency = Latency::default();
         }
         filter.tuning = Some(Tuning {
             prototype,
             rate_hz,
+            sources: sources.into(),
             settings: frequencies,
             asked: frequencies,
-            inputs,
+            follows,
         });
         Ok(filter)
     }
@@ -105,8 +144,8 @@ impl LaneFilter {
         }
     }
 
-    /// Filters with frequencies that are signals; an unconnected signal is empty.
-    fn follow(&mut self, signals: [&[f64]; MOST], x: &[f64], y: &mut [f64]) {
+    /// Filters with frequencies of which some are signals.
+    fn follow(&mut self, signals: [Option<&[f64]>; MOST], x: &[f64], y: &mut [f64]) {
         let width = self.lanes.len();
         let (frames, mut from) = (x.len() / width, 0);
         while from < frames {
@@ -114,8 +153,8 @@ impl LaneFilter {
             if let Some(tuning) = &self.tuning {
                 let mut asked = tuning.asked;
                 for (i, asked) in asked.iter_mut().enumerate() {
-                    *asked = match signals[i].get(from) {
-                        Some(hz) if hz.is_finite() => within(*hz, tuning.rate_hz),
+                    *asked = match signals[i].map(|signal| signal[from]) {
+                        Some(hz) if hz.is_finite() => within(hz, tuning.rate_hz),
                         Some(_) => *asked,
                         None => tuning.settings[i],
                     };
@@ -137,15 +176,13 @@ fn within(hz: f64, rate_hz: f64) -> f64 {
 
 impl Processor for LaneFilter {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.components(0);
-        let inputs = self.tuning.as_ref().map_or(0, |tuning| tuning.inputs.len());
-        let signals: [&[f64]; MOST] =
-            std::array::from_fn(|i| if i < inputs { io.components(1 + i) } else { &[] });
-        if signals.iter().all(|signal| signal.is_empty()) {
-            self.filter(x, io.out(0));
-        } else {
-            self.follow(signals, x, io.out(0));
-        }
+        let x = io.read(INPUT);
+        let Some(tuning) = self.tuning.as_ref().filter(|tuning| tuning.follows) else {
+            return self.filter(x, io.write(OUTPUT));
+        };
+        let sources = &tuning.sources;
+        let signals = std::array::from_fn(|i| io.read(sources.get(i)?.input?));
+        self.follow(signals, x, io.write(OUTPUT));
     }
 
     fn single(&self) -> Option<Single> {
@@ -158,15 +195,17 @@ impl Processor for LaneFilter {
         y[0]
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
+    fn set(&mut self, setting: SettingId, value: f64) {
         let Some(tuning) = self.tuning.as_mut().filter(|_| value.is_finite()) else {
             return;
         };
-        if let Some(known) = tuning.settings.get_mut(setting) {
-            *known = value;
+        for (known, source) in tuning.settings.iter_mut().zip(&tuning.sources) {
+            if source.setting == setting {
+                *known = value;
+            }
         }
         // A frequency signal is applied when it is read.
-        if !tuning.inputs.contains(&true) {
+        if !tuning.follows {
             let settings = tuning.settings;
             self.turn(settings);
         }
@@ -194,7 +233,7 @@ impl Processor for LaneFilter {
         }
         // The new filter takes over the state and then tunes to its own frequencies.
         tuning.asked = old_tuning.asked;
-        let (settings, follows) = (tuning.settings, tuning.inputs.contains(&true));
+        let (settings, follows) = (tuning.settings, tuning.follows);
         for (new, old) in new.lanes.iter_mut().zip(&self.lanes) {
             new.take_over(old);
         }

@@ -2,10 +2,10 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests")]
 
 use haptograph_engine::document::Document;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{AnyKind, Kind};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, output,
+    BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{Change, LiveState, Run, live};
@@ -58,8 +58,8 @@ impl Evil {
 
 impl Processor for Evil {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        for lane in io.out(0) {
-            *lane = self.next();
+        for component in io.write(OUTPUT) {
+            *component = self.next();
         }
     }
 }
@@ -93,6 +93,12 @@ macro_rules! evil {
 evil!(EvilCurrent, Kind::Scalar, Quantity::CURRENT);
 evil!(EvilVoltage, Kind::Scalar, Quantity::VOLTAGE);
 evil!(EvilForce, Kind::Vector, Quantity::FORCE);
+
+const OUTPUT: Output<AnyKind> = Output::common([
+    EvilCurrent::SPEC.output("output"),
+    EvilVoltage::SPEC.output("output"),
+    EvilForce::SPEC.output("output"),
+]);
 
 /// What every sink of this test states, in the unit of its drive.
 const PEAK: f64 = 2.0;

@@ -10,6 +10,7 @@ use haptograph_engine::graph::{CheckOptions, Graph, Hosted, NodeId, check};
 use haptograph_engine::host::{Full, HostError, PlayOptions, Player, Scalar, Vector, Wrench};
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{ControlError, Run};
+use haptograph_nodes::filters::classical::BandPassSettings;
 use realtime::allocations;
 use std::path::Path;
 use std::sync::Arc;
@@ -379,6 +380,8 @@ fn playing_allocates_nothing() {
     assert_eq!(count, 0);
     let set = session.settings().find(|live| live.name() == "out.gain");
     assert_eq!(set.map(|live| live.value), Some(0.5));
-    let unknown = session.set(gain.node, usize::MAX, 0.5);
+    // A setting of another kind, at a place where the sink has none.
+    let foreign = BandPassSettings::live("high_hz");
+    let unknown = session.set(gain.node, foreign, 0.5);
     assert_eq!(unknown, Err(ControlError::NotLive));
 }

@@ -308,10 +308,7 @@ fn nothing_is_allocated_while_running() {
 fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
     let mut tested = 0;
     each_processor(|entry, build| {
-        for (place, setting) in entry.settings().iter().enumerate() {
-            if !setting.live {
-                continue;
-            }
+        for (id, setting) in entry.live_settings() {
             let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
             // As the engine has it: below half the rate of the slowest bench.
             let is_frequency = setting.name.ends_with("_hz");
@@ -324,7 +321,7 @@ fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
             for (seed, value) in (1..).zip([high, low, 0.5 * (low + high), high, low.midpoint(1.0)]) {
                 let inputs = inputs(&bench, 200, false, seed);
                 bench.load(&slices(&inputs), 200);
-                let set = allocations(|| bench.processor().set(place, value));
+                let set = allocations(|| bench.processor().set(id, value));
                 assert_eq!(set, 0, "{}.{}", entry.spec.name, setting.name);
                 bench.step();
                 for output in 0..entry.spec.outputs.len() {

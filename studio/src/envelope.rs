@@ -174,9 +174,7 @@ impl SafetyEnvelope {
         let mut beyond = Vec::new();
         for (place, text) in &next.depends {
             if self.depends.get(place) != Some(text) {
-                beyond.push(format!(
-                    "{place} now depends on parameters differently: {text}"
-                ));
+                beyond.push(format!("{place} now depends on parameters differently: {text}"));
             }
         }
         for set in &next.sets {

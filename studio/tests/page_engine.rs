@@ -15,7 +15,9 @@ const BLOCK: usize = 128;
 
 fn engine(graph: &str) -> Engine {
     let opened = Opened {
-        graph: Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(graph),
+        graph: Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("../graphs")
+            .join(graph),
         set: Vec::new(),
     };
     Engine::open(opened, &haptograph_nodes::registry()).expect("it ships")

@@ -2,10 +2,10 @@
 
 use crate::work::{Contestant, Operation, RATE_HZ, SAMPLES, Source, Work, noise};
 use haptograph_engine::document::{Builder, Document, Part};
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Single, Tick, output,
+    BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Single, Tick, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -122,6 +122,8 @@ impl NodeKind for Play {
     }
 }
 
+const OUTPUT: Output<Scalar> = Play::SPEC.output("output");
+
 #[derive(Clone)]
 struct Player {
     samples: Box<[f64]>,
@@ -130,7 +132,7 @@ struct Player {
 
 impl Processor for Player {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        copy(&self.samples[self.at..self.at + tick.frames], io.out(0));
+        copy(&self.samples[self.at..self.at + tick.frames], io.write(OUTPUT));
         self.at = (self.at + tick.frames) % SAMPLES;
     }
 

@@ -6,6 +6,7 @@ use crate::failure::Failure;
 use crate::table::{self, Entry, try_lock};
 use haptograph_engine::graph::{Graph, NodeId};
 use haptograph_engine::host::{AnyOutput, PlayOptions, Player};
+use haptograph_engine::node::SettingId;
 use haptograph_engine::run::{LiveState, Session};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
@@ -39,7 +40,7 @@ pub struct PlayerEntry {
 pub struct Setting {
     player: u64,
     node: NodeId,
-    setting: usize,
+    setting: SettingId,
 }
 
 /// Opens a player of a graph and returns its handle.

@@ -200,8 +200,8 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
             state.text(node.entry.spec.name);
             state.number(node.fingerprint);
             state.maybe(node.clock.map(|clock| clock as u64));
-            for (at, value) in &node.live {
-                state.number(*at as u64);
+            for (setting, value) in &node.live {
+                state.number(setting.index() as u64);
                 state.number(value.to_bits());
             }
         });

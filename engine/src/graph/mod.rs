@@ -29,7 +29,7 @@ use crate::device::{Channel, Device, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
 use crate::node::{AfterData, DataEnd, FileProgress, FileSink, Limit, NodeEntry, Processor};
-use crate::settings::SettingSpec;
+use crate::settings::{SettingId, SettingSpec};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::DiGraph;
@@ -114,7 +114,7 @@ pub struct Node {
     /// Hash of its kind, rate, connections and non-live settings. Equal for nodes that differ in their path only.
     pub fingerprint: u64,
     /// Live settings: index in the list of settings, and value.
-    pub live: Vec<(usize, f64)>,
+    pub live: Vec<(SettingId, f64)>,
     /// The settings that the graph gives it, as written there.
     pub written: Vec<(String, String)>,
     /// Files that its settings name, such as the surface it renders.
@@ -246,8 +246,8 @@ pub struct LiveSetting {
     pub node: NodeId,
     /// The node's path.
     pub path: String,
-    /// Index of the setting in the node's list of settings.
-    pub setting: usize,
+    /// Handle of the setting.
+    pub setting: SettingId,
     /// Its name.
     pub field: &'static str,
     /// Its value.
@@ -352,7 +352,7 @@ impl Graph {
         for (index, node) in self.nodes.node_indices().zip(self.nodes.node_weights()) {
             let specs = node.entry.settings();
             found.extend(node.live.iter().filter_map(|(setting, value)| {
-                let spec = specs.get(*setting)?;
+                let spec = specs.get(setting.index())?;
                 Some(LiveSetting {
                     node: NodeId(index),
                     path: node.path.clone(),

@@ -4,7 +4,7 @@ use super::any::{About, AnyInput, AnyOutput};
 use super::endpoint::{HostChannel, HostEndpoint};
 use super::queue::Queue;
 use crate::device::Channel;
-use crate::frame::Kind;
+use crate::frame::{Kind, Scalar, Vector, Wrench};
 use crate::graph::{Graph, GraphDevice};
 use crate::node::OfflineOnly;
 use crate::settings::closest;
@@ -22,13 +22,6 @@ pub trait HostFrame: Copy + Default + Send + 'static {
     /// Its components, mutable.
     fn components_mut(&mut self) -> &mut [f64];
 }
-
-/// One number.
-pub type Scalar = f64;
-/// Three numbers, x y z.
-pub type Vector = [f64; 3];
-/// Force x y z (N), then torque x y z (N m).
-pub type Wrench = [f64; 6];
 
 impl HostFrame for Scalar {
     const KIND: Kind = Kind::Scalar;

@@ -5,7 +5,7 @@ use super::{
     Processor, ScriptedKind,
 };
 use crate::scripted;
-use crate::settings::{Fields, Reading, SettingSpec, Settings};
+use crate::settings::{Fields, Reading, SettingId, SettingSpec, Settings};
 
 /// A registered node kind, its types erased.
 #[derive(Clone, Copy)]
@@ -132,6 +132,14 @@ impl NodeEntry {
             Build::Scripted(kind) => kind.settings(),
             _ => (self.settings)(),
         }
+    }
+
+    /// Its live settings, with the handles that [`Processor::set`] takes.
+    pub fn live_settings(&self) -> impl Iterator<Item = (SettingId, SettingSpec)> {
+        let settings = self.settings().into_iter().enumerate();
+        settings
+            .filter(|(_, spec)| spec.live)
+            .map(|(index, spec)| (SettingId::at(index), spec))
     }
 
     /// Is it described while the program runs? Then it runs offline only.

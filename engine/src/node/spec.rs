@@ -66,7 +66,7 @@ pub enum Flow {
 pub enum Presence {
     /// It has to be connected.
     Required,
-    /// It may be left out; [`Io::connected`](super::Io::connected) gives which.
+    /// It may be left out; the processor reads an [`Option`].
     Optional,
     /// It takes a list of at least one connection.
     Many,

@@ -5,6 +5,7 @@ use super::ramp::{PARAM_RAMP_S, ParamRamp};
 use super::rings::TapRings;
 use super::swap::{Change, PlanSwap};
 use crate::graph::{LiveSetting, NodeId};
+use crate::node::SettingId;
 use crate::plan::Plan;
 use rtrb::{Consumer, Producer};
 use std::collections::{HashMap, VecDeque};
@@ -98,7 +99,7 @@ impl Control {
     ///
     /// # Errors
     /// [`ControlError`] if the setting is not live, the value is invalid, or the command ring is full.
-    pub fn set(&mut self, node: NodeId, setting: usize, value: f64) -> Result<(), ControlError> {
+    pub fn set(&mut self, node: NodeId, setting: SettingId, value: f64) -> Result<(), ControlError> {
         let place = self
             .settings
             .iter()

@@ -54,7 +54,7 @@ pub use timer::{Timer, TimerNotes, TimerThread};
 use crate::device::Device;
 use crate::graph::NodeId;
 use crate::io::Memory;
-use crate::node::Processor;
+use crate::node::{Processor, SettingId};
 use crate::plan::{Plan, StepWork};
 use actuator::ActuatorState;
 use bridge::{BridgeState, DelayState};
@@ -226,8 +226,8 @@ impl Run {
         }
     }
 
-    /// Sets a live setting of a node by its index in the node's list of settings.
-    pub fn set(&mut self, node: NodeId, setting: usize, value: f64) {
+    /// Sets a live setting of a node.
+    pub fn set(&mut self, node: NodeId, setting: SettingId, value: f64) {
         for step in self.plan.steps.iter().filter(|step| step.node == node) {
             self.state.set(step.work, setting, value);
         }

@@ -16,7 +16,7 @@ use super::runner::connect;
 use super::silence::{self, ActuatorLevel, InputStatus};
 use super::{Faults, Outcome, RingMeter, RingReport, Run};
 use crate::graph::{Graph, LiveSetting, NodeId};
-use crate::node::Stream;
+use crate::node::{SettingId, Stream};
 use crate::plan::{Plan, PlanOptions};
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
@@ -255,11 +255,11 @@ impl Session {
         self.controls.iter().flat_map(Control::settings)
     }
 
-    /// Sets a live setting by node and index, as in [`LiveSetting`]. Real-time safe, unlike [`Session::set_by_name`].
+    /// Sets a live setting by node and handle, as in [`LiveSetting`]. Real-time safe, unlike [`Session::set_by_name`].
     ///
     /// # Errors
     /// As [`Control::set`].
-    pub fn set(&mut self, node: NodeId, setting: usize, value: f64) -> Result<(), ControlError> {
+    pub fn set(&mut self, node: NodeId, setting: SettingId, value: f64) -> Result<(), ControlError> {
         let is_it = |live: &LiveSetting| (live.node, live.setting) == (node, setting);
         let has_it = |control: &&mut Control| control.settings().iter().any(is_it);
         let control = self.controls.iter_mut().find(has_it);

@@ -8,7 +8,7 @@ use super::profile::StepObserver;
 use super::program::{Line, Program};
 use super::window::{Window, range_of};
 use crate::io::{Form, Io, ResolvedInput};
-use crate::node::Tick;
+use crate::node::{SettingId, Tick};
 use crate::plan::{BridgeKind, Plan, StepWork};
 use std::ops::Range;
 
@@ -21,7 +21,7 @@ impl State {
     }
 
     /// Sets a live setting of the processor or actuator of this work.
-    pub(super) fn set(&mut self, work: StepWork, setting: usize, value: f64) {
+    pub(super) fn set(&mut self, work: StepWork, setting: SettingId, value: f64) {
         match work {
             StepWork::Process(index) => {
                 self.processors[index as usize].set(setting, value);

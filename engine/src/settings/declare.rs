@@ -13,9 +13,10 @@
 ///     }
 /// }
 /// ```
-/// A field without `= default` has to be given. `[live]` marks what may change while the graph runs, and
-/// `[live, below_nyquist]` a frequency that has to stay below half of the node's rate when it does. There are no other
-/// flags, and a misspelt one does not compile:
+/// A field without `= default` has to be given. `[live]` marks what may change while the graph runs, whose handle is
+/// `LowPassSettings::live("cutoff_hz")` (see [`SettingId`](crate::settings::SettingId)), and `[live, below_nyquist]` a frequency
+/// that has to stay below half of the node's rate when it does. There are no other flags, and a misspelt one does not
+/// compile:
 ///
 /// ```compile_fail
 /// haptograph_engine::settings! {
@@ -44,7 +45,20 @@ macro_rules! settings {
         #[derive(Debug, Clone, PartialEq)]
         $vis struct $name { $($(#[doc = $doc])* pub $field: $type,)* }
 
+        impl $name {
+            /// Handle of a live setting, by name. In a constant any other name is a compile error.
+            #[allow(dead_code, reason = "most kinds have no live setting")]
+            $vis const fn live(name: &str) -> $crate::settings::SettingId {
+                $crate::settings::SettingId::of::<Self>(name)
+            }
+        }
+
         impl $crate::settings::Settings for $name {
+            const FIELDS: &'static [$crate::settings::DeclaredField] = &[$($crate::settings::DeclaredField {
+                name: stringify!($field),
+                is_live: $crate::settings::any(&[$($($crate::settings!(@live $flag)),+)?]),
+            }),*];
+
             fn specs() -> Vec<$crate::settings::SettingSpec> {
                 vec![$($crate::settings::SettingSpec {
                     name: stringify!($field),

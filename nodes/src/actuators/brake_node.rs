@@ -5,9 +5,10 @@ use super::limit::CurrentLimitSettings;
 use crate::successor;
 use crate::texture::load_surface;
 use crate::vector::norm;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Io, Limit, NodeKind, NodeSpec, Processor, Tick, input, output,
+    ActuatorKind, BuildContext, BuildError, Input, Io, Limit, NodeKind, NodeSpec, Output, Processor,
+    SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use std::path::PathBuf;
@@ -132,6 +133,18 @@ impl NodeKind for BrakeController {
     }
 }
 
+impl BrakeController {
+    const LOAD: Input<Scalar> = Self::SPEC.input("load");
+    const FRICTION: Input<Vector> = Self::SPEC.input("friction");
+    const SPEED: Input<Scalar> = Self::SPEC.input("speed");
+    const CURRENT: Output<Scalar> = Self::SPEC.output("current");
+    const MEASURED: Output<Scalar> = Self::SPEC.output("measured");
+    const TRIM: Output<Scalar> = Self::SPEC.output("trim");
+    const REACH: Output<Scalar> = Self::SPEC.output("reach");
+    const COIL: Output<Scalar> = Self::SPEC.output("coil");
+    const MU: SettingId = BrakeControllerSettings::live("mu");
+}
+
 fn wanted(settings: &BrakeControllerSettings) -> Result<f64, BuildError> {
     if let Some(mu) = settings.mu {
         return Ok(mu);
@@ -156,8 +169,15 @@ struct Braking {
 
 impl Processor for Braking {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (loads, frictions, speeds) = (io.components(0), io.frames_of::<3>(1), io.components(2));
-        let [current, measured, trim, reach, coil] = io.outs();
+        let (loads, frictions) = (io.read(BrakeController::LOAD), io.read(BrakeController::FRICTION));
+        let speeds = io.read(BrakeController::SPEED);
+        let (current, measured, trim, reach, coil) = io.write_all((
+            BrakeController::CURRENT,
+            BrakeController::MEASURED,
+            BrakeController::TRIM,
+            BrakeController::REACH,
+            BrakeController::COIL,
+        ));
         for (frame, ((load, friction), speed)) in loads.iter().zip(frictions).zip(speeds).enumerate() {
             let dragging = Dragging {
                 normal_n: *load,
@@ -181,8 +201,8 @@ impl Processor for Braking {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 1 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == BrakeController::MU {
             self.wanted = value;
         }
     }
@@ -315,7 +335,7 @@ mod tests {
         let out = bench.run(&[&vec![1.0; n], &[-0.3, 0.0, 0.0].repeat(n), &vec![0.05; n]]);
         assert!((out[1][n - 1] - 0.3).abs() < 1e-6, "measured");
         assert!(out[2][n - 1] > 0.01 && out[0][n - 1] > out[0][0]);
-        bench.processor().set(1, 0.9);
+        bench.processor().set(BrakeController::MU, 0.9);
         let out = bench.run(&[&[1.0], &[-0.3, 0.0, 0.0], &[0.05]]);
         assert!(out[3][0] >= 2.0, "out of reach");
         let refused = Bench::new::<BrakeController>(settings(None), 1000.0, &kinds).err();

@@ -4,9 +4,10 @@ use super::compensator::{Compensator, CompensatorError, CompensatorSettings};
 use super::limit::CurrentLimitSettings;
 use crate::simulated::haptuator::TwoMassSettings;
 use crate::successor;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Io, Limit, NodeKind, NodeSpec, Processor, Tick, input, output,
+    ActuatorKind, BuildContext, BuildError, Input, Io, Limit, NodeKind, NodeSpec, Output, Processor, Tick,
+    input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -91,6 +92,11 @@ impl NodeKind for DynamicCompensator {
     }
 }
 
+impl DynamicCompensator {
+    const ACCELERATION: Input<Scalar> = Self::SPEC.input("acceleration");
+    const CURRENT: Output<Scalar> = Self::SPEC.output("current");
+}
+
 /// Highest vibration that fingers feel, Hz.
 const FELT_TO_HZ: f64 = 1000.0;
 
@@ -101,8 +107,8 @@ struct Compensating {
 
 impl Processor for Compensating {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let acceleration = io.components(0);
-        let current = io.out(0);
+        let acceleration = io.read(DynamicCompensator::ACCELERATION);
+        let current = io.write(DynamicCompensator::CURRENT);
         current.copy_from_slice(acceleration);
         self.compensator.process(current);
     }

@@ -3,9 +3,10 @@
 use super::Contact;
 use super::stiffness::Wall;
 use crate::vector::scale;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{self, Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Optional, Output, Processor, SettingId, Tick,
+    input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -50,7 +51,7 @@ impl NodeKind for NormalForce {
     };
 
     fn build(settings: NormalForceSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        if settings.damping_n_s_per_m > 0.0 && cx.input_widths.get(1) == Some(&0) {
+        if settings.damping_n_s_per_m > 0.0 && !cx.is_connected(Self::VELOCITY) {
             let message = "damping needs the velocity of the tool";
             return Err(BuildError::at("damping_n_s_per_m", message)
                 .help("connect `velocity`, or remove the damping"));
@@ -79,6 +80,15 @@ impl NodeKind for NormalForce {
     }
 }
 
+impl NormalForce {
+    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const VELOCITY: Input<Vector, Optional> = Self::SPEC.input("velocity");
+    const FORCE: Output<Vector> = Self::SPEC.output("force");
+    const LOAD: Output<Scalar> = Self::SPEC.output("load");
+    const STIFFNESS_N_PER_MM: SettingId = NormalForceSettings::live("stiffness_n_per_mm");
+    const DAMPING_N_S_PER_M: SettingId = NormalForceSettings::live("damping_n_s_per_m");
+}
+
 fn wall(settings: &NormalForceSettings) -> Wall {
     Wall {
         stiffness_n_per_m: settings.stiffness_n_per_mm * 1e3,
@@ -93,21 +103,21 @@ struct Pushing {
 
 impl Processor for Pushing {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (contacts, velocities) = (io.contacts(0), io.frames_of::<3>(1));
-        let [force, load] = io.outs();
-        let frames = force.as_chunks_mut().0.iter_mut().zip(load).zip(contacts);
+        let (contacts, velocities) = (io.decode(NormalForce::CONTACT), io.read(NormalForce::VELOCITY));
+        let (force, load) = io.write_all((NormalForce::FORCE, NormalForce::LOAD));
+        let frames = force.iter_mut().zip(load).zip(contacts);
         for (frame, ((force, load), contact)) in frames.enumerate() {
             let contact = Contact::from(contact);
-            let velocity_m_s = velocities.get(frame).copied().unwrap_or_default();
+            let velocity_m_s = velocities.map_or([0.0; 3], |velocities| velocities[frame]);
             *load = self.wall.force_n(&contact, velocity_m_s);
             *force = scale(contact.normal, *load);
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
+    fn set(&mut self, setting: SettingId, value: f64) {
         match setting {
-            0 => self.wall.stiffness_n_per_m = value * 1e3,
-            1 => self.wall.damping_n_s_per_m = value,
+            NormalForce::STIFFNESS_N_PER_MM => self.wall.stiffness_n_per_m = value * 1e3,
+            NormalForce::DAMPING_N_S_PER_M => self.wall.damping_n_s_per_m = value,
             _ => {}
         }
     }
@@ -116,7 +126,6 @@ impl Processor for Pushing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use haptograph_engine::frame;
     use haptograph_engine::testing::Bench;
     use haptograph_signal::time::Rate;
 
@@ -141,7 +150,7 @@ mod tests {
             bench.run(&[&contact.to_components()]),
             vec![vec![0.0, 0.0, 1.0], vec![1.0]]
         );
-        bench.processor().set(0, 0.5);
+        bench.processor().set(NormalForce::STIFFNESS_N_PER_MM, 0.5);
         assert_eq!(bench.run(&[&contact.to_components()])[1], [2.0]);
         let free = frame::Contact::default().to_components();
         assert_eq!(bench.run(&[&free]), vec![vec![0.0; 3], vec![0.0]]);

@@ -5,9 +5,10 @@ use super::mesh::{MeshFormat, TriangleMesh};
 use super::shape::{Scene, Shape, ShapeError};
 use crate::successor;
 use crate::vector::Vec3;
-use haptograph_engine::frame::{self, Kind};
+use haptograph_engine::frame::{self, Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, NodeKind, NodeSpec, OutputSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor, Tick,
+    input, output,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::files;
@@ -147,30 +148,57 @@ fn field(error: ShapeError) -> BuildError {
     BuildError::at(field, error.to_string())
 }
 
-fn toucher(solids: &[Solid], proxy_diameter_mm: f64) -> Result<Box<dyn Processor>, BuildError> {
+fn toucher(
+    solids: &[Solid],
+    proxy_diameter_mm: f64,
+    solid: Option<Output<Scalar>>,
+) -> Result<Box<dyn Processor>, BuildError> {
     let shapes = solids
         .iter()
         .map(Solid::to_shape)
         .collect::<Result<Vec<_>, _>>()?;
     let scene = Scene::new(&shapes, proxy_diameter_mm * 1e-3).map_err(field)?;
-    Ok(Box::new(Toucher { scene }))
+    Ok(Box::new(Toucher { scene, solid }))
 }
+
+const TOOL: Input<Vector> = Input::common([
+    ContactPlane::SPEC.input("position"),
+    ContactSphere::SPEC.input("position"),
+    ContactBox::SPEC.input("position"),
+    ContactMesh::SPEC.input("position"),
+    ContactScene::SPEC.input("position"),
+]);
+const TOUCH: Output<frame::Contact> = Output::common([
+    ContactPlane::SPEC.output("contact"),
+    ContactSphere::SPEC.output("contact"),
+    ContactBox::SPEC.output("contact"),
+    ContactMesh::SPEC.output("contact"),
+    ContactScene::SPEC.output("contact"),
+]);
+const SOLID: Output<Scalar> = ContactScene::SPEC.output("solid");
 
 #[derive(Debug, Clone)]
 struct Toucher {
     scene: Scene,
+    /// Where the index of the touched shape goes; only scenes have this output.
+    solid: Option<Output<Scalar>>,
 }
 
 impl Processor for Toucher {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let positions = io.frames_of::<3>(0);
-        let [contact, solid] = io.outs();
-        // Only scenes have a second output.
-        let mut solid = solid.iter_mut();
-        for (lanes, hip_m) in contact.as_chunks_mut().0.iter_mut().zip(positions) {
+        let positions = io.read(TOOL);
+        let (contacts, solids) = match self.solid {
+            None => (io.write(TOUCH), None),
+            Some(solid) => {
+                let (contacts, solids) = io.write_all((TOUCH, solid));
+                (contacts, Some(solids))
+            }
+        };
+        let mut solids = solids.into_iter().flatten();
+        for (components, hip_m) in contacts.iter_mut().zip(positions) {
             let (touch, which): (Contact, usize) = self.scene.update(*hip_m);
-            *lanes = frame::Contact::from(touch).to_components();
-            if let Some(solid) = solid.next() {
+            *components = frame::Contact::from(touch).to_components();
+            if let Some(solid) = solids.next() {
                 *solid = which as f64;
             }
         }
@@ -219,6 +247,7 @@ impl NodeKind for ContactPlane {
         toucher(
             &[Solid::Plane(PlaneSettings { origin_mm, normal })],
             proxy_diameter_mm,
+            None,
         )
     }
 }
@@ -262,6 +291,7 @@ impl NodeKind for ContactSphere {
                 diameter_mm,
             })],
             proxy_diameter_mm,
+            None,
         )
     }
 }
@@ -308,7 +338,7 @@ impl NodeKind for ContactBox {
         } else {
             Solid::Box(cuboid)
         };
-        toucher(&[solid], proxy_diameter_mm)
+        toucher(&[solid], proxy_diameter_mm, None)
     }
 }
 
@@ -329,7 +359,7 @@ impl NodeKind for ContactMesh {
     };
 
     fn build(settings: MeshSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        toucher(&[Solid::Mesh(settings)], 0.0)
+        toucher(&[Solid::Mesh(settings)], 0.0, None)
     }
 }
 
@@ -370,7 +400,7 @@ impl NodeKind for ContactScene {
         if settings.solids.is_empty() {
             return Err(BuildError::at("solids", "`solids` is empty").help("list at least one shape"));
         }
-        toucher(&settings.solids, settings.proxy_diameter_mm)
+        toucher(&settings.solids, settings.proxy_diameter_mm, Some(SOLID))
     }
 }
 
@@ -425,15 +455,28 @@ impl NodeKind for ContactParts {
     }
 }
 
+impl ContactParts {
+    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const TOUCHING: Output<Scalar> = Self::SPEC.output("touching");
+    const HIP: Output<Vector> = Self::SPEC.output("hip");
+    const IHIP: Output<Vector> = Self::SPEC.output("ihip");
+    const NORMAL: Output<Vector> = Self::SPEC.output("normal");
+    const PENETRATION: Output<Scalar> = Self::SPEC.output("penetration");
+}
+
 #[derive(Debug, Clone)]
 struct Parting;
 
 impl Processor for Parting {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let contacts = io.contacts(0);
-        let [touching, hip, ihip, normal, penetration] = io.outs();
-        let (hip, ihip) = (hip.as_chunks_mut().0, ihip.as_chunks_mut().0);
-        let normal = normal.as_chunks_mut().0;
+        let contacts = io.decode(ContactParts::CONTACT);
+        let (touching, hip, ihip, normal, penetration) = io.write_all((
+            ContactParts::TOUCHING,
+            ContactParts::HIP,
+            ContactParts::IHIP,
+            ContactParts::NORMAL,
+            ContactParts::PENETRATION,
+        ));
         for (frame, contact) in contacts.enumerate() {
             touching[frame] = f64::from(u8::from(contact.touching));
             hip[frame] = contact.hip_m;

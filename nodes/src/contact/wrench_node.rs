@@ -7,9 +7,10 @@ use crate::filters::design_error;
 use crate::sensing::speed::SpeedFilter;
 use crate::successor;
 use crate::vector::norm;
-use haptograph_engine::frame::{self, Kind};
+use haptograph_engine::frame::{self, Kind, Scalar, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Optional, Output, Processor, SettingId,
+    Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -108,6 +109,17 @@ impl NodeKind for ContactFromWrench {
     }
 }
 
+impl ContactFromWrench {
+    const WRENCH: Input<Wrench> = Self::SPEC.input("wrench");
+    const CONTACT: Output<frame::Contact> = Self::SPEC.output("contact");
+    const LOAD: Output<Scalar> = Self::SPEC.output("load");
+    const FRICTION: Output<Vector> = Self::SPEC.output("friction");
+    const RESIDUAL: Output<Scalar> = Self::SPEC.output("residual");
+    const UNCERTAINTY: Output<Scalar> = Self::SPEC.output("uncertainty");
+    const MISS: Output<Scalar> = Self::SPEC.output("miss");
+    const POINT_UNCERTAINTY: Output<Scalar> = Self::SPEC.output("point_uncertainty");
+}
+
 #[derive(Debug, Clone)]
 struct Locating {
     locator: WrenchLocator,
@@ -115,17 +127,16 @@ struct Locating {
 
 impl Processor for Locating {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let wrenches = io.frames_of::<6>(0);
-        let [
-            contacts,
-            load,
-            friction,
-            residual,
-            uncertainty,
-            miss,
-            point_uncertainty,
-        ] = io.outs();
-        let (contacts, friction) = (contacts.as_chunks_mut().0, friction.as_chunks_mut().0);
+        let wrenches = io.read(ContactFromWrench::WRENCH);
+        let (contacts, load, friction, residual, uncertainty, miss, point_uncertainty) = io.write_all((
+            ContactFromWrench::CONTACT,
+            ContactFromWrench::LOAD,
+            ContactFromWrench::FRICTION,
+            ContactFromWrench::RESIDUAL,
+            ContactFromWrench::UNCERTAINTY,
+            ContactFromWrench::MISS,
+            ContactFromWrench::POINT_UNCERTAINTY,
+        ));
         for (frame, [fx, fy, fz, tx, ty, tz]) in wrenches.iter().enumerate() {
             let at = self.locator.update([*fx, *fy, *fz], [*tx, *ty, *tz]);
             contacts[frame] = frame::Contact {
@@ -218,6 +229,15 @@ impl NodeKind for SurfaceSpeed {
     }
 }
 
+impl SurfaceSpeed {
+    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const UNCERTAINTY: Input<Scalar, Optional> = Self::SPEC.input("uncertainty");
+    const SPEED: Output<Scalar> = Self::SPEC.output("speed");
+    const ALONG: Output<Vector> = Self::SPEC.output("along");
+    const WAY: Output<Scalar> = Self::SPEC.output("way");
+    const CUTOFF_HZ: SettingId = SurfaceSpeedSettings::live("cutoff_hz");
+}
+
 #[derive(Debug, Clone)]
 struct Following {
     path: SurfacePath,
@@ -225,11 +245,14 @@ struct Following {
 
 impl Processor for Following {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (contacts, uncertainties) = (io.contacts(0), io.components(1));
-        let [speed, along, way] = io.outs();
-        let along = along.as_chunks_mut().0;
+        let (contacts, uncertainties) = (
+            io.decode(SurfaceSpeed::CONTACT),
+            io.read(SurfaceSpeed::UNCERTAINTY),
+        );
+        let (speed, along, way) = io.write_all((SurfaceSpeed::SPEED, SurfaceSpeed::ALONG, SurfaceSpeed::WAY));
         for (frame, contact) in contacts.enumerate() {
-            let point_uncertainty_m = uncertainties.get(frame).copied().unwrap_or(0.0).max(0.0);
+            let point_uncertainty_m =
+                uncertainties.map_or(0.0, |uncertainties| uncertainties[frame].max(0.0));
             let sound =
                 contact.ihip_m.iter().all(|x| x.is_finite()) && (norm(contact.normal) - 1.0).abs() < 1e-6;
             let at = WrenchContact {
@@ -250,8 +273,8 @@ impl Processor for Following {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == SurfaceSpeed::CUTOFF_HZ {
             self.path.turn(value);
         }
     }
@@ -263,10 +286,7 @@ impl Processor for Following {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: self.path.delay_s(),
-        }
+        Latency::of_group(self.path.delay_s())
     }
 }
 

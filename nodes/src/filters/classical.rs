@@ -1,11 +1,11 @@
 //! Classical designs: Butterworth, Bessel, and the double pole of the haptic texture toolkit.
 
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, NodeKind, NodeSpec, Processor, any_input, output_like,
+    BuildContext, BuildError, InputSpec, NodeKind, NodeSpec, Processor, SettingId, any_input, output_like,
 };
 use haptograph_signal::filter::{DesignError, Prototype};
 
-use super::{LaneFilter, design_error};
+use super::{Frequency, LaneFilter, design_error};
 use crate::fallback::{Fallback, frequency_input};
 
 haptograph_engine::settings! {
@@ -18,12 +18,6 @@ haptograph_engine::settings! {
     }
 }
 
-const CUTOFF: Fallback = Fallback {
-    input: 1,
-    port: "cutoff",
-    field: "cutoff_hz",
-};
-
 const CUTOFF_INPUTS: &[InputSpec] = &[
     any_input("input", "The signal."),
     frequency_input(
@@ -33,17 +27,24 @@ const CUTOFF_INPUTS: &[InputSpec] = &[
     ),
 ];
 
+/// The cut-off of a filter that has one.
+const fn cutoff_of<K: NodeKind<Settings = CutoffSettings>>() -> Fallback {
+    Fallback::of::<K>("cutoff", "cutoff_hz")
+}
+
 /// A filter of one cut-off; `passband` maps the cut-off to a frequency of the pass band.
-fn of_cutoff(
+fn of_cutoff<K: NodeKind<Settings = CutoffSettings>>(
     prototype: Result<Prototype, DesignError>,
     cutoff_hz: Option<f64>,
     cx: &BuildContext,
     passband_hz: impl Fn(f64) -> f64,
 ) -> Result<Box<dyn Processor>, BuildError> {
-    let cutoff_hz = CUTOFF.setting(cutoff_hz, cx)?.unwrap_or(START * cx.rate.hz());
+    let cutoff = const { cutoff_of::<K>() };
+    let cutoff_hz = cutoff.value(cutoff_hz, cx)?.unwrap_or(START * cx.rate.hz());
     let passband_hz = passband_hz(cutoff_hz);
-    let filter = prototype
-        .and_then(|prototype| LaneFilter::tuned(prototype, [cutoff_hz; 2], &[CUTOFF], cx, passband_hz));
+    let filter = prototype.and_then(|prototype| {
+        LaneFilter::tuned(prototype, [cutoff_hz; 2], &[cutoff.into()], cx, passband_hz)
+    });
     Ok(Box::new(filter.map_err(design_error("cutoff_hz"))?))
 }
 
@@ -69,11 +70,12 @@ impl NodeKind for LowPass {
     fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
         let prototype = Prototype::butterworth_lowpass(order as usize);
-        of_cutoff(prototype, cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
+        of_cutoff::<Self>(prototype, cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
     }
 
     fn advice(settings: &CutoffSettings, cx: &BuildContext) -> Vec<BuildError> {
-        CUTOFF.advice(settings.cutoff_hz, cx).into_iter().collect()
+        let cutoff = const { cutoff_of::<Self>() };
+        cutoff.advice(settings.cutoff_hz, cx).into_iter().collect()
     }
 }
 
@@ -98,11 +100,12 @@ impl NodeKind for HighPass {
         let prototype = Prototype::butterworth_highpass(order as usize);
         // The geometric mean of the pass band.
         let middle_hz = |cutoff_hz: f64| (cutoff_hz * 0.5 * cx.rate.hz()).sqrt();
-        of_cutoff(prototype, cutoff_hz, cx, middle_hz)
+        of_cutoff::<Self>(prototype, cutoff_hz, cx, middle_hz)
     }
 
     fn advice(settings: &CutoffSettings, cx: &BuildContext) -> Vec<BuildError> {
-        CUTOFF.advice(settings.cutoff_hz, cx).into_iter().collect()
+        let cutoff = const { cutoff_of::<Self>() };
+        cutoff.advice(settings.cutoff_hz, cx).into_iter().collect()
     }
 }
 
@@ -118,18 +121,8 @@ haptograph_engine::settings! {
     }
 }
 
-const EDGES: [Fallback; 2] = [
-    Fallback {
-        input: 1,
-        port: "low",
-        field: "low_hz",
-    },
-    Fallback {
-        input: 2,
-        port: "high",
-        field: "high_hz",
-    },
-];
+const LOW: Fallback = Fallback::of::<BandPass>("low", "low_hz");
+const HIGH: Fallback = Fallback::of::<BandPass>("high", "high_hz");
 
 /// Butterworth band-pass.
 pub struct BandPass;
@@ -155,8 +148,8 @@ impl NodeKind for BandPass {
     };
 
     fn build(settings: BandPassSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let low_hz = EDGES[0].setting(settings.low_hz, cx)?;
-        let high_hz = EDGES[1].setting(settings.high_hz, cx)?;
+        let low_hz = LOW.value(settings.low_hz, cx)?;
+        let high_hz = HIGH.value(settings.high_hz, cx)?;
         // An edge that is a signal starts one octave from the other edge, or nearer if the rate leaves no room.
         let rate_hz = cx.rate.hz();
         let low_hz = low_hz.unwrap_or_else(|| high_hz.map_or(START * rate_hz, |high_hz| 0.5 * high_hz));
@@ -166,7 +159,7 @@ impl NodeKind for BandPass {
             LaneFilter::tuned(
                 prototype,
                 [low_hz, high_hz],
-                &EDGES,
+                &[LOW.into(), HIGH.into()],
                 cx,
                 (low_hz * high_hz).sqrt(),
             )
@@ -175,7 +168,7 @@ impl NodeKind for BandPass {
     }
 
     fn advice(settings: &BandPassSettings, cx: &BuildContext) -> Vec<BuildError> {
-        let edges = EDGES.iter().zip([settings.low_hz, settings.high_hz]);
+        let edges = [(LOW, settings.low_hz), (HIGH, settings.high_hz)].into_iter();
         edges
             .filter_map(|(edge, setting)| edge.advice(setting, cx))
             .collect()
@@ -201,11 +194,12 @@ impl NodeKind for Bessel {
     fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
         let prototype = Prototype::bessel_lowpass(order as usize);
-        of_cutoff(prototype, cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
+        of_cutoff::<Self>(prototype, cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
     }
 
     fn advice(settings: &CutoffSettings, cx: &BuildContext) -> Vec<BuildError> {
-        CUTOFF.advice(settings.cutoff_hz, cx).into_iter().collect()
+        let cutoff = const { cutoff_of::<Self>() };
+        cutoff.advice(settings.cutoff_hz, cx).into_iter().collect()
     }
 }
 
@@ -216,6 +210,8 @@ haptograph_engine::settings! {
         [live] lambda_rad_s: f64 = 125.0, in 1e-6..=1e9;
     }
 }
+
+const LAMBDA_RAD_S: SettingId = DoublePoleSettings::live("lambda_rad_s");
 
 /// Two equal real poles.
 pub struct DoublePole;
@@ -235,7 +231,11 @@ impl NodeKind for DoublePole {
     fn build(settings: DoublePoleSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let lambda = settings.lambda_rad_s;
         let passband_hz = 0.01 * lambda / std::f64::consts::TAU;
-        let filter = LaneFilter::tuned(Prototype::double_pole(), [lambda; 2], &[], cx, passband_hz);
+        let pole = Frequency {
+            setting: LAMBDA_RAD_S,
+            input: None,
+        };
+        let filter = LaneFilter::tuned(Prototype::double_pole(), [lambda; 2], &[pole], cx, passband_hz);
         Ok(Box::new(filter.map_err(design_error("lambda_rad_s"))?))
     }
 }
@@ -354,7 +354,7 @@ mod tests {
             let mut bench = Bench::new::<LowPass>(cutoff(20.0, order), RATE_HZ, &[Kind::Scalar]).unwrap();
             bench.run(&[&[1.0; 2000]]);
             for hz in [200.0, 1.0, 499.0, 600.0, f64::NAN, 40.0] {
-                bench.processor().set(0, hz);
+                bench.processor().set(CutoffSettings::live("cutoff_hz"), hz);
                 let y = bench.run(&[&[1.0; 100]]).remove(0);
                 assert!(y.iter().all(|y| (y - 1.0).abs() < 1e-6), "{order} at {hz}");
             }
@@ -368,16 +368,20 @@ mod tests {
             high_hz: Some(90.0),
             order: 2,
         };
-        let run = |first: &[(usize, f64)]| {
+        let run = |first: &[(SettingId, f64)]| {
             let mut bench = Bench::new::<BandPass>(band.clone(), RATE_HZ, &[Kind::Scalar]).unwrap();
             first
                 .iter()
-                .for_each(|(place, hz)| bench.processor().set(*place, *hz));
+                .for_each(|(setting, hz)| bench.processor().set(*setting, *hz));
             let x: Vec<f64> = (0..500).map(|k| f64::from(k % 17) - 8.0).collect();
             bench.run(&[&x]).remove(0)
         };
-        assert_eq!(run(&[(0, 100.0)]), run(&[]));
-        assert_eq!(run(&[(0, 100.0), (1, 200.0)]), run(&[(1, 200.0), (0, 100.0)]));
+        let (low, high) = (LOW.setting, HIGH.setting);
+        assert_eq!(run(&[(low, 100.0)]), run(&[]));
+        assert_eq!(
+            run(&[(low, 100.0), (high, 200.0)]),
+            run(&[(high, 200.0), (low, 100.0)])
+        );
     }
 
     #[test]
@@ -396,7 +400,7 @@ mod tests {
         };
         let advice = LowPass::advice(&cutoff(50.0, 2), &cx);
         assert_eq!(advice.first().and_then(|advice| advice.field), Some("cutoff_hz"));
-        cx.input_widths[1] = 0;
+        cx.input_widths = vec![1, 0];
         assert!(LowPass::advice(&cutoff(50.0, 2), &cx).is_empty());
     }
 }

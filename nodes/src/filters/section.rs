@@ -1,8 +1,9 @@
 //! A second-order section, given by its response or by its coefficients.
 
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Linear};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, any_input, output_like,
+    BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    any_input, output_like,
 };
 use haptograph_signal::filter;
 use std::f64::consts::PI;
@@ -37,11 +38,7 @@ haptograph_engine::settings! {
     }
 }
 
-const FREQUENCY: Fallback = Fallback {
-    input: 1,
-    port: "frequency",
-    field: "frequency_hz",
-};
+const FREQUENCY: Fallback = Fallback::of::<Biquad>("frequency", "frequency_hz");
 
 /// A second-order filter with tunable frequency and quality.
 pub struct Biquad;
@@ -67,7 +64,7 @@ impl NodeKind for Biquad {
 
     fn build(settings: BiquadSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let (rate_hz, nyquist_hz) = (cx.rate.hz(), cx.rate.hz() / 2.0);
-        let frequency_hz = FREQUENCY.setting(settings.frequency_hz, cx)?;
+        let frequency_hz = FREQUENCY.value(settings.frequency_hz, cx)?;
         if let Some(frequency_hz) = frequency_hz.filter(|frequency_hz| *frequency_hz >= nyquist_hz) {
             let message = format!("{frequency_hz} Hz is not below half the rate, {nyquist_hz} Hz");
             return Err(
@@ -91,6 +88,12 @@ impl NodeKind for Biquad {
     fn advice(settings: &BiquadSettings, cx: &BuildContext) -> Vec<BuildError> {
         FREQUENCY.advice(settings.frequency_hz, cx).into_iter().collect()
     }
+}
+
+impl Biquad {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const Q: SettingId = BiquadSettings::live("q");
 }
 
 /// The requested frequency and quality.
@@ -203,12 +206,16 @@ impl StateVariable {
 
 impl Processor for StateVariable {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        let (width, x, frequency) = (io.width(0).clamp(1, WIDEST), io.components(0), io.components(1));
-        let (y, mut from) = (io.out(0), 0);
+        let (width, x) = (io.width(Biquad::INPUT).min(WIDEST), io.read(Biquad::INPUT));
+        let frequency = io.read(FREQUENCY.input);
+        let (y, mut from) = (io.write(Biquad::OUTPUT), 0);
         while from < tick.frames {
             let end = next_change(&[frequency], from, tick.frames);
-            if let Some(hz) = frequency.get(from).filter(|hz| hz.is_finite()) {
-                self.turn(within(*hz, self.rate_hz));
+            if let Some(hz) = frequency
+                .map(|frequency| frequency[from])
+                .filter(|hz| hz.is_finite())
+            {
+                self.turn(within(hz, self.rate_hz));
             }
             let lanes = from * width..end * width;
             self.run(tick.first + from as u64, width, &x[lanes.clone()], &mut y[lanes]);
@@ -216,12 +223,13 @@ impl Processor for StateVariable {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        const FREQUENCY_HZ: SettingId = FREQUENCY.setting;
         match setting {
             _ if !value.is_finite() => {}
             // Just below half the rate, where the integrators' gain would be infinite.
-            1 if !self.follows => self.turn(value.clamp(1e-6, 0.499 * self.rate_hz)),
-            2 => {
+            FREQUENCY_HZ if !self.follows => self.turn(value.clamp(1e-6, 0.499 * self.rate_hz)),
+            Biquad::Q => {
                 self.wanted.q = value.clamp(0.01, 10_000.0);
                 self.tuning = Tuning::of(&self.wanted, self.rate_hz);
             }
@@ -250,10 +258,7 @@ impl Processor for StateVariable {
             Shape::BandPass => self.wanted.frequency_hz,
             Shape::HighPass => (self.wanted.frequency_hz * 0.5 * self.rate_hz).sqrt(),
         };
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: sections.group_delay_s(passband_hz, self.rate_hz),
-        }
+        Latency::of_group(sections.group_delay_s(passband_hz, self.rate_hz))
     }
 }
 
@@ -389,14 +394,14 @@ mod tests {
         let ones = vec![1.0; 1000];
         let settled = bench.run(&[&ones])[0][999];
         assert!((settled - 1.0).abs() < 1e-6);
-        bench.processor().set(1, 200.0);
+        bench.processor().set(FREQUENCY.setting, 200.0);
         let after = bench.run(&[&ones])[0]
             .iter()
             .map(|y| (y - 1.0).abs())
             .fold(0.0, f64::max);
         assert!(after < 1e-6, "a constant stays constant: {after}");
-        bench.processor().set(1, 1e9);
-        bench.processor().set(1, f64::NAN);
+        bench.processor().set(FREQUENCY.setting, 1e9);
+        bench.processor().set(FREQUENCY.setting, f64::NAN);
         assert!(bench.run(&[&ones])[0].iter().all(|y| y.is_finite()));
     }
 
@@ -414,7 +419,7 @@ mod tests {
         let mut bench =
             Bench::new::<Biquad>(settings(Shape::BandPass, 50.0, 3.0), 1000.0, &[Kind::Scalar]).unwrap();
         let mut wanted = bench.run(&[&x[..100]]).remove(0);
-        bench.processor().set(1, 170.0);
+        bench.processor().set(FREQUENCY.setting, 170.0);
         wanted.extend(bench.run(&[&x[100..]]).remove(0));
         assert_eq!(followed, wanted);
     }

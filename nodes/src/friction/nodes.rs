@@ -5,9 +5,10 @@ use super::viscous_coulomb::ViscousCoulomb;
 use crate::contact::Contact;
 use crate::successor;
 use crate::texture::load_surface;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{self, Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, NodeKind, NodeSpec, OutputSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor,
+    SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
@@ -91,6 +92,13 @@ impl NodeKind for DahlFriction {
     }
 }
 
+impl DahlFriction {
+    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const LOAD: Input<Scalar> = Self::SPEC.input("load");
+    const FORCE: Output<Vector> = Self::SPEC.output("force");
+    const MU: SettingId = DahlFrictionSettings::live("mu");
+}
+
 #[derive(Debug, Clone)]
 struct Sticking {
     dahl: Dahl,
@@ -99,14 +107,15 @@ struct Sticking {
 
 impl Processor for Sticking {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (contacts, loads) = (io.contacts(0), io.components(1));
-        for ((force, contact), load) in io.out_frames::<3>(0).iter_mut().zip(contacts).zip(loads) {
+        let (contacts, loads) = (io.decode(DahlFriction::CONTACT), io.read(DahlFriction::LOAD));
+        let forces = io.write(DahlFriction::FORCE).iter_mut();
+        for ((force, contact), load) in forces.zip(contacts).zip(loads) {
             *force = self.dahl.update(&Contact::from(contact), *load, self.mu);
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 1 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == DahlFriction::MU {
             self.mu = value;
         }
     }
@@ -164,6 +173,14 @@ impl NodeKind for ViscousCoulombFriction {
     }
 }
 
+impl ViscousCoulombFriction {
+    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const LOAD: Input<Scalar> = Self::SPEC.input("load");
+    const VELOCITY: Input<Vector> = Self::SPEC.input("velocity");
+    const FORCE: Output<Vector> = Self::SPEC.output("force");
+    const MU: SettingId = ViscousCoulombSettings::live("mu");
+}
+
 #[derive(Debug, Clone)]
 struct Dragging {
     law: ViscousCoulomb,
@@ -172,13 +189,11 @@ struct Dragging {
 
 impl Processor for Dragging {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (contacts, loads, velocities) = (io.contacts(0), io.components(1), io.frames_of::<3>(2));
-        let frames = io
-            .out_frames::<3>(0)
-            .iter_mut()
-            .zip(contacts)
-            .zip(loads)
-            .zip(velocities);
+        let contacts = io.decode(ViscousCoulombFriction::CONTACT);
+        let loads = io.read(ViscousCoulombFriction::LOAD);
+        let velocities = io.read(ViscousCoulombFriction::VELOCITY);
+        let forces = io.write(ViscousCoulombFriction::FORCE).iter_mut();
+        let frames = forces.zip(contacts).zip(loads).zip(velocities);
         for (((force, contact), load), velocity) in frames {
             *force = if contact.touching {
                 self.law.force_n(*velocity, contact.normal, *load, self.mu)
@@ -188,8 +203,8 @@ impl Processor for Dragging {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 1 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == ViscousCoulombFriction::MU {
             self.mu = value;
         }
     }
@@ -199,7 +214,6 @@ impl Processor for Dragging {
 mod tests {
     use super::*;
     use crate::texture::tile;
-    use haptograph_engine::frame;
     use haptograph_engine::testing::Bench;
 
     /// A slide along x at 100 mm/s on a plane, pressed with 1 N.
@@ -235,7 +249,7 @@ mod tests {
             (force[297] + mu).abs() < 1e-12,
             "then it slips at the surface's {mu}"
         );
-        dahl.processor().set(1, 0.1);
+        dahl.processor().set(DahlFriction::MU, 0.1);
         assert!((dahl.run(&[&contacts, &loads])[0][297] + 0.1).abs() < 1e-12);
         let settings = ViscousCoulombSettings {
             surface: None,

@@ -1,9 +1,9 @@
 //! Derivative and integral in time.
 
-use haptograph_engine::frame::{Event, Kind};
+use haptograph_engine::frame::{Event, Kind, Linear};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, OutputSpec, Processor,
-    QuantityRule, Single, Tick, any_input,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, Optional, Output,
+    OutputSpec, Processor, QuantityRule, Single, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
 
@@ -42,6 +42,11 @@ impl NodeKind for Derivative {
     }
 }
 
+impl Derivative {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct Difference {
     previous: [f64; WIDEST],
@@ -51,8 +56,15 @@ struct Difference {
 
 impl Processor for Difference {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x) = (io.width(0).clamp(1, WIDEST), io.components(0));
-        for (y, x) in io.out(0).chunks_exact_mut(width).zip(x.chunks_exact(width)) {
+        let (width, x) = (
+            io.width(Derivative::INPUT).min(WIDEST),
+            io.read(Derivative::INPUT),
+        );
+        for (y, x) in io
+            .write(Derivative::OUTPUT)
+            .chunks_exact_mut(width)
+            .zip(x.chunks_exact(width))
+        {
             if !self.started {
                 self.previous[..width].copy_from_slice(x);
                 self.started = true;
@@ -81,10 +93,7 @@ impl Processor for Difference {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: 0.5 / self.rate_hz,
-        }
+        Latency::of_group(0.5 / self.rate_hz)
     }
 }
 
@@ -139,6 +148,12 @@ impl NodeKind for Integrator {
     }
 }
 
+impl Integrator {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const RESET: Input<Event, Optional> = Self::SPEC.input("reset");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct Integral {
     /// Decay factor per frame.
@@ -152,14 +167,17 @@ struct Integral {
 
 impl Processor for Integral {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x) = (io.width(0).clamp(1, WIDEST), io.components(0));
-        let resets = io.frames_of::<{ Event::WIDTH }>(1);
-        let frames = io.out(0).chunks_exact_mut(width).zip(x.chunks_exact(width));
+        let (width, x) = (
+            io.width(Integrator::INPUT).min(WIDEST),
+            io.read(Integrator::INPUT),
+        );
+        let resets = io.read(Integrator::RESET);
+        let frames = io
+            .write(Integrator::OUTPUT)
+            .chunks_exact_mut(width)
+            .zip(x.chunks_exact(width));
         for (frame, (y, x)) in frames.enumerate() {
-            if resets
-                .get(frame)
-                .is_some_and(|lanes| Event::from_components(lanes).fired)
-            {
+            if resets.is_some_and(|resets| Event::from_components(&resets[frame]).fired) {
                 self.sum = [self.start; WIDEST];
                 self.started = false;
             }

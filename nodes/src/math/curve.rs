@@ -2,10 +2,10 @@
 
 use crate::csv_table::{CsvTable, at_file, si_of_column};
 use crate::units;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor,
-    QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
+    Processor, QuantityRule, Tick, any_input,
 };
 use std::path::PathBuf;
 
@@ -84,6 +84,11 @@ impl NodeKind for Curve {
             repeats: settings.beyond == Beyond::Repeat,
         }))
     }
+}
+
+impl Curve {
+    const INPUT: Input<Scalar> = Self::SPEC.input("input");
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
 }
 
 /// The points of the settings or of their file, x rising.
@@ -223,8 +228,8 @@ impl Table {
 
 impl Processor for Table {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.components(0);
-        for (y, x) in io.out(0).iter_mut().zip(x) {
+        let x = io.read(Curve::INPUT);
+        for (y, x) in io.write(Curve::OUTPUT).iter_mut().zip(x) {
             // No value is that of no place.
             let value = if x.is_finite() { self.at(*x) } else { 0.0 };
             *y = if value.is_finite() { value } else { 0.0 };

@@ -1,10 +1,10 @@
 //! A node that computes a formula.
 
 use haptograph_engine::formula::{Formula, is_free};
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Presence,
-    Processor, QuantityRule, Tick,
+    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, Many, NodeKind, NodeSpec, Output,
+    OutputSpec, Presence, Processor, QuantityRule, Tick,
 };
 
 /// Default names of the inputs.
@@ -56,7 +56,7 @@ impl NodeKind for Expression {
     };
 
     fn build(settings: ExpressionSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let names = names(&settings.names, cx.input_widths.len())?;
+        let names = names(&settings.names, cx.connections(Self::INPUTS))?;
         let formula = Formula::parse(&settings.formula, &names).map_err(|error| {
             let (first, end) = error.characters(&settings.formula);
             BuildError::at("formula", error.message).part(first, end)
@@ -72,6 +72,11 @@ impl NodeKind for Expression {
         // The formula has more characters than intermediate values.
         size_of::<f64>() as u64 * settings.formula.len() as u64 * cx.max_frames as u64
     }
+}
+
+impl Expression {
+    const INPUTS: Input<Scalar, Many> = Self::SPEC.input("inputs");
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
 }
 
 /// The name of each input.
@@ -107,9 +112,11 @@ struct Computer {
 impl Processor for Computer {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
         let time_s = |frame: usize| (tick.first + frame as u64) as f64 * self.tick_s;
-        let inputs = |input| io.components(input);
-        self.formula.compute(tick.frames, inputs, time_s, &mut self.work);
-        io.out(0).copy_from_slice(&self.work[..tick.frames]);
+        let inputs = io.read(Expression::INPUTS);
+        let input = |input| inputs.nth_or_last(input);
+        self.formula.compute(tick.frames, input, time_s, &mut self.work);
+        io.write(Expression::OUTPUT)
+            .copy_from_slice(&self.work[..tick.frames]);
     }
 }
 

@@ -1,8 +1,10 @@
 //! Bounds on signals: clamp, soft clip, slew limit. NaN and infinity pass and leave no state, so that the engine's
 //! check at the sinks finds their origin.
 
+use haptograph_engine::frame::Linear;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Single, Tick, any_input, output_like,
+    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Single, Tick,
+    any_input, output_like,
 };
 
 use crate::successor;
@@ -42,6 +44,13 @@ impl NodeKind for Clamp {
     }
 }
 
+impl Clamp {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const LOWEST: SettingId = ClampSettings::live("lowest");
+    const HIGHEST: SettingId = ClampSettings::live("highest");
+}
+
 #[derive(Debug, Clone)]
 struct Clamping {
     lowest: f64,
@@ -50,8 +59,8 @@ struct Clamping {
 
 impl Processor for Clamping {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.components(0);
-        for (y, x) in io.out(0).iter_mut().zip(x) {
+        let x = io.read(Clamp::INPUT);
+        for (y, x) in io.write(Clamp::OUTPUT).iter_mut().zip(x) {
             *y = self.frame(*x);
         }
     }
@@ -65,10 +74,10 @@ impl Processor for Clamping {
         if above > self.highest { self.highest } else { above }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
+    fn set(&mut self, setting: SettingId, value: f64) {
         match setting {
-            0 => self.lowest = value,
-            1 => self.highest = value,
+            Clamp::LOWEST => self.lowest = value,
+            Clamp::HIGHEST => self.highest = value,
             _ => {}
         }
     }
@@ -109,6 +118,12 @@ impl NodeKind for SoftClip {
     }
 }
 
+impl SoftClip {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const LIMIT: SettingId = SoftClipSettings::live("limit");
+}
+
 #[derive(Debug, Clone)]
 struct SoftClipping {
     limit: f64,
@@ -116,8 +131,8 @@ struct SoftClipping {
 
 impl Processor for SoftClipping {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.components(0);
-        for (y, x) in io.out(0).iter_mut().zip(x) {
+        let x = io.read(SoftClip::INPUT);
+        for (y, x) in io.write(SoftClip::OUTPUT).iter_mut().zip(x) {
             *y = self.frame(*x);
         }
     }
@@ -130,8 +145,8 @@ impl Processor for SoftClipping {
         self.limit * (x / self.limit).tanh()
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == SoftClip::LIMIT {
             self.limit = value;
         }
     }
@@ -175,6 +190,12 @@ impl NodeKind for SlewLimit {
     }
 }
 
+impl SlewLimit {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const MOST_PER_S: SettingId = SlewLimitSettings::live("most_per_s");
+}
+
 #[derive(Debug, Clone)]
 struct SlewLimiting {
     most_per_s: f64,
@@ -186,9 +207,13 @@ struct SlewLimiting {
 
 impl Processor for SlewLimiting {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x) = (io.width(0).clamp(1, 6), io.components(0));
+        let (width, x) = (io.width(SlewLimit::INPUT).min(6), io.read(SlewLimit::INPUT));
         let step = self.most_per_s * self.period_s;
-        for (y, x) in io.out(0).chunks_exact_mut(width).zip(x.chunks_exact(width)) {
+        for (y, x) in io
+            .write(SlewLimit::OUTPUT)
+            .chunks_exact_mut(width)
+            .zip(x.chunks_exact(width))
+        {
             let previous = &mut self.previous[..width];
             let square = |(x, p): (&f64, &f64)| (x - p) * (x - p);
             let change = x.iter().zip(previous.iter()).map(square).sum::<f64>().sqrt();
@@ -210,8 +235,8 @@ impl Processor for SlewLimiting {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == SlewLimit::MOST_PER_S {
             self.most_per_s = value;
         }
     }

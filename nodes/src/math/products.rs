@@ -1,9 +1,9 @@
 //! Products and quotients of signals; the quantity of the result is that of the product or quotient.
 
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor,
-    QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
+    Processor, QuantityRule, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
 
@@ -42,20 +42,30 @@ impl NodeKind for Multiply {
     }
 }
 
+impl Multiply {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const BY: Input<Scalar> = Self::SPEC.input("by");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct Multiplier;
 
 impl Processor for Multiplier {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x, by) = (io.width(0), io.components(0), io.components(1));
+        let (width, x, by) = (
+            io.width(Multiply::INPUT),
+            io.read(Multiply::INPUT),
+            io.read(Multiply::BY),
+        );
         if width == 1 {
-            for ((y, x), by) in io.out(0).iter_mut().zip(x).zip(by) {
+            for ((y, x), by) in io.write(Multiply::OUTPUT).iter_mut().zip(x).zip(by) {
                 *y = x * by;
             }
             return;
         }
-        let frames = io.out(0).chunks_exact_mut(width.max(1));
-        for ((y, x), by) in frames.zip(x.chunks_exact(width.max(1))).zip(by) {
+        let frames = io.write(Multiply::OUTPUT).chunks_exact_mut(width);
+        for ((y, x), by) in frames.zip(x.chunks_exact(width)).zip(by) {
             for (y, x) in y.iter_mut().zip(x) {
                 *y = x * by;
             }
@@ -92,13 +102,23 @@ impl NodeKind for Divide {
     }
 }
 
+impl Divide {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const BY: Input<Scalar> = Self::SPEC.input("by");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct Divider;
 
 impl Processor for Divider {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x, by) = (io.width(0).max(1), io.components(0), io.components(1));
-        let frames = io.out(0).chunks_exact_mut(width);
+        let (width, x, by) = (
+            io.width(Divide::INPUT),
+            io.read(Divide::INPUT),
+            io.read(Divide::BY),
+        );
+        let frames = io.write(Divide::OUTPUT).chunks_exact_mut(width);
         for ((y, x), by) in frames.zip(x.chunks_exact(width)).zip(by) {
             for (y, x) in y.iter_mut().zip(x) {
                 *y = if *by == 0.0 { 0.0 } else { x / by };

@@ -1,9 +1,9 @@
 //! Switch and delay.
 
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{AnyKind, Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, Presence,
-    Processor, QuantityRule, Tick, any_input, input, output_like,
+    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, Latency, Many, NodeKind, NodeSpec,
+    Optional, Output, Presence, Processor, QuantityRule, SettingId, Tick, any_input, input, output_like,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -49,7 +49,7 @@ impl NodeKind for Switch {
     };
 
     fn build(settings: SwitchSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let inputs = cx.input_widths.len().saturating_sub(1);
+        let inputs = cx.connections(Self::INPUTS);
         let select = settings.select as usize;
         if select >= inputs {
             let message = format!("`select` is {select}, but there are {inputs} inputs");
@@ -59,6 +59,13 @@ impl NodeKind for Switch {
     }
 }
 
+impl Switch {
+    const SELECTOR: Input<Scalar, Optional> = Self::SPEC.input("selector");
+    const INPUTS: Input<AnyKind, Many> = Self::SPEC.input("inputs");
+    const OUTPUT: Output<AnyKind> = Self::SPEC.output("output");
+    const SELECT: SettingId = SwitchSettings::live("select");
+}
+
 #[derive(Debug, Clone)]
 struct Switching {
     select: usize,
@@ -66,23 +73,22 @@ struct Switching {
 
 impl Processor for Switching {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let last = io.input_count().saturating_sub(2);
-        if !io.connected(0) {
-            let x = io.components(1 + self.select.min(last));
-            io.out(0).copy_from_slice(x);
+        let (inputs, width) = (io.read(Switch::INPUTS), io.width(Switch::INPUTS));
+        let Some(selector) = io.read(Switch::SELECTOR) else {
+            io.write(Switch::OUTPUT)
+                .copy_from_slice(inputs.nth_or_last(self.select));
             return;
-        }
-        let (selector, width) = (io.components(0), io.width(1).max(1));
-        for (frame, selected) in selector.iter().enumerate() {
+        };
+        let frames = io.write(Switch::OUTPUT).chunks_exact_mut(width);
+        for (frame, (y, selected)) in frames.zip(selector).enumerate() {
             // The conversion saturates and turns NaN into 0.
-            let x = io.components(1 + (selected.round() as usize).min(last));
-            let lanes = frame * width..(frame + 1) * width;
-            io.out(0)[lanes.clone()].copy_from_slice(&x[lanes]);
+            let x = inputs.nth_or_last(selected.round() as usize);
+            y.copy_from_slice(&x[frame * width..(frame + 1) * width]);
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == Switch::SELECT {
             self.select = value.round() as usize;
         }
     }
@@ -113,12 +119,12 @@ impl NodeKind for Delay {
     };
 
     fn memory_bytes(settings: &DelaySettings, cx: &BuildContext) -> u64 {
-        let width = cx.input_widths.first().copied().unwrap_or(1);
+        let width = cx.width(Self::INPUT);
         u64::from(settings.frames) * (width * size_of::<f64>()) as u64
     }
 
     fn build(settings: DelaySettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let width = cx.input_widths.first().copied().unwrap_or(1);
+        let width = cx.width(Self::INPUT);
         let frames = settings.frames as usize;
         Ok(Box::new(Later {
             ring: vec![0.0; frames * width].into(),
@@ -126,6 +132,11 @@ impl NodeKind for Delay {
             delay_s: frames as f64 * cx.rate.period_s(),
         }))
     }
+}
+
+impl Delay {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
 }
 
 #[derive(Debug, Clone)]
@@ -138,12 +149,11 @@ struct Later {
 
 impl Processor for Later {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.components(0);
+        let (mut x, mut y) = (io.read(Delay::INPUT), io.write(Delay::OUTPUT));
         if self.ring.is_empty() {
-            io.out(0).copy_from_slice(x);
+            y.copy_from_slice(x);
             return;
         }
-        let (mut x, mut y) = (x, io.out(0));
         while !x.is_empty() {
             let part = x.len().min(self.ring.len() - self.next);
             let ring = &mut self.ring[self.next..self.next + part];
@@ -184,7 +194,7 @@ mod tests {
         let mut bench = Bench::with_gaps::<Switch>(settings(), 1.0, &[None, scalar, scalar]).unwrap();
         let (a, b) = ([1.0, 2.0, 3.0, 4.0], [-1.0, -2.0, -3.0, -4.0]);
         assert_eq!(bench.run(&[&[], &a, &b]), [b]);
-        bench.processor().set(0, 0.0);
+        bench.processor().set(Switch::SELECT, 0.0);
         assert_eq!(bench.run(&[&[], &a, &b]), [a]);
         let mut bench = Bench::with_gaps::<Switch>(settings(), 1.0, &[scalar; 3]).unwrap();
         let selector = [0.0, 1.0, 99.0, f64::NAN];

@@ -1,9 +1,9 @@
 //! Gain, offset, calibration and absolute value.
 
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Presence,
-    Processor, QuantityRule, Single, Tick, any_input, output_like,
+    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
+    Presence, Processor, QuantityRule, SettingId, Single, Tick, any_input, output_like,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::elementwise;
@@ -85,7 +85,12 @@ impl NodeKind for Calibrate {
     }
 }
 
-/// Multiplies by the first setting.
+const INPUT: Input<Linear> = Input::common([Gain::SPEC.input("input"), Calibrate::SPEC.input("input")]);
+const OUTPUT: Output<Linear> =
+    Output::common([Gain::SPEC.output("output"), Calibrate::SPEC.output("output")]);
+const FACTOR: SettingId = SettingId::common([GainSettings::live("gain"), CalibrateSettings::live("factor")]);
+
+/// Multiplies by a factor, for [`Gain`] and [`Calibrate`].
 #[derive(Debug, Clone)]
 struct Scaler {
     factor: f64,
@@ -93,16 +98,16 @@ struct Scaler {
 
 impl Processor for Scaler {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.components(0);
-        elementwise::scale(self.factor, x, io.out(0));
+        let x = io.read(INPUT);
+        elementwise::scale(self.factor, x, io.write(OUTPUT));
     }
 
     fn single(&self) -> Option<Single> {
         Some(Single::Scale(self.factor))
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == FACTOR {
             self.factor = value;
         }
     }
@@ -141,6 +146,12 @@ impl NodeKind for Offset {
     }
 }
 
+impl Offset {
+    const INPUT: Input<Scalar> = Self::SPEC.input("input");
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const OFFSET: SettingId = OffsetSettings::live("offset");
+}
+
 #[derive(Debug, Clone)]
 struct Shifter {
     offset: f64,
@@ -148,16 +159,16 @@ struct Shifter {
 
 impl Processor for Shifter {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.components(0);
-        elementwise::offset(self.offset, x, io.out(0));
+        let x = io.read(Offset::INPUT);
+        elementwise::offset(self.offset, x, io.write(Offset::OUTPUT));
     }
 
     fn single(&self) -> Option<Single> {
         Some(Single::Offset(self.offset))
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == Offset::OFFSET {
             self.offset = value;
         }
     }
@@ -183,13 +194,18 @@ impl NodeKind for Abs {
     }
 }
 
+impl Abs {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct Rectifier;
 
 impl Processor for Rectifier {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.components(0);
-        for (y, x) in io.out(0).iter_mut().zip(x) {
+        let x = io.read(Abs::INPUT);
+        for (y, x) in io.write(Abs::OUTPUT).iter_mut().zip(x) {
             *y = self.frame(*x);
         }
     }
@@ -212,7 +228,7 @@ mod tests {
     fn a_gain_multiplies_every_lane_and_can_be_turned() {
         let mut bench = Bench::new::<Gain>(GainSettings { gain: -2.0 }, 1000.0, &[Kind::Vector]).unwrap();
         assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[-2.0, -4.0, -6.0]]);
-        bench.processor().set(0, 0.5);
+        bench.processor().set(FACTOR, 0.5);
         assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[0.5, 1.0, 1.5]]);
     }
 

@@ -1,8 +1,9 @@
 //! Sums of signals of one quantity: add, subtract, mix. Terms are added in the order in which they are connected.
 
+use haptograph_engine::frame::Linear;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, InputSpec, Io, KindRule, NodeKind, NodeSpec, Presence, Processor,
-    QuantityRule, Tick, any_input, output_like,
+    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, Many, NodeKind, NodeSpec, Output,
+    Presence, Processor, QuantityRule, SettingId, Tick, any_input, output_like,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::elementwise;
@@ -40,24 +41,27 @@ impl NodeKind for Add {
     }
 }
 
+impl Add {
+    const INPUTS: Input<Linear, Many> = Self::SPEC.input("inputs");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct Adder;
 
 impl Processor for Adder {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let terms = io.input_count();
-        let first = io.components(0);
-        if terms < 2 {
-            io.out(0).copy_from_slice(first);
+        let (terms, sum) = (io.read(Add::INPUTS), io.write(Add::OUTPUT));
+        let first = terms.nth_or_last(0);
+        if terms.len() < 2 {
+            sum.copy_from_slice(first);
             return;
         }
-        let second = io.components(1);
-        for ((y, a), b) in io.out(0).iter_mut().zip(first).zip(second) {
+        for ((y, a), b) in sum.iter_mut().zip(first).zip(terms.nth_or_last(1)) {
             *y = a + b;
         }
-        for term in 2..terms {
-            let x = io.components(term);
-            for (y, x) in io.out(0).iter_mut().zip(x) {
+        for x in terms.iter().skip(2) {
+            for (y, x) in sum.iter_mut().zip(x) {
                 *y += x;
             }
         }
@@ -91,13 +95,19 @@ impl NodeKind for Subtract {
     }
 }
 
+impl Subtract {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const LESS: Input<Linear> = Self::SPEC.input("less");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct Subtractor;
 
 impl Processor for Subtractor {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (a, b) = (io.components(0), io.components(1));
-        for ((y, a), b) in io.out(0).iter_mut().zip(a).zip(b) {
+        let (a, b) = (io.read(Subtract::INPUT), io.read(Subtract::LESS));
+        for ((y, a), b) in io.write(Subtract::OUTPUT).iter_mut().zip(a).zip(b) {
             *y = a - b;
         }
     }
@@ -133,7 +143,7 @@ impl NodeKind for Mixer {
     };
 
     fn build(settings: MixerSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let (gains, inputs) = (settings.gains.len(), cx.input_widths.len());
+        let (gains, inputs) = (settings.gains.len(), cx.connections(Self::INPUTS));
         if gains != inputs {
             let message = format!("{gains} gains for {inputs} inputs");
             return Err(
@@ -147,6 +157,12 @@ impl NodeKind for Mixer {
     }
 }
 
+impl Mixer {
+    const INPUTS: Input<Linear, Many> = Self::SPEC.input("inputs");
+    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const MASTER: SettingId = MixerSettings::live("master");
+}
+
 #[derive(Debug, Clone)]
 struct Mixing {
     gains: Box<[f64]>,
@@ -155,28 +171,29 @@ struct Mixing {
 
 impl Processor for Mixing {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (terms, mix) = (io.read(Mixer::INPUTS), io.write(Mixer::OUTPUT));
         // The first two in one pass: most mixes have no more.
         let done = match *self.gains {
             [a, b, ..] => {
-                let (x, z) = (io.components(0), io.components(1));
-                elementwise::mix([a * self.master, b * self.master], x, z, io.out(0));
+                let (x, z) = (terms.nth_or_last(0), terms.nth_or_last(1));
+                elementwise::mix([a * self.master, b * self.master], x, z, mix);
                 2
             }
             _ => {
-                io.out(0).fill(0.0);
+                mix.fill(0.0);
                 0
             }
         };
-        for (term, gain) in self.gains.iter().enumerate().skip(done) {
-            let (x, gain) = (io.components(term), gain * self.master);
-            for (y, x) in io.out(0).iter_mut().zip(x) {
+        for (x, gain) in terms.iter().zip(&self.gains).skip(done) {
+            let gain = gain * self.master;
+            for (y, x) in mix.iter_mut().zip(x) {
                 *y += gain * x;
             }
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 1 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == Mixer::MASTER {
             self.master = value;
         }
     }

@@ -1,10 +1,10 @@
 //! Events from a signal.
 
 use crate::successor;
-use haptograph_engine::frame::{Event, Kind};
+use haptograph_engine::frame::{Event, Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor,
-    QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
+    Processor, QuantityRule, SettingId, Tick, any_input,
 };
 
 haptograph_engine::settings! {
@@ -54,6 +54,12 @@ impl NodeKind for Threshold {
     }
 }
 
+impl Threshold {
+    const INPUT: Input<Scalar> = Self::SPEC.input("input");
+    const EVENT: Output<Event> = Self::SPEC.output("event");
+    const RISES_TO: SettingId = ThresholdSettings::live("rises_to");
+}
+
 #[derive(Debug, Clone)]
 struct Rising {
     rises_to: f64,
@@ -73,16 +79,16 @@ impl Rising {
 
 impl Processor for Rising {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.components(0);
-        for (event, x) in io.out_frames::<{ Event::WIDTH }>(0).iter_mut().zip(x) {
+        let x = io.read(Threshold::INPUT);
+        for (event, x) in io.write(Threshold::EVENT).iter_mut().zip(x) {
             let fired = self.fires(*x);
             let value = if fired { *x } else { 0.0 };
             *event = Event { fired, value }.to_components();
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == Threshold::RISES_TO {
             self.rises_to = value;
         }
     }

@@ -1,9 +1,9 @@
 //! 3-vectors and wrenches: length, products, components.
 
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Scalar, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor,
-    QuantityRule, Tick, any_input, input, output,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
+    Processor, QuantityRule, Tick, any_input, input, output,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
@@ -46,13 +46,18 @@ impl NodeKind for Magnitude {
     }
 }
 
+impl Magnitude {
+    const INPUT: Input<Vector> = Self::SPEC.input("input");
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct Length;
 
 impl Processor for Length {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.frames_of::<3>(0);
-        for (y, [a, b, c]) in io.out(0).iter_mut().zip(x) {
+        let x = io.read(Magnitude::INPUT);
+        for (y, [a, b, c]) in io.write(Magnitude::OUTPUT).iter_mut().zip(x) {
             *y = (a * a + b * b + c * c).sqrt();
         }
     }
@@ -86,13 +91,19 @@ impl NodeKind for Dot {
     }
 }
 
+impl Dot {
+    const A: Input<Vector> = Self::SPEC.input("a");
+    const B: Input<Vector> = Self::SPEC.input("b");
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct ScalarProduct;
 
 impl Processor for ScalarProduct {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (a, b) = (io.frames_of::<3>(0), io.frames_of::<3>(1));
-        for ((y, a), b) in io.out(0).iter_mut().zip(a).zip(b) {
+        let (a, b) = (io.read(Dot::A), io.read(Dot::B));
+        for ((y, a), b) in io.write(Dot::OUTPUT).iter_mut().zip(a).zip(b) {
             *y = dot(*a, *b);
         }
     }
@@ -126,13 +137,19 @@ impl NodeKind for Cross {
     }
 }
 
+impl Cross {
+    const A: Input<Vector> = Self::SPEC.input("a");
+    const B: Input<Vector> = Self::SPEC.input("b");
+    const OUTPUT: Output<Vector> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct VectorProduct;
 
 impl Processor for VectorProduct {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (a, b) = (io.frames_of::<3>(0), io.frames_of::<3>(1));
-        for ((y, a), b) in io.out_frames::<3>(0).iter_mut().zip(a).zip(b) {
+        let (a, b) = (io.read(Cross::A), io.read(Cross::B));
+        for ((y, a), b) in io.write(Cross::OUTPUT).iter_mut().zip(a).zip(b) {
             *y = cross(*a, *b);
         }
     }
@@ -162,13 +179,20 @@ impl NodeKind for Components {
     }
 }
 
+impl Components {
+    const INPUT: Input<Vector> = Self::SPEC.input("input");
+    const X: Output<Scalar> = Self::SPEC.output("x");
+    const Y: Output<Scalar> = Self::SPEC.output("y");
+    const Z: Output<Scalar> = Self::SPEC.output("z");
+}
+
 #[derive(Debug, Clone)]
 struct Unpacking;
 
 impl Processor for Unpacking {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let vectors = io.frames_of::<3>(0);
-        let [x, y, z] = io.outs();
+        let vectors = io.read(Components::INPUT);
+        let (x, y, z) = io.write_all((Components::X, Components::Y, Components::Z));
         for (((x, y), z), vector) in x.iter_mut().zip(y).zip(z).zip(vectors) {
             [*x, *y, *z] = *vector;
         }
@@ -215,13 +239,20 @@ impl NodeKind for Pack {
     }
 }
 
+impl Pack {
+    const X: Input<Scalar> = Self::SPEC.input("x");
+    const Y: Input<Scalar> = Self::SPEC.input("y");
+    const Z: Input<Scalar> = Self::SPEC.input("z");
+    const OUTPUT: Output<Vector> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct Packing;
 
 impl Processor for Packing {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (x, y, z) = (io.components(0), io.components(1), io.components(2));
-        for (((vector, x), y), z) in io.out_frames::<3>(0).iter_mut().zip(x).zip(y).zip(z) {
+        let (x, y, z) = (io.read(Pack::X), io.read(Pack::Y), io.read(Pack::Z));
+        for (((vector, x), y), z) in io.write(Pack::OUTPUT).iter_mut().zip(x).zip(y).zip(z) {
             *vector = [*x, *y, *z];
         }
     }
@@ -253,14 +284,20 @@ impl NodeKind for WrenchParts {
     }
 }
 
+impl WrenchParts {
+    const INPUT: Input<Wrench> = Self::SPEC.input("input");
+    const FORCE: Output<Vector> = Self::SPEC.output("force");
+    const TORQUE: Output<Vector> = Self::SPEC.output("torque");
+}
+
 #[derive(Debug, Clone)]
 struct WrenchUnpacking;
 
 impl Processor for WrenchUnpacking {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let wrenches = io.frames_of::<6>(0);
-        let [force, torque] = io.outs();
-        let parts = force.as_chunks_mut().0.iter_mut().zip(torque.as_chunks_mut().0);
+        let wrenches = io.read(WrenchParts::INPUT);
+        let (force, torque) = io.write_all((WrenchParts::FORCE, WrenchParts::TORQUE));
+        let parts = force.iter_mut().zip(torque);
         for ((force, torque), [fx, fy, fz, tx, ty, tz]) in parts.zip(wrenches) {
             *force = [*fx, *fy, *fz];
             *torque = [*tx, *ty, *tz];
@@ -291,13 +328,20 @@ impl NodeKind for MakeWrench {
     }
 }
 
+impl MakeWrench {
+    const FORCE: Input<Vector> = Self::SPEC.input("force");
+    const TORQUE: Input<Vector> = Self::SPEC.input("torque");
+    const OUTPUT: Output<Wrench> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct WrenchPacking;
 
 impl Processor for WrenchPacking {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (force, torque) = (io.frames_of::<3>(0), io.frames_of::<3>(1));
-        for ((wrench, force), torque) in io.out_frames::<6>(0).iter_mut().zip(force).zip(torque) {
+        let (force, torque) = (io.read(MakeWrench::FORCE), io.read(MakeWrench::TORQUE));
+        let wrenches = io.write(MakeWrench::OUTPUT).iter_mut();
+        for ((wrench, force), torque) in wrenches.zip(force).zip(torque) {
             wrench[..3].copy_from_slice(force);
             wrench[3..].copy_from_slice(torque);
         }

@@ -4,9 +4,10 @@ use super::speed::{SpeedEstimator, SpeedFilter};
 use crate::filters::design_error;
 use crate::successor;
 use crate::vector::{norm, reject};
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Contact, Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -68,6 +69,14 @@ impl NodeKind for ContactSpeed {
     }
 }
 
+impl ContactSpeed {
+    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
+    const SPEED: Output<Scalar> = Self::SPEC.output("speed");
+    const ALONG: Output<Vector> = Self::SPEC.output("along");
+    const VELOCITY: Output<Vector> = Self::SPEC.output("velocity");
+    const CUTOFF_HZ: SettingId = ContactSpeedSettings::live("cutoff_hz");
+}
+
 #[derive(Debug, Clone)]
 struct Sliding {
     estimator: SpeedEstimator<3>,
@@ -75,12 +84,10 @@ struct Sliding {
 
 impl Processor for Sliding {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let contacts = io.contacts(0);
-        let [speed, along, velocity] = io.outs();
-        let frames = speed
-            .iter_mut()
-            .zip(along.as_chunks_mut().0)
-            .zip(velocity.as_chunks_mut().0);
+        let contacts = io.decode(ContactSpeed::CONTACT);
+        let (speed, along, velocity) =
+            io.write_all((ContactSpeed::SPEED, ContactSpeed::ALONG, ContactSpeed::VELOCITY));
+        let frames = speed.iter_mut().zip(along).zip(velocity);
         for (((speed, along), velocity), contact) in frames.zip(contacts) {
             *velocity = self.estimator.update(contact.hip_m);
             *along = if contact.touching {
@@ -92,8 +99,8 @@ impl Processor for Sliding {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == ContactSpeed::CUTOFF_HZ {
             self.estimator.turn(value);
         }
     }
@@ -105,17 +112,13 @@ impl Processor for Sliding {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: self.estimator.delay_s(),
-        }
+        Latency::of_group(self.estimator.delay_s())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use haptograph_engine::frame::Contact;
     use haptograph_engine::testing::Bench;
 
     #[test]

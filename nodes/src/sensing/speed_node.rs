@@ -1,8 +1,9 @@
 //! The node that computes the speed of a tool from its position.
 
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Optional, Output, Processor, SettingId,
+    Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use std::f64::consts::TAU;
@@ -93,6 +94,14 @@ impl NodeKind for SpeedEstimator {
     }
 }
 
+impl SpeedEstimator {
+    const POSITION: Input<Vector> = Self::SPEC.input("position");
+    const TOUCHING: Input<Scalar, Optional> = Self::SPEC.input("touching");
+    const SPEED: Output<Scalar> = Self::SPEC.output("speed");
+    const VELOCITY: Output<Vector> = Self::SPEC.output("velocity");
+    const CUTOFF_HZ: SettingId = SpeedEstimatorSettings::live("cutoff_hz");
+}
+
 #[derive(Debug, Clone)]
 struct Estimating {
     estimator: speed::SpeedEstimator<3>,
@@ -103,11 +112,14 @@ struct Estimating {
 
 impl Processor for Estimating {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (positions, touching) = (io.frames_of::<3>(0), io.components(1));
-        let [speed, velocity] = io.outs();
-        let frames = speed.iter_mut().zip(velocity.as_chunks_mut().0).zip(positions);
+        let (positions, touching) = (
+            io.read(SpeedEstimator::POSITION),
+            io.read(SpeedEstimator::TOUCHING),
+        );
+        let (speed, velocity) = io.write_all((SpeedEstimator::SPEED, SpeedEstimator::VELOCITY));
+        let frames = speed.iter_mut().zip(velocity).zip(positions);
         for (frame, ((speed, velocity), position)) in frames.enumerate() {
-            if touching.get(frame).is_some_and(|touching| *touching == 0.0) {
+            if touching.is_some_and(|touching| touching[frame] == 0.0) {
                 self.estimator.lift();
             } else {
                 self.estimator.update(*position);
@@ -117,8 +129,8 @@ impl Processor for Estimating {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 && value < self.nyquist_hz {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == SpeedEstimator::CUTOFF_HZ && value < self.nyquist_hz {
             self.estimator.turn(self.per_hz * value);
         }
     }
@@ -130,10 +142,7 @@ impl Processor for Estimating {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: self.estimator.delay_s(),
-        }
+        Latency::of_group(self.estimator.delay_s())
     }
 }
 

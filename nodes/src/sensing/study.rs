@@ -2,9 +2,10 @@
 //! force, and the time spent in each quadrant.
 
 use crate::successor;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, NodeKind, NodeSpec, OutputSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor,
+    SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -79,6 +80,16 @@ impl NodeKind for Responsiveness {
     }
 }
 
+impl Responsiveness {
+    const SPEED: Input<Scalar> = Self::SPEC.input("speed");
+    const FORCE: Input<Scalar> = Self::SPEC.input("force");
+    const SPEED_TO_RENDER: Output<Scalar> = Self::SPEC.output("speed");
+    const FORCE_TO_RENDER: Output<Scalar> = Self::SPEC.output("force");
+    const CONSTANT_MM_S: SettingId = ResponsivenessSettings::live("constant_mm_s");
+    const CONSTANT_N: SettingId = ResponsivenessSettings::live("constant_n");
+    const REST_MM_S: SettingId = ResponsivenessSettings::live("rest_mm_s");
+}
+
 /// Constants that replace the hand's speed and force.
 #[derive(Debug, Clone)]
 struct Responding {
@@ -89,8 +100,8 @@ struct Responding {
 
 impl Processor for Responding {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (speeds, forces) = (io.components(0), io.components(1));
-        let [speed, force] = io.outs();
+        let (speeds, forces) = (io.read(Responsiveness::SPEED), io.read(Responsiveness::FORCE));
+        let (speed, force) = io.write_all((Responsiveness::SPEED_TO_RENDER, Responsiveness::FORCE_TO_RENDER));
         for (((speed, force), &v), &f) in speed.iter_mut().zip(force).zip(speeds).zip(forces) {
             *speed = match self.speed_m_s {
                 Some(constant) if v >= self.rest_m_s => constant,
@@ -105,12 +116,12 @@ impl Processor for Responding {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
+    fn set(&mut self, setting: SettingId, value: f64) {
         // Inputs that it responds to do not change.
         match setting {
-            1 => self.speed_m_s = self.speed_m_s.map(|_| value * 1e-3),
-            2 => self.force_n = self.force_n.map(|_| value),
-            3 => self.rest_m_s = value * 1e-3,
+            Responsiveness::CONSTANT_MM_S => self.speed_m_s = self.speed_m_s.map(|_| value * 1e-3),
+            Responsiveness::CONSTANT_N => self.force_n = self.force_n.map(|_| value),
+            Responsiveness::REST_MM_S => self.rest_m_s = value * 1e-3,
             _ => {}
         }
     }
@@ -155,6 +166,12 @@ impl NodeKind for ForceWarning {
     }
 }
 
+impl ForceWarning {
+    const FORCE: Input<Scalar> = Self::SPEC.input("force");
+    const WARNING: Output<Scalar> = Self::SPEC.output("warning");
+    const ABOVE_N: SettingId = ForceWarningSettings::live("above_n");
+}
+
 #[derive(Debug, Clone)]
 struct Warning {
     above_n: f64,
@@ -165,8 +182,8 @@ struct Warning {
 
 impl Processor for Warning {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let forces = io.components(0);
-        for (warning, force) in io.out(0).iter_mut().zip(forces) {
+        let forces = io.read(ForceWarning::FORCE);
+        for (warning, force) in io.write(ForceWarning::WARNING).iter_mut().zip(forces) {
             let over = *force > self.above_n;
             self.left = if over {
                 self.hold
@@ -177,8 +194,8 @@ impl Processor for Warning {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == ForceWarning::ABOVE_N {
             self.above_n = value;
         }
     }
@@ -237,27 +254,46 @@ impl NodeKind for QuadrantDwell {
     }
 }
 
+impl QuadrantDwell {
+    const SPEED: Input<Scalar> = Self::SPEC.input("speed");
+    const FORCE: Input<Scalar> = Self::SPEC.input("force");
+    const SLOW_LIGHT: Output<Scalar> = Self::SPEC.output("slow_light");
+    const FAST_LIGHT: Output<Scalar> = Self::SPEC.output("fast_light");
+    const SLOW_HARD: Output<Scalar> = Self::SPEC.output("slow_hard");
+    const FAST_HARD: Output<Scalar> = Self::SPEC.output("fast_hard");
+}
+
 #[derive(Debug, Clone)]
 struct Dwelling {
     centre_m_s: f64,
     centre_n: f64,
     rest_m_s: f64,
     period_s: f64,
+    /// In each quadrant, in the order of the outputs.
     ticks: [u64; 4],
 }
 
 impl Processor for Dwelling {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (speeds, forces) = (io.components(0), io.components(1));
-        let outs: [&mut [f64]; 4] = io.outs();
+        let (speeds, forces) = (io.read(QuadrantDwell::SPEED), io.read(QuadrantDwell::FORCE));
+        let (slow_light, fast_light, slow_hard, fast_hard) = io.write_all((
+            QuadrantDwell::SLOW_LIGHT,
+            QuadrantDwell::FAST_LIGHT,
+            QuadrantDwell::SLOW_HARD,
+            QuadrantDwell::FAST_HARD,
+        ));
         for (frame, (speed, force)) in speeds.iter().zip(forces).enumerate() {
             if *speed >= self.rest_m_s && *force > 0.0 {
                 let (fast, hard) = (*speed >= self.centre_m_s, *force >= self.centre_n);
                 self.ticks[usize::from(fast) + 2 * usize::from(hard)] += 1;
             }
-            for (quadrant, ticks) in self.ticks.iter().enumerate() {
-                outs[quadrant][frame] = *ticks as f64 * self.period_s;
-            }
+            let dwell_s = self.ticks.map(|ticks| ticks as f64 * self.period_s);
+            [
+                slow_light[frame],
+                fast_light[frame],
+                slow_hard[frame],
+                fast_hard[frame],
+            ] = dwell_s;
         }
     }
 

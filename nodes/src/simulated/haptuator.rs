@@ -4,7 +4,7 @@ use crate::actuators::two_mass::{TwoMass, TwoMassMachine};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
-use haptograph_engine::settings::{Fields, Reading, SettingSpec, Settings};
+use haptograph_engine::settings::{DeclaredField, Fields, Reading, SettingSpec, Settings};
 use haptograph_signal::quantity::Quantity;
 
 /// Reads the accelerometer of a tool.
@@ -100,6 +100,9 @@ pub struct SimulatedHaptuatorSettings {
 }
 
 impl Settings for SimulatedHaptuatorSettings {
+    /// No setting of a device is live.
+    const FIELDS: &'static [DeclaredField] = &[];
+
     fn specs() -> Vec<SettingSpec> {
         let (mut specs, tolerance) = (TwoMassSettings::specs(), ToleranceSettings::specs());
         specs.extend(tolerance);

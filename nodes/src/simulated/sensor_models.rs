@@ -7,9 +7,9 @@ use super::tracker::TrackerSettings;
 use crate::sinks::recording::Motion;
 use crate::successor;
 use crate::vector::Vec3;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -78,13 +78,18 @@ impl NodeKind for AccelerometerModel {
     }
 }
 
+impl AccelerometerModel {
+    const ACCELERATION: Input<Vector> = Self::SPEC.input("acceleration");
+    const VOLTAGE: Output<Vector> = Self::SPEC.output("voltage");
+}
+
 #[derive(Debug, Clone)]
 struct Accelerometer(accelerometer::Accelerometer);
 
 impl Processor for Accelerometer {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let felt = io.frames_of::<3>(0);
-        for (volts, felt) in io.out_frames::<3>(0).iter_mut().zip(felt) {
+        let felt = io.read(AccelerometerModel::ACCELERATION);
+        for (volts, felt) in io.write(AccelerometerModel::VOLTAGE).iter_mut().zip(felt) {
             *volts = self.0.sample(felt.map(number));
         }
     }
@@ -96,10 +101,7 @@ impl Processor for Accelerometer {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: self.0.delay_s(),
-        }
+        Latency::of_group(self.0.delay_s())
     }
 }
 
@@ -172,18 +174,25 @@ impl NodeKind for TrackerModel {
     }
 }
 
+impl TrackerModel {
+    const POSITION: Input<Vector> = Self::SPEC.input("position");
+    const ORIENTATION: Input<Vector> = Self::SPEC.input("orientation");
+    const POSITION_READING: Output<Vector> = Self::SPEC.output("position");
+    const ORIENTATION_READING: Output<Vector> = Self::SPEC.output("orientation");
+}
+
 #[derive(Debug, Clone)]
 struct Tracker(TrackerSettings);
 
 impl Processor for Tracker {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (positions, orientations) = (io.frames_of::<3>(0), io.frames_of::<3>(1));
-        let [position, orientation] = io.outs();
-        let out = position
-            .as_chunks_mut::<3>()
-            .0
-            .iter_mut()
-            .zip(orientation.as_chunks_mut::<3>().0);
+        let (positions, orientations) = (
+            io.read(TrackerModel::POSITION),
+            io.read(TrackerModel::ORIENTATION),
+        );
+        let (position, orientation) =
+            io.write_all((TrackerModel::POSITION_READING, TrackerModel::ORIENTATION_READING));
+        let out = position.iter_mut().zip(orientation);
         for ((position, orientation), (at_m, turned)) in out.zip(positions.iter().zip(orientations)) {
             let turned: Vec3 = turned.map(number);
             let (read_m, read) = self.0.sample(at_m.map(number), from_rotation_vector(turned));
@@ -258,13 +267,18 @@ impl NodeKind for ForceSensorModel {
     }
 }
 
+impl ForceSensorModel {
+    const WRENCH: Input<Wrench> = Self::SPEC.input("wrench");
+    const READING: Output<Wrench> = Self::SPEC.output("wrench");
+}
+
 #[derive(Debug, Clone)]
 struct ForceSensor(force_sensor::ForceSensor);
 
 impl Processor for ForceSensor {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let loads = io.frames_of::<6>(0);
-        for (read, load) in io.out_frames::<6>(0).iter_mut().zip(loads) {
+        let loads = io.read(ForceSensorModel::WRENCH);
+        for (read, load) in io.write(ForceSensorModel::READING).iter_mut().zip(loads) {
             let [fx, fy, fz, mx, my, mz] = load.map(number);
             let reading = self.0.sample([fx, fy, fz], [mx, my, mz]);
             read[..3].copy_from_slice(&reading.force_n);
@@ -279,9 +293,6 @@ impl Processor for ForceSensor {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: self.0.delay_s(),
-        }
+        Latency::of_group(self.0.delay_s())
     }
 }

@@ -1,9 +1,9 @@
 //! A meter of RMS and peak.
 
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor, QuantityRule, Tick,
-    any_input,
+    BuildContext, BuildError, Input, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec, Processor,
+    QuantityRule, Tick, any_input,
 };
 
 use crate::successor;
@@ -44,6 +44,12 @@ impl NodeKind for Meter {
     }
 }
 
+impl Meter {
+    const INPUT: Input<Linear> = Self::SPEC.input("input");
+    const RMS: Output<Scalar> = Self::SPEC.output("rms");
+    const PEAK: Output<Scalar> = Self::SPEC.output("peak");
+}
+
 const fn level(name: &'static str, doc: &'static str) -> OutputSpec {
     OutputSpec {
         name,
@@ -63,8 +69,8 @@ struct Level {
 
 impl Processor for Level {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x) = (io.width(0).max(1), io.components(0));
-        let [rms, peak] = io.outs();
+        let (width, x) = (io.width(Meter::INPUT), io.read(Meter::INPUT));
+        let (rms, peak) = io.write_all((Meter::RMS, Meter::PEAK));
         for ((rms, peak), x) in rms.iter_mut().zip(peak).zip(x.chunks_exact(width)) {
             let square = x.iter().map(|x| x * x).sum::<f64>();
             // NaN, infinity and values too large to square are ignored.

@@ -82,10 +82,10 @@ mod tests {
     use super::*;
     use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, DeviceSpec};
     use haptograph_engine::document::Document;
-    use haptograph_engine::frame::Kind;
+    use haptograph_engine::frame::{Kind, Scalar};
     use haptograph_engine::graph::{CheckOptions, Graph, check};
     use haptograph_engine::node::{
-        BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, output,
+        BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, output,
     };
     use haptograph_engine::run::{FileSinks, Live, LiveOptions, Session};
     use haptograph_engine::settings::NoSettings;
@@ -175,6 +175,8 @@ mod tests {
         std::panic::resume_unwind(Box::new("as asked"))
     }
 
+    const OUT: Output<Scalar> = Doomed::SPEC.output("out");
+
     /// Panics in the second block.
     #[derive(Clone)]
     struct Doomed;
@@ -184,7 +186,7 @@ mod tests {
             if tick.first >= 64 {
                 panic_quietly();
             }
-            io.out(0).fill(0.5);
+            io.write(OUT).fill(0.5);
         }
     }
 

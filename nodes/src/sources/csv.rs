@@ -1,6 +1,9 @@
 //! A source that plays one column of a CSV file.
 
-use haptograph_engine::node::{BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Processor, Tick};
+use haptograph_engine::frame::Scalar;
+use haptograph_engine::node::{
+    BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Output, Processor, Tick,
+};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -72,6 +75,10 @@ impl NodeKind for CsvSource {
             at_end,
         }))
     }
+}
+
+impl CsvSource {
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
 }
 
 #[derive(Debug, Clone)]
@@ -166,7 +173,7 @@ impl Curve {
 impl Processor for Curve {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
         let is_silent = matches!(self.at_end, AtEnd::Silence);
-        for (frame, y) in io.out(0).iter_mut().enumerate() {
+        for (frame, y) in io.write(CsvSource::OUTPUT).iter_mut().enumerate() {
             let is_over = is_silent && tick.first + frame as u64 >= self.frames;
             *y = if is_over { 0.0 } else { self.at(tick.time_s(frame)) };
         }

@@ -1,6 +1,9 @@
 //! White Gaussian noise.
 
-use haptograph_engine::node::{BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick};
+use haptograph_engine::frame::Scalar;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+};
 use haptograph_signal::noise::Gaussian;
 
 use super::made;
@@ -40,6 +43,11 @@ impl NodeKind for Noise {
     }
 }
 
+impl Noise {
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const VARIANCE: SettingId = NoiseSettings::live("variance");
+}
+
 #[derive(Debug, Clone)]
 struct Source {
     stream: Gaussian,
@@ -48,15 +56,15 @@ struct Source {
 
 impl Processor for Source {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let out = io.out(0);
+        let out = io.write(Noise::OUTPUT);
         self.stream.fill(out);
         for y in out {
             *y *= self.deviation;
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == Noise::VARIANCE {
             self.deviation = value.max(0.0).sqrt();
         }
     }

@@ -3,9 +3,10 @@
 use super::made;
 use super::wav::read;
 use crate::successor;
-use haptograph_engine::frame::{Event, Kind};
+use haptograph_engine::frame::{Event, Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, Processor, Tick, any_input,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, Processor,
+    SettingId, Tick, any_input,
 };
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -56,6 +57,12 @@ impl NodeKind for OneShot {
     }
 }
 
+impl OneShot {
+    const START: Input<Event> = Self::SPEC.input("start");
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const FULL_SCALE: SettingId = OneShotSettings::live("full_scale");
+}
+
 #[derive(Debug, Clone)]
 struct Playing {
     samples: Arc<[f64]>,
@@ -68,9 +75,8 @@ struct Playing {
 
 impl Processor for Playing {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let events = io.frames_of::<{ Event::WIDTH }>(0);
-        for (y, event) in io.out(0).iter_mut().zip(events) {
-            let event = Event::from_components(event);
+        let events = io.decode(OneShot::START);
+        for (y, event) in io.write(OneShot::OUTPUT).iter_mut().zip(events) {
             if event.fired {
                 let factor = self.per_value.map_or(1.0, |unit| event.value / unit);
                 self.factor = if factor.is_finite() { factor } else { 0.0 };
@@ -84,8 +90,8 @@ impl Processor for Playing {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 2 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == OneShot::FULL_SCALE {
             self.full_scale = value;
         }
     }

@@ -5,10 +5,10 @@ use super::wav::read_at_any_rate;
 use crate::successor;
 use crate::vector::{direction, dot};
 use crate::wav::Layout;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, InputSpec, Io, KindRule, NodeKind, NodeSpec, Presence, Processor,
-    QuantityRule, Tick, input,
+    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Optional, Output,
+    Presence, Processor, QuantityRule, SettingId, Tick, input,
 };
 use haptograph_signal::files::MAX_RECORDING_BYTES;
 use haptograph_signal::quantity::Quantity;
@@ -90,7 +90,7 @@ impl NodeKind for WavOverPosition {
     };
 
     fn build(settings: WavOverPositionSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let width = cx.input_widths.first().copied().unwrap_or(1);
+        let width = cx.width(Self::POSITION);
         if width == Kind::Wrench.width() {
             return Err(
                 BuildError::at("position", "a position has one or three components")
@@ -125,6 +125,14 @@ impl NodeKind for WavOverPosition {
             before: None,
         }))
     }
+}
+
+impl WavOverPosition {
+    const POSITION: Input<Linear> = Self::SPEC.input("position");
+    const SPEED: Input<Scalar, Optional> = Self::SPEC.input("speed");
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const FULL_SCALE: SettingId = WavOverPositionSettings::live("full_scale");
+    const FULL_AT_MM_S: SettingId = WavOverPositionSettings::live("full_at_mm_s");
 }
 
 fn refuse_long(layout: &Layout) -> Result<(), BuildError> {
@@ -253,20 +261,23 @@ impl Scanning {
 
 impl Processor for Scanning {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (positions, speeds) = (io.components(0), io.components(1));
-        for (frame, y) in io.out(0).iter_mut().enumerate() {
+        let (positions, speeds) = (
+            io.read(WavOverPosition::POSITION),
+            io.read(WavOverPosition::SPEED),
+        );
+        for (frame, y) in io.write(WavOverPosition::OUTPUT).iter_mut().enumerate() {
             let position_m = match self.axis {
                 None => positions.get(frame).copied(),
                 Some(axis) => positions.as_chunks().0.get(frame).map(|at| dot(*at, axis)),
             };
-            *y = self.next(position_m.unwrap_or(f64::NAN), speeds.get(frame).copied());
+            *y = self.next(position_m.unwrap_or(f64::NAN), speeds.map(|speeds| speeds[frame]));
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
+    fn set(&mut self, setting: SettingId, value: f64) {
         match setting {
-            2 => self.full_scale = value,
-            9 => self.full_at_m_s = value.max(1e-3) * 1e-3,
+            WavOverPosition::FULL_SCALE => self.full_scale = value,
+            WavOverPosition::FULL_AT_MM_S => self.full_at_m_s = value.max(1e-3) * 1e-3,
             _ => {}
         }
     }

@@ -1,10 +1,10 @@
 //! Phase of a frequency signal, and envelope of a gate signal.
 
 use crate::successor;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, Processor, Tick, any_input, input,
-    output,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, Processor,
+    SettingId, Tick, any_input, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -50,6 +50,11 @@ impl NodeKind for Phase {
     }
 }
 
+impl Phase {
+    const FREQUENCY: Input<Scalar> = Self::SPEC.input("frequency");
+    const PHASE: Output<Scalar> = Self::SPEC.output("phase");
+}
+
 #[derive(Debug, Clone)]
 struct Turning {
     turns: f64,
@@ -58,8 +63,8 @@ struct Turning {
 
 impl Processor for Turning {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let frequency_hz = io.components(0);
-        for (phase, hz) in io.out(0).iter_mut().zip(frequency_hz) {
+        let frequency_hz = io.read(Phase::FREQUENCY);
+        for (phase, hz) in io.write(Phase::PHASE).iter_mut().zip(frequency_hz) {
             *phase = self.turns;
             let next = self.turns + hz * self.tick_s;
             // NaN and infinity leave the phase as it is; the remainder can round up to 1.
@@ -114,17 +119,21 @@ impl NodeKind for Adsr {
 
     fn build(settings: AdsrSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         Ok(Box::new(Envelope {
-            settings: [
-                settings.attack_ms,
-                settings.decay_ms,
-                settings.sustain,
-                settings.release_ms,
-            ],
+            settings,
             tick_ms: 1e3 / cx.rate.hz(),
             level: 0.0,
             stage: Stage::Closed,
         }))
     }
+}
+
+impl Adsr {
+    const GATE: Input<Scalar> = Self::SPEC.input("gate");
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const ATTACK_MS: SettingId = AdsrSettings::live("attack_ms");
+    const DECAY_MS: SettingId = AdsrSettings::live("decay_ms");
+    const SUSTAIN: SettingId = AdsrSettings::live("sustain");
+    const RELEASE_MS: SettingId = AdsrSettings::live("release_ms");
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -136,8 +145,7 @@ enum Stage {
 
 #[derive(Debug, Clone)]
 struct Envelope {
-    /// In the order of the settings.
-    settings: [f64; 4],
+    settings: AdsrSettings,
     tick_ms: f64,
     level: f64,
     stage: Stage,
@@ -145,7 +153,12 @@ struct Envelope {
 
 impl Envelope {
     fn next(&mut self, is_open: bool) -> f64 {
-        let [attack_ms, decay_ms, sustain, release_ms] = self.settings;
+        let AdsrSettings {
+            attack_ms,
+            decay_ms,
+            sustain,
+            release_ms,
+        } = self.settings;
         self.stage = match (is_open, self.stage) {
             (false, _) => Stage::Closed,
             (true, Stage::Closed) => Stage::Rising,
@@ -165,15 +178,19 @@ impl Envelope {
 
 impl Processor for Envelope {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let gate = io.components(0);
-        for (y, gate) in io.out(0).iter_mut().zip(gate) {
+        let gate = io.read(Adsr::GATE);
+        for (y, gate) in io.write(Adsr::OUTPUT).iter_mut().zip(gate) {
             *y = self.next(*gate > 0.0);
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if let Some(known) = self.settings.get_mut(setting) {
-            *known = value;
+    fn set(&mut self, setting: SettingId, value: f64) {
+        match setting {
+            Adsr::ATTACK_MS => self.settings.attack_ms = value,
+            Adsr::DECAY_MS => self.settings.decay_ms = value,
+            Adsr::SUSTAIN => self.settings.sustain = value,
+            Adsr::RELEASE_MS => self.settings.release_ms = value,
+            _ => {}
         }
     }
 

@@ -1,8 +1,9 @@
 //! Piecewise linear sources: constant, step, ramp, pulse.
 
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor, QuantityRule, Tick,
+    BuildContext, BuildError, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec, Processor, QuantityRule,
+    SettingId, Tick,
 };
 
 use super::{made, tick_at};
@@ -39,6 +40,11 @@ impl NodeKind for Constant {
     }
 }
 
+impl Constant {
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const VALUE: SettingId = ConstantSettings::live("value");
+}
+
 #[derive(Debug, Clone)]
 struct Same {
     value: f64,
@@ -46,11 +52,11 @@ struct Same {
 
 impl Processor for Same {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        io.out(0).fill(self.value);
+        io.write(Constant::OUTPUT).fill(self.value);
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == Constant::VALUE {
             self.value = value;
         }
     }
@@ -93,6 +99,10 @@ impl NodeKind for ConstantVector {
     }
 }
 
+impl ConstantVector {
+    const OUTPUT: Output<Vector> = Self::SPEC.output("output");
+}
+
 #[derive(Debug, Clone)]
 struct SameVector {
     value: [f64; 3],
@@ -100,7 +110,7 @@ struct SameVector {
 
 impl Processor for SameVector {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        io.out_frames::<3>(0).fill(self.value);
+        io.write(ConstantVector::OUTPUT).fill(self.value);
     }
 }
 
@@ -184,6 +194,11 @@ impl NodeKind for Ramp {
     }
 }
 
+const LINE: Output<Scalar> = Output::common([Step::SPEC.output("output"), Ramp::SPEC.output("output")]);
+const FROM: SettingId = SettingId::common([StepSettings::live("before"), RampSettings::live("from")]);
+const TO: SettingId = SettingId::common([StepSettings::live("after"), RampSettings::live("to")]);
+
+/// A line between two values, for [`Step`] and [`Ramp`].
 #[derive(Debug, Clone)]
 struct Line {
     from: f64,
@@ -195,7 +210,7 @@ struct Line {
 
 impl Processor for Line {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
+        for (y, now) in io.write(LINE).iter_mut().zip(tick.first..) {
             let since = now.saturating_sub(self.first) as f64;
             *y = if now < self.first {
                 self.from
@@ -207,10 +222,10 @@ impl Processor for Line {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
+    fn set(&mut self, setting: SettingId, value: f64) {
         match setting {
-            0 => self.from = value,
-            1 => self.to = value,
+            FROM => self.from = value,
+            TO => self.to = value,
             _ => {}
         }
     }
@@ -268,6 +283,12 @@ impl NodeKind for Pulse {
     }
 }
 
+impl Pulse {
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const LOW: SettingId = PulseSettings::live("low");
+    const HIGH: SettingId = PulseSettings::live("high");
+}
+
 /// Times in ticks, with fractions.
 #[derive(Debug, Clone)]
 struct Pulsing {
@@ -280,7 +301,7 @@ struct Pulsing {
 
 impl Processor for Pulsing {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
+        for (y, now) in io.write(Pulse::OUTPUT).iter_mut().zip(tick.first..) {
             // Rounding must not move an edge off its tick.
             let since = now as f64 - self.start + 1e-6;
             let within = match self.period {
@@ -292,10 +313,10 @@ impl Processor for Pulsing {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
+    fn set(&mut self, setting: SettingId, value: f64) {
         match setting {
-            0 => self.low = value,
-            1 => self.high = value,
+            Pulse::LOW => self.low = value,
+            Pulse::HIGH => self.high = value,
             _ => {}
         }
     }
@@ -323,7 +344,7 @@ mod tests {
         };
         let mut bench = Bench::new::<Constant>(settings, 10.0, &[]).unwrap();
         assert_eq!(bench.run_source(3), [[2.5; 3]]);
-        bench.processor().set(0, -1.0);
+        bench.processor().set(Constant::VALUE, -1.0);
         assert_eq!(bench.run_source(3), [[-1.0; 3]]);
         let settings = ConstantVectorSettings {
             value: [1.0, 2.0, 3.0],
@@ -357,8 +378,8 @@ mod tests {
             [1.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.0]
         );
         let mut bench = Bench::new::<Ramp>(settings, 10.0, &[]).unwrap();
-        bench.processor().set(0, 3.0);
-        bench.processor().set(1, 1.0);
+        bench.processor().set(FROM, 3.0);
+        bench.processor().set(TO, 1.0);
         assert_eq!(bench.run_source(4), [[3.0, 3.0, 2.5, 2.0]]);
     }
 

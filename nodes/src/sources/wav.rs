@@ -1,11 +1,15 @@
 //! A source that plays a WAV file.
 
-use haptograph_engine::node::{BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Processor, Tick};
+use haptograph_engine::frame::Scalar;
+use haptograph_engine::node::{
+    BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+};
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::csv::CsvSource;
 use super::{AtEnd, made};
 use crate::wav::{Layout, WavError, read_channel, read_layout};
 
@@ -53,6 +57,11 @@ impl NodeKind for WavSource {
             full_scale: settings.full_scale,
         }))
     }
+}
+
+impl WavSource {
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const FULL_SCALE: SettingId = WavSourceSettings::live("full_scale");
 }
 
 /// All samples of one channel (counted from 0) of a WAV file, in full scale. The file's rate has to be `rate_hz`.
@@ -108,7 +117,9 @@ fn unreadable(file: &Path, error: &WavError) -> BuildError {
     BuildError::at("file", message).help(help)
 }
 
-/// Samples in memory, one per tick.
+const PLAYBACK: Output<Scalar> = CsvSource::SPEC.output("output");
+
+/// Samples in memory, one per tick, for [`CsvSource`] and, times the value of full scale, [`WavSource`].
 #[derive(Debug, Clone)]
 pub(super) struct Playback {
     pub samples: Arc<[f64]>,
@@ -132,7 +143,7 @@ impl Playback {
 
 impl Processor for Playback {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
+        for (y, now) in io.write(PLAYBACK).iter_mut().zip(tick.first..) {
             *y = self.at(now).unwrap_or(0.0);
         }
     }
@@ -151,14 +162,14 @@ struct WavPlayback {
 
 impl Processor for WavPlayback {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
+        for (y, now) in io.write(WavSource::OUTPUT).iter_mut().zip(tick.first..) {
             let sample = self.playback.at(now);
             *y = sample.map_or(0.0, |sample| sample * self.full_scale);
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 2 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == WavSource::FULL_SCALE {
             self.full_scale = value;
         }
     }

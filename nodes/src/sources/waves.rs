@@ -1,6 +1,9 @@
 //! Sine oscillator and sine sweep.
 
-use haptograph_engine::node::{BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick};
+use haptograph_engine::frame::Scalar;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+};
 use std::f64::consts::TAU;
 
 use super::made;
@@ -21,11 +24,7 @@ haptograph_engine::settings! {
     }
 }
 
-const FREQUENCY: Fallback = Fallback {
-    input: 0,
-    port: "frequency",
-    field: "frequency_hz",
-};
+const FREQUENCY: Fallback = Fallback::of::<Sine>("frequency", "frequency_hz");
 
 /// A sine.
 pub struct Sine;
@@ -49,7 +48,7 @@ impl NodeKind for Sine {
 
     fn build(settings: SineSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         // A frequency signal has no value before the first tick.
-        let frequency_hz = FREQUENCY.setting(settings.frequency_hz, cx)?.unwrap_or(0.0);
+        let frequency_hz = FREQUENCY.value(settings.frequency_hz, cx)?.unwrap_or(0.0);
         below_half_the_rate("frequency_hz", frequency_hz, cx)?;
         Ok(Box::new(Oscillator {
             turns_per_tick: frequency_hz / cx.rate.hz(),
@@ -65,6 +64,12 @@ impl NodeKind for Sine {
     fn advice(settings: &SineSettings, cx: &BuildContext) -> Vec<BuildError> {
         FREQUENCY.advice(settings.frequency_hz, cx).into_iter().collect()
     }
+}
+
+impl Sine {
+    const FREQUENCY_HZ: SettingId = FREQUENCY.setting;
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const AMPLITUDE: SettingId = SineSettings::live("amplitude");
 }
 
 fn below_half_the_rate(field: &'static str, frequency_hz: f64, cx: &BuildContext) -> Result<(), BuildError> {
@@ -114,24 +119,24 @@ impl Oscillator {
 impl Processor for Oscillator {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
         self.next = tick.first + tick.frames as u64;
-        if self.follows {
-            return self.follow(io.components(0), io.out(0));
+        if let Some(frequency_hz) = io.read(FREQUENCY.input) {
+            return self.follow(frequency_hz, io.write(Sine::OUTPUT));
         }
-        for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
+        for (y, now) in io.write(Sine::OUTPUT).iter_mut().zip(tick.first..) {
             let turns = self.turns_at(now);
             *y = self.amplitude * (TAU * (turns - turns.floor())).sin();
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
+    fn set(&mut self, setting: SettingId, value: f64) {
         match setting {
-            0 if self.follows => {}
-            0 => {
+            Sine::FREQUENCY_HZ if self.follows => {}
+            Sine::FREQUENCY_HZ => {
                 let turns = self.turns_at(self.next);
                 (self.anchor, self.anchor_turns) = (self.next, turns - turns.floor());
                 self.turns_per_tick = value / self.rate_hz;
             }
-            1 => self.amplitude = value,
+            Sine::AMPLITUDE => self.amplitude = value,
             _ => {}
         }
     }
@@ -208,6 +213,13 @@ impl NodeKind for Chirp {
     }
 }
 
+impl Chirp {
+    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const FROM_HZ: SettingId = ChirpSettings::live("from_hz");
+    const TO_HZ: SettingId = ChirpSettings::live("to_hz");
+    const AMPLITUDE: SettingId = ChirpSettings::live("amplitude");
+}
+
 #[derive(Debug, Clone)]
 struct Sweeping {
     settings: ChirpSettings,
@@ -237,7 +249,7 @@ impl Sweeping {
     }
 
     /// Continues from the phase reached so far.
-    fn go_on_from(&mut self, turns: f64) {
+    fn continue_from(&mut self, turns: f64) {
         let ahead = self.ahead_turns + turns - self.turns_at(self.next_s);
         self.ahead_turns = ahead - ahead.floor();
     }
@@ -245,7 +257,7 @@ impl Sweeping {
 
 impl Processor for Sweeping {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        for (frame, y) in io.out(0).iter_mut().enumerate() {
+        for (frame, y) in io.write(Chirp::OUTPUT).iter_mut().enumerate() {
             let time_s = tick.time_s(frame);
             let turns = self.turns_at(time_s.min(self.settings.duration_s));
             let sounds = time_s < self.settings.duration_s;
@@ -258,7 +270,7 @@ impl Processor for Sweeping {
         self.next_s = tick.time_s(tick.frames);
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
+    fn set(&mut self, setting: SettingId, value: f64) {
         if !value.is_finite() {
             return;
         }
@@ -266,21 +278,22 @@ impl Processor for Sweeping {
         let hz = value.clamp(1e-6, (0.5 * self.rate_hz).next_down());
         let reached = self.turns_at(self.next_s);
         match setting {
-            0 => self.settings.from_hz = hz,
-            1 => self.settings.to_hz = hz,
-            3 => self.settings.amplitude = value,
+            Chirp::FROM_HZ => self.settings.from_hz = hz,
+            Chirp::TO_HZ => self.settings.to_hz = hz,
+            Chirp::AMPLITUDE => {
+                self.settings.amplitude = value;
+                return;
+            }
             _ => return,
         }
-        if setting != 3 {
-            self.go_on_from(reached);
-        }
+        self.continue_from(reached);
     }
 
     fn copy_state_into(&self, new: &mut dyn Processor) {
         if let Some(new) = successor::<Self>(new) {
             (new.next_s, new.ahead_turns) = (self.next_s, self.ahead_turns);
             if new.settings != self.settings {
-                new.go_on_from(self.turns_at(self.next_s));
+                new.continue_from(self.turns_at(self.next_s));
             }
         }
     }
@@ -314,7 +327,7 @@ mod tests {
     fn a_new_frequency_goes_on_from_the_phase_that_was_reached() {
         let mut bench = sine(10.0, 0.0);
         let before = bench.run_source(130).remove(0);
-        bench.processor().set(0, 20.0);
+        bench.processor().set(Sine::FREQUENCY_HZ, 20.0);
         let after = bench.run_source(10).remove(0);
         let jump = (after[0] - before[129]).abs();
         assert!(jump < 2.0 * TAU * 0.02, "{jump}");
@@ -404,11 +417,15 @@ mod tests {
         };
         let mut bench = Bench::new::<Chirp>(settings, 1000.0, &[]).unwrap();
         let mut before = bench.run_source(500).remove(0)[499];
-        for (place, hz) in [(1, 60.0), (0, 30.0), (1, 1e9), (0, f64::NAN), (1, 80.0)] {
-            bench.processor().set(place, hz);
+        let (from, to) = (Chirp::FROM_HZ, Chirp::TO_HZ);
+        for (setting, hz) in [(to, 60.0), (from, 30.0), (to, 1e9), (from, f64::NAN), (to, 80.0)] {
+            bench.processor().set(setting, hz);
             let y = bench.run_source(1).remove(0)[0];
             // A tick at 100 Hz turns it by no more than this.
-            assert!((y - before).abs() < TAU * 0.1, "{place} {hz}: {before} to {y}");
+            assert!(
+                (y - before).abs() < TAU * 0.1,
+                "{setting:?} {hz}: {before} to {y}"
+            );
             before = y;
         }
     }

@@ -6,9 +6,10 @@ use crate::contact::Contact;
 use crate::successor;
 use crate::texture::load_surface;
 use crate::vector::{Vec3, scale};
-use haptograph_engine::frame::{Event, Kind};
+use haptograph_engine::frame::{self, Event, Kind, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick, input,
+    output,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::{Surface, SurfaceError, Taps};
@@ -93,6 +94,13 @@ impl NodeKind for Tapping {
     }
 }
 
+impl Tapping {
+    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const FORCE: Output<Vector> = Self::SPEC.output("force");
+    const TAP: Output<Event> = Self::SPEC.output("tap");
+    const MASS_G: SettingId = TappingSettings::live("mass_g");
+}
+
 #[derive(Debug, Clone)]
 struct Striking {
     onset: Onset,
@@ -104,9 +112,9 @@ struct Striking {
 
 impl Processor for Striking {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let contacts = io.contacts(0);
-        let [force, tap] = io.outs();
-        let frames = force.as_chunks_mut().0.iter_mut().zip(tap.as_chunks_mut().0);
+        let contacts = io.decode(Tapping::CONTACT);
+        let (force, tap) = io.write_all((Tapping::FORCE, Tapping::TAP));
+        let frames = force.iter_mut().zip(tap);
         for ((force, event), contact) in frames.zip(contacts) {
             let contact = Contact::from(contact);
             let struck = self
@@ -129,8 +137,8 @@ impl Processor for Striking {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if let (1, Some(transient)) = (setting, &mut self.transient) {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if let (Tapping::MASS_G, Some(transient)) = (setting, &mut self.transient) {
             transient.mass_kg = value * 1e-3;
         }
     }
@@ -150,7 +158,6 @@ impl Processor for Striking {
 mod tests {
     use super::*;
     use crate::texture::tile;
-    use haptograph_engine::frame;
     use haptograph_engine::testing::Bench;
 
     fn settings() -> TappingSettings {

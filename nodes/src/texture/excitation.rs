@@ -1,8 +1,9 @@
 //! The excitation of the synthesis filter.
 
-use haptograph_engine::frame::{Coefficients, Kind};
+use haptograph_engine::frame::{Coefficients, Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Held, Input, Io, NodeKind, NodeSpec, Optional, Output, Processor, Tick, input,
+    output,
 };
 use haptograph_signal::noise::{Gaussian, stream_seed};
 use haptograph_signal::quantity::Quantity;
@@ -60,6 +61,11 @@ impl NodeKind for Excitation {
     }
 }
 
+impl Excitation {
+    const COEFFICIENTS: Input<Coefficients<'static>, Optional<Held>> = Self::SPEC.input("coefficients");
+    const EXCITATION: Output<Scalar> = Self::SPEC.output("excitation");
+}
+
 #[derive(Debug, Clone)]
 struct Exciting {
     stream: Gaussian,
@@ -68,21 +74,15 @@ struct Exciting {
 
 impl Processor for Exciting {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (scaled, runs) = (io.connected(0), io.held(0));
-        let out = io.out(0);
+        let runs = io.read(Excitation::COEFFICIENTS);
+        let out = io.write(Excitation::EXCITATION);
         // The streams also advance in silence, so that they depend on time only.
         self.stream.fill(out);
         if let Some(crackle) = &mut self.crackle {
             crackle.modulate(out);
         }
-        if !scaled {
-            return;
-        }
-        for (frames, lanes) in runs {
-            let Some(lanes) = lanes.first_chunk() else {
-                continue;
-            };
-            let variance = Coefficients::from_components(lanes).variance;
+        for (frames, coefficients) in runs.into_iter().flatten() {
+            let variance = Coefficients::from_components(coefficients).variance;
             let run = &mut out[frames];
             if variance > 0.0 {
                 let deviation = variance.sqrt();

@@ -1,8 +1,9 @@
 //! The synthesis filter.
 
-use haptograph_engine::frame::{Coefficients, Kind, LinesAt};
+use haptograph_engine::frame::{Coefficients, Kind, LinesAt, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Held, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, Tick, input,
+    output,
 };
 use haptograph_signal::arma::{self, WarpedLattice};
 use haptograph_signal::filter::SectionsState;
@@ -124,6 +125,12 @@ impl NodeKind for ArmaFilter {
     }
 }
 
+impl ArmaFilter {
+    const COEFFICIENTS: Input<Coefficients<'static>, Held> = Self::SPEC.input("coefficients");
+    const EXCITATION: Input<Scalar> = Self::SPEC.input("excitation");
+    const ACCELERATION: Output<Scalar> = Self::SPEC.output("acceleration");
+}
+
 /// The generator of the lines of a surface, if it has lines.
 fn line_source(texture: &TextureModel, cx: &BuildContext) -> Option<Box<LineSource>> {
     let lines = texture.lines();
@@ -234,12 +241,14 @@ impl Synthesis {
 
 impl Processor for Synthesis {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (runs, excitation, places) = (io.held(0), io.components(1), io.held(0));
-        let out = io.out(0);
-        for (frames, lanes) in runs {
-            if let Some(lanes) = lanes.first_chunk() {
-                self.take(lanes);
-            }
+        let (runs, places) = (
+            io.read(ArmaFilter::COEFFICIENTS),
+            io.read(ArmaFilter::COEFFICIENTS),
+        );
+        let excitation = io.read(ArmaFilter::EXCITATION);
+        let out = io.write(ArmaFilter::ACCELERATION);
+        for (frames, coefficients) in runs {
+            self.take(coefficients);
             let (excitation, out) = (&excitation[frames.clone()], &mut out[frames]);
             let Some(upsampler) = &mut self.upsampler else {
                 self.maker.process(excitation, out);
@@ -255,20 +264,15 @@ impl Processor for Synthesis {
             }
         }
         let Some(lines) = &mut self.lines else { return };
-        for (frames, lanes) in places {
-            if let Some(lanes) = lanes.first_chunk() {
-                let at = LinesAt::from_components(lanes);
-                lines.set(at.speed_m_s, at.powers_m2_s4);
-            }
+        for (frames, coefficients) in places {
+            let at = LinesAt::from_components(coefficients);
+            lines.set(at.speed_m_s, at.powers_m2_s4);
             lines.add_to(&mut out[frames]);
         }
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            group_delay_s: self.upsampler.as_ref().map_or(0.0, |up| up.group_delay_s()),
-            ..Latency::default()
-        }
+        Latency::of_group(self.upsampler.as_ref().map_or(0.0, |up| up.group_delay_s()))
     }
 
     fn copy_state_into(&self, new: &mut dyn Processor) {

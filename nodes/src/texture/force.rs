@@ -3,9 +3,10 @@
 use crate::successor;
 use crate::tapping::transient::EFFECTIVE_MASS_KG;
 use crate::vector::{Vec3, cross, direction, scale};
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Contact, Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick, input,
+    output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -60,6 +61,14 @@ impl NodeKind for TextureForce {
     }
 }
 
+impl TextureForce {
+    const ACCELERATION: Input<Scalar> = Self::SPEC.input("acceleration");
+    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
+    const FRICTION: Input<Vector> = Self::SPEC.input("friction");
+    const FORCE: Output<Vector> = Self::SPEC.output("force");
+    const MASS_G: SettingId = TextureForceSettings::live("mass_g");
+}
+
 #[derive(Debug, Clone)]
 struct Shaking {
     mass_kg: f64,
@@ -68,13 +77,13 @@ struct Shaking {
 
 impl Processor for Shaking {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (accelerations, contacts, frictions) = (io.components(0), io.contacts(1), io.frames_of::<3>(2));
-        let frames = io
-            .out_frames::<3>(0)
-            .iter_mut()
-            .zip(accelerations)
-            .zip(contacts)
-            .zip(frictions);
+        let (accelerations, contacts) = (
+            io.read(TextureForce::ACCELERATION),
+            io.decode(TextureForce::CONTACT),
+        );
+        let frictions = io.read(TextureForce::FRICTION);
+        let forces = io.write(TextureForce::FORCE).iter_mut();
+        let frames = forces.zip(accelerations).zip(contacts).zip(frictions);
         for (((force, acceleration), contact), friction) in frames {
             if !contact.touching {
                 self.across = [0.0; 3];
@@ -85,8 +94,8 @@ impl Processor for Shaking {
         }
     }
 
-    fn set(&mut self, setting: usize, value: f64) {
-        if setting == 0 {
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == TextureForce::MASS_G {
             self.mass_kg = value * 1e-3;
         }
     }
@@ -102,7 +111,6 @@ impl Processor for Shaking {
 mod tests {
     use super::*;
     use crate::vector::dot;
-    use haptograph_engine::frame::Contact;
     use haptograph_engine::testing::Bench;
 
     #[test]

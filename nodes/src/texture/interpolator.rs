@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::{self, Kind, Weights};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::lines::mixed_powers;
@@ -48,6 +48,11 @@ impl NodeKind for LsfInterpolator {
     }
 }
 
+impl LsfInterpolator {
+    const WEIGHTS: Input<Weights> = Self::SPEC.input("weights");
+    const COEFFICIENTS: Output<frame::Coefficients<'static>> = Self::SPEC.output("coefficients");
+}
+
 #[derive(Debug, Clone)]
 struct Mixing {
     texture: Interpolator,
@@ -57,8 +62,8 @@ struct Mixing {
 
 impl Processor for Mixing {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let places = io.weights(0);
-        for (lanes, at) in io.out_frames(0).iter_mut().zip(places) {
+        let places = io.decode(LsfInterpolator::WEIGHTS);
+        for (components, at) in io.write(LsfInterpolator::COEFFICIENTS).iter_mut().zip(places) {
             self.interpolate(&at);
             frame::Coefficients {
                 ar: self.mix.ar(),
@@ -67,13 +72,13 @@ impl Processor for Mixing {
                 variance: self.mix.variance,
                 warping: self.mix.warping,
             }
-            .write(lanes);
+            .write(components);
             if !self.lines.is_empty() {
                 let lines = frame::LinesAt {
                     speed_m_s: at.speed_m_s,
                     powers_m2_s4: mixed_powers(&self.lines, at.models, at.weights),
                 };
-                lines.write(lanes);
+                lines.write(components);
             }
         }
     }

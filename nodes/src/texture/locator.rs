@@ -1,8 +1,8 @@
 //! Position of speed and force on the map of a texture.
 
-use haptograph_engine::frame::{Kind, Weights};
+use haptograph_engine::frame::{Kind, Scalar, Weights};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::Interpolator;
@@ -57,6 +57,13 @@ impl NodeKind for Saturation {
     }
 }
 
+impl Saturation {
+    const SPEED: Input<Scalar> = Self::SPEC.input("speed");
+    const FORCE: Input<Scalar> = Self::SPEC.input("force");
+    const SPEED_WITHIN: Output<Scalar> = Self::SPEC.output("speed");
+    const FORCE_WITHIN: Output<Scalar> = Self::SPEC.output("force");
+}
+
 #[derive(Debug, Clone)]
 struct Saturating {
     texture: Interpolator,
@@ -64,9 +71,9 @@ struct Saturating {
 
 impl Processor for Saturating {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (speed_in, force_in) = (io.components(0), io.components(1));
-        let [speed, force] = io.outs();
-        for (((speed, force), v), f) in speed.iter_mut().zip(force).zip(speed_in).zip(force_in) {
+        let (speeds, forces) = (io.read(Saturation::SPEED), io.read(Saturation::FORCE));
+        let (speed, force) = io.write_all((Saturation::SPEED_WITHIN, Saturation::FORCE_WITHIN));
+        for (((speed, force), v), f) in speed.iter_mut().zip(force).zip(speeds).zip(forces) {
             (*speed, *force) = self.texture.map().saturate(*v, *f);
         }
     }
@@ -103,6 +110,12 @@ impl NodeKind for TriangleLocator {
     }
 }
 
+impl TriangleLocator {
+    const SPEED: Input<Scalar> = Self::SPEC.input("speed");
+    const FORCE: Input<Scalar> = Self::SPEC.input("force");
+    const WEIGHTS: Output<Weights> = Self::SPEC.output("weights");
+}
+
 #[derive(Debug, Clone)]
 struct Walker {
     texture: Interpolator,
@@ -110,10 +123,11 @@ struct Walker {
 
 impl Processor for Walker {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (speed, force) = (io.components(0), io.components(1));
-        for ((lanes, v), f) in io.out_frames(0).iter_mut().zip(speed).zip(force) {
+        let (speeds, forces) = (io.read(TriangleLocator::SPEED), io.read(TriangleLocator::FORCE));
+        let places = io.write(TriangleLocator::WEIGHTS).iter_mut();
+        for ((components, v), f) in places.zip(speeds).zip(forces) {
             let spot = self.texture.locate(*v, *f);
-            *lanes = Weights {
+            *components = Weights {
                 models: spot.vertices,
                 weights: spot.weights,
                 speed_m_s: spot.speed_m_s,

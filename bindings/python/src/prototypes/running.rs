@@ -132,22 +132,19 @@ impl Running {
         self.object = Some(object.clone_ref(py));
         let spec = &self.making.kind.spec;
         let inputs = PyDict::new(py);
-        for (number, port) in spec.inputs.iter().enumerate() {
-            match io.connected(number) {
-                true => inputs.set_item(port.name, array(py, io.components(number), io.width(number))?)?,
-                false => inputs.set_item(port.name, py.None())?,
+        for (port, input) in spec.any_inputs() {
+            match io.read(input) {
+                Some(components) => inputs.set_item(port.name, array(py, components, io.width(input))?)?,
+                None => inputs.set_item(port.name, py.None())?,
             }
         }
         let times = PyArray1::from_iter(py, (0..tick.frames).map(|frame| tick.time_s(frame)));
         let widths: Vec<usize> = spec.outputs.iter().map(|port| width(port.kind)).collect();
         let module = py.import("haptograph._node")?;
         let found = module.call_method1("block", (object, widths, times, inputs))?;
-        for (number, values) in found
-            .extract::<Vec<PyReadonlyArray1<'_, f64>>>()?
-            .iter()
-            .enumerate()
-        {
-            for (to, from) in io.out(number).iter_mut().zip(values.as_array()) {
+        let found: Vec<PyReadonlyArray1<'_, f64>> = found.extract()?;
+        for ((_, output), values) in spec.any_outputs().zip(&found) {
+            for (to, from) in io.write(output).iter_mut().zip(values.as_array()) {
                 *to = *from;
             }
         }
@@ -192,8 +189,8 @@ impl Processor for Running {
                 None => {}
             }
         }
-        for output in 0..self.making.kind.spec.outputs.len() {
-            io.out(output).fill(0.0);
+        for (_, output) in self.making.kind.spec.any_outputs() {
+            io.write(output).fill(0.0);
         }
     }
 }

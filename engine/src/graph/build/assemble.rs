@@ -8,7 +8,7 @@ use crate::graph::clocks::Clocks;
 use crate::graph::devices::Devices;
 use crate::graph::draft::{Context, Draft, DraftNode, Slot, Type};
 use crate::graph::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint, wires};
-use crate::node::{Flow, KindRule, OutputSpec, QuantityRule};
+use crate::node::{Flow, KindRule, OutputSpec, QuantityRule, SettingId};
 use haptograph_signal::quantity::Quantity;
 use petgraph::graph::{DiGraph, NodeIndex};
 
@@ -131,7 +131,7 @@ fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice])
 }
 
 /// The live settings of a node with their values or defaults.
-fn live_values(node: &DraftNode) -> Vec<(usize, f64)> {
+fn live_values(node: &DraftNode) -> Vec<(SettingId, f64)> {
     let specs = node.entry.settings().into_iter().enumerate();
     specs
         .filter(|(_, spec)| spec.live)
@@ -143,7 +143,7 @@ fn live_values(node: &DraftNode) -> Vec<(usize, f64)> {
                 Some(_) => None,
                 None => spec.default?.parse().ok(),
             };
-            Some((place, value?))
+            Some((SettingId::at(place), value?))
         })
         .collect()
 }

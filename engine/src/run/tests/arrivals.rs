@@ -3,6 +3,7 @@
 use super::runner::{all_bits, graphs, listening};
 use super::world::{random_graph, random_graph_with_drivers};
 use crate::graph::{Bridge, Graph, Work};
+use crate::node::SettingId;
 use crate::run::{Change, LiveOptions, LiveState, Offline, OfflineError, ReplayBounds, ReplayError, Session};
 use petgraph::graph::NodeIndex;
 use rand::{RngExt, SeedableRng};
@@ -31,7 +32,7 @@ impl Drop for Folder {
 fn settable(mut graph: Graph) -> Graph {
     for node in graph.nodes.node_weights_mut() {
         if let Work::Process(_) = node.work {
-            node.live.push((0, 0.7));
+            node.live.push((SettingId::at(0), 0.7));
         }
     }
     graph
@@ -363,7 +364,7 @@ fn a_replay_refuses_a_graph_that_would_give_other_samples() {
     assert!(!told.contains("node ") && !told.contains("clock "), "{told}");
     let told = refused(|graph| graph.nodes[NodeIndex::new(0)].fingerprint += 1);
     assert!(told.contains("`node ") && !told.contains("connection "), "{told}");
-    let told = refused(|graph| graph.nodes[NodeIndex::new(0)].live.push((0, 0.3)));
+    let told = refused(|graph| graph.nodes[NodeIndex::new(0)].live.push((SettingId::at(0), 0.3)));
     assert!(told.contains("`node "), "{told}");
     let told = refused(|graph| graph.nodes[NodeIndex::new(0)].path = "renamed".to_owned());
     assert!(

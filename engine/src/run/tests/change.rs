@@ -5,6 +5,7 @@ use super::runner::{bits, graphs, listening};
 use super::world::{Leaky, random_graph_with_drivers, with_a_node_more, with_rings_more};
 use crate::graph::NodeId;
 use crate::graph::{Graph, Work};
+use crate::node::SettingId;
 use crate::run::{Change, ChangeError, ControlError, Live, LiveOptions, RingReport, Session};
 use std::path::Path;
 
@@ -266,7 +267,7 @@ fn a_driver_that_does_not_listen_keeps_the_others_from_changing_too() {
     let last = nodes
         .rfind(|node| graph.driver_of(NodeId(*node)) == driver)
         .unwrap();
-    graph.nodes[last].live.push((0, 0.7));
+    graph.nodes[last].live.push((SettingId::at(0), 0.7));
     let name = format!("{}.gain", graph.nodes[last].path);
     let everything: Vec<String> = graph.nodes.node_weights().map(|node| node.path.clone()).collect();
     let heard = [false, true].map(|changes| {

@@ -2,10 +2,12 @@
 
 use crate::device::{Channel, Device, DeviceEntry, DeviceSpec};
 use crate::diagnostic::{Sources, Span};
-use crate::frame::Kind;
+use crate::frame::{AnyKind, Kind};
 use crate::graph::{Bridge, Clock, Edge, Graph, GraphDevice, Input, Node, Output, Work};
 use crate::joining::least_ring_latency_s;
-use crate::node::{BuildContext, BuildError, Io, Limit, NodeEntry, NodeKind, NodeSpec, Processor, Tick};
+use crate::node::{
+    BuildContext, BuildError, Io, Limit, NodeEntry, NodeKind, NodeSpec, Processor, SettingId, Tick,
+};
 use crate::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
@@ -32,7 +34,7 @@ impl Leaky {
 }
 
 impl Processor for Leaky {
-    fn set(&mut self, _: usize, weight: f64) {
+    fn set(&mut self, _: SettingId, weight: f64) {
         self.weight = weight;
     }
 
@@ -41,7 +43,7 @@ impl Processor for Leaky {
         for (input, held) in self.held.iter().enumerate() {
             let mut frames = vec![f64::NAN; tick.frames];
             if *held {
-                for (range, lanes) in io.held(input) {
+                for (range, lanes) in io.runs::<AnyKind>(input) {
                     frames[range].fill(lanes[0]);
                 }
             } else {
@@ -475,7 +477,7 @@ pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeI
             limit: LIMIT,
         },
     );
-    world.nodes[sink].live.push((0, 0.1));
+    world.nodes[sink].live.push((SettingId::at(0), 0.1));
     let input = Input {
         name: "in",
         kind: Kind::Scalar,
@@ -567,7 +569,7 @@ pub fn with_drives(drives: Vec<TestDrive>) -> Graph {
             },
         );
         world.nodes[sink].path = drive.sink;
-        world.nodes[sink].live.push((0, gain));
+        world.nodes[sink].live.push((SettingId::at(0), gain));
         world.connect(node, sink, Bridge::Direct, false);
         devices.push(GraphDevice {
             senses: Vec::new(),

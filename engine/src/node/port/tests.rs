@@ -1,0 +1,258 @@
+//! Toy nodes that read and write ports of every form.
+
+use super::*;
+use crate::frame::{Coefficients, Contact, Event, Kind, Linear, Scalar, Vector, Wrench};
+use crate::node::{
+    BuildContext, BuildError, NodeKind, Processor, Tick, any_input, input, output, output_like,
+};
+use crate::settings::NoSettings;
+use crate::testing::Bench;
+use haptograph_signal::quantity::Quantity;
+
+const TERMS: InputSpec = InputSpec {
+    presence: Presence::Many,
+    ..any_input("terms", "What is added.")
+};
+
+/// One input of every form.
+struct Every;
+
+impl NodeKind for Every {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Every",
+        group: "toys",
+        doc: "Has an input of every form.",
+        source: "",
+        inputs: &[
+            input("scalar", Kind::Scalar, Quantity::FORCE, "A number."),
+            input("vector", Kind::Vector, Quantity::FORCE, "Three of them."),
+            input("contact", Kind::Contact, Quantity::NUMBER, "A record."),
+            input("held", Kind::Coefficients, Quantity::NUMBER, "Runs.").held(),
+            input("extra", Kind::Scalar, Quantity::FORCE, "A number, perhaps.").optional(),
+            input("extra_held", Kind::Vector, Quantity::FORCE, "Runs, perhaps.")
+                .optional()
+                .held(),
+            TERMS,
+        ],
+        outputs: &[
+            output("sum", Kind::Scalar, Quantity::FORCE, "A number."),
+            output("turned", Kind::Vector, Quantity::FORCE, "Three of them."),
+            output_like("total", "terms", "As wide as the terms."),
+            output("event", Kind::Event, Quantity::NUMBER, "A record."),
+        ],
+        example: "",
+    };
+
+    fn build(_: NoSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        assert_eq!((cx.width(VECTOR), cx.width(HELD)), (3, Coefficients::WIDTH));
+        assert_eq!((cx.connections(MANY), cx.width(MANY)), (2, 3));
+        let (extra, runs) = (cx.is_connected(EXTRA), cx.is_connected(EXTRA_HELD));
+        assert_eq!(extra, runs);
+        Ok(Box::new(Reader))
+    }
+}
+
+const SCALAR: Input<Scalar> = Every::SPEC.input("scalar");
+const VECTOR: Input<Vector> = Every::SPEC.input("vector");
+const CONTACT: Input<Contact> = Every::SPEC.input("contact");
+const HELD: Input<Coefficients, Held> = Every::SPEC.input("held");
+const EXTRA: Input<Scalar, Optional> = Every::SPEC.input("extra");
+const EXTRA_HELD: Input<Vector, Optional<Held>> = Every::SPEC.input("extra_held");
+const MANY: Input<Linear, Many> = Every::SPEC.input("terms");
+const SUM: Output<Scalar> = Every::SPEC.output("sum");
+const TURNED: Output<Vector> = Every::SPEC.output("turned");
+const TOTAL: Output<Linear> = Every::SPEC.output("total");
+const EVENT: Output<Event> = Every::SPEC.output("event");
+
+#[derive(Clone)]
+struct Reader;
+
+impl Processor for Reader {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        let (scalars, vectors) = (io.read(SCALAR), io.read(VECTOR));
+        let (extra, extra_runs) = (io.read(EXTRA), io.read(EXTRA_HELD));
+        assert_eq!((scalars.len(), vectors.len()), (tick.frames, tick.frames));
+        let (runs, contacts) = (io.read(HELD), io.decode(CONTACT));
+        // Not in the order of the spec.
+        let (turned, sum) = io.write_all((TURNED, SUM));
+        for (((turned, sum), [x, y, z]), scalar) in turned.iter_mut().zip(&mut *sum).zip(vectors).zip(scalars)
+        {
+            (*turned, *sum) = ([*z, *x, *y], x + y + z + scalar);
+        }
+        for (sum, contact) in sum.iter_mut().zip(contacts) {
+            *sum += f64::from(contact.face);
+        }
+        for (frames, coefficients) in runs {
+            let gain = Coefficients::from_components(coefficients).gain;
+            sum[frames].iter_mut().for_each(|sum| *sum *= gain);
+        }
+        for (sum, extra) in sum.iter_mut().zip(extra.into_iter().flatten()) {
+            *sum += extra;
+        }
+        for (frames, [_, _, z]) in extra_runs.into_iter().flatten() {
+            sum[frames].iter_mut().for_each(|sum| *sum += z);
+        }
+        let (terms, width) = (io.read(MANY), io.width(MANY));
+        assert_eq!((terms.len(), width), (2, 3));
+        assert_eq!(terms.nth_or_last(7), terms.nth_or_last(1));
+        let total = io.write(TOTAL);
+        total.fill(0.0);
+        for term in terms.iter() {
+            total
+                .iter_mut()
+                .zip(term)
+                .for_each(|(total, term)| *total += term);
+        }
+        for event in io.write(EVENT) {
+            *event = Event::default().to_components();
+        }
+    }
+}
+
+fn run(with_extra: bool, blocks: &[usize]) -> Vec<Vec<f64>> {
+    let extra = |kind| with_extra.then_some(kind);
+    let kinds = [
+        Some(Kind::Scalar),
+        Some(Kind::Vector),
+        Some(Kind::Contact),
+        Some(Kind::Coefficients),
+        extra(Kind::Scalar),
+        extra(Kind::Vector),
+        Some(Kind::Vector),
+        Some(Kind::Vector),
+    ];
+    let mut bench = Bench::with_gaps::<Every>(NoSettings {}, 1000.0, &kinds).unwrap();
+    let face = |face| {
+        Contact {
+            face,
+            ..Contact::default()
+        }
+        .to_components()
+    };
+    let filter = |gain| {
+        let mut components = [0.0; Coefficients::WIDTH];
+        let (ar, ma, variance, warping) = (&[][..], &[][..], 1.0, 0.0);
+        Coefficients {
+            ar,
+            ma,
+            gain,
+            variance,
+            warping,
+        }
+        .write(&mut components);
+        components
+    };
+    let inputs: [&[f64]; 8] = [
+        &[1.0, 2.0, 3.0],
+        &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
+        &[face(10), face(20), face(30)].concat(),
+        &[filter(2.0), filter(2.0), filter(1.0)].concat(),
+        &[0.25, 0.5, 0.75],
+        &[0.0, 0.0, 100.0, 0.0, 0.0, 100.0, 0.0, 0.0, 200.0],
+        &[1.0; 9],
+        &[2.0; 9],
+    ];
+    bench.run_frames(3, &inputs, blocks)
+}
+
+#[test]
+fn ports_of_every_form_are_read_and_written_by_their_handles() {
+    for blocks in [&[3][..], &[1], &[2, 1]] {
+        let [sum, turned, total, event] = &run(false, blocks)[..] else {
+            panic!("four outputs")
+        };
+        assert_eq!(sum, &[34.0, 74.0, 57.0]);
+        assert_eq!(turned, &[3.0, 1.0, 2.0, 6.0, 4.0, 5.0, 9.0, 7.0, 8.0]);
+        assert_eq!((&total[..], &event[..]), (&[3.0; 9][..], &[0.0; 6][..]));
+        assert_eq!(run(true, blocks)[0], [134.25, 174.5, 257.75]);
+    }
+}
+
+#[test]
+fn handles_that_kinds_have_in_common_are_one() {
+    let common = Input::common([SCALAR, Every::SPEC.input("scalar")]);
+    assert_eq!(common.index(), SCALAR.index());
+    assert_eq!(Output::common([EVENT]).index(), EVENT.index());
+}
+
+#[test]
+fn scripts_find_every_sampled_port() {
+    let inputs = Every::SPEC.any_inputs();
+    let inputs: Vec<(&str, usize)> = inputs.map(|(port, handle)| (port.name, handle.index())).collect();
+    assert_eq!(
+        inputs,
+        [("scalar", 0), ("vector", 1), ("contact", 2), ("extra", 4)]
+    );
+    let outputs = Every::SPEC.any_outputs().map(|(port, _)| port.name);
+    assert_eq!(outputs.collect::<Vec<_>>(), ["sum", "turned", "total", "event"]);
+}
+
+/// The message of the panic that is a compile error in a constant.
+fn refused<T>(look_up: impl FnOnce() -> T + std::panic::UnwindSafe) -> String {
+    let Err(panic) = std::panic::catch_unwind(look_up) else {
+        panic!("it was found")
+    };
+    (*panic.downcast::<&str>().expect("a message")).to_owned()
+}
+
+#[test]
+fn what_does_not_fit_the_declaration_has_no_handle() {
+    const SPEC: NodeSpec = Every::SPEC;
+    let message = refused(|| SPEC.input::<Scalar, Sampled>("scalr"));
+    assert_eq!(message, "no input has this name");
+    let message = refused(|| SPEC.input::<Scalar, Sampled>("vector"));
+    assert_eq!(message, "the frames of this input are of another kind");
+    let message = refused(|| SPEC.input::<Scalar, Sampled>("extra"));
+    assert!(message.contains("`Input<_, Optional>`"), "{message}");
+    let message = refused(|| SPEC.input::<Scalar, Optional>("scalar"));
+    assert!(message.contains("always connected"), "{message}");
+    let message = refused(|| SPEC.input::<Linear, Sampled>("terms"));
+    assert!(message.contains("`Input<_, Many>`"), "{message}");
+    let message = refused(|| SPEC.input::<Coefficients<'_>, Sampled>("held"));
+    assert!(message.contains("runs"), "{message}");
+    let message = refused(|| SPEC.input::<Scalar, Held>("scalar"));
+    assert!(message.contains("frame per tick"), "{message}");
+    let message = refused(|| SPEC.output::<Scalar>("turnd"));
+    assert_eq!(message, "no output has this name");
+    let message = refused(|| SPEC.output::<Wrench>("turned"));
+    assert_eq!(message, "the frames of this output are of another kind");
+    let message = refused(|| SPEC.output::<Linear>("event"));
+    assert_eq!(message, "the frames of this output are of another kind");
+    let message = refused(|| Input::common([SCALAR, SPEC.input("scalar"), Input::at(5)]));
+    assert!(message.contains("different places"), "{message}");
+}
+
+#[test]
+#[should_panic(expected = "written twice at once")]
+fn an_output_is_not_written_twice_at_once() {
+    #[derive(Clone)]
+    struct Twice;
+
+    impl Processor for Twice {
+        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+            let _ = io.write_all((OUT, OUT));
+        }
+    }
+
+    impl NodeKind for Twice {
+        type Settings = NoSettings;
+        const SPEC: NodeSpec = NodeSpec {
+            name: "Twice",
+            group: "toys",
+            doc: "",
+            source: "",
+            inputs: &[],
+            outputs: &[output("out", Kind::Scalar, Quantity::NUMBER, "")],
+            example: "",
+        };
+
+        fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+            Ok(Box::new(Self))
+        }
+    }
+
+    const OUT: Output<Scalar> = Twice::SPEC.output("out");
+    let mut bench = Bench::new::<Twice>(NoSettings {}, 1000.0, &[]).unwrap();
+    bench.run_source(1);
+}

@@ -1,0 +1,213 @@
+//! Handles of live settings, and how they are looked up.
+
+use super::Settings;
+
+/// A field of a [`Settings`] struct, as its declaration has it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DeclaredField {
+    /// Its name.
+    pub name: &'static str,
+    /// Whether it can change while the graph runs.
+    pub is_live: bool,
+}
+
+/// Handle of a live setting, by which [`Processor::set`](crate::node::Processor::set) gets its new values.
+///
+/// It is looked up by name where the program is compiled, and can stand in a pattern:
+///
+/// ```
+/// use haptograph_engine::settings::SettingId;
+///
+/// haptograph_engine::settings! {
+///     /// Settings of a low-pass.
+///     pub struct LowPassSettings {
+///         /// Where the response has fallen by 3 dB.
+///         [live] cutoff_hz: f64 = 20.0;
+///         /// Poles.
+///         order: u32 = 2;
+///     }
+/// }
+///
+/// const CUTOFF_HZ: SettingId = LowPassSettings::live("cutoff_hz");
+///
+/// fn is_cutoff(setting: SettingId) -> bool {
+///     matches!(setting, CUTOFF_HZ)
+/// }
+/// assert!(is_cutoff(CUTOFF_HZ));
+/// ```
+///
+/// A setting that is not live does not compile, nor does a name that no setting has:
+///
+/// ```compile_fail
+/// # use haptograph_engine::settings::SettingId;
+/// # haptograph_engine::settings! {
+/// #     /// Settings of a low-pass.
+/// #     pub struct LowPassSettings {
+/// #         /// Where the response has fallen by 3 dB.
+/// #         [live] cutoff_hz: f64 = 20.0;
+/// #         /// Poles.
+/// #         order: u32 = 2;
+/// #     }
+/// # }
+/// const ORDER: SettingId = LowPassSettings::live("order");
+/// ```
+///
+/// ```compile_fail
+/// # use haptograph_engine::settings::SettingId;
+/// # haptograph_engine::settings! {
+/// #     /// Settings of a low-pass.
+/// #     pub struct LowPassSettings {
+/// #         /// Where the response has fallen by 3 dB.
+/// #         [live] cutoff_hz: f64 = 20.0;
+/// #         /// Poles.
+/// #         order: u32 = 2;
+/// #     }
+/// # }
+/// const CUTOFF_HZ: SettingId = LowPassSettings::live("cutof_hz");
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct SettingId(usize);
+
+impl SettingId {
+    /// The handle of the live setting `name` of `S`. In a constant a wrong name is a compile error.
+    ///
+    /// # Panics
+    /// If no setting has this name, or the setting is not live.
+    pub const fn of<S: Settings>(name: &str) -> Self {
+        let mut index = 0;
+        while index < S::FIELDS.len() {
+            let field = S::FIELDS[index];
+            if same(field.name, name) {
+                assert!(
+                    field.is_live,
+                    "this setting is not live: its declaration needs `[live]`"
+                );
+                return Self(index);
+            }
+            index += 1;
+        }
+        panic!("no setting has this name")
+    }
+
+    /// The one handle that all of these are, for a processor of several kinds. In a constant a difference is a compile
+    /// error.
+    ///
+    /// # Panics
+    /// If they differ.
+    pub const fn common<const N: usize>(handles: [Self; N]) -> Self {
+        let mut other = 1;
+        while other < N {
+            assert!(
+                handles[other].0 == handles[0].0,
+                "these settings stand at different places of their declarations"
+            );
+            other += 1;
+        }
+        handles[0]
+    }
+
+    /// The setting with this index in the list of settings.
+    pub(crate) const fn at(index: usize) -> Self {
+        Self(index)
+    }
+
+    /// Index in the list of settings.
+    pub(crate) const fn index(self) -> usize {
+        self.0
+    }
+}
+
+/// Whether two names are equal, in constants too.
+pub(crate) const fn same(one: &str, other: &str) -> bool {
+    let (one, other) = (one.as_bytes(), other.as_bytes());
+    if one.len() != other.len() {
+        return false;
+    }
+    let mut at = 0;
+    while at < one.len() {
+        if one[at] != other[at] {
+            return false;
+        }
+        at += 1;
+    }
+    true
+}
+
+/// Whether any of the flags is set, in constants too. For [`settings!`](crate::settings!).
+#[doc(hidden)]
+pub const fn any(flags: &[bool]) -> bool {
+    let mut at = 0;
+    while at < flags.len() {
+        if flags[at] {
+            return true;
+        }
+        at += 1;
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    crate::settings! {
+        /// Three of them, the second of which is not live.
+        struct Toy {
+            /// The first.
+            [live] low: f64 = 0.0;
+            /// Not live.
+            order: u32 = 2;
+            /// The last.
+            [live, below_nyquist] high: f64 = 1.0;
+        }
+    }
+
+    crate::settings! {
+        /// Another kind's.
+        struct OtherToy {
+            /// Where `low` of the first is.
+            [live] lowest: f64 = 0.0;
+        }
+    }
+
+    #[test]
+    fn a_live_setting_is_found_by_its_name() {
+        const LOW: SettingId = Toy::live("low");
+        const HIGH: SettingId = Toy::live("high");
+        assert_eq!((LOW.index(), HIGH.index()), (0, 2));
+        let names: Vec<&str> = Toy::specs().iter().map(|spec| spec.name).collect();
+        assert_eq!(
+            names,
+            Toy::FIELDS.iter().map(|field| field.name).collect::<Vec<_>>()
+        );
+        let lives: Vec<bool> = Toy::specs().iter().map(|spec| spec.live).collect();
+        assert_eq!(
+            lives,
+            Toy::FIELDS.iter().map(|field| field.is_live).collect::<Vec<_>>()
+        );
+    }
+
+    #[test]
+    fn kinds_can_have_a_setting_in_common() {
+        const LOW: SettingId = SettingId::common([Toy::live("low"), OtherToy::live("lowest")]);
+        assert_eq!(LOW, Toy::live("low"));
+    }
+
+    #[test]
+    #[should_panic(expected = "not live")]
+    fn what_is_not_live_has_no_handle() {
+        let _ = Toy::live("order");
+    }
+
+    #[test]
+    #[should_panic(expected = "no setting has this name")]
+    fn a_wrong_name_has_no_handle() {
+        let _ = Toy::live("lo");
+    }
+
+    #[test]
+    #[should_panic(expected = "different places")]
+    fn different_settings_are_not_one() {
+        let _ = SettingId::common([Toy::live("high"), OtherToy::live("lowest")]);
+    }
+}
