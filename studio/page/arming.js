@@ -59,7 +59,8 @@ export function drivenOf(graph) {
 
 const named = ({ name, kind, at }) => `${name} (${kind}${at ? `, ${at}` : ""})`;
 
-const mayBeArmed = ({ hello, status }) => Boolean(hello?.can.arm && status?.owner && status.state === "running" && status.replay === null);
+const mayBeArmed = ({ hello, status }) =>
+    Boolean(hello?.can.arm && status?.owner && status.state === "running" && status.replay === null);
 
 function said({ hello, status }, who, armed) {
     if (armed && status.state === "stopping") return `STOP was sent: ${who} falls to zero`;

@@ -153,6 +153,7 @@ function mountDemo(studio, hands) {
     const button = find("demo");
     button.addEventListener("click", () => (demo.running ? demo.stop() : demo.start()));
     everyFrame(() => {
+        button.disabled = !studio.mayTouch() || hands.pads.length === 0;
         const pressed = String(demo.running);
         if (button.getAttribute("aria-pressed") === pressed) return;
         button.setAttribute("aria-pressed", pressed);

@@ -78,8 +78,7 @@ function connectionSays(studio) {
     if (studio.connection.open && studio.status) return silenceSays(studio);
     if (!studio.lost) return { level: "warn", text: "Connecting to the engine" };
     if (studio.lost.wait_s === null) return { level: "bad", text: "No engine can run at this address" };
-    if (studio.connection.stopping)
-        return { level: "bad", text: "Not connected: STOP is sent as soon as the engine answers" };
+    if (studio.connection.stopping) return { level: "bad", text: "Not connected: STOP is sent as soon as the engine answers" };
     if (engine) return { level: "warn", text: "The engine in this page ended" };
     return { level: "warn", text: "Not connected: the engine has taken its actuators to zero by itself" };
 }
@@ -105,7 +104,10 @@ export function stopSays(studio) {
               ? `Stopping: the engine has not confirmed STOP. If it does not, ${end}`
               : "Stopping";
     if (!studio.mayResume)
-        return { level: "bad", text: `${text}. This page came over the network and cannot resume: resume on the studio's own machine` };
+        return {
+            level: "bad",
+            text: `${text}. This page came over the network and cannot resume: resume on the studio's own machine`,
+        };
     return { level: "bad", text, label: owner ? "Resume" : "Take over and resume", action: () => studio.resume() };
 }
 
@@ -161,7 +163,8 @@ function engineSays(studio, counts, recent) {
 function soundSays(studio, counts, recent) {
     const { sound } = studio;
     if (sound.obstacle) return { level: "note", text: sound.obstacle };
-    if (!sound.on) return { level: "note", text: "No sound yet: press Sound", label: "Turn sound on", action: () => sound.toggle() };
+    if (!sound.on)
+        return { level: "note", text: "No sound yet: press Sound", label: "Turn sound on", action: () => sound.toggle() };
     if (recent("underruns"))
         return {
             level: "warn",

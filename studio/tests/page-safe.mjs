@@ -154,7 +154,9 @@ programTest("a page of the network stops, and says that it cannot resume and why
 });
 
 const ASKED_A = 0.5;
-const DRIVEN = (place) => `Graph(format: 1, about: "A constant current, for the test of what is armed.", clocks: { "servo": Driver(rate_hz: 1000) }, nodes: {
+const DRIVEN = (
+    place,
+) => `Graph(format: 1, about: "A constant current, for the test of what is armed.", clocks: { "servo": Driver(rate_hz: 1000) }, nodes: {
     "one": Constant(clock: "servo", value: ${ASKED_A}, quantity: "current"),
     "out": ActuatorSink(current: "one", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
 }, endpoints: {

@@ -1,19 +1,6 @@
 // What is seen and reached: on a phone, in the dark, by keys, without things that jump, and where no engine can run.
 import assert from "node:assert/strict";
-import {
-    address,
-    AS_PHONE,
-    demo,
-    FAR_NAME,
-    finger,
-    latest,
-    open,
-    picture,
-    siteTest,
-    stroke,
-    test,
-    until,
-} from "./harness.mjs";
+import { address, AS_PHONE, demo, FAR_NAME, finger, latest, open, picture, siteTest, stroke, test, until } from "./harness.mjs";
 
 const LEAST_TEXT = 4.5; // WCAG AA
 const LEAST_LARGE_TEXT = 3;
@@ -69,7 +56,9 @@ const faintTexts = (page) =>
                 const isLarge = size >= 24 || (size >= 18.66 && Number(fontWeight) >= 700);
                 const found = (high + 0.05) / (low + 0.05);
                 if (found < (isLarge ? least_large : least) - rounding)
-                    wrong.push(`${found.toFixed(2)} ${element.tagName}#${element.id}.${element.className} "${element.textContent.slice(0, 30)}"`);
+                    wrong.push(
+                        `${found.toFixed(2)} ${element.tagName}#${element.id}.${element.className} "${element.textContent.slice(0, 30)}"`,
+                    );
             }
             return wrong;
         },
@@ -176,9 +165,14 @@ test("nothing jumps while one strokes, stops and goes on", async (main) => {
     await page.evaluate(() => {
         window.shifts = [];
         const keep = (list) =>
-            list.getEntries().forEach(({ value, sources }) =>
-                window.shifts.push([value, sources.map(({ node }) => node?.id || node?.className || node?.nodeName).join(" ")]),
-            );
+            list
+                .getEntries()
+                .forEach(({ value, sources }) =>
+                    window.shifts.push([
+                        value,
+                        sources.map(({ node }) => node?.id || node?.className || node?.nodeName).join(" "),
+                    ]),
+                );
         new PerformanceObserver(keep).observe({ type: "layout-shift", buffered: false });
     });
     await stroke(page, 0.4, 2000);
@@ -202,7 +196,8 @@ const focused = (page) =>
         let element = document.activeElement;
         while (element?.shadowRoot?.activeElement) element = element.shadowRoot.activeElement;
         if (element === document.body) return { name: "the page", isMarked: true }; // from its end to its beginning
-        const name = element.id || element.dataset.for || element.dataset.node || element.getAttribute("aria-label") || element.className;
+        const name =
+            element.id || element.dataset.for || element.dataset.node || element.getAttribute("aria-label") || element.className;
         const marked = element.closest(".cm-editor") ?? element;
         return { name, isMarked: element instanceof SVGElement || getComputedStyle(marked).outlineStyle !== "none" };
     });
@@ -242,7 +237,10 @@ test("the keyboard reaches STOP, the controls and the editor, and leaves them ag
         ["demo", "scope-add"],
         ["scope-add", "graph"],
     ])
-        assert(order.includes(later) && order.indexOf(earlier) < order.indexOf(later), `${earlier} then ${later}: ${order.join(" ")}`);
+        assert(
+            order.includes(later) && order.indexOf(earlier) < order.indexOf(later),
+            `${earlier} then ${later}: ${order.join(" ")}`,
+        );
     // The tabs are one stop; arrows move in them.
     const choose = async (tab) => {
         await page.focus("#tabs [aria-selected=true]");

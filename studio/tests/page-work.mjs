@@ -81,11 +81,12 @@ test("a pause freezes what is seen, and zoom and span act in it", async (page) =
     assert.notEqual(await seen(), before);
     await page.setViewportSize({ width: 1300, height: 900 }); // a canvas that is resized is empty until it is drawn
     await settled();
-    const empty = await page.evaluate(() =>
-        [...document.querySelectorAll("#scopes canvas")].filter((canvas) => {
-            const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-            return !data.some((value) => value > 0);
-        }).length,
+    const empty = await page.evaluate(
+        () =>
+            [...document.querySelectorAll("#scopes canvas")].filter((canvas) => {
+                const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+                return !data.some((value) => value > 0);
+            }).length,
     );
     assert.equal(empty, 0, `${empty} views are blank`);
     await page.setViewportSize({ width: 1440, height: 900 });
@@ -168,7 +169,14 @@ test("nothing that can be read says which surface runs while one compares blind"
         for (const tab of ["graph", "controls", "surfaces"]) {
             await page.evaluate((shown) => studio.showTab(shown), tab);
             const text = (await readable(page)).replaceAll(/^default .*$/gm, ""); // which is the same whatever runs
-            for (const said of [path, path.split("/").at(-1).replace(/\.ron"?$/, ""), name])
+            for (const said of [
+                path,
+                path
+                    .split("/")
+                    .at(-1)
+                    .replace(/\.ron"?$/, ""),
+                name,
+            ])
                 assert(!text.includes(said), `${tab}: ${text.split("\n").find((line) => line.includes(said))}`);
         }
         await hand.lift(x, 0.5);
@@ -182,7 +190,10 @@ test("nothing that can be read says which surface runs while one compares blind"
         const { name } = studio.graph.parameters.find(({ is_surface }) => is_surface);
         return document.querySelector(`[data-parameter="${name}"]`).value;
     });
-    assert(sides.some(({ path }) => value.includes(path.replaceAll('"', ""))), value);
+    assert(
+        sides.some(({ path }) => value.includes(path.replaceAll('"', ""))),
+        value,
+    );
 });
 
 test("a recording that was kept is replayed after a reload, with the same samples", async (page) => {
@@ -342,12 +353,7 @@ programTest("a recording that is dropped on the page is learned, and is on the p
     const page = await open({ at: own.address });
     try {
         const before = await page.evaluate(() => studio.graph.surfaces.length);
-        await drop(
-            page,
-            "my-tile.csv",
-            "text/csv",
-            readFileSync(join(HOME, "examples/data/t3-tile-drag-simulated.csv"), "utf8"),
-        );
+        await drop(page, "my-tile.csv", "text/csv", readFileSync(join(HOME, "examples/data/t3-tile-drag-simulated.csv"), "utf8"));
         await page.waitForSelector(".surface-message", { timeout: 5000 });
         await page.waitForSelector(".surface-message button", { timeout: LEARNING_MS });
         await picture(page, "learned");

@@ -58,8 +58,6 @@ export function proxyTo(address) {
         },
     };
     return new Promise((done) =>
-        server.listen(0, "127.0.0.1", () =>
-            done({ address: `http://127.0.0.1:${server.address().port}/${search}`, ...control }),
-        ),
+        server.listen(0, "127.0.0.1", () => done({ address: `http://127.0.0.1:${server.address().port}/${search}`, ...control })),
     );
 }

@@ -147,7 +147,14 @@ test("tilt is what the browser says, by either way of saying it", () => {
         const { tilt_x_deg, tilt_y_deg } = tiltOf({ altitudeAngle: ((90 - degrees) * Math.PI) / 180, azimuthAngle: azimuth });
         return [tilt_x_deg, tilt_y_deg].map((tilt) => Math.round(tilt * 1e6) / 1e6);
     };
-    assert.deepEqual([tilted(0, 1), tilted(30, 0), tilted(30, Math.PI / 2)], [[0, 0], [30, 0], [0, 30]]);
+    assert.deepEqual(
+        [tilted(0, 1), tilted(30, 0), tilted(30, Math.PI / 2)],
+        [
+            [0, 0],
+            [30, 0],
+            [0, 30],
+        ],
+    );
     assert(Object.values(tiltOf({ altitudeAngle: 0, azimuthAngle: 0.5 })).every((tilt) => tilt > 0 && tilt < 90));
 });
 
@@ -283,7 +290,10 @@ test("who resumes takes a STOP back that was not confirmed", () =>
     }));
 
 test("actuators are held only while statuses come", () => {
-    assert.deepEqual([isRecent(1000, 1100), isRecent(1000, 1499), isRecent(1000, 1500), isRecent(-Infinity, 0)], [true, true, false, false]);
+    assert.deepEqual(
+        [isRecent(1000, 1100), isRecent(1000, 1499), isRecent(1000, 1500), isRecent(-Infinity, 0)],
+        [true, true, false, false],
+    );
 });
 
 test("a drawer or a listener that fails is reported, and the others go on", async () => {
@@ -383,7 +393,8 @@ test("an engine of a page says why it cannot run at an address, and what to do",
 const STYLE = readFileSync(new URL("../page/style.css", import.meta.url), "utf8");
 const PANELS = readFileSync(new URL("../page/panels.css", import.meta.url), "utf8");
 const EDITOR = readFileSync(new URL("../page/editor.js", import.meta.url), "utf8");
-const coloursIn = (css) => Object.fromEntries([...css.matchAll(/--([\w-]+): *(#[0-9a-f]{6})/g)].map(([, name, value]) => [name, value]));
+const coloursIn = (css) =>
+    Object.fromEntries([...css.matchAll(/--([\w-]+): *(#[0-9a-f]{6})/g)].map(([, name, value]) => [name, value]));
 const DARK_FROM = STYLE.indexOf("@media (prefers-color-scheme: dark)");
 const light = coloursIn(STYLE.slice(0, DARK_FROM));
 const SCHEMES = { light, dark: { ...light, ...coloursIn(STYLE.slice(DARK_FROM)) } };
@@ -416,12 +427,22 @@ test("every text and every edge of a control stands out from what is behind it, 
     const inRules = rules
         .filter((rule) => rule.text && !isExempt(rule))
         .flatMap(({ text, ground }) => (ground ? [[text, ground]] : text.startsWith("on-") ? [] : GROUNDS.map((g) => [text, g])));
-    const inEditor = [...EDITOR.matchAll(/color: "var\(--([\w-]+)\)"/g)].map(([, text]) => text).filter((text) => !text.startsWith("on-"));
+    const inEditor = [...EDITOR.matchAll(/color: "var\(--([\w-]+)\)"/g)]
+        .map(([, text]) => text)
+        .filter((text) => !text.startsWith("on-"));
     const drawn = ["ink", "soft"]; // on canvases
-    const texts = [...inRules, ...drawn.flatMap((text) => GROUNDS.map((ground) => [text, ground])), ["on-accent", "accent"], ["soft", "tint6"]];
+    const texts = [
+        ...inRules,
+        ...drawn.flatMap((text) => GROUNDS.map((ground) => [text, ground])),
+        ["on-accent", "accent"],
+        ["soft", "tint6"],
+    ];
     const edges = rules.filter(({ border }) => ["edge", "accent"].includes(border)).map(({ border }) => border);
     const marks = ["edge", "accent", "good", "warn", "bad", "faint"]; // of what has no text
-    assert(inRules.length > 40 && inEditor.length > 5 && edges.length > 2, `${inRules.length} ${inEditor.length} ${edges.length}`);
+    assert(
+        inRules.length > 40 && inEditor.length > 5 && edges.length > 2,
+        `${inRules.length} ${inEditor.length} ${edges.length}`,
+    );
     const wrong = [];
     const check = (scheme, least, name, a, b) => {
         const found = contrast(a, b);
@@ -435,8 +456,10 @@ test("every text and every edge of a control stands out from what is behind it, 
             check(scheme, 4.5, `${text} in its active line`, channels(colours[text]), mixed(colours.tint0, colours.box, 0.45));
         }
         for (const mark of marks)
-            for (const ground of GROUNDS) check(scheme, 3, `${mark} on ${ground}`, channels(colours[mark]), channels(colours[ground]));
-        for (const ground of ["tint5", "tint6"]) check(scheme, 3, `edge on ${ground}`, channels(colours.edge), channels(colours[ground]));
+            for (const ground of GROUNDS)
+                check(scheme, 3, `${mark} on ${ground}`, channels(colours[mark]), channels(colours[ground]));
+        for (const ground of ["tint5", "tint6"])
+            check(scheme, 3, `edge on ${ground}`, channels(colours.edge), channels(colours[ground]));
     }
     assert.deepEqual([...new Set(wrong)], []);
 });
