@@ -34,6 +34,9 @@ pub use scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
 pub use study::{
     Compared, Evaluation, RecordingName, Study, StudyError, StudySettings, Take, conclude, evaluate,
 };
-pub use synthesis::{RandomWalk, SynthesisError, SynthesisSettings, Trajectory, synthesise, synthesise_with};
+pub use synthesis::{
+    RandomWalk, SynthesisError, SynthesisSettings, Trajectory, UpdatePoints, synthesise, synthesise_with,
+    update_samples,
+};
 pub use tables::{DifferenceTable, References, TableError, TableSettings, TestSet};
-pub use voices::{Voice, VoiceError, synthesise_many, synthesise_many_with};
+pub use voices::{Voice, VoiceError, VoiceInto, synthesise_into, synthesise_many, synthesise_many_with};
