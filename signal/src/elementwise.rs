@@ -5,6 +5,11 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+/// Numbers on whole cache lines. The widest vectors straddle two lines where numbers lie anywhere, at twice the cost.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+pub struct CacheLines<T>(pub T);
+
 /// `y = gain x`.
 #[inline]
 pub fn scale(gain: f64, x: &[f64], y: &mut [f64]) {

@@ -128,8 +128,10 @@ impl Batched {
         for batch in whole {
             (self.make)(self.arch, &mut self.lanes, batch);
         }
-        for sample in rest {
-            *sample = self.next_sample();
+        if !rest.is_empty() {
+            (self.make)(self.arch, &mut self.lanes, &mut self.batch);
+            self.next = rest.len();
+            rest.copy_from_slice(&self.batch[..self.next]);
         }
     }
 }

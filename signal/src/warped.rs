@@ -7,6 +7,7 @@
 //! With `l = 0` everything here is the ordinary case.
 
 use crate::arma::MAX_ORDER;
+use crate::elementwise::CacheLines;
 use crate::prediction::{PredictionError, step_down, step_down_lanes};
 use std::f64::consts::PI;
 
@@ -72,8 +73,8 @@ pub fn power_gains<const L: usize>(
     warping: f64,
 ) -> Result<[f64; L], (usize, PredictionError)> {
     let refused = || first_error(ar, |_, ar| power_gain(ar, warping).map(drop));
-    let mut product = [[0.0; L]; MAX_ORDER + 1];
-    let product = product.get_mut(..=ar.len()).ok_or_else(refused)?;
+    let mut product = CacheLines([[0.0; L]; MAX_ORDER + 1]);
+    let product = product.0.get_mut(..=ar.len()).ok_or_else(refused)?;
     let mut before = [1.0; L];
     for (place, a) in product.iter_mut().zip(ar.iter().chain(&[[0.0; L]])) {
         for l in 0..L {
@@ -90,7 +91,10 @@ pub fn power_gains<const L: usize>(
             share[l] *= (1.0 - kappa[l]) * (1.0 + kappa[l]);
         }
     }
-    Ok(share.map(|share| (1.0 - warping * warping) / share))
+    for share in &mut share {
+        *share = (1.0 - warping * warping) / *share;
+    }
+    Ok(share)
 }
 
 /// What is wrong with the first of some models in lanes that is refused.

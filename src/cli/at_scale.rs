@@ -123,7 +123,7 @@ fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Resu
         }
     }
     let output = Output::claim(path, given.force)?;
-    let takes = evaluate::read_takes(given.dir(), &import)?;
+    let takes = evaluate::list_takes(given.dir(), &import)?;
     let progress = Progress::of("evaluating");
     let failed = |error: &dyn std::fmt::Display| Failure::file("evaluate", given.dir(), error);
     let whole = Study::of(&takes).map_err(|error| failed(&error))?;

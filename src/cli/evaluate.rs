@@ -3,7 +3,8 @@
 mod holdout;
 mod takes;
 
-pub(super) use takes::read_takes;
+pub(super) use takes::list_takes;
+use takes::read_takes;
 
 use super::import::Import;
 use super::output::{Force, Output};
@@ -13,13 +14,14 @@ use super::{Failure, eprint, learn as learning, print, print_json};
 use crate::engine::registry::Registry;
 use crate::surfaces::Origin;
 use crate::surfaces::evaluate::{
-    DifferenceTable, Evaluation, HoldoutSettings, StudyError, StudySettings, Take, evaluate,
+    DifferenceTable, Evaluation, HoldoutSettings, Study, StudyError, StudySettings, TakeSource,
 };
 use crate::surfaces::learning::{LearnSettings, learn};
 use crate::surfaces::metrics::Pooling;
-use crate::surfaces::recording::{AnyRecording, Gesture};
+use crate::surfaces::recording::{AnyRecording, Gesture, ImportSettings};
 use clap::ValueEnum;
 use serde_json::json;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// What to evaluate, and how
@@ -74,13 +76,15 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         .map(|folder| Output::claim_page(folder, arguments.force))
         .transpose()?;
     let import = arguments.import.settings().map_err(Failure::Message)?;
-    let takes = read_takes(arguments.dir(), &import)?;
     if arguments.holdout {
-        return run_holdout(arguments, page.as_ref(), &takes);
+        return run_holdout(arguments, page.as_ref(), &import);
     }
+    let takes = list_takes(arguments.dir(), &import)?;
     let settings = study_settings(arguments);
     let progress = Progress::of("evaluating");
-    let found = evaluate(&takes, &settings, &|part| progress.at(part)).map_err(|error| match error {
+    let study = Study::of(&takes);
+    let found = study.and_then(|study| study.evaluate(&settings, &|part| progress.at(part)));
+    let found = found.map_err(|error| match error {
         // Hold-out needs only one take per material, since it tests on parts of it.
         StudyError::NoTest { .. } => {
             let error = format!("{error}; or --holdout, which tests on parts of each take");
@@ -100,7 +104,8 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     conclude(&takes, page)
 }
 
-fn run_holdout(arguments: &Arguments, page: Option<&Output>, takes: &[Take]) -> Result<(), Failure> {
+fn run_holdout(arguments: &Arguments, page: Option<&Output>, import: &ImportSettings) -> Result<(), Failure> {
+    let takes = &read_takes(arguments.dir(), import)?[..];
     let settings = HoldoutSettings {
         processing: arguments.settings.processing(),
         texture: arguments.settings.texture(),
@@ -123,8 +128,8 @@ fn run_holdout(arguments: &Arguments, page: Option<&Output>, takes: &[Take]) -> 
 }
 
 /// Prints how many recordings are simulated, and the path of the page.
-fn conclude(takes: &[Take], page: Option<PathBuf>) -> Result<(), Failure> {
-    let simulated = takes.iter().filter(|take| is_simulated(take)).count();
+fn conclude(takes: &[impl TakeSource], page: Option<PathBuf>) -> Result<(), Failure> {
+    let simulated = takes.iter().filter(|take| is_simulated(*take)).count();
     print_simulated(simulated, takes.len())?;
     page.map_or(Ok(()), |page| print(&format!("\nlook at {}\n", page.display())))
 }
@@ -144,8 +149,8 @@ fn title(dir: &Path) -> String {
     )
 }
 
-fn is_simulated(take: &Take) -> bool {
-    take.recording.provenance().origin == Origin::Simulated
+fn is_simulated(take: &impl TakeSource) -> bool {
+    take.origin() == Origin::Simulated
 }
 
 /// Writes the page, with a surface of each material learned from the expert's first drag and all of the
@@ -153,7 +158,7 @@ fn is_simulated(take: &Take) -> bool {
 fn write_report(
     page: &Output,
     arguments: &Arguments,
-    takes: &[Take],
+    takes: &[impl TakeSource],
     found: &Evaluation,
 ) -> Result<PathBuf, Failure> {
     let settings = LearnSettings {
@@ -167,13 +172,15 @@ fn write_report(
         let mut drags = 0;
         let chosen = takes
             .iter()
-            .filter(|take| take.name.material == *material && take.name.person == found.expert);
+            .filter(|take| take.name().material == *material && take.name().person == found.expert);
         let chosen = chosen.filter(|take| {
-            let drag = take.recording.gesture() == Gesture::Drag;
+            let drag = take.gesture() == Gesture::Drag;
             drags += usize::from(drag);
             !drag || drags == 1
         });
-        let recordings: Vec<AnyRecording> = chosen.map(|take| take.recording.clone()).collect();
+        let recordings = chosen.map(|take| take.load().map(Cow::into_owned));
+        let recordings = recordings.collect::<Result<Vec<AnyRecording>, String>>();
+        let recordings = recordings.map_err(Failure::Message)?;
         let one = learn(material, &recordings, &settings, &|_| ());
         let one = one.map_err(|error| Failure::Message(format!("{material}: {error}")))?;
         for missing in &one.1.missing {

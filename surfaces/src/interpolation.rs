@@ -165,9 +165,17 @@ impl Interpolator {
 
     /// The triangle and weights at a speed in m/s and a force in N, saturated.
     pub fn locate(&mut self, speed_m_s: f64, force_n: f64) -> Spot {
+        let mut last_triangle = self.last_triangle;
+        let spot = self.locate_from(&mut last_triangle, speed_m_s, force_n);
+        self.last_triangle = last_triangle;
+        spot
+    }
+
+    /// [`Self::locate`] for one of several that share these models: each keeps its own last triangle.
+    pub(crate) fn locate_from(&self, last_triangle: &mut u32, speed_m_s: f64, force_n: f64) -> Spot {
         let (speed_m_s, force_n) = self.map.saturate(speed_m_s, force_n);
-        let Location { triangle, weights } = self.map.locate_from(self.last_triangle, speed_m_s, force_n);
-        self.last_triangle = triangle;
+        let Location { triangle, weights } = self.map.locate_from(*last_triangle, speed_m_s, force_n);
+        *last_triangle = triangle;
         Spot {
             speed_m_s,
             force_n,

@@ -2,12 +2,12 @@
 
 use crate::errors::Failure;
 use crate::recordings::Recording;
-use crate::work::apart;
+use crate::work::{apart, apart_within};
 use haptograph::report::figures::triangulation;
 use haptograph::report::learning::page;
 use haptograph::report::plot::{Axis, Plot};
 use haptograph::surfaces::evaluate::{
-    SynthesisSettings, Trajectory, Voice, synthesise_many_with, synthesise_with,
+    SynthesisSettings, Trajectory, UpdatePoints, VoiceInto, synthesis, synthesise_into, synthesise_with,
 };
 use haptograph::surfaces::files;
 use haptograph::surfaces::learning::law::LawSettings;
@@ -18,9 +18,10 @@ use haptograph::surfaces::metrics::{self, BandErrors, Bands, WindowSettings};
 use haptograph::surfaces::recording::{AnyRecording, remove_offset};
 use haptograph::surfaces::resampling::{Method, resample_surface};
 use haptograph::surfaces::{ArmaModel, Coefficients, Interpolator, Origin, TextureModel};
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::fmt::Display;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -295,11 +296,19 @@ impl Surface {
     }
 }
 
-/// Many vibrations at once: a row each of surfaces, forces, speeds and seeds, of which there are as many.
+/// The samples at which forces and speeds are read, of so many at a rate.
+#[pyfunction]
+pub fn update_samples(py: Python<'_>, rate: f64, update: f64, samples: usize) -> Bound<'_, PyArray1<i64>> {
+    let places = synthesis::update_samples(rate, update, samples);
+    PyArray1::from_iter(py, places.map(|place| place as i64))
+}
+
+/// Many vibrations at once into the rows of `out`: a row each of surfaces, forces and speeds at [`update_samples`], and seeds,
+/// of which there are as many.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // those of the package's own function
-pub fn render<'py>(
-    py: Python<'py>,
+pub fn render(
+    py: Python<'_>,
     surfaces: Vec<PyRef<'_, Surface>>,
     force: PyReadonlyArray2<'_, f64>,
     speed: PyReadonlyArray2<'_, f64>,
@@ -307,37 +316,42 @@ pub fn render<'py>(
     update: f64,
     threads: usize,
     progress: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    out: &Bound<'_, PyArray2<f64>>,
+) -> PyResult<()> {
+    let wrong = |error: &dyn Display| Failure::of(format!("`out` cannot be written: {error}")).raise(py);
+    let mut out = out.try_readwrite().map_err(|error| wrong(&error))?;
+    let samples = out.shape()[1];
     let rates = surfaces.iter().map(|surface| Ok(surface.texture(py)?.rate_hz()));
     let rates = rates.collect::<PyResult<Vec<f64>>>()?;
-    let surfaces: Vec<_> = surfaces.iter().map(|one| Arc::clone(&one.surface)).collect();
     let (force, speed) = (force.as_array(), speed.as_array());
-    let rows = force.rows().into_iter().zip(speed.rows());
-    let along = rows.zip(rates).map(|((force, speed), rate_hz)| Trajectory {
+    let rows = force.rows().into_iter().zip(speed.rows()).zip(rates);
+    let points = rows.map(|((force, speed), rate_hz)| UpdatePoints {
         rate_hz,
+        update_hz: update,
+        samples,
         speed_m_s: speed.to_vec(),
         force_n: force.to_vec(),
     });
-    let along: Vec<Trajectory> = along.collect();
-    let vibrations = apart(py, (progress, false), move |progress| {
-        let each = surfaces.iter().zip(&along).zip(seeds);
-        let voices = each.filter_map(|((surface, trajectory), seed)| {
-            let settings = SynthesisSettings {
-                update_hz: update,
-                seed,
-                lines_seed: seed,
-            };
-            let texture = surface.texture.as_ref()?;
-            Some(Voice {
-                texture,
-                trajectory,
-                settings,
-            })
-        });
-        let voices: Vec<Voice<'_>> = voices.collect();
-        synthesise_many_with(&voices, threads, &|part| progress.goes_on(part)).map_err(Failure::of)
-    })?;
-    Ok(PyArray2::from_vec2(py, &vibrations)?)
+    let points: Vec<UpdatePoints> = points.collect();
+    let surfaces: Vec<_> = surfaces.iter().map(|one| Arc::clone(&one.surface)).collect();
+    let out = out.as_slice_mut().map_err(|error| wrong(&error))?;
+    // No rows of no samples.
+    let rows = out.chunks_exact_mut(samples.max(1));
+    let rows = rows.chain(std::iter::repeat_with(Default::default));
+    let each = surfaces.iter().zip(&points).zip(seeds).zip(rows);
+    let voices = each.filter_map(|(((surface, points), seed), out)| {
+        Some(VoiceInto {
+            texture: surface.texture.as_ref()?,
+            points,
+            seed,
+            lines_seed: seed,
+            out,
+        })
+    });
+    let voices: Vec<VoiceInto<'_>> = voices.collect();
+    apart_within(py, progress, move |progress| {
+        synthesise_into(voices, threads, &|part| progress.goes_on(part)).map_err(Failure::of)
+    })
 }
 
 /// How far one vibration is from another, over the time that both cover.

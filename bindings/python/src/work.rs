@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
 /// How often it is asked whether ctrl-C was pressed and how far the work is.
@@ -66,13 +66,55 @@ pub fn apart_with<R: Send + 'static>(
     work: impl FnOnce(&Progress) -> Result<R, Failure> + Send + 'static,
 ) -> PyResult<R> {
     let progress = Progress::default();
-    let (sender, mut receiver) = sync_channel(1);
+    let (sender, receiver) = sync_channel(1);
     let theirs = progress.clone();
     let worker = std::thread::Builder::new().name("haptograph".to_owned());
     let worker = worker.spawn(move || {
         // Where nobody waits any more, the result is dropped here.
         let _ = sender.send(work(&theirs));
     })?;
+    let done = attend(py, show, &progress, receiver);
+    while waits && progress.stop.load(Ordering::Relaxed) && !worker.is_finished() {
+        scripts.interrupt(py);
+        py.detach(|| std::thread::sleep(LOOK));
+    }
+    done?.ok_or_else(|| {
+        let _ = worker.join();
+        panicked()
+    })
+}
+
+/// Does `work` on another thread as [`apart`] does. It is waited for in any case, so that it may borrow; it has to end soon after
+/// it is told to stop.
+pub fn apart_within<R: Send>(
+    py: Python<'_>,
+    show: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Progress) -> Result<R, Failure> + Send,
+) -> PyResult<R> {
+    let progress = Progress::default();
+    let (sender, receiver) = sync_channel(1);
+    std::thread::scope(|scope| {
+        let theirs = &progress;
+        let worker = std::thread::Builder::new().name("haptograph".to_owned());
+        let worker = worker.spawn_scoped(scope, move || {
+            // Where it was told to stop, the result is dropped here.
+            let _ = sender.send(work(theirs));
+        })?;
+        let done = attend(py, show, &progress, receiver);
+        // A panic was printed where it happened.
+        let _ = py.detach(|| worker.join());
+        done?.ok_or_else(panicked)
+    })
+}
+
+/// Waits for the result of a worker; none where it panicked. `show` is called with the part done, now and then. At ctrl-C, or
+/// where `show` raises, the worker is told to stop, and that is the error.
+fn attend<R: Send>(
+    py: Python<'_>,
+    show: Option<&Bound<'_, PyAny>>,
+    progress: &Progress,
+    mut receiver: Receiver<Result<R, Failure>>,
+) -> PyResult<Option<R>> {
     let mut shown = f64::NAN;
     loop {
         let (back, received) = py.detach(move || {
@@ -81,13 +123,8 @@ pub fn apart_with<R: Send + 'static>(
         });
         receiver = back;
         match received {
-            Ok(done) => return done.map_err(|failure| failure.raise(py)),
-            Err(RecvTimeoutError::Disconnected) => {
-                let _ = worker.join();
-                return Err(PyRuntimeError::new_err(
-                    "haptograph panicked, which is a fault of haptograph: what it said is on standard error",
-                ));
-            }
+            Ok(done) => return done.map(Some).map_err(|failure| failure.raise(py)),
+            Err(RecvTimeoutError::Disconnected) => return Ok(None),
             Err(RecvTimeoutError::Timeout) => {}
         }
         let part = f64::from_bits(progress.done.load(Ordering::Relaxed));
@@ -98,11 +135,14 @@ pub fn apart_with<R: Send + 'static>(
         }
         if let Err(interrupt) = asked {
             progress.stop.store(true, Ordering::Relaxed);
-            while waits && !worker.is_finished() {
-                scripts.interrupt(py);
-                py.detach(|| std::thread::sleep(LOOK));
-            }
             return Err(interrupt);
         }
     }
+}
+
+/// The exception for a worker that has no result.
+fn panicked() -> PyErr {
+    PyRuntimeError::new_err(
+        "haptograph panicked, which is a fault of haptograph: what it said is on standard error",
+    )
 }

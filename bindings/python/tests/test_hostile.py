@@ -222,11 +222,28 @@ def test_an_array_that_another_thread_changes_is_taken_as_it_was_or_refused(canv
         for _ in range(20):
             try:
                 assert np.isfinite(canvas.render(given, speed)).all()
+                assert np.isfinite(hg.render(canvas, given, speed)).all()
             except hg.Error as error:
                 assert "finite" in str(error)
     finally:
         over.set()
         thread.join()
+
+
+def test_threads_that_race_for_an_output_fill_it_or_are_refused(canvas):
+    rows, out, refused = np.full((32, 100_000), 0.1), np.empty((32, 100_000)), []
+
+    def render():
+        try:
+            hg.render(canvas, 1.0, rows, threads=1, out=out)
+        except hg.Error as error:
+            refused.append(error)
+
+    threads = [threading.Thread(target=render) for _ in range(4)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert len(refused) < 4 and all("out" in str(error) for error in refused)
+    assert np.array_equal(out, hg.render(canvas, 1.0, rows))
 
 
 def test_threads_that_run_one_graph_have_its_bits(pad):

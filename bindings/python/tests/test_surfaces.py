@@ -72,6 +72,8 @@ def test_what_progress_raises_ends_a_rendering(canvas):
     rows = np.full((64, 600_000), 0.1)
     with pytest.raises(RuntimeError, match="enough"):
         hg.render(canvas, 1.0, rows, progress=refuse)
+    with pytest.raises(RuntimeError, match="enough"):
+        hg.render(canvas, 1.0, rows, update=0.001, progress=refuse, out=rows)
     told = []
     whole = canvas.render(1.0, 0.1, seconds=600, progress=told.append)
     assert told == sorted(told) and 0 <= told[0] <= told[-1] <= 1
@@ -188,6 +190,49 @@ def test_rows_are_rendered_at_once_and_none_depends_on_the_others(graphs, canvas
         one = surfaces[row].render(forces[row], speed, seed=5 + row)
         assert np.abs(one - many[row]).max() < 1e-9 * np.abs(one).max()
     assert np.array_equal(hg.render(canvas, forces, speed), hg.render([canvas] * 20, forces, speed, threads=1))
+
+
+def test_rows_go_into_an_array_of_the_callers(canvas):
+    force, speed = stroke(3000, canvas.rate)
+    forces = np.stack([force * (1 + 0.1 * row) for row in range(5)])
+    wanted, out = hg.render(canvas, forces, speed), np.full((5, 3000), np.nan)
+    assert hg.render(canvas, forces, speed, out=out) is out and np.array_equal(out, wanted)
+    # An input may be the output: it is read first.
+    assert np.array_equal(hg.render(canvas, forces, speed, out=forces), wanted)
+    none = np.empty((5, 0))
+    assert hg.render(canvas, none, none, out=none) is none
+    read_only = np.empty((1, 3000))
+    read_only.flags.writeable = False
+    for wrong in (
+        out,
+        out[0],
+        [[0.0] * 3000],
+        np.empty((1, 3000), np.float32),
+        np.empty((1, 3000), ">f8"),
+        np.empty((1, 6000))[:, ::2],
+        np.frombuffer(bytes(8 * 3000 + 1), np.uint8)[1:].view(np.float64).reshape(1, 3000),
+        read_only,
+    ):
+        with pytest.raises(hg.Error, match="out"):
+            hg.render(canvas, [force], speed, out=wrong)
+
+
+def test_rows_are_read_however_their_numbers_lie(canvas):
+    force, speed = stroke(3000, canvas.rate)
+    wanted = hg.render(canvas, np.tile(force, (3, 1)), speed)
+    wide = np.zeros((3, 6000))
+    wide[:, ::-2] = force
+    unaligned = np.frombuffer(b"0" + force.tobytes(), np.uint8)[1:].view(np.float64)
+    for given in (
+        np.broadcast_to(force, (3, 3000)),
+        np.asfortranarray(np.tile(force, (3, 1))),
+        wide[:, ::-2],
+        np.tile(unaligned, (3, 1)),
+        [unaligned] * 3,
+        np.tile(force, (3, 1)).astype(">f8"),
+    ):
+        assert np.array_equal(hg.render(canvas, given, speed), wanted)
+    assert np.array_equal(hg.render(canvas, unaligned, speed, seeds=[1, 2, 3]), wanted)
 
 
 def test_hostile_rows_are_errors(canvas):

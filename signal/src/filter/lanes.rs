@@ -11,8 +11,9 @@ pub struct SectionLanes<const L: usize> {
     arch: Arch,
 }
 
-/// A section of each voice.
+/// A section of each voice, on whole cache lines.
 #[derive(Debug, Clone)]
+#[repr(align(64))]
 struct Running<const L: usize> {
     /// `b_0`, `b_1 - a_1 b_0`, `b_2 - a_2 b_0`.
     b: [[f64; L]; 3],
@@ -85,18 +86,40 @@ impl<const L: usize> WithSimd for Run<'_, L> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Running { b, a, state } = self.section;
-        let [mut s1, mut s2] = *state;
-        for frame in self.block {
-            for l in 0..L {
-                let x = frame[l];
-                let before = s1[l];
-                frame[l] = b[0][l] * x + before;
-                s1[l] = (b[1][l] * x + s2[l]) - a[0][l] * before;
-                s2[l] = b[2][l] * x - a[1][l] * before;
+        let Self { section, block } = self;
+        // A vector of lanes at a time, so that its states stay in registers.
+        if L.is_multiple_of(8) {
+            for part in 0..L / 8 {
+                section.run::<8>(part, block);
+            }
+        } else {
+            for part in 0..L {
+                section.run::<1>(part, block);
             }
         }
-        *state = [s1, s2];
+    }
+}
+
+impl<const L: usize> Running<L> {
+    /// Filters the `W` lanes with the number `part`.
+    #[inline(always)]
+    fn run<const W: usize>(&mut self, part: usize, block: &mut [[f64; L]]) {
+        let ([b0, b1, b2], [a1, a2], [s1, s2]) = (&self.b, &self.a, &mut self.state);
+        let [b0, b1, b2] = [b0, b1, b2].map(|row| row.as_chunks::<W>().0[part]);
+        let [a1, a2] = [a1, a2].map(|row| row.as_chunks::<W>().0[part]);
+        let [kept1, kept2] = [s1, s2].map(|row| &mut row.as_chunks_mut::<W>().0[part]);
+        let (mut s1, mut s2) = (*kept1, *kept2);
+        for frame in block {
+            let frame = &mut frame.as_chunks_mut::<W>().0[part];
+            for l in 0..W {
+                let x = frame[l];
+                let before = s1[l];
+                frame[l] = b0[l] * x + before;
+                s1[l] = (b1[l] * x + s2[l]) - a1[l] * before;
+                s2[l] = b2[l] * x - a2[l] * before;
+            }
+        }
+        (*kept1, *kept2) = (s1, s2);
     }
 }
 

@@ -3,8 +3,10 @@
 use crate::cli::output::LEDGER;
 use crate::cli::{Failure, eprint, recording};
 use crate::signal::files;
-use crate::surfaces::evaluate::{RecordingName, Take};
-use crate::surfaces::recording::{ImportSettings, LoadError, ReadError};
+use crate::surfaces::Origin;
+use crate::surfaces::evaluate::{RecordingName, Take, TakeSource};
+use crate::surfaces::recording::{AnyRecording, Gesture, ImportSettings, LoadError, ReadError};
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io;
@@ -12,39 +14,85 @@ use std::path::{Path, PathBuf};
 
 type Files = BTreeMap<RecordingName, PathBuf>;
 
+/// A take that is read from its files whenever it is needed.
+#[derive(Debug)]
+pub struct FileTake {
+    name: RecordingName,
+    /// Its files, joined by `+`.
+    path: PathBuf,
+    import: ImportSettings,
+    gesture: Gesture,
+    origin: Origin,
+}
+
+impl TakeSource for FileTake {
+    fn name(&self) -> &RecordingName {
+        &self.name
+    }
+
+    fn gesture(&self) -> Gesture {
+        self.gesture
+    }
+
+    fn origin(&self) -> Origin {
+        self.origin
+    }
+
+    fn load(&self) -> Result<Cow<'_, AnyRecording>, String> {
+        let loaded = recording::try_load(&self.path, &self.import).map_err(|error| error.to_string())?;
+        Ok(Cow::Owned(loaded.recording))
+    }
+}
+
 /// All takes in a folder, by name. The files of one take count as one recording: of the toolkit's triples the
 /// first file stands for all three, a WAV file stands for the table beside it, and a table that lacks
 /// quantities is joined with tables whose names extend its own, for example `oak.anna.1.csv` with
-/// `oak.anna.1.motion.csv`.
+/// `oak.anna.1.motion.csv`. Each is read once, so that all errors and warnings come first.
+pub fn list_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<FileTake>, Failure> {
+    each_take(dir, import, |name, path, recording| FileTake {
+        name,
+        path,
+        import: import.clone(),
+        gesture: recording.gesture(),
+        origin: recording.provenance().origin,
+    })
+}
+
+/// The same with their recordings.
 pub fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Failure> {
+    each_take(dir, import, |name, _, recording| Take { name, recording })
+}
+
+fn each_take<T>(
+    dir: &Path,
+    import: &ImportSettings,
+    take: impl Fn(RecordingName, PathBuf, AnyRecording) -> T,
+) -> Result<Vec<T>, Failure> {
     let files = recordings(dir)?;
     let (mut takes, mut joined) = (vec![], BTreeSet::new());
     for (name, path) in &files {
         if joined.contains(name) {
             continue;
         }
-        let (loaded, parts) = load(name, path, &files, import)?;
+        let (loaded, path, parts) = load(name, path, &files, import)?;
         for warning in &loaded.warnings {
             eprint(&format!("warning: {warning}\n"));
         }
         joined.extend(parts);
-        takes.push(Take {
-            name: name.clone(),
-            recording: loaded.recording,
-        });
+        takes.push(take(name.clone(), path, loaded.recording));
     }
     Ok(takes)
 }
 
-/// Loads the recording of a take; also returns the names of the files joined to it.
+/// Loads the recording of a take; also returns the paths of its files, joined by `+`, and the names of those joined to it.
 fn load(
     name: &RecordingName,
     path: &Path,
     files: &Files,
     import: &ImportSettings,
-) -> Result<(recording::Loaded, Vec<RecordingName>), Failure> {
+) -> Result<(recording::Loaded, PathBuf, Vec<RecordingName>), Failure> {
     let error = match recording::try_load(path, import) {
-        Ok(loaded) => return Ok((loaded, vec![])),
+        Ok(loaded) => return Ok((loaded, path.to_owned(), vec![])),
         Err(error) => error,
     };
     let is_missing = |error: &LoadError| {
@@ -72,8 +120,10 @@ fn load(
         all.push("+");
         all.push(part);
     }
-    let loaded = recording::try_load(Path::new(&all), import).map_err(|error| recording::failure(&error))?;
-    Ok((loaded, parts.into_iter().map(|(name, _)| name.clone()).collect()))
+    let all = PathBuf::from(all);
+    let loaded = recording::try_load(&all, import).map_err(|error| recording::failure(&error))?;
+    let parts = parts.into_iter().map(|(name, _)| name.clone()).collect();
+    Ok((loaded, all, parts))
 }
 
 /// Suggested name for the second table of a take.

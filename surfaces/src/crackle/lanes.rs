@@ -6,6 +6,7 @@ use haptograph_signal::noise::Gaussian;
 /// One [`CrackleSource`] per lane: the same random streams, with an exponential that differs only by
 /// rounding.
 #[derive(Debug, Clone)]
+#[repr(align(64))]
 pub(crate) struct CrackleLanes<const L: usize> {
     noise: Vec<Gaussian>,
     z: [f64; L],
@@ -33,21 +34,54 @@ impl<const L: usize> CrackleLanes<L> {
         all
     }
 
-    /// Draws the next samples of each lane's stream into its row.
-    pub fn draw<const N: usize>(&mut self, samples: usize, into: &mut [[f64; N]]) {
-        for (noise, row) in self.noise.iter_mut().zip(into) {
-            noise.fill(&mut row[..samples]);
+    /// Draws the next samples of the streams of the lanes from `first` on, one row a lane.
+    pub fn draw<const N: usize>(&mut self, first: usize, into: &mut [[f64; N]]) {
+        for (noise, row) in self.noise.iter_mut().skip(first).zip(into) {
+            noise.fill(row);
         }
     }
 
-    /// Multiplies a frame of white excitation by the square root of the fluctuation, which consumes a frame
-    /// of the streams.
+    /// Multiplies frames of white excitation by the square root of the fluctuation, which consumes as many frames of
+    /// the streams.
+    ///
+    /// Made to be inlined where vector instructions are chosen.
     #[inline(always)]
-    pub fn modulate(&mut self, excitation: &mut [f64; L], drawn: &[f64; L]) {
-        for l in 0..L {
-            self.z[l] = self.kept[l] * self.z[l] + self.fresh[l] * drawn[l];
-            excitation[l] *= exp(self.half_depth[l] * (self.z[l] - self.half_depth[l]));
+    pub fn modulate(&mut self, excitation: &mut [[f64; L]], drawn: &[[f64; L]]) {
+        // A vector of lanes at a time, so that its numbers stay in registers.
+        if L.is_multiple_of(8) {
+            for part in 0..L / 8 {
+                self.modulate_part::<8>(part, excitation, drawn);
+            }
+        } else {
+            for part in 0..L {
+                self.modulate_part::<1>(part, excitation, drawn);
+            }
         }
+    }
+
+    /// The same for the `W` lanes with the number `part`.
+    #[inline(always)]
+    fn modulate_part<const W: usize>(
+        &mut self,
+        part: usize,
+        excitation: &mut [[f64; L]],
+        drawn: &[[f64; L]],
+    ) {
+        let kept = self.kept.as_chunks::<W>().0[part];
+        let fresh = self.fresh.as_chunks::<W>().0[part];
+        let half_depth = self.half_depth.as_chunks::<W>().0[part];
+        let mut z = self.z.as_chunks::<W>().0[part];
+        for (excitation, drawn) in excitation.iter_mut().zip(drawn) {
+            // Copies: as short a loop is made into vectors only where nothing can overlap.
+            let excitation = &mut excitation.as_chunks_mut::<W>().0[part];
+            let (mut modulated, drawn) = (*excitation, drawn.as_chunks::<W>().0[part]);
+            for l in 0..W {
+                z[l] = kept[l] * z[l] + fresh[l] * drawn[l];
+                modulated[l] *= exp(half_depth[l] * (z[l] - half_depth[l]));
+            }
+            *excitation = modulated;
+        }
+        self.z.as_chunks_mut::<W>().0[part] = z;
     }
 }
 
@@ -101,14 +135,16 @@ mod tests {
         };
         let mut lanes = CrackleLanes::<4>::new((0..3).map(source));
         let mut drawn = [[0.0; 50]; 4];
-        lanes.draw(50, &mut drawn);
+        lanes.draw(0, &mut drawn[..2]);
+        lanes.draw(2, &mut drawn[2..]);
         let mut alone = [[1.0; 50]; 3];
         (0..3)
             .zip(&mut alone)
             .for_each(|(lane, out)| source(lane).modulate(out));
         for n in 0..50 {
-            let mut frame = [1.0; 4];
-            lanes.modulate(&mut frame, &std::array::from_fn(|l| drawn[l][n]));
+            let mut frames = [[1.0; 4]];
+            lanes.modulate(&mut frames, &[std::array::from_fn(|l| drawn[l][n])]);
+            let [frame] = frames;
             for l in 0..3 {
                 assert!((frame[l] / alone[l][n] - 1.0).abs() < 1e-14);
             }

@@ -32,8 +32,12 @@ pub use map::{MapSettings, PerceptualMap, perceptual_map};
 pub use parts::{StudyHead, StudyPart, StudyPartError};
 pub use scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
 pub use study::{
-    Compared, Evaluation, RecordingName, Study, StudyError, StudySettings, Take, conclude, evaluate,
+    Compared, Evaluation, RecordingName, Study, StudyError, StudySettings, Take, TakeSource, conclude,
+    evaluate,
 };
-pub use synthesis::{RandomWalk, SynthesisError, SynthesisSettings, Trajectory, synthesise, synthesise_with};
-pub use tables::{DifferenceTable, References, TableError, TableSettings, TestSet};
-pub use voices::{Voice, VoiceError, synthesise_many, synthesise_many_with};
+pub use synthesis::{
+    RandomWalk, SynthesisError, SynthesisSettings, Trajectory, UpdatePoints, synthesise, synthesise_with,
+    update_samples,
+};
+pub use tables::{DifferenceTable, Reference, References, TableError, TableSettings, TestSet};
+pub use voices::{Voice, VoiceError, VoiceInto, synthesise_into, synthesise_many, synthesise_many_with};

@@ -3,7 +3,9 @@
 //! Items are assigned to parts by their number, independently of the number of parts. Table and map of a
 //! merge equal those of a single run to the bit.
 
-use super::study::{Compared, Evaluation, RecordingName, Study, StudyError, StudySettings, Take, conclude};
+use super::study::{
+    Compared, Evaluation, RecordingName, Study, StudyError, StudySettings, TakeSource, conclude,
+};
 use crate::files::{ReadError, native};
 use crate::metrics::{ErrorStatistics, Pooling};
 use crate::{Origin, Provenance, Surface};
@@ -90,8 +92,8 @@ pub enum StudyPartError {
 
 impl StudyHead {
     /// The head of a study of takes; `hash` covers their recordings and settings.
-    pub fn of(hash: String, settings: &StudySettings, study: &Study<'_>, takes: &[Take]) -> Self {
-        let is_simulated = |take: &&Take| take.recording.provenance().origin == Origin::Simulated;
+    pub fn of(hash: String, settings: &StudySettings, study: &Study<'_>, takes: &[impl TakeSource]) -> Self {
+        let simulated = { takes.iter() }.filter(|take| take.origin() == Origin::Simulated);
         Self {
             haptograph: env!("CARGO_PKG_VERSION").to_owned(),
             study: hash,
@@ -99,7 +101,7 @@ impl StudyHead {
             seed: settings.table.synthesis.seed,
             expert: study.expert().to_owned(),
             recordings: takes.len(),
-            simulated: takes.iter().filter(is_simulated).count(),
+            simulated: simulated.count(),
             of: study.items(),
         }
     }

@@ -4,7 +4,8 @@
 //! by name among equals) is the expert; the expert's other takes are the tests.
 
 use super::map::{MapError, MapSettings, PerceptualMap, perceptual_map};
-use super::tables::{DifferenceTable, References, TableError, TableSettings, TestSet};
+use super::tables::{DifferenceTable, Reference, TableError, TableSettings};
+use crate::Origin;
 use crate::TextureModel;
 use crate::learning::TextureMethod;
 use crate::learning::processing::{ProcessingError, ProcessingSettings, processed};
@@ -13,8 +14,10 @@ use crate::metrics::ErrorStatistics;
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use crate::shard::Shard;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Debug;
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -54,6 +57,42 @@ pub struct Take {
     pub recording: AnyRecording,
 }
 
+/// A recording of a study that need not be in memory all the time.
+pub trait TakeSource: Debug + Sync {
+    /// Name of the recording.
+    fn name(&self) -> &RecordingName;
+
+    /// The hand's movement.
+    fn gesture(&self) -> Gesture;
+
+    /// Its origin.
+    fn origin(&self) -> Origin;
+
+    /// The recording, from memory or wherever it lies.
+    ///
+    /// # Errors
+    /// What is wrong, in one sentence.
+    fn load(&self) -> Result<Cow<'_, AnyRecording>, String>;
+}
+
+impl TakeSource for Take {
+    fn name(&self) -> &RecordingName {
+        &self.name
+    }
+
+    fn gesture(&self) -> Gesture {
+        self.recording.gesture()
+    }
+
+    fn origin(&self) -> Origin {
+        self.recording.provenance().origin
+    }
+
+    fn load(&self) -> Result<Cow<'_, AnyRecording>, String> {
+        Ok(Cow::Borrowed(&self.recording))
+    }
+}
+
 /// Settings of a study.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct StudySettings {
@@ -87,13 +126,11 @@ pub struct Evaluation {
     pub map: Option<PerceptualMap>,
 }
 
-/// A texture with the recording that it was learned from.
+/// A learned texture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Learned {
-    /// Name of the recording.
+    /// Name of the recording that it was learned from.
     pub name: RecordingName,
-    /// The processed recording.
-    pub recording: ProcessedRecording,
     /// The texture.
     pub texture: TextureModel,
     /// Report of the learning.
@@ -110,6 +147,8 @@ pub enum StudyError {
         "{material} has no test: {person} needs at least two takes of it, one to learn from and another to compare with"
     )]
     NoTest { material: String, person: String },
+    #[error("cannot read {recording} again: {message}")]
+    Loading { recording: String, message: String },
     #[error("cannot process {recording}: {source}")]
     Processing {
         recording: String,
@@ -133,30 +172,24 @@ impl std::fmt::Display for RecordingName {
 }
 
 /// Evaluates a set of recordings on all cores. `progress` receives the fraction done.
+///
+/// # Errors
+/// As [`Study::of`], [`Study::compare`] and [`conclude`].
 pub fn evaluate(
     takes: &[Take],
     settings: &StudySettings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Evaluation, StudyError> {
-    let study = Study::of(takes)?;
-    let found = study.compare(None, settings, &|part| progress(0.85 * part))?;
-    let (learned, compared): (Vec<Learned>, Vec<Compared>) = found.into_iter().unzip();
-    let evaluation = conclude(study.expert(), &compared, settings, &|part| {
-        progress(0.85 + 0.15 * part)
-    })?;
-    Ok(Evaluation {
-        learned,
-        ..evaluation
-    })
+    Study::of(takes)?.evaluate(settings, progress)
 }
 
 /// The items of a study: the textures to learn and compare, numbered by material and person.
 #[derive(Debug)]
 pub struct Study<'t> {
     expert: String,
-    materials: BTreeSet<&'t str>,
-    firsts: Vec<&'t Take>,
-    tests: Vec<&'t Take>,
+    firsts: Vec<&'t dyn TakeSource>,
+    /// By material.
+    tests: Vec<&'t dyn TakeSource>,
 }
 
 /// A learned texture with the window errors of its renderings along the tests: the expert's along those of
@@ -178,27 +211,25 @@ impl<'t> Study<'t> {
     ///
     /// # Errors
     /// [`StudyError::NoRecordings`] and [`StudyError::NoTest`].
-    pub fn of(takes: &'t [Take]) -> Result<Self, StudyError> {
-        let mut drags: Vec<&Take> = takes
-            .iter()
-            .filter(|take| take.recording.gesture() == Gesture::Drag)
-            .collect();
-        drags.sort_by(|a, b| a.name.cmp(&b.name));
+    pub fn of(takes: &'t [impl TakeSource]) -> Result<Self, StudyError> {
+        let drags = takes.iter().filter(|take| take.gesture() == Gesture::Drag);
+        let mut drags: Vec<&dyn TakeSource> = drags.map(|take| take as &dyn TakeSource).collect();
+        drags.sort_by(|a, b| a.name().cmp(b.name()));
         let expert = expert(&drags).ok_or(StudyError::NoRecordings)?;
-        let materials: BTreeSet<&str> = drags.iter().map(|take| &*take.name.material).collect();
-        let mut firsts: BTreeMap<(&str, &str), &Take> = BTreeMap::new();
-        let mut tests: Vec<&Take> = vec![];
+        let materials: BTreeSet<&str> = drags.iter().map(|take| &*take.name().material).collect();
+        let mut firsts: BTreeMap<(&str, &str), &dyn TakeSource> = BTreeMap::new();
+        let mut tests: Vec<&dyn TakeSource> = vec![];
         for take in &drags {
-            let key = (&*take.name.material, &*take.name.person);
-            match firsts.entry(key) {
+            let name = take.name();
+            match firsts.entry((&*name.material, &*name.person)) {
                 Entry::Vacant(first) => {
-                    first.insert(take);
+                    first.insert(*take);
                 }
-                Entry::Occupied(_) if take.name.person == expert => tests.push(take),
+                Entry::Occupied(_) if name.person == expert => tests.push(*take),
                 Entry::Occupied(_) => {}
             }
         }
-        let tested: BTreeSet<&str> = tests.iter().map(|take| &*take.name.material).collect();
+        let tested: BTreeSet<&str> = tests.iter().map(|take| &*take.name().material).collect();
         if let Some(material) = materials.difference(&tested).next() {
             return Err(StudyError::NoTest {
                 material: (*material).to_owned(),
@@ -207,9 +238,28 @@ impl<'t> Study<'t> {
         }
         Ok(Self {
             expert,
-            materials,
             firsts: firsts.into_values().collect(),
             tests,
+        })
+    }
+
+    /// Learns and compares all items on all cores, and computes tables and map. `progress` receives the fraction done.
+    ///
+    /// # Errors
+    /// As [`Self::compare`] and [`conclude`].
+    pub fn evaluate(
+        &self,
+        settings: &StudySettings,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Evaluation, StudyError> {
+        let found = self.compare(None, settings, &|part| progress(0.85 * part))?;
+        let (learned, compared): (Vec<Learned>, Vec<Compared>) = found.into_iter().unzip();
+        let evaluation = conclude(self.expert(), &compared, settings, &|part| {
+            progress(0.85 + 0.15 * part)
+        })?;
+        Ok(Evaluation {
+            learned,
+            ..evaluation
         })
     }
 
@@ -224,72 +274,106 @@ impl<'t> Study<'t> {
     }
 
     /// Learns and compares the items of a shard, or all items, in order. `progress` receives the fraction
-    /// done.
+    /// done. A recording is in memory while it is learned from or compared with: one a core at a time.
     ///
     /// # Errors
-    /// The first error of an item.
+    /// The first error of an item, or of a test.
     pub fn compare(
         &self,
         shard: Option<Shard>,
         settings: &StudySettings,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Vec<(Learned, Compared)>, StudyError> {
-        let tests = process_all(&self.tests, settings)?;
-        let set = |material: &&str| TestSet {
-            name: (*material).to_owned(),
-            recordings: tests
-                .iter()
-                .filter(|(name, _)| name.material == *material)
-                .map(|(_, recording)| recording)
-                .collect(),
-        };
-        let sets: Vec<TestSet<'_>> = self.materials.iter().map(set).collect();
-        let references = References::of(&sets, &settings.table)?;
-        let items: Vec<(usize, &Take)> = self
-            .firsts
-            .iter()
-            .copied()
-            .enumerate()
+        let items: Vec<(usize, &dyn TakeSource)> = { self.firsts.iter().copied().enumerate() }
             .filter(|(number, _)| shard.is_none_or(|shard| shard.has(*number as u64)))
             .collect();
-        let one = |number: usize, take: &Take| {
-            let learned = learn_one(take, settings)?;
-            let mut errors = BTreeMap::new();
-            for (column, set) in sets.iter().enumerate() {
-                if take.name.person == self.expert || take.name.material == set.name {
-                    let row = take.name.to_string();
-                    let cell = references.cell(column, &row, &learned.texture, &settings.table)?;
-                    errors.insert(set.name.clone(), cell);
+        let of_all = items.len() + self.tests.len();
+        let done = AtomicUsize::new(0);
+        let step = || progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / of_all as f64);
+        let learned = on_all_cores(&items, &|(_, take)| {
+            let learned = learn_one(*take, settings);
+            step();
+            learned
+        })?;
+        // The expert's textures are played along the tests of all materials, those of others along the same material's.
+        let is_along = |row: &Learned, test: &RecordingName| {
+            row.name.person == self.expert || row.name.material == test.material
+        };
+        let mut tests: Vec<(usize, &dyn TakeSource)> = vec![];
+        for take in &self.tests {
+            let of_material = tests
+                .last()
+                .filter(|(_, last)| last.name().material == take.name().material);
+            let number = of_material.map_or(0, |(number, _)| number + 1);
+            tests.push((number, *take));
+        }
+        let found = on_all_cores(&tests, &|(number, take)| {
+            let rows: Vec<_> = learned.iter().map(|row| is_along(row, take.name())).collect();
+            let reference = match rows.contains(&true) {
+                true => Some(Reference::new(
+                    &take.name().material,
+                    *number,
+                    &process_one(*take, settings)?,
+                    &settings.table,
+                )?),
+                false => None,
+            };
+            let errors = learned.iter().zip(rows).map(|(row, is_along)| {
+                let reference = reference.as_ref().filter(|_| is_along);
+                let errors = reference
+                    .map(|reference| reference.errors(&row.name.to_string(), &row.texture, &settings.table));
+                errors.transpose().map_err(StudyError::Table)
+            });
+            let errors = errors.collect::<Result<Vec<_>, StudyError>>();
+            step();
+            errors
+        })?;
+        let compared = |(row, ((number, _), learned)): (usize, (&(usize, &dyn TakeSource), &Learned))| {
+            let mut errors: BTreeMap<String, Vec<ErrorStatistics>> = BTreeMap::new();
+            for ((_, test), found) in tests.iter().zip(&found) {
+                if let Some(statistics) = found[row] {
+                    let of_material = errors.entry(test.name().material.clone()).or_default();
+                    of_material.push(statistics);
                 }
             }
-            let compared = Compared {
-                number,
-                name: take.name.clone(),
+            Compared {
+                number: *number,
+                name: learned.name.clone(),
                 texture: learned.texture.clone(),
                 errors,
-            };
-            Ok((learned, compared))
-        };
-        let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-        let work = || {
-            let mut finished = vec![];
-            while let Some((number, take)) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
-                finished.push((*number, one(*number, take)));
-                progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / items.len() as f64);
             }
-            finished
         };
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let mut finished: Vec<_> = std::thread::scope(|scope| {
-            let workers: Vec<_> = (0..threads.min(items.len())).map(|_| scope.spawn(work)).collect();
-            let joined = workers
-                .into_iter()
-                .map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)));
-            joined.flatten().collect()
-        });
-        finished.sort_by_key(|(number, _)| *number);
-        finished.into_iter().map(|(_, item)| item).collect()
+        let compared: Vec<Compared> = items.iter().zip(&learned).enumerate().map(compared).collect();
+        Ok(learned.into_iter().zip(compared).collect())
     }
+}
+
+/// The results for all items in order, or the first error.
+fn on_all_cores<I: Sync, T: Send>(
+    items: &[I],
+    one: &(dyn Fn(&I) -> Result<T, StudyError> + Sync),
+) -> Result<Vec<T>, StudyError> {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut finished = vec![];
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            let Some(item) = items.get(number) else {
+                return finished;
+            };
+            finished.push((number, one(item)));
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut finished: Vec<_> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads.min(items.len())).map(|_| scope.spawn(work)).collect();
+        let joined = workers
+            .into_iter()
+            .map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        joined.flatten().collect()
+    });
+    finished.sort_by_key(|(number, _)| *number);
+    finished.into_iter().map(|(_, item)| item).collect()
 }
 
 /// Computes tables and map of all items of a study, given in order. [`Evaluation::learned`] stays empty,
@@ -343,11 +427,11 @@ pub fn conclude(
 }
 
 /// The person with the most takes.
-fn expert(drags: &[&Take]) -> Option<String> {
+fn expert(drags: &[&dyn TakeSource]) -> Option<String> {
     let mut counts: BTreeMap<&String, usize> = BTreeMap::new();
     drags
         .iter()
-        .for_each(|take| *counts.entry(&take.name.person).or_default() += 1);
+        .for_each(|take| *counts.entry(&take.name().person).or_default() += 1);
     let most = counts.values().copied().max()?;
     counts
         .into_iter()
@@ -355,33 +439,26 @@ fn expert(drags: &[&Take]) -> Option<String> {
         .map(|(person, _)| person.clone())
 }
 
-fn process_one(take: &Take, settings: &StudySettings) -> Result<ProcessedRecording, StudyError> {
-    processed(&take.recording, &settings.processing).map_err(|source| StudyError::Processing {
-        recording: take.name.to_string(),
+fn process_one(take: &dyn TakeSource, settings: &StudySettings) -> Result<ProcessedRecording, StudyError> {
+    let recording = take.load().map_err(|message| StudyError::Loading {
+        recording: take.name().to_string(),
+        message,
+    })?;
+    processed(&recording, &settings.processing).map_err(|source| StudyError::Processing {
+        recording: take.name().to_string(),
         source: Box::new(source),
     })
 }
 
-fn process_all(
-    takes: &[&Take],
-    settings: &StudySettings,
-) -> Result<Vec<(RecordingName, ProcessedRecording)>, StudyError> {
-    takes
-        .iter()
-        .map(|take| Ok((take.name.clone(), process_one(take, settings)?)))
-        .collect()
-}
-
-fn learn_one(take: &Take, settings: &StudySettings) -> Result<Learned, StudyError> {
+fn learn_one(take: &dyn TakeSource, settings: &StudySettings) -> Result<Learned, StudyError> {
     let recording = process_one(take, settings)?;
     let found = settings.texture.learn(std::slice::from_ref(&recording), &|_| ());
     let (texture, report) = found.map_err(|source| StudyError::Learning {
-        recording: take.name.to_string(),
+        recording: take.name().to_string(),
         source: Box::new(source),
     })?;
     Ok(Learned {
-        name: take.name.clone(),
-        recording,
+        name: take.name().clone(),
         texture,
         report,
     })

@@ -42,6 +42,22 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
+    /// Speed and force at the updates of a synthesis, as far as there are both.
+    pub fn at_updates(&self, update_hz: f64) -> UpdatePoints {
+        let samples = self.speed_m_s.len().min(self.force_n.len());
+        let read = |values: &[f64]| {
+            let places = update_samples(self.rate_hz, update_hz, samples);
+            places.map(|place| values[place]).collect()
+        };
+        UpdatePoints {
+            rate_hz: self.rate_hz,
+            update_hz,
+            samples,
+            speed_m_s: read(&self.speed_m_s),
+            force_n: read(&self.force_n),
+        }
+    }
+
     /// The speed and force of a recording.
     pub fn of(recording: &ProcessedRecording) -> Self {
         let signals = recording.signals();
@@ -51,6 +67,21 @@ impl Trajectory {
             force_n: signals.force_normal_n.clone(),
         }
     }
+}
+
+/// Speed and force at the updates of a synthesis: all that it reads of a [`Trajectory`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct UpdatePoints {
+    /// Sampling rate of the vibration, Hz.
+    pub rate_hz: f64,
+    /// Rate of the updates, Hz.
+    pub update_hz: f64,
+    /// Samples of the vibration.
+    pub samples: usize,
+    /// Speed, m/s, at each of [`update_samples`].
+    pub speed_m_s: Vec<f64>,
+    /// Normal force, N; as long as the speed.
+    pub force_n: Vec<f64>,
 }
 
 /// A smoothed random walk through speed and force, like a hand that explores freely (thesis 2.5.4).
@@ -156,6 +187,10 @@ pub enum SynthesisError {
     Lengths { speeds: usize, forces: usize },
     #[error("the update rate of {update_hz} Hz is out of range")]
     UpdateRate { update_hz: f64 },
+    #[error("the synthesis has {updates} updates, but {points} speeds are given")]
+    Updates { updates: usize, points: usize },
+    #[error("the vibration has {samples} samples, but its output has {places}")]
+    Output { samples: usize, places: usize },
     #[error("the texture has invalid filter coefficients: {0}")]
     Filter(#[from] ArmaError),
     #[error("the synthesis was stopped")]
@@ -249,22 +284,61 @@ pub(super) fn check(
     trajectory: &Trajectory,
     settings: &SynthesisSettings,
 ) -> Result<(), SynthesisError> {
-    let (texture_hz, trajectory_hz) = (texture.rate_hz(), trajectory.rate_hz);
-    if texture_hz != trajectory_hz {
-        return Err(SynthesisError::Rates {
-            texture_hz,
-            trajectory_hz,
-        });
+    check_rates(texture, trajectory.rate_hz)?;
+    check_lengths(&trajectory.speed_m_s, &trajectory.force_n)?;
+    check_update_rate(settings.update_hz)
+}
+
+/// Checks that texture, points and output match.
+pub(super) fn check_points(
+    texture: &TextureModel,
+    points: &UpdatePoints,
+    places: usize,
+) -> Result<(), SynthesisError> {
+    check_rates(texture, points.rate_hz)?;
+    check_lengths(&points.speed_m_s, &points.force_n)?;
+    check_update_rate(points.update_hz)?;
+    let samples = points.samples;
+    if samples != places {
+        return Err(SynthesisError::Output { samples, places });
     }
-    let (speeds, forces) = (trajectory.speed_m_s.len(), trajectory.force_n.len());
-    if speeds != forces {
-        return Err(SynthesisError::Lengths { speeds, forces });
+    let updates = update_samples(points.rate_hz, points.update_hz, samples).count();
+    match points.speed_m_s.len() {
+        points if points == updates => Ok(()),
+        points => Err(SynthesisError::Updates { updates, points }),
     }
-    let update_hz = settings.update_hz;
-    if !(update_hz.is_finite() && update_hz > 0.0) {
-        return Err(SynthesisError::UpdateRate { update_hz });
+}
+
+fn check_rates(texture: &TextureModel, trajectory_hz: f64) -> Result<(), SynthesisError> {
+    let texture_hz = texture.rate_hz();
+    if texture_hz == trajectory_hz {
+        return Ok(());
     }
-    Ok(())
+    Err(SynthesisError::Rates {
+        texture_hz,
+        trajectory_hz,
+    })
+}
+
+fn check_lengths(speed_m_s: &[f64], force_n: &[f64]) -> Result<(), SynthesisError> {
+    let (speeds, forces) = (speed_m_s.len(), force_n.len());
+    if speeds == forces {
+        return Ok(());
+    }
+    Err(SynthesisError::Lengths { speeds, forces })
+}
+
+fn check_update_rate(update_hz: f64) -> Result<(), SynthesisError> {
+    if update_hz.is_finite() && update_hz > 0.0 {
+        return Ok(());
+    }
+    Err(SynthesisError::UpdateRate { update_hz })
+}
+
+/// The samples at which a synthesis reads speed and force, one per update: the last sample at or before k /
+/// `update_hz` for update k.
+pub fn update_samples(rate_hz: f64, update_hz: f64, samples: usize) -> impl Iterator<Item = usize> {
+    updates(rate_hz, update_hz, samples).map(|(place, _)| place)
 }
 
 /// The filter updates as a graph's clocks schedule them: the sample at which speed and force are read, and

@@ -79,42 +79,96 @@ pub enum TableError {
 /// Spectra of the test recordings of all materials, and the trajectories to render textures along.
 #[derive(Debug)]
 pub struct References {
-    materials: Vec<(String, Vec<Reference>)>,
+    materials: Vec<Vec<Reference>>,
 }
 
+/// The spectra of one test recording, and the trajectory to render textures along.
 #[derive(Debug)]
-struct Reference {
+pub struct Reference {
+    material: String,
     spectra: WindowedSpectra,
     trajectory: Trajectory,
 }
 
+impl Reference {
+    /// The reference of recording `index` (from 0) of a material.
+    ///
+    /// # Errors
+    /// [`TableError::Recording`].
+    pub fn new(
+        material: &str,
+        index: usize,
+        recording: &ProcessedRecording,
+        settings: &TableSettings,
+    ) -> Result<Self, TableError> {
+        let signals = recording.signals();
+        let windows = settings.windows_at(signals.rate_hz);
+        let spectra = WindowedSpectra::new(&signals.acceleration_m_s2, signals.rate_hz, &windows);
+        let failed = |source| TableError::Recording {
+            material: material.to_owned(),
+            recording: index,
+            source,
+        };
+        Ok(Self {
+            material: material.to_owned(),
+            spectra: spectra.map_err(failed)?,
+            trajectory: Trajectory::of(recording),
+        })
+    }
+
+    /// The errors of a texture against the recording.
+    ///
+    /// # Errors
+    /// [`TableError::Synthesis`] and [`TableError::Comparison`].
+    pub fn errors(
+        &self,
+        row: &str,
+        texture: &TextureModel,
+        settings: &TableSettings,
+    ) -> Result<ErrorStatistics, TableError> {
+        let (row, material) = (|| row.to_owned(), || self.material.clone());
+        let vibration = synthesise(texture, &self.trajectory, &settings.synthesis).map_err(|source| {
+            TableError::Synthesis {
+                row: row(),
+                material: material(),
+                source,
+            }
+        })?;
+        WindowedSpectra::new(
+            &vibration,
+            texture.rate_hz(),
+            &settings.windows_at(texture.rate_hz()),
+        )
+        .and_then(|spectra| PairErrors::new(&self.spectra, &spectra))
+        .map(|errors| errors.statistics())
+        .map_err(|source| TableError::Comparison {
+            row: row(),
+            material: material(),
+            source,
+        })
+    }
+}
+
 impl References {
     /// The references of these tests, by column.
+    ///
+    /// # Errors
+    /// As [`Reference::new`].
     pub fn of(tests: &[TestSet<'_>], settings: &TableSettings) -> Result<Self, TableError> {
-        let reference = |material: &str, (index, recording): (usize, &&ProcessedRecording)| {
-            let signals = recording.signals();
-            let windows = settings.windows_at(signals.rate_hz);
-            let spectra = WindowedSpectra::new(&signals.acceleration_m_s2, signals.rate_hz, &windows);
-            let failed = |source| TableError::Recording {
-                material: material.to_owned(),
-                recording: index,
-                source,
-            };
-            Ok(Reference {
-                spectra: spectra.map_err(failed)?,
-                trajectory: Trajectory::of(recording),
-            })
-        };
         let of_material = |test: &TestSet<'_>| {
             let recordings = test.recordings.iter().enumerate();
-            let references = recordings.map(|item| reference(&test.name, item));
-            Ok((test.name.clone(), references.collect::<Result<_, _>>()?))
+            recordings
+                .map(|(index, recording)| Reference::new(&test.name, index, recording, settings))
+                .collect::<Result<Vec<_>, _>>()
         };
         let materials = tests.iter().map(of_material).collect::<Result<_, _>>()?;
         Ok(Self { materials })
     }
 
     /// The errors of a texture against each recording of a column.
+    ///
+    /// # Errors
+    /// As [`Reference::errors`].
     pub fn cell(
         &self,
         column: usize,
@@ -122,32 +176,9 @@ impl References {
         texture: &TextureModel,
         settings: &TableSettings,
     ) -> Result<Vec<ErrorStatistics>, TableError> {
-        let (name, references) = &self.materials[column];
-        let (row, material) = (|| row.to_owned(), || name.clone());
+        let references = self.materials[column].iter();
         references
-            .iter()
-            .map(|reference| {
-                let vibration =
-                    synthesise(texture, &reference.trajectory, &settings.synthesis).map_err(|source| {
-                        TableError::Synthesis {
-                            row: row(),
-                            material: material(),
-                            source,
-                        }
-                    })?;
-                WindowedSpectra::new(
-                    &vibration,
-                    texture.rate_hz(),
-                    &settings.windows_at(texture.rate_hz()),
-                )
-                .and_then(|spectra| PairErrors::new(&reference.spectra, &spectra))
-                .map(|errors| errors.statistics())
-                .map_err(|source| TableError::Comparison {
-                    row: row(),
-                    material: material(),
-                    source,
-                })
-            })
+            .map(|reference| reference.errors(row, texture, settings))
             .collect()
     }
 }

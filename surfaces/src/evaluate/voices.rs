@@ -2,12 +2,13 @@
 
 mod group;
 
-use super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, check};
+use super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, UpdatePoints, check, check_points};
 use crate::TextureModel;
 use group::{Group, LANES};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// A vibration to synthesise: see [`synthesise`](super::synthesise).
 #[derive(Debug, Clone, Copy)]
@@ -18,6 +19,21 @@ pub struct Voice<'a> {
     pub trajectory: &'a Trajectory,
     /// Its settings.
     pub settings: SynthesisSettings,
+}
+
+/// A vibration to synthesise into memory of the caller's.
+#[derive(Debug)]
+pub struct VoiceInto<'a> {
+    /// Its texture.
+    pub texture: &'a TextureModel,
+    /// Its speed and force, and when it is updated.
+    pub points: &'a UpdatePoints,
+    /// As [`SynthesisSettings::seed`].
+    pub seed: u64,
+    /// As [`SynthesisSettings::lines_seed`].
+    pub lines_seed: u64,
+    /// Where the vibration goes: as long as [`UpdatePoints::samples`].
+    pub out: &'a mut [f64],
 }
 
 /// Error of a voice.
@@ -41,12 +57,10 @@ struct Shape {
 }
 
 impl Shape {
-    fn of(voice: &Voice<'_>) -> Self {
-        let Voice {
-            texture, settings, ..
-        } = voice;
+    fn of(voice: &VoiceInto<'_>) -> Self {
+        let VoiceInto { texture, points, .. } = voice;
         Self {
-            numbers: [texture.rate_hz(), settings.update_hz, texture.warping()].map(f64::to_bits),
+            numbers: [texture.rate_hz(), points.update_hz, texture.warping()].map(f64::to_bits),
             orders: [texture.ar_order(), texture.ma_order()],
             crackles: texture.crackle().is_some(),
             has_highpass: texture.highpass_hz().is_some(),
@@ -75,67 +89,96 @@ pub fn synthesise_many_with(
     threads: usize,
     progress: &(dyn Fn(f64) -> ControlFlow<()> + Sync),
 ) -> Result<Vec<Vec<f64>>, VoiceError> {
-    let groups = groups(voices)?;
-    let samples = |number: &usize| voices[*number].trajectory.speed_m_s.len();
-    let longest = groups.iter().filter_map(|group| group.iter().map(samples).max());
-    let (all, done) = (longest.sum::<usize>(), AtomicUsize::new(0));
-    let advance = |samples: usize| {
-        let done = done.fetch_add(samples, Ordering::Relaxed) + samples;
-        progress(done as f64 / all.max(1) as f64)
-    };
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let mine = std::iter::from_fn(|| groups.get(next.fetch_add(1, Ordering::Relaxed)));
-        mine.map(|group| play(voices, group, &advance))
-            .collect::<Result<Vec<_>, _>>()
-    };
-    let played = match threads.min(groups.len()) {
-        0 | 1 => vec![work()],
-        threads => std::thread::scope(|scope| {
-            let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-            let ended = workers.into_iter().map(|worker| worker.join());
-            ended
-                .map(|ended| ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-                .collect()
-        }),
-    };
-    let mut vibrations = vec![vec![]; voices.len()];
-    for group in played {
-        for (number, vibration) in group?.into_iter().flatten() {
-            vibrations[number] = vibration;
-        }
-    }
-    Ok(vibrations)
-}
-
-/// The numbers of the voices in each group that shares lanes.
-fn groups(voices: &[Voice<'_>]) -> Result<Vec<Vec<usize>>, VoiceError> {
-    let mut shapes: BTreeMap<Shape, Vec<usize>> = BTreeMap::new();
+    let mut points = Vec::with_capacity(voices.len());
     for (number, voice) in voices.iter().enumerate() {
         check(voice.texture, voice.trajectory, &voice.settings).map_err(|source| VoiceError {
             voice: number,
             source,
         })?;
-        shapes.entry(Shape::of(voice)).or_default().push(number);
+        points.push(voice.trajectory.at_updates(voice.settings.update_hz));
     }
-    let groups = shapes.values().flat_map(|numbers| numbers.chunks(LANES));
-    Ok(groups.map(<[usize]>::to_vec).collect())
+    let mut vibrations: Vec<Vec<f64>> = points.iter().map(|points| vec![0.0; points.samples]).collect();
+    let each = voices.iter().zip(&points).zip(&mut vibrations);
+    let into = each.map(|((voice, points), out)| VoiceInto {
+        texture: voice.texture,
+        points,
+        seed: voice.settings.seed,
+        lines_seed: voice.settings.lines_seed,
+        out,
+    });
+    synthesise_into(into.collect(), threads, progress)?;
+    Ok(vibrations)
 }
 
-/// The vibrations of a group, by number. `advance` receives the number of further samples done, and says whether to go on.
-fn play(
-    voices: &[Voice<'_>],
-    numbers: &[usize],
-    advance: &dyn Fn(usize) -> ControlFlow<()>,
-) -> Result<Vec<(usize, Vec<f64>)>, VoiceError> {
-    let members: Vec<&Voice<'_>> = numbers.iter().map(|number| &voices[*number]).collect();
-    let played = Group::new(&members)
+/// [`synthesise_many_with`] into memory of the caller's, from speeds and forces at the updates alone: it takes no memory
+/// that grows with the length of the vibrations. After an error the output is of no meaning.
+///
+/// # Errors
+/// As there, and where points or output are too few or too many.
+pub fn synthesise_into(
+    voices: Vec<VoiceInto<'_>>,
+    threads: usize,
+    progress: &(dyn Fn(f64) -> ControlFlow<()> + Sync),
+) -> Result<(), VoiceError> {
+    let groups = groups(voices)?;
+    let longest = groups.iter().filter_map(|group| {
+        let samples = group.iter().map(|(_, voice)| voice.points.samples);
+        samples.max()
+    });
+    let (all, done) = (longest.sum::<usize>(), AtomicUsize::new(0));
+    let advance = |samples: usize| {
+        let done = done.fetch_add(samples, Ordering::Relaxed) + samples;
+        progress(done as f64 / all.max(1) as f64)
+    };
+    let threads = threads.min(groups.len());
+    let groups = Mutex::new(groups.into_iter());
+    let work = || {
+        // No panic leaves the iterator between two of its states.
+        let next = || groups.lock().unwrap_or_else(PoisonError::into_inner).next();
+        std::iter::from_fn(next).try_for_each(|group| play(group, &advance))
+    };
+    if threads <= 1 {
+        return work();
+    }
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        let ended = workers.into_iter().map(|worker| worker.join());
+        let ended: Vec<_> = ended
+            .map(|ended| ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect();
+        ended.into_iter().collect()
+    })
+}
+
+/// Voices that share lanes, with their numbers.
+type Numbered<'a> = Vec<(usize, VoiceInto<'a>)>;
+
+/// The voices in groups that share lanes.
+fn groups(voices: Vec<VoiceInto<'_>>) -> Result<Vec<Numbered<'_>>, VoiceError> {
+    let mut shapes: BTreeMap<Shape, Vec<Numbered<'_>>> = BTreeMap::new();
+    for (number, voice) in voices.into_iter().enumerate() {
+        check_points(voice.texture, voice.points, voice.out.len()).map_err(|source| VoiceError {
+            voice: number,
+            source,
+        })?;
+        let groups = shapes.entry(Shape::of(&voice)).or_default();
+        match groups.last_mut().filter(|group| group.len() < LANES) {
+            Some(group) => group.push((number, voice)),
+            None => groups.push(vec![(number, voice)]),
+        }
+    }
+    Ok(shapes.into_values().flatten().collect())
+}
+
+/// Synthesises a group. `advance` receives the number of further samples done, and says whether to go on.
+fn play(group: Numbered<'_>, advance: &dyn Fn(usize) -> ControlFlow<()>) -> Result<(), VoiceError> {
+    let (numbers, voices): (Vec<usize>, Vec<VoiceInto<'_>>) = group.into_iter().unzip();
+    Group::new(voices)
         .play(advance)
         .map_err(|(lane, source)| VoiceError {
             voice: numbers.get(lane).copied().unwrap_or_default(),
             source,
-        })?;
-    Ok(numbers.iter().copied().zip(played).collect())
+        })
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! From line spectral frequencies to coefficients: the real-time direction, 240 to 1000 times a second for each voice.
 
 use super::MAX_ORDER;
+use haptograph_signal::elementwise::CacheLines;
 use std::f64::consts::FRAC_PI_2;
 
 /// Most quadratic factors of the sum or the difference polynomial.
@@ -25,44 +26,61 @@ pub(crate) fn lsf_to_ar_lanes<const L: usize>(lsf: &[[f64; L]], ar: &mut [[f64; 
         order == ar.len() && order <= MAX_ORDER,
         "one coefficient per LSF, at most {MAX_ORDER}"
     );
-    let mut b = [[0.0; L]; MAX_ORDER];
+    // Loops throughout: the closures of arrays' methods are compiled apart, and not for the instructions of the caller.
+    let mut b = CacheLines([[0.0; L]; MAX_ORDER]);
+    let b = &mut b.0;
     for (b, frequencies) in b.iter_mut().zip(lsf) {
-        *b = std::array::from_fn(|l| -2.0 * cos(frequencies[l]));
+        for l in 0..L {
+            b[l] = -2.0 * cos(frequencies[l]);
+        }
     }
     // Either polynomial is palindromic once rid of its zeros at z = 1 and z = -1: the first half is enough. Both are
     // multiplied up side by side, [sum, difference].
     let pairs = order / 2;
-    let mut half = [[[0.0; L]; 2]; MAX_FACTORS + 1];
+    let mut half = CacheLines([[[0.0; L]; 2]; MAX_FACTORS + 1]);
+    let half = &mut half.0;
     half[0] = [[1.0; L]; 2];
     for (factors, &pair) in SPREAD[pairs][..pairs].iter().enumerate() {
-        multiply(&mut half, factors, &b.as_chunks::<2>().0[pair as usize]);
+        multiply(half, factors, &b.as_chunks::<2>().0[pair as usize]);
     }
-    // A = (P + Q) / 2, of which P is a palindrome and Q one but for its sign.
-    let mut put = |k: usize, p: [f64; L], q: [f64; L]| {
-        ar[k - 1] = std::array::from_fn(|l| 0.5 * (p[l] + q[l]));
-        ar[order - k] = std::array::from_fn(|l| 0.5 * (p[l] - q[l]));
-    };
+    let (mut p, mut q) = ([0.0; L], [0.0; L]);
     if order.is_multiple_of(2) {
         // P = sum (1 + 1/z), Q = difference (1 - 1/z).
         for k in 1..=pairs {
-            let p = std::array::from_fn(|l| half[k][0][l] + half[k - 1][0][l]);
-            let q = std::array::from_fn(|l| half[k][1][l] - half[k - 1][1][l]);
-            put(k, p, q);
+            let (before, here) = (&half[k - 1], &half[k]);
+            for l in 0..L {
+                p[l] = here[0][l] + before[0][l];
+                q[l] = here[1][l] - before[1][l];
+            }
+            put(ar, k, &p, &q);
         }
     } else {
         // P has one factor more, Q = difference (1 - 1/z²), of which the middle coefficient is zero.
-        let difference = half;
-        multiply(&mut half, pairs, &[b[order - 1], [0.0; L]]);
+        let difference = *half;
+        multiply(half, pairs, &[b[order - 1], [0.0; L]]);
         for k in 1..=pairs {
             let before = if k >= 2 { difference[k - 2][1] } else { [0.0; L] };
-            put(
-                k,
-                half[k][0],
-                std::array::from_fn(|l| difference[k][1][l] - before[l]),
-            );
+            for l in 0..L {
+                q[l] = difference[k][1][l] - before[l];
+            }
+            put(ar, k, &half[k][0], &q);
         }
-        ar[pairs] = half[pairs + 1][0].map(|p| 0.5 * p);
+        for l in 0..L {
+            p[l] = 0.5 * half[pairs + 1][0][l];
+        }
+        ar[pairs] = p;
     }
+}
+
+/// Coefficient k of A = (P + Q) / 2 and the one as far from the end: P is a palindrome, and Q one but for its sign.
+#[inline(always)]
+fn put<const L: usize>(ar: &mut [[f64; L]], k: usize, p: &[f64; L], q: &[f64; L]) {
+    let (mut first, mut last) = ([0.0; L], [0.0; L]);
+    for l in 0..L {
+        first[l] = 0.5 * (p[l] + q[l]);
+        last[l] = 0.5 * (p[l] - q[l]);
+    }
+    (ar[k - 1], ar[ar.len() - k]) = (first, last);
 }
 
 /// For each number of factors the order in which to multiply them: halves, quarters, eighths of the range, so that
@@ -90,12 +108,6 @@ const SPREAD: [[u8; MAX_FACTORS]; MAX_FACTORS + 1] = {
 /// A coefficient of the sum and of the difference polynomial, for each lane.
 type Pair<const L: usize> = [[f64; L]; 2];
 
-/// Evaluates `f` for each polynomial and lane.
-#[inline(always)]
-fn each<const L: usize>(f: impl Fn(usize, usize) -> f64) -> Pair<L> {
-    std::array::from_fn(|i| std::array::from_fn(|l| f(i, l)))
-}
-
 /// Multiplies palindromes of `factors` quadratic factors, of which `half` holds coefficients 0 to `factors`, by
 /// 1 + b z⁻¹ + z⁻².
 #[inline(always)]
@@ -106,12 +118,28 @@ fn multiply<const L: usize>(half: &mut [Pair<L>; MAX_FACTORS + 1], factors: usiz
     } else {
         [[0.0; L]; 2]
     };
-    half[factors + 1] = each(|i, l| b[i][l] * half[factors][i][l] + 2.0 * beyond[i][l]);
+    let (lower, upper) = half.split_at_mut(factors + 1);
+    let (middle, next) = (&lower[factors], &mut upper[0]);
+    for i in 0..2 {
+        for l in 0..L {
+            next[i][l] = b[i][l] * middle[i][l] + 2.0 * beyond[i][l];
+        }
+    }
     for k in (2..=factors).rev() {
-        half[k] = each(|i, l| half[k][i][l] + b[i][l] * half[k - 1][i][l] + half[k - 2][i][l]);
+        let (lower, upper) = half.split_at_mut(k);
+        let (second, first, row) = (&lower[k - 2], &lower[k - 1], &mut upper[0]);
+        for i in 0..2 {
+            for l in 0..L {
+                row[i][l] = row[i][l] + b[i][l] * first[i][l] + second[i][l];
+            }
+        }
     }
     if factors >= 1 {
-        half[1] = each(|i, l| half[1][i][l] + b[i][l]);
+        for i in 0..2 {
+            for l in 0..L {
+                half[1][i][l] += b[i][l];
+            }
+        }
     }
 }
 

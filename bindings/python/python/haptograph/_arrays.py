@@ -20,6 +20,19 @@ _MOST_ITEMS = 10**6
 
 def array(name: str, values: Any) -> np.ndarray:
     """Real numbers as a contiguous array of float64: a copy, which no other thread changes after it was checked."""
+    # What is too large for float64 becomes infinite, which is refused where it matters.
+    with np.errstate(over="ignore"):
+        return np.array(_numbers(name, values), dtype=np.float64, order="C")
+
+
+def shared(name: str, values: Any) -> np.ndarray:
+    """Real numbers as an array of float64, which others may hold and change: for what is copied in part, and then checked."""
+    with np.errstate(over="ignore"):
+        return np.asarray(_numbers(name, values), dtype=np.float64)
+
+
+def _numbers(name: str, values: Any) -> np.ndarray:
+    """Real numbers as an array of any type."""
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         raise Error(f"`{name}` has masked values: fill them, or leave them out")
     try:
@@ -33,17 +46,30 @@ def array(name: str, values: Any) -> np.ndarray:
         raise Error(f"`{name}` is of type {given.dtype}: give real numbers")
     if given.size > _MOST_NUMBERS:
         raise Error(f"`{name}` has {given.size} numbers: give at most {_MOST_NUMBERS}")
-    # What is too large for float64 becomes infinite, which is refused where it matters.
-    with np.errstate(over="ignore"):
-        return np.array(given, dtype=np.float64, order="C")
+    return given
 
 
 def finite(name: str, values: np.ndarray) -> np.ndarray:
     """The same where every number is finite."""
-    if not np.isfinite(values).all():
+    # What overflows is looked at number by number.
+    with np.errstate(all="ignore"):
+        total = values.sum()
+    if not np.isfinite(total) and not np.isfinite(values).all():
         where = tuple(int(index) for index in np.argwhere(~np.isfinite(values))[0])
         raise Error(f"`{name}` is {values[where] if where else values} at index {list(where)}: give finite numbers")
     return values
+
+
+def writable(name: str, given: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """An array of float64 that a result is written into: of this shape, its numbers one after the other."""
+    if not isinstance(given, np.ndarray) or given.dtype != np.float64:
+        kind = given.dtype if isinstance(given, np.ndarray) else type(given).__name__
+        raise Error(f"`{name}` is a {kind}: give an array of float64")
+    if given.shape != shape:
+        raise Error(f"`{name}` has shape {given.shape}: give {shape}, that of the result")
+    if not (given.flags.c_contiguous and given.flags.aligned and given.flags.writeable):
+        raise Error(f"`{name}` is read-only, or its numbers do not follow one another: give an array as np.empty makes it")
+    return given
 
 
 def line(name: str, values: Any) -> np.ndarray:

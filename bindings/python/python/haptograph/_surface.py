@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from . import _native, _show
-from ._arrays import array, finite, items, line, number, path_name, string, whole
+from ._arrays import array, finite, items, line, number, path_name, shared, string, whole, writable
 from ._errors import Error
 from ._recording import Recording
 
@@ -382,6 +382,7 @@ def render(
     update: float = 240.0,
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
+    out: np.ndarray | None = None,
 ) -> np.ndarray:
     """Many vibrations at once, side by side in the processor's lanes and on all its cores.
 
@@ -401,18 +402,22 @@ def render(
         All cores where it is not given.
     progress : callable, optional
         Called with the part done, 0 to 1, now and then. Ctrl-C, or what it raises, ends the call.
+    out : ndarray, optional
+        Where the result goes, as in NumPy's own functions: of float64, shape (rows, samples), contiguous. Loops that
+        reuse an array save the time in which the system clears a new one. After an error its content is of no meaning.
 
     Returns
     -------
     ndarray
-        Acceleration, m/s2, shape (rows, samples).
+        Acceleration, m/s2, shape (rows, samples); `out` where it is given.
     """
     surfaces = [surfaces] if isinstance(surfaces, Surface) else items("surfaces", surfaces)
     if not surfaces or not all(isinstance(one, Surface) for one in surfaces):
         raise Error("give a Surface, or a list of them")
     if len({one.rate for one in surfaces}) > 1:
         raise Error("the surfaces have different rates: render those of one rate at once")
-    given = [np.atleast_2d(finite(name, array(name, x))) for name, x in (("force", force), ("speed", speed))]
+    # Neither is copied: few of the samples are read.
+    given = [np.atleast_2d(finite(name, shared(name, x))) for name, x in (("force", force), ("speed", speed))]
     try:
         seeded = 0 if seeds is None else len(seeds)
     except (TypeError, OverflowError):
@@ -432,10 +437,14 @@ def render(
         raise Error(f"{len(surfaces)} surfaces and {seeded} seeds for {rows} rows: give one for each")
     if force.size > _MOST_SAMPLES:
         raise Error(f"{force.size:.3g} samples: render at most {_MOST_SAMPLES:.0e} at once")
-    force, speed = np.ascontiguousarray(force), np.ascontiguousarray(speed)
     inner = [one._inner for one in surfaces] * (rows if len(surfaces) == 1 else 1)
     seeds = range(1, rows + 1) if seeds is None else seeds
     seeds = [whole("seeds", seed) for seed in items("seeds", seeds)]
     threads = whole("threads", (os.cpu_count() or 1) if threads is None else threads, 1, 1024)
     update = number("update", update, 0, above=True)
-    return _native.render(inner, force, speed, seeds, update, threads, progress)
+    out = np.empty(force.shape) if out is None else writable("out", out, force.shape)
+    read = _native.update_samples(surfaces[0].rate, update, force.shape[1])
+    # Copies, checked again: another thread may have changed what was checked above.
+    force, speed = finite("force", force.take(read, axis=1)), finite("speed", speed.take(read, axis=1))
+    _native.render(inner, force, speed, seeds, update, threads, progress, out)
+    return out

@@ -111,6 +111,86 @@ fn a_voice_is_what_it_is_by_itself_but_for_rounding() {
     }
 }
 
+/// A voice into `out` at these points.
+fn into<'a>(voice: &Voice<'a>, points: &'a UpdatePoints, out: &'a mut [f64]) -> VoiceInto<'a> {
+    VoiceInto {
+        texture: voice.texture,
+        points,
+        seed: voice.settings.seed,
+        lines_seed: voice.settings.lines_seed,
+        out,
+    }
+}
+
+const ON: &(dyn Fn(f64) -> ControlFlow<()> + Sync) = &|_| ControlFlow::Continue(());
+
+#[test]
+fn speeds_and_forces_at_the_updates_are_enough() {
+    let (textures, walks) = (textures(), (0..24).map(walk).collect::<Vec<_>>());
+    let mut voices = voices(&textures, &walks);
+    for (voice, update_hz) in voices
+        .iter_mut()
+        .zip([240.0, 1000.0, 9.3, 1e9].into_iter().cycle())
+    {
+        voice.settings.update_hz = update_hz;
+    }
+    let points: Vec<UpdatePoints> = voices
+        .iter()
+        .map(|voice| voice.trajectory.at_updates(voice.settings.update_hz))
+        .collect();
+    // What was there before does not matter.
+    let mut outs: Vec<Vec<f64>> = points
+        .iter()
+        .map(|points| vec![f64::NAN; points.samples])
+        .collect();
+    let each = voices.iter().zip(&points).zip(&mut outs);
+    let each = each.map(|((voice, points), out)| into(voice, points, out));
+    synthesise_into(each.collect(), 2, ON).unwrap();
+    for (out, many) in outs.iter().zip(synthesise_many(&voices, 1).unwrap()) {
+        assert_eq!(bits(out), bits(&many));
+    }
+}
+
+#[test]
+fn points_and_outputs_that_do_not_fit_are_refused() {
+    let (textures, walk) = (textures(), walk(1));
+    let voice = voices(&textures, std::slice::from_ref(&walk))[0];
+    let right = walk.at_updates(240.0);
+    let refused = |points: &UpdatePoints, places: usize| {
+        let mut out = vec![0.0; places];
+        let error = synthesise_into(vec![into(&voice, points, &mut out)], 1, ON).unwrap_err();
+        assert_eq!(error.voice, 0);
+        error.source
+    };
+    let samples = right.samples;
+    let output = refused(&right, samples - 1);
+    let places = samples - 1;
+    assert_eq!(output, SynthesisError::Output { samples, places });
+    let mut short = right.clone();
+    short.speed_m_s.pop();
+    short.force_n.pop();
+    let (updates, points) = (right.speed_m_s.len(), short.speed_m_s.len());
+    assert_eq!(
+        refused(&short, samples),
+        SynthesisError::Updates { updates, points }
+    );
+    short.force_n.pop();
+    assert!(matches!(refused(&short, samples), SynthesisError::Lengths { .. }));
+    let never = UpdatePoints {
+        update_hz: f64::NAN,
+        ..right.clone()
+    };
+    assert!(matches!(
+        refused(&never, samples),
+        SynthesisError::UpdateRate { .. }
+    ));
+    let slow = UpdatePoints {
+        rate_hz: 1000.0,
+        ..right
+    };
+    assert!(matches!(refused(&slow, samples), SynthesisError::Rates { .. }));
+}
+
 #[test]
 fn the_voice_that_is_refused_is_named() {
     let (textures, walks) = (textures(), (0..3).map(walk).collect::<Vec<_>>());

@@ -2,9 +2,15 @@
 
 use super::{LANES, Lanes, WarpedGroup};
 use crate::arma::{MAX_ORDER, mul_add};
+use crate::elementwise::CacheLines;
 use crate::prediction::step_down_lanes;
 use crate::warped::MAX_WARPING;
 use pulp::{Simd, WithSimd};
+
+/// Lanes of the widest vector.
+const WIDTH: usize = 8;
+/// Vectors of a group.
+const PARTS: usize = LANES / WIDTH;
 
 /// Sums that the product of the cosines is split into.
 const SUMS: usize = 8;
@@ -32,24 +38,33 @@ impl WithSimd for SetAll<'_> {
         if !(1..=MAX_ORDER).contains(&order) || !(0.0..=MAX_WARPING).contains(&warping) {
             return false;
         }
-        let mut sine = [[0.0; LANES]; MAX_ORDER];
-        let sine = &mut sine[..order];
-        sine.copy_from_slice(ar);
-        let mut cosine = [[0.0; LANES]; MAX_ORDER];
-        let cosine = &mut cosine[..order];
-        if !step_down_lanes(sine) {
-            return false;
-        }
-        let product = turn(sine, cosine);
-        let (s, mut out_scale) = ((1.0 - warping * warping).sqrt(), [0.0; LANES]);
-        for l in 0..LANES {
-            out_scale[l] = gain[l] / product[l] / s * s;
+        // A vector of lanes at a time; nothing is kept before all are found to be sound.
+        let mut solved = CacheLines([[[0.0; WIDTH]; MAX_ORDER]; 2 * PARTS]);
+        let mut out_scale = [0.0; LANES];
+        let s = (1.0 - warping * warping).sqrt();
+        for (part, both) in solved.0.as_chunks_mut::<2>().0.iter_mut().enumerate() {
+            let [sine, cosine] = both;
+            let (sine, cosine) = (&mut sine[..order], &mut cosine[..order]);
+            for (sine, ar) in sine.iter_mut().zip(ar) {
+                *sine = ar.as_chunks::<WIDTH>().0[part];
+            }
+            if !step_down_lanes(sine) {
+                return false;
+            }
+            let product = turn(sine, cosine);
+            let gain = &gain.as_chunks::<WIDTH>().0[part];
+            let out_scale = &mut out_scale.as_chunks_mut::<WIDTH>().0[part];
+            for l in 0..WIDTH {
+                out_scale[l] = gain[l] / product[l] / s * s;
+            }
         }
         if !out_scale.iter().all(|scale| scale.is_finite()) {
             return false;
         }
         group.out_scale = out_scale;
-        group.solve(sine, cosine, warping);
+        for (part, [sine, cosine]) in solved.0.as_chunks::<2>().0.iter().enumerate() {
+            group.solve(part, &sine[..order], &cosine[..order], warping);
+        }
         group.rest_from(order, warping);
         true
     }
@@ -57,17 +72,18 @@ impl WithSimd for SetAll<'_> {
 
 /// The cosines of angles, and their product.
 #[inline(always)]
-fn turn(sine: &[Lanes], cosine: &mut [Lanes]) -> Lanes {
-    let mut products = [[1.0; LANES]; SUMS];
+fn turn(sine: &[[f64; WIDTH]], cosine: &mut [[f64; WIDTH]]) -> [f64; WIDTH] {
+    let mut products = CacheLines([[1.0; WIDTH]; SUMS]);
+    let products = &mut products.0;
     for (m, (cosine, k)) in cosine.iter_mut().zip(sine).enumerate() {
-        for l in 0..LANES {
+        for l in 0..WIDTH {
             cosine[l] = ((1.0 - k[l]) * (1.0 + k[l])).sqrt();
             products[m % SUMS][l] *= cosine[l];
         }
     }
-    let mut product = [1.0; LANES];
-    for part in &products {
-        for l in 0..LANES {
+    let mut product = [1.0; WIDTH];
+    for part in products {
+        for l in 0..WIDTH {
             product[l] *= part[l];
         }
     }
@@ -75,22 +91,26 @@ fn turn(sine: &[Lanes], cosine: &mut [Lanes]) -> Lanes {
 }
 
 impl WarpedGroup {
-    /// See [`Stages`](crate::arma::warped::Stages): the same quotients, stage by stage.
+    /// See [`Stages`](crate::arma::warped::Stages): the same quotients, stage by stage, of one vector of lanes.
     #[inline(always)]
-    fn solve(&mut self, sine: &[Lanes], cosine: &[Lanes], warping: f64) {
+    fn solve(&mut self, part: usize, sine: &[[f64; WIDTH]], cosine: &[[f64; WIDTH]], warping: f64) {
         let turn = 1.0 - warping * warping;
-        let (mut above, mut below) = ([1.0_f64; LANES], [1.0_f64; LANES]);
-        for (m, (k, c)) in sine.iter().zip(cosine).enumerate() {
-            for l in 0..LANES {
+        let (mut above, mut below) = ([1.0_f64; WIDTH], [1.0_f64; WIDTH]);
+        for (m, (k, c)) in sine.iter().zip(cosine).enumerate().take(MAX_ORDER) {
+            let pass = &mut self.pass[m].as_chunks_mut::<WIDTH>().0[part];
+            let carried = &mut self.carried[m].as_chunks_mut::<WIDTH>().0[part];
+            let turned = &mut self.turned[m].as_chunks_mut::<WIDTH>().0[part];
+            let share = &mut self.share[m].as_chunks_mut::<WIDTH>().0[part];
+            for l in 0..WIDTH {
                 let (a, b) = (above[l], below[l]);
                 above[l] = mul_add(k[l], b, -(warping * a));
                 below[l] = mul_add(-(warping * k[l]), a, b);
                 let inverse = 1.0 / (b * below[l]);
                 let delta = b * b * inverse;
-                self.pass[m][l] = c[l] * delta;
-                self.carried[m][l] = -warping * (c[l] * delta);
-                self.turned[m][l] = -(k[l] * delta);
-                self.share[m][l] = turn * (a * below[l] * inverse);
+                pass[l] = c[l] * delta;
+                carried[l] = -warping * (c[l] * delta);
+                turned[l] = -(k[l] * delta);
+                share[l] = turn * (a * below[l] * inverse);
             }
         }
     }
