@@ -1,7 +1,7 @@
 //! What the pen's friction brake can do (thesis, Fig. 5.22 and 5.23), and how far the friction of simulated pens is from
 //! what is wanted, by the measured line alone and with the slow correction: `cargo run --example brake_range`.
 
-use haptograph::nodes::actuators::brake::solenoid::MOST_CURRENT_A;
+use haptograph::nodes::actuators::brake::solenoid::MAX_CURRENT_A;
 use haptograph::nodes::actuators::brake::{BrakeSettings, Reach, Solenoid};
 use haptograph::nodes::simulated::pen_brake::{PenConstants, dragged};
 use haptograph::report::plot::{Axis, Mark, Plot, Style, Weight};
@@ -10,7 +10,7 @@ use std::io::Write;
 
 /// The frictions that the thesis measured its pen at.
 const MEASURED: [f64; 2] = [0.20, 0.52];
-const MOST_SHOWN_N: f64 = 6.0;
+const MAX_SHOWN_N: f64 = 6.0;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let file = std::env::args()
@@ -23,25 +23,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             .map(at)
             .map(move |mu| (mu, Solenoid::THESIS.most_normal_force_n(mu, current_a)));
         points
-            .filter(|(_, force_n)| *force_n <= MOST_SHOWN_N)
+            .filter(|(_, force_n)| *force_n <= MAX_SHOWN_N)
             .collect::<Vec<_>>()
     };
     // Left of the curve the pen can be pressed harder than the plot shows.
-    let corners = [(least, 0.0), (least, MOST_SHOWN_N)].into_iter();
-    let reachable = corners
-        .chain(limit(MOST_CURRENT_A))
-        .chain([(most, 0.0)])
-        .collect();
+    let corners = [(least, 0.0), (least, MAX_SHOWN_N)].into_iter();
+    let reachable = corners.chain(limit(MAX_CURRENT_A)).chain([(most, 0.0)]).collect();
     let plot = Plot {
         title: "What the brake can do".into(),
         note: "by the experimental line, Eq. 5.5.10 and 5.5.12".into(),
         x: Axis::of("Friction coefficient").over(least, most),
-        y: Axis::of("Normal force (N)").over(0.0, MOST_SHOWN_N),
+        y: Axis::of("Normal force (N)").over(0.0, MAX_SHOWN_N),
         marks: vec![
             Mark::Areas(Style::of(Ink::Grey), vec![reachable]),
             Mark::Line(
                 Style::named(Ink::Blue, "0.3 A").weight(Weight::Bold),
-                limit(MOST_CURRENT_A),
+                limit(MAX_CURRENT_A),
             ),
             Mark::Line(Style::named(Ink::Orange, "0.25 A"), limit(0.25)),
             Mark::Line(Style::named(Ink::Teal, "0.2 A"), limit(0.2)),
@@ -53,13 +50,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let table = [1.1, 2.0, 2.75, 4.3].map(|n| {
         format!(
             "{n} N: {:.3}",
-            Solenoid::THESIS.most_friction_at(n, MOST_CURRENT_A)
+            Solenoid::THESIS.most_friction_at(n, MAX_CURRENT_A)
         )
     });
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "largest friction at {MOST_CURRENT_A} A: {}; see {file}\n",
+        "largest friction at {MAX_CURRENT_A} A: {}; see {file}\n",
         table.join(", ")
     )?;
     writeln!(

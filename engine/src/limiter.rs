@@ -76,7 +76,7 @@ pub enum LimitError {
     #[error(
         "at a slew limit of {slew_per_s} per second a ramp from peak to continuous takes {ticks:.0} ticks, but at most \
          {most} are possible: raise the slew limit or lower the peak",
-        most = MOST_RUNGS
+        most = MAX_RUNGS
     )]
     SlewTooSlow {
         /// The setting `slew_per_s`.
@@ -131,7 +131,7 @@ struct Rung {
     budget: f64,
 }
 
-const MOST_RUNGS: f64 = 1e6;
+const MAX_RUNGS: f64 = 1e6;
 /// Relative margin of heat and rungs against rounding errors.
 const MARGIN: f64 = 1e-9;
 /// Relative margin against a single rounding.
@@ -160,7 +160,7 @@ impl<const N: usize> Limiter<N> {
         let weight = -(-1.0 / (limit.window_s * rate_hz)).exp_m1();
         let continuous_square = continuous * continuous * (1.0 - MARGIN);
         let ticks = (peak - continuous_square.sqrt()) / step;
-        if ticks > MOST_RUNGS {
+        if ticks > MAX_RUNGS {
             return Err(LimitError::SlewTooSlow { slew_per_s, ticks });
         }
         let unlimited_slew = limit.slew_per_s.is_none();

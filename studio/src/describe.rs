@@ -22,7 +22,7 @@ use std::sync::{LazyLock, Mutex, PoisonError};
 use std::time::SystemTime;
 
 /// Maximum number of listed surfaces.
-const MOST_SURFACES: usize = 100;
+const MAX_SURFACES: usize = 100;
 /// The swatch of each file, `None` for a file that is not a surface, and the file's modification time, if
 /// known.
 type Swatches = HashMap<PathBuf, (Option<SystemTime>, Option<Value>)>;
@@ -225,7 +225,7 @@ fn surfaces(stage: &Stage) -> Vec<Value> {
     let mut seen = HashSet::new();
     let paths = paths.filter(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
     let shown = paths.filter_map(|path| surface(&path, folder));
-    shown.take(MOST_SURFACES).collect()
+    shown.take(MAX_SURFACES).collect()
 }
 
 /// The description of a surface; its swatch is drawn once, which takes a while.
@@ -244,7 +244,7 @@ pub fn surface(path: &Path, graph: &Path) -> Option<Value> {
     };
     let shown = drawn();
     let mut known = known();
-    if known.len() >= MOST_SURFACES {
+    if known.len() >= MAX_SURFACES {
         known.clear();
     }
     known.insert(path.to_owned(), (written, shown.clone()));
@@ -265,7 +265,7 @@ fn ron_files(folder: &Path) -> Vec<PathBuf> {
     let mut paths = list(folder);
     paths.retain(|path| path.extension().is_some_and(|ending| ending == "ron"));
     paths.sort();
-    paths.truncate(MOST_SURFACES);
+    paths.truncate(MAX_SURFACES);
     paths
 }
 

@@ -15,7 +15,7 @@ const RENEWED: f64 = 0.05;
 /// Upper bound of a squared level, so that sums stay finite.
 const MOST: f64 = 1e290;
 /// Number of messages without a frame after which a port has no level.
-const MOST_IDLE: u32 = 20;
+const MAX_IDLE: u32 = 20;
 /// Significant digits of a sent level.
 const DIGITS: i32 = 3;
 
@@ -55,7 +55,7 @@ impl Level {
             self.latest = [(self.square / self.count as f64).sqrt(), self.peak.sqrt()];
             (self.square, self.count, self.peak) = (0.0, 0, 0.0);
         }
-        (self.idle < MOST_IDLE).then_some(self.latest)
+        (self.idle < MAX_IDLE).then_some(self.latest)
     }
 }
 
@@ -197,7 +197,7 @@ mod tests {
         assert_eq!(level.snapshot(), Some([12.5_f64.sqrt(), 5.0]));
         level.take(Kind::Wrench, &[0.0, 2.0, 0.0, 9.0, 9.0, 9.0]);
         assert_eq!(level.snapshot(), Some([2.0, 2.0]));
-        assert!((0..MOST_IDLE).all(|turn| level.snapshot().is_some() == (turn + 1 < MOST_IDLE)));
+        assert!((0..MAX_IDLE).all(|turn| level.snapshot().is_some() == (turn + 1 < MAX_IDLE)));
     }
 
     #[test]

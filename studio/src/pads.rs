@@ -10,7 +10,7 @@ use haptograph_signal::vector::{reject, scale, sub};
 /// Force at full pressure of a pen, N, since tablets do not report newtons.
 pub const FULL_N: f64 = 3.0;
 /// Gap between pointer events above which the hand is assumed to have been elsewhere, s.
-pub const MOST_APART_S: f64 = 0.06;
+pub const MAX_APART_S: f64 = 0.06;
 /// Smallest interpolation step between two pointer events, s.
 const LEAST_STEP_S: f64 = 1e-3;
 /// Height of the tip over a surface while its pointer is lifted, m.
@@ -64,7 +64,7 @@ impl Pad {
         let at_s = at_s.max(from_s);
         let apart_s = at_s - from_s;
         if let Some(from) =
-            from.filter(|from| from.force_n > 0.0 && pointer.force_n > 0.0 && apart_s < MOST_APART_S)
+            from.filter(|from| from.force_n > 0.0 && pointer.force_n > 0.0 && apart_s < MAX_APART_S)
         {
             let steps = (apart_s / self.step_s) as u32;
             for step in 1..=steps {
@@ -82,7 +82,7 @@ impl Pad {
         let passed_s = if goes_on { at_s - before_s } else { 0.0 };
         let above_m = self.above_m(pointer.force_n, height_m, passed_s);
         let mut touch = Touch::of(pointer, self.on.as_ref(), above_m);
-        if goes_on && passed_s < MOST_APART_S {
+        if goes_on && passed_s < MAX_APART_S {
             touch.velocity_m_s = match passed_s > 0.0 {
                 true => scale(
                     reject(sub(touch.tip_m, before.tip_m), touch.normal),
@@ -106,7 +106,7 @@ impl Pad {
         if force_n == 0.0 {
             return LIFTED_M;
         }
-        let down_m = DOWN_M_S * passed_s.clamp(0.0, MOST_APART_S);
+        let down_m = DOWN_M_S * passed_s.clamp(0.0, MAX_APART_S);
         (-force_n / on.gives_n_per_m).max(before_m - down_m)
     }
 }

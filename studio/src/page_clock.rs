@@ -1,6 +1,6 @@
 //! Synchronisation of a page's clock with the time of the run.
 
-use super::pads::MOST_APART_S;
+use super::pads::MAX_APART_S;
 
 /// Bounds of the delay added to pointer events, s, which compensates jitter and gaps.
 const MARGIN_S: (f64, f64) = (0.002, 0.03);
@@ -39,7 +39,7 @@ impl PageClock {
         let kept = (-(now_s - before_s).max(0.0) / FORGET_S).exp();
         self.late_s = (self.late_s * kept).max(offset - fastest);
         let apart_s = at_s - before_at_s;
-        if (0.0..MOST_APART_S).contains(&apart_s) {
+        if (0.0..MAX_APART_S).contains(&apart_s) {
             self.apart_s += 0.1 * (apart_s - self.apart_s);
         }
         self.latest = (at_s, now_s);

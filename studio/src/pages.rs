@@ -3,7 +3,7 @@
 use super::page_clock::PageClock;
 use super::publish::text;
 use super::stage::Stage;
-use super::wire::{MOST_SCOPES, Message, ScopeRequest};
+use super::wire::{MAX_SCOPES, Message, ScopeRequest};
 
 /// Channel for the messages to a page.
 pub trait Line: Send {
@@ -94,7 +94,7 @@ impl Stage {
 
     /// Sets the ports that a page displays.
     pub fn scope(&mut self, page: u64, mut ports: Vec<ScopeRequest>) {
-        ports.truncate(MOST_SCOPES);
+        ports.truncate(MAX_SCOPES);
         self.page_of(page, |page| page.wanted = ports);
     }
 

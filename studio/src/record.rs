@@ -7,7 +7,7 @@
 use super::load::Source;
 use super::run_cycle::NextRun;
 use super::stage::Stage;
-use super::wire::{MOST_DEG, MOST_M, MOST_N, Pointer};
+use super::wire::{MAX_DEG, MAX_M, MAX_N, Pointer};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::PathBuf;
@@ -195,9 +195,9 @@ impl Recording {
         }
         let is_right = |made: &Move| {
             let (due_s, point) = made.pointer();
-            let is_near = point.position_m.iter().all(|x| x.abs() <= MOST_M);
-            let is_upright = point.tilt_deg.iter().all(|tilt| tilt.abs() <= MOST_DEG);
-            due_s <= MAX_REPLAY_S && is_near && is_upright && point.force_n <= MOST_N
+            let is_near = point.position_m.iter().all(|x| x.abs() <= MAX_M);
+            let is_upright = point.tilt_deg.iter().all(|tilt| tilt.abs() <= MAX_DEG);
+            due_s <= MAX_REPLAY_S && is_near && is_upright && point.force_n <= MAX_N
         };
         match self.moves.iter().all(is_right)
             && self.seconds() <= MAX_REPLAY_S

@@ -8,9 +8,9 @@ use haptograph_engine::host::AnyOutput;
 /// Number of intervals per second of a thinned port.
 const THINNED_HZ: f64 = 2000.0;
 /// Ports with a higher rate are thinned.
-pub const MOST_HZ: f64 = 4000.0;
+pub const MAX_HZ: f64 = 4000.0;
 /// Number of components of the widest frame.
-const MOST_LANES: usize = Coefficients::WIDTH;
+const MAX_LANES: usize = Coefficients::WIDTH;
 /// Buffer length for new frames without allocation, s.
 const ROOM_S: f64 = 0.1;
 /// Difference between the frame count and the time of the run that indicates lost frames, s.
@@ -103,7 +103,7 @@ impl Scope {
             self.seen = 0;
         }
         let before = self.fresh.len();
-        let mut frame = [0.0; MOST_LANES];
+        let mut frame = [0.0; MAX_LANES];
         while self.frames.take(&mut frame[..lanes]) {
             self.fresh.extend_from_slice(&frame[..lanes]);
         }
@@ -161,7 +161,7 @@ impl Scope {
 
     /// The message for a page that has this port at `place` of its list; `None` without new frames.
     pub fn message(&self, place: usize, raw: bool) -> Option<Vec<u8>> {
-        let is_thinned = !raw && self.port.rate_hz > MOST_HZ;
+        let is_thinned = !raw && self.port.rate_hz > MAX_HZ;
         let interval_s = 1.0 / self.port.rate_hz;
         if is_thinned {
             let at_s = self.begin_s.unwrap_or(0.0) + self.thinned_from as f64 * interval_s;

@@ -8,12 +8,12 @@ pub const VERSION: u32 = 1;
 /// Subprotocol of the WebSocket.
 pub const SUBPROTOCOL: &str = "haptograph.studio.1";
 /// Maximum size of a message, bytes; recordings to learn from or to replay may be larger.
-pub const MOST_BYTES: usize = 1 << 20;
-pub const MOST_LEARNED_BYTES: usize = 80 << 20;
+pub const MAX_BYTES: usize = 1 << 20;
+pub const MAX_LEARNED_BYTES: usize = 80 << 20;
 /// Beginnings of such messages.
 const LONG: [&str; 2] = [r#"{"type":"learn""#, r#"{"type":"replay""#];
 /// Maximum number of ports displayed by a page.
-pub const MOST_SCOPES: usize = 16;
+pub const MAX_SCOPES: usize = 16;
 
 /// A message in either direction.
 #[derive(Debug, Clone, PartialEq)]
@@ -177,17 +177,17 @@ pub enum WireError {
     Binary(usize),
     /// A pointer out of range.
     #[error(
-        "a pointer is at no number, further than {MOST_MM} mm from the middle, presses with more than {MOST_N} N, or is tilted by more than {MOST_DEG} degrees"
+        "a pointer is at no number, further than {MAX_MM} mm from the middle, presses with more than {MAX_N} N, or is tilted by more than {MAX_DEG} degrees"
     )]
     Pointer,
 }
 
 /// Bounds of a pointer.
-pub const MOST_M: f64 = 1.0;
-pub const MOST_N: f64 = 20.0;
+pub const MAX_M: f64 = 1.0;
+pub const MAX_N: f64 = 20.0;
 /// 0 for an upright pen, 90 for a horizontal one.
-pub const MOST_DEG: f64 = 90.0;
-const MOST_MM: f64 = MOST_M * 1e3;
+pub const MAX_DEG: f64 = 90.0;
+const MAX_MM: f64 = MAX_M * 1e3;
 const HEAD: usize = 8;
 const POINTER: usize = 28;
 
@@ -217,7 +217,7 @@ pub fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError> {
         "hold",
         "disarm",
     ];
-    if text.len() > MOST_BYTES && !LONG.iter().any(|long| text.starts_with(long)) {
+    if text.len() > MAX_BYTES && !LONG.iter().any(|long| text.starts_with(long)) {
         return Err(WireError::Long(text.len()));
     }
     let wrong = |error: serde_json::Error| WireError::Json(error.to_string());
@@ -233,7 +233,7 @@ pub fn pointers(bytes: &[u8]) -> Result<(usize, Vec<Pointer>), WireError> {
     let wrong = || WireError::Binary(bytes.len());
     let (head, body) = bytes.split_at_checked(HEAD).ok_or_else(wrong)?;
     let count = usize::from(u16::from_le_bytes([head[2], head[3]]));
-    if bytes.len() > MOST_BYTES || head[0] != 1 || body.len() != count * POINTER {
+    if bytes.len() > MAX_BYTES || head[0] != 1 || body.len() != count * POINTER {
         return Err(wrong());
     }
     let points = body.chunks_exact(POINTER).map(pointer);
@@ -251,12 +251,12 @@ fn pointer(bytes: &[u8]) -> Option<Pointer> {
     let time_ms = f64::from_le_bytes(*time);
     let [x_mm, y_mm, force_n] = [x, y, force].map(|four| f32::from_le_bytes(*four));
     let tilt_deg = [right, towards].map(|four| f64::from(f32::from_le_bytes(*four)));
-    let is_near = |mm: f32| f64::from(mm.abs()) <= MOST_MM;
+    let is_near = |mm: f32| f64::from(mm.abs()) <= MAX_MM;
     // Comparisons with NaN are false.
     let is_right = is_near(x_mm)
         && is_near(y_mm)
-        && (0.0..=MOST_N).contains(&f64::from(force_n))
-        && tilt_deg.iter().all(|tilt| tilt.abs() <= MOST_DEG)
+        && (0.0..=MAX_N).contains(&f64::from(force_n))
+        && tilt_deg.iter().all(|tilt| tilt.abs() <= MAX_DEG)
         && time_ms.abs() < 1e15;
     is_right.then(|| Pointer {
         at_s: time_ms * 1e-3,

@@ -41,7 +41,7 @@ const GROWTH: f64 = 0.70;
 const GROWTH_REACH: f64 = 3.0;
 
 /// Largest number of silent samples that is tried to make a resampler's delay a whole number of outputs.
-const MOST_LEAD: usize = 10_000;
+const MAX_LEAD: usize = 10_000;
 
 /// The two recorded taps that make the tap at a given speed, and their gains.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -155,7 +155,7 @@ impl Taps {
         // Silence before the tap, so that its first sample falls on an output sample.
         let (latency, ratio) = (resampler.latency_frames(), rate_hz / self.rate_hz);
         let place = |lead: usize| (latency + lead) as f64 * ratio;
-        let lead = (0..MOST_LEAD).find(|&lead| (place(lead) - place(lead).round()).abs() < 1e-9);
+        let lead = (0..MAX_LEAD).find(|&lead| (place(lead) - place(lead).round()).abs() < 1e-9);
         let lead = lead.unwrap_or(0);
         let late = place(lead).round() as usize;
         let length = (self.length() as f64 * ratio).ceil() as usize;

@@ -4,7 +4,7 @@ use super::*;
 
 /// How long a run may go on after a stop, by its own frames, s: a stop is acted on in its next callback.
 #[cfg(unix)]
-const MOST_RUN_ON_S: f64 = 2.0;
+const MAX_RUN_ON_S: f64 = 2.0;
 
 /// Sends packets to where a run listens for settings.
 fn teller(run: &Running) -> impl Fn(&[u8]) + use<> {
@@ -140,7 +140,7 @@ fn a_surface_that_never_comes_holds_up_no_stop_and_none_is_named_from_afar() {
     std::thread::sleep(Duration::from_millis(200));
     let out = folder.path().join("out");
     let (said, ran_on_s) = interrupt(run, &out);
-    assert!(ran_on_s < MOST_RUN_ON_S, "{ran_on_s} s: {said}");
+    assert!(ran_on_s < MAX_RUN_ON_S, "{ran_on_s} s: {said}");
     let facts = facts(&out);
     assert_eq!((&facts["changes"], &facts["stopped"]), (&0.into(), &true.into()));
 }
@@ -181,7 +181,7 @@ fn what_the_graph_does_not_have_is_not_looked_for_in_its_file() {
     }
     run.wait_for("no parameter `p");
     let (said, ran_on_s) = interrupt(run, &folder.path().join("out"));
-    assert!(ran_on_s < MOST_RUN_ON_S, "{ran_on_s} s: {said}");
+    assert!(ran_on_s < MAX_RUN_ON_S, "{ran_on_s} s: {said}");
     assert!(!said.contains("E01"), "{said}");
     assert_eq!(facts(&folder.path().join("out"))["changes"], 0);
 }

@@ -28,7 +28,7 @@ struct Inside {
 /// How much is processed between two looks at the outputs, s.
 const PART_S: f64 = 0.25;
 /// Frames that one call processes at most.
-const MOST_FRAMES: usize = 1 << 25;
+const MAX_FRAMES: usize = 1 << 25;
 
 impl Player {
     pub fn open(
@@ -169,8 +169,8 @@ impl Player {
     fn process<'py>(&self, py: Python<'py>, frames: usize) -> PyResult<Bound<'py, PyDict>> {
         let part = ((PART_S * self.rate_hz) as usize).max(1);
         let read = self.with(py, |inside| {
-            if frames > MOST_FRAMES {
-                let message = format!("{frames} frames at once: process at most {MOST_FRAMES}");
+            if frames > MAX_FRAMES {
+                let message = format!("{frames} frames at once: process at most {MAX_FRAMES}");
                 return Err(Failure::Message(message));
             }
             let mut read: Vec<Vec<f64>> = vec![Vec::new(); inside.outputs.len()];

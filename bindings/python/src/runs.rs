@@ -20,7 +20,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Numbers that the signals of a run may have together: 8 GB.
-const MOST_NUMBERS: f64 = 1e9;
+const MAX_NUMBERS: f64 = 1e9;
 /// How long a run takes that nothing else ends, s.
 const USUAL_S: f64 = 10.0;
 
@@ -230,7 +230,7 @@ fn seconds(wanted: &Wanted, longest: Option<f64>) -> Result<f64, Failure> {
 fn fits(probes: &[(String, Stream)], seconds: f64) -> Result<(), Failure> {
     let numbers = |(_, stream): &(String, Stream)| stream.rate.hz() * stream.kind.width() as f64 * seconds;
     let all: f64 = probes.iter().map(numbers).sum();
-    match all <= MOST_NUMBERS {
+    match all <= MAX_NUMBERS {
         true => Ok(()),
         false => Err(Failure::Message(format!(
             "{} signals of {seconds} s are {:.1} GB: probe fewer, or run in parts with a player",

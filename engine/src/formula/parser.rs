@@ -5,8 +5,8 @@ use crate::settings::closest;
 use haptograph_signal::units;
 
 /// The longest formula, in characters, and the deepest nesting of brackets.
-const MOST_CHARACTERS: usize = 4096;
-const MOST_NESTED: usize = 64;
+const MAX_CHARACTERS: usize = 4096;
+const MAX_NESTED: usize = 64;
 
 /// What other languages write, and what is written here.
 const FOREIGN: [(&str, &str); 14] = [
@@ -56,8 +56,8 @@ pub(super) fn steps(text: &str, inputs: &[&str]) -> Result<(Vec<Step>, usize), F
         depth: 0,
         nested: 0,
     };
-    if text.chars().count() > MOST_CHARACTERS {
-        return Err(parser.wrong(format!("it has more than {MOST_CHARACTERS} characters")));
+    if text.chars().count() > MAX_CHARACTERS {
+        return Err(parser.wrong(format!("it has more than {MAX_CHARACTERS} characters")));
     }
     parser.binary(0)?;
     parser.blanks();
@@ -174,8 +174,8 @@ impl<'t> Parser<'t> {
     /// An operand with signs before it and a power behind it: -2^2 is -4.
     fn signed(&mut self) -> Result<(), FormulaError> {
         self.nested += 1;
-        if self.nested > MOST_NESTED {
-            return Err(self.wrong(format!("it is nested more than {MOST_NESTED} deep")));
+        if self.nested > MAX_NESTED {
+            return Err(self.wrong(format!("it is nested more than {MAX_NESTED} deep")));
         }
         if self.takes("-") {
             self.signed()?;

@@ -10,7 +10,7 @@ use crate::node::Flow;
 use std::cmp::Ordering;
 
 /// Largest ring in frames: 50 MB for wrenches.
-const MOST_RING_FRAMES: f64 = 1e6;
+const MAX_RING_FRAMES: f64 = 1e6;
 
 /// Checks every bridge and removes unnecessary ones.
 pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
@@ -196,10 +196,10 @@ fn crossing(
                 format!("{} ms is too short", latency_s * 1e3),
                 "most of it is the delay of the resampler; for live runs add the longest callbacks of both drivers",
             ),
-            Ok(_) if latency_s * source.rate.hz() > MOST_RING_FRAMES => error(
+            Ok(_) if latency_s * source.rate.hz() > MAX_RING_FRAMES => error(
                 "E0413",
                 form,
-                format!("a ring holds at most {MOST_RING_FRAMES} frames"),
+                format!("a ring holds at most {MAX_RING_FRAMES} frames"),
                 format!("{} ms at {} is too long", latency_s * 1e3, source.rate),
                 "choose a shorter latency",
             ),

@@ -11,12 +11,12 @@ use crate::settings::{Fields, Reading, Setting, closest};
 use petgraph::graph::NodeIndex;
 
 /// Largest delay in frames: 100 s at 10 kHz, 0.5 GB for the widest frames.
-const MOST_DELAY_FRAMES: f64 = 1e6;
+const MAX_DELAY_FRAMES: f64 = 1e6;
 
 /// Names of bridges and of `Input`.
 const FORMS: [&str; 7] = ["Hold", "Linear", "Average", "Resample", "Ring", "Delay", "Input"];
 /// Largest latency of a ring, ms.
-const MOST_RING_LATENCY_MS: f64 = 1000.0;
+const MAX_RING_LATENCY_MS: f64 = 1000.0;
 /// Largest nesting of templates in a connection.
 const MAX_HANDED_ON: usize = 200;
 
@@ -497,8 +497,8 @@ fn delayed(
                     reading.diagnostics.push(diagnostic);
                     None
                 }
-                Shape::Number(number, _) if number > MOST_DELAY_FRAMES => {
-                    let message = format!("a delay has at most {MOST_DELAY_FRAMES} frames");
+                Shape::Number(number, _) if number > MAX_DELAY_FRAMES => {
+                    let message = format!("a delay has at most {MAX_DELAY_FRAMES} frames");
                     let diagnostic = Diagnostic::error("E0412", value.span, message)
                         .label("more than can be kept in memory")
                         .help("give frames of the clock: a second is as many as its rate");
@@ -536,7 +536,7 @@ fn ringed(
             "write `Ring(from: \"node.output\", latency_ms: 10)`",
             reading,
         );
-        let range = Some((0.0, MOST_RING_LATENCY_MS));
+        let range = Some((0.0, MAX_RING_LATENCY_MS));
         let latency_ms = fields.setting::<f64>("latency_ms", None, range, reading);
         fields.finish(reading);
         (from, latency_ms)

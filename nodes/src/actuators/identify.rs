@@ -37,9 +37,9 @@ pub enum Known {
 }
 
 /// Largest plausible current of a voice coil.
-const MOST_CURRENT_A: f64 = 1e6;
+const MAX_CURRENT_A: f64 = 1e6;
 /// Largest plausible acceleration.
-const MOST_ACCELERATION_M_S2: f64 = 1e9;
+const MAX_ACCELERATION_M_S2: f64 = 1e9;
 
 /// A recording of a sweep.
 #[derive(Debug, Clone, Copy)]
@@ -213,12 +213,12 @@ fn measure(sweep: &Sweep) -> Result<(Vec<Band>, usize), IdentifyError> {
         return Err(IdentifyError::NotFinite { index });
     }
     for (what, unit, x, most) in [
-        ("current", "A", sweep.current_a, MOST_CURRENT_A),
+        ("current", "A", sweep.current_a, MAX_CURRENT_A),
         (
             "acceleration",
             "m/s2",
             sweep.acceleration_m_s2,
-            MOST_ACCELERATION_M_S2,
+            MAX_ACCELERATION_M_S2,
         ),
     ] {
         let largest = x.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));

@@ -28,9 +28,9 @@ struct Plane {
 }
 
 /// Planes that can hold the proxy at once: three fix a point; the fourth lets one of them be exchanged.
-const MOST_PLANES: usize = 4;
+const MAX_PLANES: usize = 4;
 /// Largest number of sliding steps per tick. Smooth surfaces take two to four; the rest follows in the next tick.
-const MOST_ROUNDS: usize = 12;
+const MAX_ROUNDS: usize = 12;
 
 impl MeshProxy {
     /// A proxy at a point in free space, on the side of the surface that the tool feels.
@@ -70,7 +70,7 @@ impl MeshProxy {
             return Contact::free(hip_m);
         }
         let mut touched = None;
-        for _ in 0..MOST_ROUNDS {
+        for _ in 0..MAX_ROUNDS {
             let before_m = self.proxy_m;
             let Some(face) = self.slide(hip_m) else {
                 return Contact::free(hip_m);
@@ -102,8 +102,8 @@ impl MeshProxy {
     /// nearest to the device. Returns the plane that stops the proxy, if any.
     fn slide(&mut self, hip_m: Vec3) -> Option<Plane> {
         let first = self.advance(hip_m)?;
-        let mut planes = [first; MOST_PLANES];
-        for count in 1..=MOST_PLANES {
+        let mut planes = [first; MAX_PLANES];
+        for count in 1..=MAX_PLANES {
             let Some(goal_m) = nearest_above(&planes[..count], hip_m, self.skin_m) else {
                 break;
             };
@@ -111,7 +111,7 @@ impl MeshProxy {
                 break;
             }
             match self.advance(goal_m) {
-                Some(plane) if count < MOST_PLANES => planes[count] = plane,
+                Some(plane) if count < MAX_PLANES => planes[count] = plane,
                 _ => break,
             }
         }

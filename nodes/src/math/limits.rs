@@ -193,7 +193,7 @@ impl NodeKind for SlewLimit {
 impl SlewLimit {
     const INPUT: Input<Linear> = Self::SPEC.input("input");
     const OUTPUT: Output<Linear> = Self::SPEC.output("output");
-    const MOST_PER_S: SettingId = SlewLimitSettings::live("most_per_s");
+    const MAX_PER_S: SettingId = SlewLimitSettings::live("most_per_s");
 }
 
 #[derive(Debug, Clone)]
@@ -236,7 +236,7 @@ impl Processor for SlewLimiting {
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
-        if setting == SlewLimit::MOST_PER_S {
+        if setting == SlewLimit::MAX_PER_S {
             self.most_per_s = value;
         }
     }

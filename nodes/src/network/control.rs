@@ -19,7 +19,7 @@ pub struct SetRequest {
 }
 
 /// Largest length of a name and of a value.
-const MOST_LETTERS: usize = 200;
+const MAX_LETTERS: usize = 200;
 
 /// Listens at one address, on a separate thread, until it is dropped. It accepts packets from any sender.
 #[derive(Debug)]
@@ -121,7 +121,7 @@ fn setting(message: &OscMessage) -> Option<SetRequest> {
         [OscType::String(x)] => x.clone(),
         _ => return None,
     };
-    let fit = |text: &str| text.len() <= MOST_LETTERS && !text.chars().any(char::is_control);
+    let fit = |text: &str| text.len() <= MAX_LETTERS && !text.chars().any(char::is_control);
     (fit(&name) && fit(&value)).then_some(SetRequest { name, value })
 }
 

@@ -86,18 +86,18 @@ impl DeviceKind for OscDevice {
 }
 
 /// Bundles in a packet, one within the other or beside it.
-const MOST_BUNDLES: usize = 8;
+const MAX_BUNDLES: usize = 8;
 /// Arrays in a packet, or brackets in its texts; nobody here reads arrays.
-const MOST_ARRAYS: usize = 64;
+const MAX_ARRAYS: usize = 64;
 
 /// The packet that `bytes` are, all of them.
 pub(super) fn decode(bytes: &[u8]) -> Result<OscPacket, Count> {
     // The decoder follows bundles within bundles as deep as they go.
-    if bytes.windows(8).filter(|word| word == b"#bundle\0").count() > MOST_BUNDLES {
+    if bytes.windows(8).filter(|word| word == b"#bundle\0").count() > MAX_BUNDLES {
         return Err(Count::Malformed);
     }
     // It builds arrays within arrays without end, and taking these apart again overflows the stack.
-    if bytes.iter().filter(|byte| **byte == b'[').count() > MOST_ARRAYS {
+    if bytes.iter().filter(|byte| **byte == b'[').count() > MAX_ARRAYS {
         return Err(Count::Malformed);
     }
     match rosc::decoder::decode_udp(bytes) {

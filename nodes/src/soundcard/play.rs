@@ -17,7 +17,7 @@ const FADE_S: f64 = 0.01;
 /// Time that the card may still play after what it says that it holds has been played.
 const DRAIN: Duration = Duration::from_millis(150);
 /// Longest time that a card is believed to hold.
-const MOST_HELD: Duration = Duration::from_secs(5);
+const MAX_HELD: Duration = Duration::from_secs(5);
 
 /// State shared by the callback and the waiting thread.
 #[derive(Debug, Default)]
@@ -94,7 +94,7 @@ fn wait(shared: &Shared, count: usize, stop: &AtomicBool) -> Result<(), Soundcar
     }
     shared.stop.store(true, Relaxed);
     let held = Duration::from_micros(shared.held_us.load(Relaxed));
-    std::thread::sleep(held.min(MOST_HELD) + DRAIN);
+    std::thread::sleep(held.min(MAX_HELD) + DRAIN);
     Ok(())
 }
 

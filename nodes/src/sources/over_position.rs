@@ -52,7 +52,7 @@ haptograph_engine::settings! {
 }
 
 /// Largest number of frames of a recording.
-const MOST_FRAMES: u64 = 1 << 24;
+const MAX_FRAMES: u64 = 1 << 24;
 
 /// Plays a recording by position.
 pub struct WavOverPosition;
@@ -137,10 +137,10 @@ impl WavOverPosition {
 
 fn refuse_long(layout: &Layout) -> Result<(), BuildError> {
     let frames = layout.frames();
-    if (2..=MOST_FRAMES).contains(&frames) {
+    if (2..=MAX_FRAMES).contains(&frames) {
         return Ok(());
     }
-    let message = format!("the file has {frames} frames; 2 to {MOST_FRAMES} are supported");
+    let message = format!("the file has {frames} frames; 2 to {MAX_FRAMES} are supported");
     Err(BuildError::at("file", message).help("shorten the recording"))
 }
 

@@ -29,7 +29,7 @@ impl Default for OnsetSettings {
 }
 
 /// Largest number of stored positions.
-const MOST_SAMPLES: usize = 64;
+const MAX_SAMPLES: usize = 64;
 
 /// Detects the taps of one tool. Never allocates.
 #[derive(Debug, Clone)]
@@ -43,7 +43,7 @@ pub struct Onset {
     free_ticks: u32,
     ticks: u64,
     /// The latest positions, the newest at `next - 1`.
-    positions_m: [Vec3; MOST_SAMPLES],
+    positions_m: [Vec3; MAX_SAMPLES],
     next: usize,
 }
 
@@ -52,16 +52,16 @@ impl Onset {
     pub fn new(settings: &OnsetSettings, rate_hz: f64) -> Self {
         let rearm_ticks = (settings.rearm_s * rate_hz).ceil().max(1.0) as u32;
         let window_ticks = settings.window_s * rate_hz;
-        let stride = (window_ticks / (MOST_SAMPLES - 1) as f64).ceil().max(1.0);
+        let stride = (window_ticks / (MAX_SAMPLES - 1) as f64).ceil().max(1.0);
         Self {
             least_m_s: settings.least_m_s,
             period_s: stride / rate_hz,
-            window: ((window_ticks / stride).round() as usize + 1).clamp(2, MOST_SAMPLES),
+            window: ((window_ticks / stride).round() as usize + 1).clamp(2, MAX_SAMPLES),
             stride: stride as u64,
             rearm_ticks,
             free_ticks: rearm_ticks,
             ticks: 0,
-            positions_m: [ZERO; MOST_SAMPLES],
+            positions_m: [ZERO; MAX_SAMPLES],
             next: 0,
         }
     }
@@ -78,7 +78,7 @@ impl Onset {
             return None;
         }
         if self.ticks.is_multiple_of(self.stride) {
-            self.positions_m[self.next % MOST_SAMPLES] = contact.hip_m;
+            self.positions_m[self.next % MAX_SAMPLES] = contact.hip_m;
             self.next += 1;
         }
         self.ticks += 1;
@@ -97,10 +97,10 @@ impl Onset {
         if count < 2 {
             return ZERO;
         }
-        let newest = self.positions_m[(self.next - 1) % MOST_SAMPLES];
+        let newest = self.positions_m[(self.next - 1) % MAX_SAMPLES];
         let middle = 0.5 * (count - 1) as f64;
         let (sum, weight) = (0..count).fold((ZERO, 0.0), |(sum, weight), back| {
-            let position = self.positions_m[(self.next - 1 - back) % MOST_SAMPLES];
+            let position = self.positions_m[(self.next - 1 - back) % MAX_SAMPLES];
             let arm = middle - back as f64;
             (add_scaled(sum, sub(position, newest), arm), weight + arm * arm)
         });

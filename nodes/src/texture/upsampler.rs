@@ -18,7 +18,7 @@ const WIDTH: usize = 160;
 /// Length of the design, in samples of the models: long enough to make time aliasing negligible.
 const SPAN: usize = 1024;
 /// Largest number of tabulated positions between two samples of the models: 1.3 MB.
-const MOST_POSITIONS: u64 = 1000;
+const MAX_POSITIONS: u64 = 1000;
 /// Partial sums of the dot product; part of the order of its sum.
 const LANES: usize = 8;
 
@@ -41,13 +41,13 @@ pub(super) struct Upsampler {
 
 impl Upsampler {
     /// An interpolator of a signal that was zero before its first sample. `None` if `to` is not above `from`, or the ratio
-    /// needs more than [`MOST_POSITIONS`].
+    /// needs more than [`MAX_POSITIONS`].
     pub fn new(from: Rate, to: Rate) -> Option<Self> {
         let ((from_n, from_d), (to_n, to_d)) = (from.parts(), to.parts());
         let (up, down) = (to_n.checked_mul(from_d)?, from_n.checked_mul(to_d)?);
         let common = gcd(up, down);
         let (up, down) = (up / common, down / common);
-        if up <= down || up > MOST_POSITIONS {
+        if up <= down || up > MAX_POSITIONS {
             return None;
         }
         let response = minimum_phase(up as usize);

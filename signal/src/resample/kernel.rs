@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 const LANES: usize = 8;
 
 /// Coefficients a table may have: 32 MB of them.
-const MOST_TAPS: u64 = 1 << 22;
+const MAX_TAPS: u64 = 1 << 22;
 
 /// A low-pass interpolation kernel under a Kaiser window, its time in input samples.
 pub(super) struct Kernel {
@@ -54,7 +54,7 @@ impl Kernel {
 
     /// Refuses a table of taps for so many positions if it would be too large.
     pub fn check_table(&self, phases: u64, input: Rate, output: Rate) -> Result<(), ResampleError> {
-        let (taps, most) = (phases.saturating_mul(self.width() as u64), MOST_TAPS);
+        let (taps, most) = (phases.saturating_mul(self.width() as u64), MAX_TAPS);
         if taps <= most {
             return Ok(());
         }

@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Maximum length of a surface's name.
-const MOST_LETTERS: usize = 60;
+const MAX_LETTERS: usize = 60;
 
 /// A learned surface.
 #[derive(Debug)]
@@ -77,7 +77,7 @@ fn stem(name: &str) -> String {
     let kept = name
         .chars()
         .map(|c| if c.is_ascii_alphanumeric() { c } else { '-' });
-    let kept: String = kept.take(MOST_LETTERS).collect();
+    let kept: String = kept.take(MAX_LETTERS).collect();
     let kept = kept.trim_matches('-');
     if kept.is_empty() {
         "recording".to_owned()

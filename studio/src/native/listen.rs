@@ -5,7 +5,7 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, UdpSocket};
 
 /// Number of free ports tried, since a port must be free on both addresses.
-const MOST_TRIES: u32 = 16;
+const MAX_TRIES: u32 = 16;
 
 /// A listening socket.
 #[derive(Debug)]
@@ -63,7 +63,7 @@ pub fn doors(port: u16, lan: Option<IpAddr>) -> Result<Doors, ListenError> {
             }
             // A port that is free on one address may be taken on the other.
             Err(ListenError::Bind(_, error))
-                if port == 0 && tries < MOST_TRIES && error.kind() == io::ErrorKind::AddrInUse =>
+                if port == 0 && tries < MAX_TRIES && error.kind() == io::ErrorKind::AddrInUse =>
             {
                 tries += 1;
             }

@@ -9,7 +9,7 @@ use crate::load::Source;
 use crate::pages::Reach;
 use crate::run_page::REPORT;
 use crate::stage::{Host, Stage, StageError};
-use crate::wire::{MOST_BYTES, MOST_LEARNED_BYTES, SUBPROTOCOL};
+use crate::wire::{MAX_BYTES, MAX_LEARNED_BYTES, SUBPROTOCOL};
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Path, Query, Request, State};
@@ -32,7 +32,7 @@ use tokio::sync::oneshot;
 /// Maximum size of a served report, bytes.
 const MAX_REPORT_BYTES: u64 = 64 << 20;
 /// Maximum number of connected pages.
-const MOST_PAGES: usize = 16;
+const MAX_PAGES: usize = 16;
 /// The host of an engine on this machine.
 const HOST: Host = Host {
     name: "native",
@@ -404,8 +404,8 @@ async fn live(
     }
     // Pages of the network leave capacity for those of this machine, and cannot send recordings.
     let (max_pages, max_bytes) = match shared.reach {
-        Reach::Machine => (MOST_PAGES, MOST_LEARNED_BYTES),
-        Reach::Network => (MOST_PAGES / 2, MOST_BYTES),
+        Reach::Machine => (MAX_PAGES, MAX_LEARNED_BYTES),
+        Reach::Network => (MAX_PAGES / 2, MAX_BYTES),
     };
     let pages = with_stage(&shared.stage, |stage| stage.pages.len()).await;
     if pages.is_none_or(|pages| pages >= max_pages) {

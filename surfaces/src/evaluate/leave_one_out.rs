@@ -27,7 +27,7 @@ const LEAST_MODELS: usize = 3;
 /// Order of the law's models, the default of `learn`.
 const ORDER: usize = 20;
 /// Power error of a predicted silence, dB.
-const MOST_DB: f64 = 100.0;
+const MAX_DB: f64 = 100.0;
 /// Speeds beyond those of the narrow third by this factor count as far.
 pub const FAR: f64 = 1.7;
 /// Slower or lighter models carry no information about sliding and are excluded, as in learning a law.
@@ -247,7 +247,7 @@ impl<'t> Subject<'t> {
                     vertex: self.vertices[one],
                     map,
                     lsd_db: log_spectral_distance(&sound.bands, &truth.bands),
-                    power_db: (10.0 * (sound.power / truth.power).log10()).clamp(-MOST_DB, MOST_DB),
+                    power_db: (10.0 * (sound.power / truth.power).log10()).clamp(-MAX_DB, MAX_DB),
                     inside: self.inside(known, at),
                 });
             }

@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Maximum number of majorization steps.
-const MOST_STEPS: usize = 1000;
+const MAX_STEPS: usize = 1000;
 /// Relative improvement of the stress per step at which the iteration stops.
 const SETTLED: f64 = 1e-6;
 
@@ -79,7 +79,7 @@ fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
 fn majorize(mut places: DMatrix<f64>, dissimilarities: &[f64]) -> (DMatrix<f64>, f64) {
     let size: f64 = dissimilarities.iter().map(|d| d * d).sum();
     let mut best = (places.clone(), f64::INFINITY);
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         let distances = distances(&places);
         let disparities = isotonic(dissimilarities, &distances);
         let stress = stress(&distances, &disparities);

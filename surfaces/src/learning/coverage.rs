@@ -64,8 +64,8 @@ impl Coverage {
     /// The first few of those as text; `None` if none is missing.
     pub fn next_to_record(&self) -> Option<String> {
         let missing = self.missing();
-        let some: Vec<String> = missing.iter().take(MOST_NAMED).map(area).collect();
-        let more = match missing.len().saturating_sub(MOST_NAMED) {
+        let some: Vec<String> = missing.iter().take(MAX_NAMED).map(area).collect();
+        let more = match missing.len().saturating_sub(MAX_NAMED) {
             0 => String::new(),
             more => format!(", and {more} more"),
         };
@@ -74,7 +74,7 @@ impl Coverage {
 }
 
 /// Most cells in a message.
-const MOST_NAMED: usize = 3;
+const MAX_NAMED: usize = 3;
 
 fn area(&(speed, force): &(usize, usize)) -> String {
     let (slow, fast) = SPEED_BANDS_M_S[speed];

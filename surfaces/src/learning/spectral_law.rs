@@ -58,7 +58,7 @@ const FADE_PART: f64 = 1.0 / 3.0;
 const LEAST_FADE_N: f64 = 0.05;
 /// The amplitude falls below this force at most. Where the power does not depend on the force, 0.1 N is then 19 dB below the
 /// law, and less in all other cases: nothing that is touched so much is mute.
-const MOST_FADE_N: f64 = 0.9;
+const MAX_FADE_N: f64 = 0.9;
 /// Limit of the law over the loudest observation: 6 dB.
 const LOUDEST: f64 = 4.0;
 /// Ratio between neighbouring speeds and forces of the grid.
@@ -154,7 +154,7 @@ impl SpectralLaw {
             speed_m_s: range(|at| at.speed_m_s),
             force_n,
             fade_n: (force_n.0 * FADE_PART)
-                .clamp(LEAST_FADE_N, MOST_FADE_N)
+                .clamp(LEAST_FADE_N, MAX_FADE_N)
                 .min(force_n.0),
             power,
             loudest: LOUDEST * powers.iter().copied().fold(0.0, f64::max),

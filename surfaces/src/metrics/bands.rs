@@ -20,7 +20,7 @@ const HIGHEST_PART: f64 = 0.45;
 /// Minimum degrees of freedom of a power estimate.
 const LEAST_DEGREES: f64 = 4.0;
 /// Maximum number of tapers: more would only smooth what bands already sum.
-const MOST_TAPERS: usize = 6;
+const MAX_TAPERS: usize = 6;
 /// Points per band at which a density is evaluated.
 const POINTS: usize = 64;
 /// From 40 to 250 Hz the detection threshold of the Pacinian channel, as a displacement, falls by 12 dB per
@@ -29,7 +29,7 @@ const POINTS: usize = 64;
 /// of these bands.
 const PACINIAN_HZ: (f64, f64) = (40.0, 250.0);
 /// Error of a band that is empty on one side only, dB.
-const MOST_DB: f64 = 100.0;
+const MAX_DB: f64 = 100.0;
 
 /// A frequency band.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -136,7 +136,7 @@ impl Bands {
         // K tapers spread a line over K + 1 inverse durations.
         ((narrowest * seconds) as usize)
             .saturating_sub(1)
-            .clamp(1, MOST_TAPERS)
+            .clamp(1, MAX_TAPERS)
     }
 
     /// Multitaper estimate of the power in each band.
@@ -325,7 +325,7 @@ fn difference_db(a: f64, b: f64) -> f64 {
     if a == b {
         0.0
     } else {
-        (10.0 * (a.max(0.0) / b.max(0.0)).log10()).clamp(-MOST_DB, MOST_DB)
+        (10.0 * (a.max(0.0) / b.max(0.0)).log10()).clamp(-MAX_DB, MAX_DB)
     }
 }
 

@@ -19,7 +19,7 @@ pub(crate) fn of_monic(coefficients: &[f64]) -> Option<Vec<Complex64>> {
             0 => -coefficients[j],
             _ => f64::from(u8::from(i == j + 1)),
         });
-        let schur = Schur::try_new(companion, f64::EPSILON / 2.0, MOST_ITERATIONS)?;
+        let schur = Schur::try_new(companion, f64::EPSILON / 2.0, MAX_ITERATIONS)?;
         roots.extend(schur.complex_eigenvalues().iter());
     }
     let scale = coefficients.iter().fold(1.0_f64, |scale, c| scale.max(c.abs()));
@@ -31,7 +31,7 @@ pub(crate) fn of_monic(coefficients: &[f64]) -> Option<Vec<Complex64>> {
     exact.then_some(roots)
 }
 
-const MOST_ITERATIONS: usize = 10_000;
+const MAX_ITERATIONS: usize = 10_000;
 
 /// Coefficients c_1..c_p of the real polynomial with these roots.
 pub(crate) fn monic(roots: &[Complex64]) -> Vec<f64> {

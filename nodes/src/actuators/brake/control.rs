@@ -25,7 +25,7 @@ pub struct BrakeSettings {
 impl Default for BrakeSettings {
     fn default() -> Self {
         Self {
-            most_current_a: solenoid::MOST_CURRENT_A,
+            most_current_a: solenoid::MAX_CURRENT_A,
             trim_per_s: 2.0,
             most_trim: 0.2,
             least_normal_n: 0.2,

@@ -1,11 +1,11 @@
 //! The solenoid and its plunger (5.5.3, 5.5.4): force by current, the experimental line, the working range.
 
 /// Largest continuous current, A.
-pub const MOST_CURRENT_A: f64 = 0.3;
+pub const MAX_CURRENT_A: f64 = 0.3;
 /// Friction of the free pen with the plunger's weight on the ball: the smallest measured.
 pub const LEAST_FRICTION: f64 = 0.20;
 /// Largest measured friction.
-pub const MOST_FRICTION: f64 = 0.52;
+pub const MAX_FRICTION: f64 = 0.52;
 /// Magnetic permeability of free space, V s/(A m).
 const PERMEABILITY: f64 = 4e-7 * std::f64::consts::PI;
 
@@ -60,7 +60,7 @@ impl Solenoid {
     /// Largest friction that can be rendered at a normal force (Fig. 5.23), between the free pen's and the largest measured.
     pub fn most_friction_at(&self, normal_n: f64, most_current_a: f64) -> f64 {
         let phi = self.plunger_n(most_current_a) / normal_n;
-        ((phi - self.line_offset) / self.line_slope).clamp(LEAST_FRICTION, MOST_FRICTION)
+        ((phi - self.line_offset) / self.line_slope).clamp(LEAST_FRICTION, MAX_FRICTION)
     }
 }
 
@@ -94,22 +94,22 @@ mod tests {
             (PEN.current_a(0.042), PEN.current_a(0.01), PEN.current_a(-1.0)),
             (0.0, 0.0, 0.0)
         );
-        close(PEN.plunger_n(MOST_CURRENT_A), 2.544, 1e-12);
+        close(PEN.plunger_n(MAX_CURRENT_A), 2.544, 1e-12);
     }
 
     #[test]
     fn the_operating_range_is_that_of_figures_5_22_and_5_23() {
         for (mu, newtons) in [(0.40, 4.18), (0.45, 3.37), (0.50, 2.83), (0.52, 2.65)] {
-            close(PEN.most_normal_force_n(mu, MOST_CURRENT_A), newtons, 0.01);
+            close(PEN.most_normal_force_n(mu, MAX_CURRENT_A), newtons, 0.01);
             close(
-                PEN.most_friction_at(PEN.most_normal_force_n(mu, MOST_CURRENT_A), MOST_CURRENT_A),
+                PEN.most_friction_at(PEN.most_normal_force_n(mu, MAX_CURRENT_A), MAX_CURRENT_A),
                 mu,
                 1e-12,
             );
         }
-        close(PEN.most_friction_at(5.0, MOST_CURRENT_A), 0.366, 5e-4);
-        assert_eq!(PEN.most_normal_force_n(0.19, MOST_CURRENT_A), f64::INFINITY);
-        assert_eq!(PEN.most_friction_at(0.5, MOST_CURRENT_A), MOST_FRICTION);
+        close(PEN.most_friction_at(5.0, MAX_CURRENT_A), 0.366, 5e-4);
+        assert_eq!(PEN.most_normal_force_n(0.19, MAX_CURRENT_A), f64::INFINITY);
+        assert_eq!(PEN.most_friction_at(0.5, MAX_CURRENT_A), MAX_FRICTION);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 const MU: f64 = 0.4;
 /// z_max
-const MOST_M: f64 = 0.004 * MU;
+const MAX_M: f64 = 0.004 * MU;
 const PRINTED: DahlSettings = DahlSettings {
     stretch_m: 0.004,
     under_load: UnderLoad::AsPrinted,
@@ -47,7 +47,7 @@ fn a_slow_pull_sticks_by_the_spring_and_then_slides_by_coulomb() {
         for k in 0..1000 {
             let x = f64::from(k) * 1e-5;
             let force = law.update(&on_plane(x, 0.0), 1.5, MU);
-            let expected = -MU * 1.5 * (x / MOST_M).min(1.0);
+            let expected = -MU * 1.5 * (x / MAX_M).min(1.0);
             assert!((force[0] - expected).abs() < 1e-12, "at {x}: {force:?}");
         }
     }
@@ -75,11 +75,7 @@ fn friction_never_exceeds_mu_times_load_in_any_motion() {
 fn under_constant_load_no_closed_path_gives_energy() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(2);
     for round in 0..300 {
-        let size_m = if round % 2 == 0 {
-            0.3 * MOST_M
-        } else {
-            4.0 * MOST_M
-        };
+        let size_m = if round % 2 == 0 { 0.3 * MAX_M } else { 4.0 * MAX_M };
         let waves: Vec<[f64; 4]> = (1..=4)
             .map(|_| {
                 [
@@ -111,9 +107,9 @@ fn under_constant_load_no_closed_path_gives_energy() {
 /// The law stretched at a low load and released at a high one: stretch, press, go home.
 fn stretch_and_release(law: &mut Dahl) -> (f64, f64) {
     let steps = 2000;
-    let way = |k: i32| MOST_M * f64::from(k) / f64::from(steps);
+    let way = |k: i32| MAX_M * f64::from(k) / f64::from(steps);
     let put_in = -work_on_tool(law, (0..=steps).map(|k| (way(k), 0.0, 0.3)));
-    let press = (0..=steps).map(|k| (MOST_M, 0.0, 0.3 + 2.45 * f64::from(k) / f64::from(steps)));
+    let press = (0..=steps).map(|k| (MAX_M, 0.0, 0.3 + 2.45 * f64::from(k) / f64::from(steps)));
     assert!(
         work_on_tool(law, press).abs() < 1e-15,
         "pressing moves nothing along the surface"
@@ -126,7 +122,7 @@ fn stretch_and_release(law: &mut Dahl) -> (f64, f64) {
 fn stretched_at_a_low_load_and_released_at_a_high_one_only_the_printed_law_gives_energy() {
     let [mut passive, mut printed] = laws();
     let (put_in, given_back) = stretch_and_release(&mut printed);
-    assert!((put_in - 0.5 * MU * 0.3 * MOST_M).abs() < 1e-9);
+    assert!((put_in - 0.5 * MU * 0.3 * MAX_M).abs() < 1e-9);
     assert!(
         (given_back / put_in - 2.75 / 0.3).abs() < 0.01,
         "{given_back} J for {put_in} J"
@@ -143,9 +139,9 @@ fn under_any_load_the_passive_law_gives_no_energy_and_the_printed_one_does() {
         // Back and forth within the sticking range, the load in step with the motion: worst for the printed law.
         let path = (0..=40_000).map(|k| {
             let t = f64::from(k) * 1e-3;
-            let x = 0.4 * MOST_M * (3.0 * t + phases[0]).sin();
+            let x = 0.4 * MAX_M * (3.0 * t + phases[0]).sin();
             let load_n = 1.5 + 1.2 * (6.0 * t + phases[1]).sin();
-            (x, 0.2 * MOST_M * (2.0 * t + phases[2]).cos(), load_n)
+            (x, 0.2 * MAX_M * (2.0 * t + phases[2]).cos(), load_n)
         });
         work_on_tool(&mut law, path)
     };
@@ -164,11 +160,11 @@ fn a_trembling_load_does_not_loosen_a_held_tool() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(3);
     let [mut law, _] = laws();
     law.update(&on_plane(0.0, 0.0), 1.0, MU);
-    let held = law.update(&on_plane(0.9 * MOST_M, 0.0), 1.0, MU)[0];
+    let held = law.update(&on_plane(0.9 * MAX_M, 0.0), 1.0, MU)[0];
     for _ in 0..10_000 {
-        law.update(&on_plane(0.9 * MOST_M, 0.0), rng.random_range(0.9..1.1), MU);
+        law.update(&on_plane(0.9 * MAX_M, 0.0), rng.random_range(0.9..1.1), MU);
     }
-    let later = law.update(&on_plane(0.9 * MOST_M, 0.0), 1.0, MU)[0];
+    let later = law.update(&on_plane(0.9 * MAX_M, 0.0), 1.0, MU)[0];
     assert!((later / held - 1.0).abs() < 0.06, "{held} N became {later} N");
 }
 

@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 use std::io::BufRead;
 
 /// A larger fraction of unreadable cells in a column is an error.
-const MOST_UNREADABLE: f64 = 0.01;
+const MAX_UNREADABLE: f64 = 0.01;
 /// Tables of at most this many rows may always have one unreadable cell.
 const FEW_ROWS: usize = 100;
 
@@ -193,7 +193,7 @@ impl Table {
         }
         let rows = self.lines.rows();
         let allowed =
-            ((rows as f64 * MOST_UNREADABLE) as usize).max(usize::from(rows > 1 && rows <= FEW_ROWS));
+            ((rows as f64 * MAX_UNREADABLE) as usize).max(usize::from(rows > 1 && rows <= FEW_ROWS));
         let refused = |column: &&Column| column.unreadable > if import.strict { 0 } else { allowed };
         if let Some(column) = self.columns.iter().find(refused)
             && let Some(cell) = &column.first_unreadable

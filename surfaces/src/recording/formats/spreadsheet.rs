@@ -14,7 +14,7 @@ pub(in crate::recording) fn spreadsheet(
     import: &ImportSettings,
     wanted: ColumnSelection<'_>,
 ) -> Result<Table, ReadError> {
-    bounded(bytes, MOST_INFLATED).map_err(ReadError::Io)?;
+    bounded(bytes, MAX_INFLATED).map_err(ReadError::Io)?;
     let mut book = Xlsx::new(Cursor::new(bytes)).map_err(|error| ReadError::Io(unopened(&error)))?;
     let sheet = first_sheet(&mut book)?;
     let first_row = sheet.start().map_or(0, |(row, _)| u64::from(row)) + 1;
@@ -86,7 +86,7 @@ pub(in crate::recording) fn spreadsheet(
 }
 
 /// Largest inflated size of a workbook, bytes: a few of the largest sheets that are read. All texts are in memory at once.
-const MOST_INFLATED: u64 = 1 << 29;
+const MAX_INFLATED: u64 = 1 << 29;
 
 /// Inflates the whole archive and discards it, because the length in an archive's header may be wrong.
 fn bounded(bytes: &[u8], most: u64) -> Result<(), String> {
@@ -108,9 +108,9 @@ fn bounded(bytes: &[u8], most: u64) -> Result<(), String> {
 }
 
 /// Cells of a sheet at most.
-const MOST_CELLS: usize = 1 << 24;
+const MAX_CELLS: usize = 1 << 24;
 /// Limits of a sheet's extent, per cell, besides and in total: every position within the extent takes memory.
-const MOST_PLACES: [u64; 3] = [64, 1 << 20, 1 << 25];
+const MAX_PLACES: [u64; 3] = [64, 1 << 20, 1 << 25];
 
 /// What to do about a damaged workbook.
 const AGAIN: &str = "open it and save it again, or save it as CSV";
@@ -152,11 +152,11 @@ fn first_sheet(book: &mut Xlsx<impl Read + Seek>) -> Result<Range<Data>, ReadErr
         let (row, column) = cell.get_position();
         (rows, columns) = (rows.max(u64::from(row) + 1), columns.max(u64::from(column) + 1));
         cells.push(Cell::new((row, column), Data::from(cell.get_value().clone())));
-        if cells.len() > MOST_CELLS {
-            return Err(wrong(last, format!("it has more than {MOST_CELLS} cells")));
+        if cells.len() > MAX_CELLS {
+            return Err(wrong(last, format!("it has more than {MAX_CELLS} cells")));
         }
     }
-    let [of_each, besides, at_all] = MOST_PLACES;
+    let [of_each, besides, at_all] = MAX_PLACES;
     if rows * columns > (of_each * cells.len() as u64 + besides).min(at_all) {
         let message = format!(
             "its {} cells lie in {rows} rows and {columns} columns",

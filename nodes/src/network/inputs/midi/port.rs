@@ -24,7 +24,7 @@ const IDLE: Duration = match cfg!(feature = "midi-jack") {
     false => Duration::from_secs(1),
 };
 /// Size of the message queue. If it overflows, all keys count as released, because a release may be lost.
-const MOST_WAITING: usize = 1024;
+const MAX_WAITING: usize = 1024;
 
 /// Names of the input ports.
 ///
@@ -110,7 +110,7 @@ fn open(part: &str, inbox: Inbox) -> Result<Open> {
 
 /// Listens to a port until `stop`, on a separate thread, and reopens one that was unplugged.
 pub(in super::super) fn listen(part: &str, routes: Routes, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
-    let (events, arrived) = sync_channel(MOST_WAITING);
+    let (events, arrived) = sync_channel(MAX_WAITING);
     let inbox = Inbox {
         events,
         overflowed: Arc::default(),
