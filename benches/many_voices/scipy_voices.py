@@ -3,8 +3,9 @@
     pip install ./bindings/python scipy
     python benches/many_voices/scipy_voices.py
 
-Both render the same work: 64 voices of a shipped surface (order 20, with its crackle and its high-pass) at 10 kHz, each along
-a random walk of its own through speed and force, coefficients updated at 240 Hz.
+Both render the same work: 64 voices of a surface of order 20 at 10 kHz, each along a random walk of its own through speed and
+force, coefficients updated at 240 Hz. One surface is learned by the thesis's method: noise through a filter on the plain frequency
+axis, the same arithmetic on both sides. The other one is shipped, with its crackle and its high-pass.
 
 The script in NumPy and SciPy is written to be fast: everything that can be is done for all voices and updates at once. The filters, whose
 coefficients change, are run in two ways:
@@ -16,7 +17,8 @@ coefficients change, are run in two ways:
 Both, and haptograph, are run twice: with new arrays in each round, and with arrays that are kept from round to round as far as the functions take
 them, which saves the time in which the system clears memory.
 
-Neither knows a warped frequency axis: they get the same polynomials on the plain axis, a quarter of the arithmetic. What all have in common
+Neither knows the warped frequency axis of the shipped surface: they get the same polynomials on the plain axis, a quarter of the arithmetic.
+What all have in common
 is compared before anything is timed: the coefficients and levels of updates, and both ways with each other where coefficients stay.
 """
 
@@ -26,6 +28,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[name] = "1"
 
 import re
+import tempfile
 import time
 from pathlib import Path
 
@@ -35,7 +38,7 @@ from scipy.signal import butter, lfilter, sosfilt
 from scipy.spatial import Delaunay
 
 VOICES, SECONDS, UPDATE_HZ, ROUNDS = 64, 4, 240.0, 5
-SURFACE = Path(__file__).resolve().parents[2] / "graphs/surfaces/t2-canvas.ron"
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def lsf(ar):
@@ -64,22 +67,22 @@ def polynomials(frequencies):
     return 0.5 * (halves[0] + halves[1])[:, :-1]
 
 
-def written(name):
-    """A number of the surface's file."""
-    return float(re.search(rf"\b{name}: ([0-9.e-]+)", SURFACE.read_text())[1])
-
-
 class Texture:
     """The map of a surface in NumPy."""
 
     def __init__(self, surface):
         self.rate = surface.rate
-        self.depth, self.crackle_s = written("depth"), 1e-3 * written("time_constant_ms")
-        self.highpass_hz = written("highpass_hz")
+        with tempfile.TemporaryDirectory() as folder:
+            surface.save(Path(folder) / "surface.ron")
+            text = (Path(folder) / "surface.ron").read_text()
+        number = lambda name: next((float(found) for found in re.findall(rf"\b{name}: ([0-9.e-]+)", text)), None)
+        self.depth, self.crackle_ms = number("depth"), number("time_constant_ms")
+        self.highpass_hz = number("highpass_hz")
         self.places = surface.places
         models = [surface.at(force=force, speed=speed) for speed, force in self.places]
-        self.warping = models[0].warping
+        self.warping = models[0].warping or 0.0
         self.lsf = np.array([lsf(model.ar) for model in models])
+        self.variance = np.array([model.variance for model in models])
         self.amplitude = np.sqrt([model.variance * gain(model.ar, self.warping) for model in models])
         scale = self.places.std(axis=0)
         self.scale = scale
@@ -96,6 +99,9 @@ class Texture:
         weights = np.column_stack([two, 1 - two.sum(axis=1)])
         models = self.map.simplices[triangle]
         ar = polynomials(np.einsum("nk,nkp->np", weights, self.lsf[models]))
+        if not self.warping:
+            # The thesis's kind of surface.
+            return ar, np.sqrt(np.einsum("nk,nk->n", weights, self.variance[models]))
         amplitude = np.einsum("nk,nk->n", weights, self.amplitude[models])
         return ar, amplitude / np.sqrt(gain(ar[:, 1:], self.warping))
 
@@ -152,42 +158,59 @@ def render(texture, speed, force, seed, filtered, kept=None):
     ar, deviation = ar.reshape(voices, len(starts), -1), deviation.reshape(voices, -1)
     ends = np.append(starts[1:], samples)
     random.standard_normal(out=excitation)
-    random.standard_normal(out=level)
-    decay = np.exp(-1 / (texture.crackle_s * texture.rate))
-    z = lfilter([np.sqrt(1 - decay * decay)], [1, -decay], level, axis=1)
-    half = 0.5 * texture.depth
-    z -= half
-    z *= half
-    excitation *= np.exp(z, out=z)
+    if texture.depth is not None:
+        random.standard_normal(out=level)
+        decay = np.exp(-1e3 / (texture.crackle_ms * texture.rate))
+        z = lfilter([np.sqrt(1 - decay * decay)], [1, -decay], level, axis=1)
+        half = 0.5 * texture.depth
+        z -= half
+        z *= half
+        excitation *= np.exp(z, out=z)
     excitation *= deviation.take(np.repeat(np.arange(len(starts)), ends - starts), axis=1, out=level, mode="clip")
     out = filtered(ar, excitation, list(zip(starts.tolist(), ends.tolist())), out)
+    if texture.highpass_hz is None:
+        return out
     highpass = butter(2, texture.highpass_hz, "highpass", fs=texture.rate, output="sos")
     return sosfilt(np.concatenate([highpass, highpass]), out, axis=1)
 
 
-def walks(rate):
-    """Speeds and forces of hands that explore without a plan."""
+def walks(rate, places):
+    """Speeds and forces of hands that explore without a plan, on straight lines from model to model."""
     random = np.random.default_rng(1)
     times = np.arange(int(SECONDS * rate)) / rate
     slow = np.arange(0, SECONDS + 1, 0.4)
-    draw = lambda low, high: np.array([np.interp(times, slow, random.uniform(low, high, len(slow))) for _ in range(VOICES)])
-    return draw(0.005, 0.17), draw(0.1, 2.8)
+    known = places[(places > 0).all(axis=1)]
+    stops = known[random.integers(len(known), size=(VOICES, len(slow)))]
+    return tuple(np.array([np.interp(times, slow, stop[:, axis]) for stop in stops]) for axis in (0, 1))
 
 
-def lines(places):
-    """Speeds and forces on the lines of the grid of models: between them it is open which diagonal a triangulation takes."""
-    random = np.random.default_rng(3)
-    speeds, forces = np.unique(places[:, 0])[1:], np.unique(places[:, 1])[1:]
-    along_speed = np.array([random.uniform(speeds[0], speeds[-1], 20), random.choice(forces, 20)])
-    along_force = np.array([random.choice(speeds, 20), random.uniform(forces[0], forces[-1], 20)])
-    return np.concatenate([along_speed, along_force], axis=1)
+def edges(texture):
+    """Speeds and forces at the models and on edges between them. In a grid of models it is open which diagonal of a cell a triangulation
+    takes, so that only the sides of cells are edges for sure."""
+    known = (texture.places[texture.map.simplices] > 0).all(axis=(1, 2))
+    ends = texture.places[texture.map.simplices[known][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)]
+    sides = (ends[:, 0] == ends[:, 1]).any(axis=1)
+    if sides.sum() > len(ends) / 4:
+        ends = ends[sides]
+    parts = np.random.default_rng(3).uniform(size=(len(ends), 1))
+    return np.concatenate([ends[:, 0], parts * ends[:, 0] + (1 - parts) * ends[:, 1]]).T
 
 
 def main():
-    surface = hg.Surface.load(SURFACE)
+    shipped = hg.Surface.load(ROOT / "graphs/surfaces/t2-canvas.ron")
+    print("a surface that the thesis's method learns from the shipped one")
+    times = np.arange(int(20 * shipped.rate)) / shipped.rate
+    speed, force = 0.09 + 0.07 * np.sin(2 * np.pi * 0.37 * times), 1.2 + 0.8 * np.sin(2 * np.pi * 0.53 * times)
+    recording = hg.Recording(shipped.render(force, speed), force, speed, rate=shipped.rate, source="a rendering")
+    compare(hg.learn(recording, method="thesis", order=20))
+    print("the shipped surface: warped, with its crackle and its high-pass")
+    compare(shipped)
+
+
+def compare(surface):
     texture = Texture(surface)
-    speed, force = walks(surface.rate)
-    at_speed, at_force = lines(texture.places)
+    speed, force = walks(surface.rate, texture.places)
+    at_speed, at_force = edges(texture)
     ar, deviation = texture.at(at_speed, at_force)
     for row, v, f, sigma in zip(ar, at_speed, at_force, deviation):
         model = surface.at(force=f, speed=v)

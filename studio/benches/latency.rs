@@ -3,6 +3,8 @@
 //!
 //! `cargo bench -p haptograph-studio --bench latency`
 
+#![expect(clippy::print_stdout, reason = "a bench prints")]
+
 use haptograph_nodes::network::protocol::{Command, State};
 use haptograph_studio::{Options, Studio};
 use std::net::{SocketAddr, UdpSocket};
