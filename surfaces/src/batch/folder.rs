@@ -1,6 +1,6 @@
 //! The folder of a batch: one process at a time writes to it, and only files of its batch.
 
-use crate::files::TEMPORARY;
+use crate::files::write::TEMPORARY;
 use haptograph_signal::files;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Write};

@@ -7,14 +7,13 @@ pub mod decimal;
 pub mod hatt;
 mod latest;
 pub mod native;
-mod write;
+pub(crate) mod write;
 
 use crate::{ModelError, Origin, Surface, SurfaceError, Taps, TextureError};
 use haptograph_signal::files;
 use std::path::{Path, PathBuf};
 
 pub use hatt::{HattProblem, HattWriteError};
-pub(crate) use write::TEMPORARY;
 pub use write::is_temporary;
 pub use write::{write_atomically, write_atomically_by};
 
