@@ -144,7 +144,7 @@ impl Editor {
 }
 
 #[cfg(unix)]
-pub use raw::{RawMode, restore};
+pub use raw::{RawMode, is_in_front, restore};
 
 /// Terminal input without line buffering.
 #[cfg(unix)]
@@ -184,9 +184,9 @@ mod raw {
         }
     }
 
-    /// True if this process group is in the foreground; a background process would be stopped for changing
-    /// the settings.
-    fn is_in_front() -> bool {
+    /// True if this process group is in the foreground of the terminal; a background process would be stopped for
+    /// reading from it or changing its settings.
+    pub fn is_in_front() -> bool {
         nix::unistd::tcgetpgrp(stdin()).is_ok_and(|front| front == nix::unistd::getpgrp())
     }
 
@@ -198,6 +198,12 @@ mod raw {
             let _ = tcsetattr(stdin(), SetArg::TCSANOW, &before);
         }
     }
+}
+
+/// Other systems stop no process for reading from its terminal.
+#[cfg(not(unix))]
+pub fn is_in_front() -> bool {
+    true
 }
 
 /// On other systems the terminal keeps its line buffering.

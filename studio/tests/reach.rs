@@ -294,6 +294,10 @@ fn a_page_of_the_network_has_the_pad_and_the_settings_and_nothing_that_lasts() {
     page.wait(|said| said["type"] == "status" && said["pointer"]["count"] == 1);
     let gain = page.request(json!({ "type": "parameter", "name": "gain", "value": "0.1" }));
     assert_eq!(gain["ok"], true, "{gain}");
+    // It changes no device, and asks nobody at the terminal to.
+    let hand = page.request(json!({ "type": "parameter", "name": "hand", "value": "\"/dev/input/event0\"" }));
+    assert_eq!(hand["ok"], false, "{hand}");
+    assert!(studio.proposal().is_none());
     let mut here = Page::at(&studio, studio.address());
     assert_eq!(
         (&here.hello["from"], &here.hello["can"]["edit"]),

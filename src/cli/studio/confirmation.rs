@@ -1,8 +1,9 @@
 //! Confirmation at the terminal of what pages may not do alone: raise limits, add actuators, change devices.
 
-use super::super::{Failure, print};
+use super::super::{Failure, keys, print};
 use crate::signal::files;
 use haptograph_studio::Studio;
+use std::io::IsTerminal;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
 
@@ -30,8 +31,11 @@ impl Confirmation {
                 .is_none_or(|(shown, at)| shown != number && at.elapsed() > PAUSE)
         {
             self.shown = Some((number, Instant::now()));
-            self.lines.get_or_insert_with(read_lines);
-            print(&question(number, &beyond))?;
+            // A process in the background of a terminal would be stopped for reading, with the actuators that it drives.
+            if self.lines.is_none() && (!std::io::stdin().is_terminal() || keys::is_in_front()) {
+                self.lines = Some(read_lines());
+            }
+            print(&question(number, &beyond, self.lines.is_some()))?;
         }
         let typed: Vec<String> = self.lines.iter().flat_map(Receiver::try_iter).collect();
         for line in typed {
@@ -45,7 +49,8 @@ impl Confirmation {
         let number = line.strip_prefix("allow ").map(|number| number.trim().parse());
         match number {
             _ if line.is_empty() => String::new(),
-            Some(Ok(number)) => match studio.confirm(number) {
+            // Only what was shown can be allowed.
+            Some(Ok(number)) if number == shown => match studio.confirm(number) {
                 Ok(()) => format!("edit {number} is allowed; repeat it on the page\n"),
                 Err(error) => format!("nothing was allowed: {error}\n"),
             },
@@ -56,7 +61,7 @@ impl Confirmation {
     }
 }
 
-fn question(number: u64, beyond: &[String]) -> String {
+fn question(number: u64, beyond: &[String], is_heard: bool) -> String {
     let mut text = "a page asks for more than the file permitted when the studio was opened:\n".to_owned();
     for excess in beyond {
         // It quotes the page's text, which must not control the terminal.
@@ -68,7 +73,13 @@ fn question(number: u64, beyond: &[String]) -> String {
         text.extend(plain);
         text.push('\n');
     }
-    text + &format!("type `allow {number}` and Enter to allow this edit; anything else leaves it refused\n")
+    text + &match is_heard {
+        true => {
+            format!("type `allow {number}` and Enter to allow this edit; anything else leaves it refused\n")
+        }
+        false => "it stays refused: a studio in the background reads no answer; start it in the foreground\n"
+            .to_owned(),
+    }
 }
 
 /// Reads standard input on a thread of its own. The end of the input ends only that thread.
@@ -91,7 +102,7 @@ mod tests {
 
     #[test]
     fn a_page_cannot_write_to_the_terminal_what_it_likes() {
-        let text = question(7, &["actuator `a\u{1b}[2Jb\nallowed` is new".to_owned()]);
+        let text = question(7, &["actuator `a\u{1b}[2Jb\nallowed` is new".to_owned()], true);
         assert!(
             text.contains("allow 7") && text.contains(r"a\u{1b}[2Jb\nallowed"),
             "{text}"

@@ -2,7 +2,7 @@
 
 use super::{blocking, learn, lock, save::save, with_stage};
 use crate::describe;
-use crate::pages::{Line, LineError, Reach};
+use crate::pages::{Line, LineError, Page, Reach};
 use crate::publish::text;
 use crate::run_page::REPORT;
 use crate::stage::{Stage, StageError};
@@ -276,7 +276,17 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
     });
     talk::is_owner(&lock(stage), page)?;
     if let Err(StageError::Beyond(beyond)) = &permitted {
-        lock(stage).propose(source.clone(), text.clone(), beyond.clone());
+        let mut stage = lock(stage);
+        // Whoever listens to the network could ask for it.
+        let is_far = |known: &Page| known.id == page && known.reach == Reach::Network;
+        if stage.pages.iter().any(is_far) {
+            let why = format!(
+                "a page on the network cannot change limits or devices: {}",
+                beyond.join("; ")
+            );
+            return Err(StageError::Other(why));
+        }
+        stage.propose(source.clone(), text.clone(), beyond.clone());
     }
     permitted?;
     if saves {
