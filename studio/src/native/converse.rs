@@ -118,15 +118,15 @@ async fn read(mut stream: SplitStream<WebSocket>, switch: &ArmSwitch, received: 
     }
 }
 
-/// Sends messages until the page closes, does not read for [`SENDING`], or has been refused too often.
+/// Sends messages until the page closes or does not read for [`SENDING`].
 async fn write(
     mut sink: SplitSink<WebSocket, ws::Message>,
     first: [Message; 2],
     mut out: Receiver<Message>,
     mut answered: Receiver<Value>,
 ) {
-    let (mut first, mut refused) = (first.into_iter(), 0);
-    while refused < MAX_REFUSED {
+    let mut first = first.into_iter();
+    loop {
         let message = match first.next() {
             Some(message) => message,
             None => tokio::select! {
@@ -136,10 +136,7 @@ async fn write(
                     Some(message) => message,
                     None => break,
                 },
-                Some(answer) = answered.recv() => {
-                    refused += u32::from(answer["type"] == "refused");
-                    text(&answer)
-                },
+                Some(answer) = answered.recv() => text(&answer),
             },
         };
         let sent = tokio::time::timeout(SENDING, sink.send(framed(message))).await;
@@ -167,6 +164,7 @@ fn receive(switch: &ArmSwitch, message: Message) -> Received {
 async fn act_in_order(connection: Connection, mut messages: Receiver<Received>) {
     let (queue, requests) = channel(MAX_REQUESTS);
     tokio::spawn(work_in_order(connection.clone(), requests));
+    let mut refused = 0;
     while let Some(received) = messages.recv().await {
         let incoming = match received {
             Received::Parsed(incoming) => incoming,
@@ -176,9 +174,22 @@ async fn act_in_order(connection: Connection, mut messages: Receiver<Received>) 
         };
         let page = connection.page;
         let acted = with_stage(&connection.stage, move |stage| {
-            talk::act_on(stage, page, incoming)
+            let response = talk::act_on(stage, page, incoming);
+            let Response::Answer(answer) = response else {
+                return (response, false);
+            };
+            // With the stage held: after what the message caused, and before any new sample.
+            stage.page_of(page, |page| page.send(text(&answer)));
+            (Response::None, answer["type"] == "refused")
         });
-        let Some(response) = acted.await else { continue };
+        let Some((response, is_refused)) = acted.await else {
+            continue;
+        };
+        refused += u32::from(is_refused);
+        // The next message ends the connection.
+        if refused == MAX_REFUSED {
+            break;
+        }
         if let Some(answer) = answer_to(&connection, &queue, response)
             && connection.answers.send(answer).await.is_err()
         {
