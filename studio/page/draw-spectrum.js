@@ -128,7 +128,7 @@ function drawFrame(context, box, axis, top, span, y, unit) {
     context.fillText("dB", 6, box.top + box.height + 14);
     drawFrequencies(context, box, axis);
     context.textAlign = "right";
-    haloText(context, `re ${density(unit)}`, box.left + box.width - 4, box.top + 11, colours.soft, colours.box);
+    haloText(context, `re ${reference(unit)}`, box.left + box.width - 4, box.top + 11, colours.soft, colours.box);
     context.textAlign = "left";
 }
 
@@ -223,7 +223,7 @@ function addColumn({ canvas, context }, memory, axis, box) {
 }
 
 // 1 A²/Hz, 1 (m/s²)²/Hz, and 1/Hz where there is no unit.
-function density(unit) {
+function reference(unit) {
     if (!unit) return "1/Hz";
     return /^\p{Letter}+$/u.test(unit) ? `1 ${unit}²/Hz` : `1 (${unit})²/Hz`;
 }

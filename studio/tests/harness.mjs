@@ -36,7 +36,7 @@ export async function open({ at = address, expected = null, isReady = ready, ...
     const page = await context.newPage();
     const problem = (text) => expected?.test(text) || problems.push(text);
     page.on("console", (message) => ["error", "warning"].includes(message.type()) && problem(message.text()));
-    page.on("pageerror", (error) => problem(error.stack));
+    page.on("pageerror", (error) => problem(error.stack || error.message));
     page.on(
         "request",
         (request) =>
@@ -45,7 +45,9 @@ export async function open({ at = address, expected = null, isReady = ready, ...
             problem(`a request left the origin: ${request.url()}`),
     );
     await page.goto(at);
-    await isReady(page);
+    await isReady(page).catch((error) => {
+        throw new Error([error.message, ...problems].join("\n"));
+    });
     return page;
 }
 

@@ -1,6 +1,7 @@
 // What of the page needs no browser: node --test
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { spawnSync } from "node:child_process";
+import { readdirSync, readFileSync } from "node:fs";
 import test from "node:test";
 import { drivenOf, isRecent } from "../page/arming.js";
 import { Connection } from "../page/connection.js";
@@ -16,6 +17,16 @@ import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
 import { simulatedAlone } from "../page/pads.js";
 import { placeOf } from "../page/ron.js";
 import { Trace } from "../page/trace.js";
+
+test("every module of the page is a module", () => {
+    const folder = new URL("../page/", import.meta.url);
+    for (const name of readdirSync(folder).filter((each) => each.endsWith(".js"))) {
+        const { status, stderr } = spawnSync(process.execPath, ["--input-type=module", "--check"], {
+            input: readFileSync(new URL(name, folder)),
+        });
+        assert.equal(status, 0, `${name}: ${stderr}`);
+    }
+});
 
 test("pointers stand in the message as the protocol says", () => {
     const view = new DataView(
