@@ -22,21 +22,23 @@ const HEAT = [
     [252, 253, 191],
 ];
 
-// Takes the newest samples into `memory` when it is time; true where there is a spectrum.
-function measure(trace, memory, now_ms) {
-    if (memory.density && now_ms - memory.at_ms < EVERY_MS) return true;
+// Takes the newest samples into `memory` when it is time, or those that end `back_s` before; true where there is a spectrum.
+function measure(trace, memory, now_ms, back_s = 0) {
+    if (memory.density && now_ms - memory.at_ms < EVERY_MS && memory.back_s === back_s) return true;
+    const back = Math.round(back_s / (trace.interval_s || 1));
     const size = Math.min(
         LARGEST,
-        2 ** Math.floor(Math.log2(Math.max(1, trace.count))),
+        2 ** Math.floor(Math.log2(Math.max(1, trace.count - back))),
         2 ** Math.ceil(Math.log2(0.2 / (trace.interval_s || 1))),
     );
     if (size < 32) return false;
     const samples = new Float64Array(size);
-    for (let i = 0; i < size; i++) samples[i] = trace.most[trace.place(size - 1 - i)] || 0;
+    for (let i = 0; i < size; i++) samples[i] = trace.most[trace.place(back + size - 1 - i)] || 0;
     const fresh = density(samples, 1 / trace.interval_s);
-    if (memory.density?.length !== fresh.length)
+    if (memory.density?.length !== fresh.length || back_s > 0 || memory.back_s > 0)
         [memory.density, memory.peaks, memory.history] = [fresh, fresh.map(decibels), []];
     memory.at_ms = now_ms;
+    memory.back_s = back_s;
     memory.bin_hz = 1 / (trace.interval_s * size);
     fresh.forEach((value, i) => {
         memory.density[i] += AVERAGE * (value - memory.density[i]);
@@ -71,8 +73,8 @@ function largest(values, low_hz, high_hz, bin_hz) {
     return most;
 }
 
-export function drawSpectrum(context, surface, { trace, memory, now_ms, port, zoom }) {
-    if (!measure(trace, memory, now_ms)) return waiting(context, surface);
+export function drawSpectrum(context, surface, { trace, memory, now_ms, back_s, port, zoom }) {
+    if (!measure(trace, memory, now_ms, back_s)) return waiting(context, surface);
     const box = boxOf(surface),
         axis = axisOf(box, memory);
     const level = memory.density.map(decibels);

@@ -18,14 +18,14 @@ export const boxOf = (surface) => ({
 });
 
 // Draws `trace` from `end_s - span_s` to `end_s`. `memory` keeps the range between frames; `limits` are the actuator's.
-export function drawTime(context, surface, { trace, end_s, span_s, memory, limits, port, zoom, paused }) {
+export function drawTime(context, surface, { trace, end_s, back_s, span_s, memory, limits, port, zoom, paused }) {
     const box = boxOf(surface);
     const columns = columnsOf(trace, end_s, span_s, Math.max(1, Math.floor(box.width)));
     memory.least ??= LEAST_SHOWN[port.unit] ?? 1e-6;
     const range = rangeOf(columns, memory, limits, zoom, paused ? 1 : NARROWER);
     const scale = scaleOf(port.unit, Math.max(Math.abs(range[0]), range[1]));
     const y = (value) => box.top + (box.height * (range[1] - value)) / (range[1] - range[0]);
-    drawAxes(context, box, range, scale, [span_s, paused ? "pause" : "now"], y);
+    drawAxes(context, box, range, scale, [ago(span_s + back_s), back_s > 0 ? ago(back_s) : paused ? "pause" : "now"], y);
     if (limits) drawLimits(context, box, range, limits, y);
     context.save();
     context.beginPath();
@@ -72,7 +72,9 @@ function rangeOf({ low, high }, memory, limits, zoom, narrower) {
     return memory.two ? [-size, size] : [least < 0 ? -size * 0.05 : 0, size];
 }
 
-function drawAxes(context, box, range, scale, [span_s, end], y) {
+const ago = (time_s) => (time_s < 1 ? `−${Math.round(time_s * 1000)} ms` : `−${Number(time_s.toFixed(2))} s`);
+
+function drawAxes(context, box, range, scale, [start, end], y) {
     context.lineWidth = 1;
     context.textAlign = "right";
     const [low, high] = range.map((value) => value * scale.factor);
@@ -96,12 +98,9 @@ function drawAxes(context, box, range, scale, [span_s, end], y) {
     context.fillText(scale.unit, 6, box.top + box.height + 14);
     context.textAlign = "right";
     context.fillText(end, box.left + box.width, box.top + box.height + 14);
-    context.fillText(
-        `−${span_s < 1 ? `${Math.round(span_s * 1000)} ms` : `${span_s} s`}`,
-        box.left + 34,
-        box.top + box.height + 14,
-    );
     context.textAlign = "left";
+    const unitEnd = 12 + context.measureText(scale.unit).width;
+    context.fillText(start, Math.max(box.left - 8, unitEnd), box.top + box.height + 14);
 }
 
 // The peak limit as a line, the continuous one dashed, where they are within what is shown.

@@ -2,7 +2,7 @@
 import { find, kept, make, setText } from "./dom.js";
 import { drawMeter, drawNumber } from "./draw-meter.js";
 import { drawSpectrogram, drawSpectrum } from "./draw-spectrum.js";
-import { drawTime } from "./draw-time.js";
+import { boxOf, drawTime } from "./draw-time.js";
 import { mostFrames } from "./frame.js";
 import { colours, Surface } from "./theme.js";
 
@@ -13,7 +13,8 @@ const VIEWS = { time: drawTime, spectrum: drawSpectrum, spectrogram: drawSpectro
 const SPECTRAL_FROM_HZ = 200;
 
 export function mountScopes(studio) {
-    // `paused` is what a pause froze: { end_s, now_ms, actuators, traces }, copies by the traces that go on.
+    // `paused` is what a pause froze: { end_s, kept_s, back_s, now_ms, actuators, traces }, copies by the traces that go on;
+    // `back_s` is how long before its end the scopes end.
     const state = { cards: [], span_s: kept.get("span", 2), paused: null, graph: null };
     mountBar(studio, state);
     studio.on("graph", (graph) => follow(studio, state, graph));
@@ -25,8 +26,12 @@ function mountBar(studio, state) {
     const span = find("scope-span");
     span.replaceChildren(...SPANS_S.map((s) => make("option", { value: String(s), text: s < 1 ? `${s * 1000} ms` : `${s} s` })));
     span.value = String(state.span_s);
-    span.addEventListener("change", () => kept.set("span", (state.span_s = Number(span.value))));
+    span.addEventListener("change", () => {
+        kept.set("span", (state.span_s = Number(span.value)));
+        if (state.paused) goBack(state, state.paused.back_s);
+    });
     find("scope-pause").addEventListener("click", () => setPaused(studio, state, state.paused === null));
+    find("scope-back").addEventListener("input", ({ target }) => goBack(state, (1 - target.value) * mostBack(state)));
     const list = find("scope-add");
     list.addEventListener("change", () => {
         if (list.value) add(studio, state, list.value, "time");
@@ -34,11 +39,13 @@ function mountBar(studio, state) {
     });
 }
 
-// A pause freezes what is seen; zoom, span and view act on what was kept at that moment.
+// A pause freezes what is seen; zoom, span, view and going back act on what was kept at that moment.
 function setPaused(studio, state, on) {
     state.paused = on
         ? {
               end_s: studio.taps.now_s() - LAG_S,
+              kept_s: Math.max(0, ...studio.taps.traces.map(({ count, interval_s }) => count * interval_s)),
+              back_s: 0,
               now_ms: performance.now(),
               actuators: studio.status?.actuators ?? [],
               traces: new Map(studio.taps.traces.map((trace) => [trace, trace.copy()])),
@@ -46,6 +53,31 @@ function setPaused(studio, state, on) {
         : null;
     find("scope-pause").setAttribute("aria-pressed", String(on));
     setText(find("scope-pause"), on ? "Go on" : "Pause");
+    find("scope-back").disabled = !on;
+    find("scope-back").value = 1;
+}
+
+const mostBack = ({ paused, span_s }) => Math.max(0, paused.kept_s - span_s);
+
+function goBack(state, back_s) {
+    const most_s = mostBack(state);
+    state.paused.back_s = Math.max(0, Math.min(most_s, back_s));
+    find("scope-back").value = most_s > 0 ? 1 - state.paused.back_s / most_s : 1;
+}
+
+// Over time, a paused scope is dragged.
+function mountDrag(state, card, canvas) {
+    let from = null; // { x, back_s } of the press
+    canvas.addEventListener("pointerdown", ({ pointerId, clientX }) => {
+        if (!state.paused || card.view !== "time") return;
+        canvas.setPointerCapture(pointerId);
+        from = { x: clientX, back_s: state.paused.back_s };
+    });
+    canvas.addEventListener("pointermove", ({ clientX }) => {
+        if (!from || !state.paused) return;
+        goBack(state, from.back_s + ((clientX - from.x) / boxOf(card.surface).width) * state.span_s);
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => (from = null));
 }
 
 // Another graph: cards whose ports are still there stay, the list is made anew.
@@ -115,6 +147,7 @@ function add(studio, state, name, view, keep = true) {
     );
     find("scopes").append(card.element);
     card.surface = new Surface(canvas);
+    mountDrag(state, card, canvas);
     state.cards.push(card);
     card.end = mostFrames((now_ms) => drawCard(studio, state, card, now_ms));
     showEmpty(state);
@@ -199,13 +232,15 @@ function drawCard(studio, state, card, frame_ms) {
     if (paused && !trace?.lanes) return drawNothing(context, card.surface);
     if (trace.lanes === 0) return;
     const limits = studio.graph.actuators.find(({ name, unit }) => name === card.port.node && unit === card.port.unit) ?? null;
-    const { end_s, now_ms, actuators } = paused ?? {
+    const { end_s, back_s, now_ms, actuators } = paused ?? {
         end_s: studio.taps.now_s() - LAG_S,
+        back_s: 0,
         now_ms: frame_ms,
         actuators: studio.status?.actuators ?? [],
     };
     const actuator = limits && actuators.find(({ name }) => name === limits.name);
-    VIEWS[card.view](context, card.surface, { ...card, trace, span_s, end_s, now_ms, limits, actuator, paused: paused !== null });
+    const seen = { trace, span_s, end_s: end_s - back_s, back_s, now_ms, limits, actuator, paused: paused !== null };
+    VIEWS[card.view](context, card.surface, { ...card, ...seen });
 }
 
 function drawNothing(context, { height }) {

@@ -78,7 +78,24 @@ test("a pause freezes what is seen, and zoom and span act in it", async (page) =
     assert.equal(await seen(), before);
     await page.selectOption("#scope-span", "0.5");
     await settled();
-    assert.notEqual(await seen(), before);
+    const late = await seen();
+    assert.notEqual(late, before);
+    const box = await page.locator("#scopes canvas").first().boundingBox();
+    await page.mouse.move(box.x + 0.3 * box.width, box.y + 0.5 * box.height);
+    await page.mouse.down();
+    await page.mouse.move(box.x + 0.7 * box.width, box.y + 0.5 * box.height);
+    await page.mouse.up();
+    await settled();
+    const dragged = await seen();
+    assert.notEqual(dragged, late);
+    await picture(page, "paused-earlier");
+    await page.focus("#scope-back");
+    await page.keyboard.press("Home"); // the earliest that was kept
+    await settled();
+    assert.notEqual(await seen(), dragged);
+    await page.keyboard.press("End");
+    await settled();
+    assert.equal(await seen(), late);
     await page.setViewportSize({ width: 1300, height: 900 }); // a canvas that is resized is empty until it is drawn
     await settled();
     const empty = await page.evaluate(
