@@ -38,7 +38,7 @@ export class EngineLink {
             const answer = (await this.#checker).check(encoder.encode(message));
             if (!answer) {
                 this.#edits.sent(JSON.parse(message));
-                return this.#forward(message);
+                return this.#forward(message, true);
             }
             const reply = { ...JSON.parse(decoder.decode(answer)), ms: performance.now() - begun_ms };
             this.onmessage({ data: JSON.stringify(reply) });
@@ -51,9 +51,9 @@ export class EngineLink {
         }
     }
 
-    #forward(message) {
+    #forward(message, edits = false) {
         const bytes = encoder.encode(message).buffer;
-        this.#port.postMessage({ bytes, text: true }, [bytes]);
+        this.#port.postMessage({ bytes, text: true, edits }, [bytes]);
     }
 
     #deliver({ bytes, text }) {

@@ -1,9 +1,12 @@
-// The engine in the audio thread: it runs as many frames as are played, and talks to the page between them.
+// The engine in the audio thread: it runs as many frames as are played, and talks to the page between them. While it loads an
+// edited graph nothing can be played, so that what is heard falls to silence first, and rises again after.
 import { Module } from "./module.js";
 
 const PUBLISH_S = 0.01;
 const REPORT_S = 0.2;
 const RING = 4096;
+const FADE_S = 0.01;
+const QUIET_MS = 200; // a context that is suspended asks for nothing
 
 class Engine extends AudioWorkletProcessor {
     constructor({ processorOptions: { wasm, files, opened } }) {
@@ -14,6 +17,9 @@ class Engine extends AudioWorkletProcessor {
         this.ring = new Float64Array(RING); // where the card's rate is not the graph's
         this.written = 0;
         this.place = 0;
+        this.edits = []; // messages that wait for silence
+        this.gain = 1;
+        this.edit_ms = null; // how long the latest edit kept the sound
         this.since_s = this.report_s = this.peak = this.busy_ms = 0;
         this.told_ms = Date.now();
         this.port.onmessage = ({ data }) => this.join(data.link);
@@ -27,12 +33,15 @@ class Engine extends AudioWorkletProcessor {
 
     join(link) {
         this.link = link;
-        link.onmessage = ({ data }) => {
-            this.attempt(() => this.module.hear(data));
-            this.tell();
-        };
+        const plays = () => Date.now() - this.told_ms < QUIET_MS;
+        link.onmessage = ({ data }) => (data.edits && plays() ? this.edits.push(data) : this.hear(data));
         this.tell();
         if (this.failure) link.postMessage({ failed: this.failure });
+    }
+
+    hear(message) {
+        this.attempt(() => this.module.hear(message));
+        this.tell();
     }
 
     // What goes wrong ends the engine, in silence.
@@ -51,7 +60,13 @@ class Engine extends AudioWorkletProcessor {
     process(_, [[out, ...others]]) {
         if (!this.module) return !this.failure;
         const begun_ms = Date.now();
+        if (this.edits.length && this.gain === 0) {
+            this.hear(this.edits.shift());
+            this.edit_ms = Date.now() - begun_ms;
+        }
+        if (!this.module) return false;
         this.attempt(() => this.render(out));
+        this.fade(out);
         for (const other of others) other.set(out);
         this.busy_ms += Date.now() - begun_ms;
         this.account(out);
@@ -73,6 +88,16 @@ class Engine extends AudioWorkletProcessor {
         else this.resample(played, module.sound_hz / sampleRate, out);
     }
 
+    // To silence while an edit waits, and back.
+    fade(out) {
+        const step = (this.edits.length ? -1 : 1) / (FADE_S * sampleRate);
+        if (step > 0 && this.gain === 1) return;
+        for (let i = 0; i < out.length; i++) {
+            out[i] *= this.gain;
+            this.gain = Math.max(0, Math.min(1, this.gain + step));
+        }
+    }
+
     // Both rates come from one clock, so that the ring's fill stays as it is.
     resample(played, step, out) {
         for (const value of played) this.ring[this.written++ % RING] = value;
@@ -91,7 +116,7 @@ class Engine extends AudioWorkletProcessor {
         this.report_s += block_s;
         if (this.since_s >= PUBLISH_S) this.publish();
         if (this.report_s < REPORT_S) return;
-        this.port.postMessage({ fill_s: 0, target_s: 0, underruns: 0, peak: this.peak, playing: true });
+        this.port.postMessage({ fill_s: 0, target_s: 0, underruns: 0, peak: this.peak, edit_ms: this.edit_ms, playing: true });
         this.report_s = this.peak = 0;
     }
 

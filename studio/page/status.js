@@ -11,7 +11,7 @@ const UNHEARD_S = 2;
 const UNCONFIRMED_MS = 1000; // after which an engine that has not confirmed STOP is worth a word
 
 export function mountStatus(studio) {
-    const state = { said: null, action: null, counts: { lost: 0, faults: 0, underruns: 0 }, since: {} };
+    const state = { said: null, action: null, counts: { lost: 0, faults: 0, xruns: 0, underruns: 0 }, since: {} };
     studio.say = (level, text) => {
         state.said = { level, text, until_ms: performance.now() + SAID_MS };
         show(studio, state);
@@ -28,7 +28,8 @@ export function mountStatus(studio) {
 
 // Counts that grew lately are worth a word; old ones stand in the figures.
 function watchCounts(studio, { counts, since }) {
-    const now = { lost: studio.status.lost, faults: studio.status.faults, underruns: studio.sound.report?.underruns ?? 0 };
+    const { lost, faults, xruns } = studio.status;
+    const now = { lost, faults, xruns: xruns ?? 0, underruns: studio.sound.report?.underruns ?? 0 };
     for (const [name, count] of Object.entries(now)) {
         if (count > counts[name]) since[name] = performance.now();
         counts[name] = count;
@@ -154,6 +155,11 @@ function engineSays(studio, counts, recent) {
             level: "warn",
             text: `\`${hot.name}\` uses ${(100 * hot.heat).toFixed(0)} % of its continuous limit: turn its gain down or pause`,
         };
+    if (recent("xruns"))
+        return {
+            level: "warn",
+            text: `The soundcard had ${counted(counts.xruns, "xrun")}: close other programs, or give its endpoint a larger \`buffer_frames\``,
+        };
     if (note) return { level: "warn", text: note };
     if (recent("lost"))
         return { level: "warn", text: `The page reads too slowly: ${counts.lost} messages were dropped. Remove a scope` };
@@ -233,8 +239,10 @@ function figures(studio, { counts }) {
         `${status.late} late`,
         `${status.lost} lost`,
     ];
+    if (status.xruns !== null) parts.push(counted(status.xruns, "xrun"));
     if (status.faults) parts.push(`${status.faults} NaN`);
     if (studio.sound.on) parts.push(counted(counts.underruns, "gap"));
+    if (Number.isFinite(studio.sound.report?.edit_ms)) parts.push(`edit ${studio.sound.report.edit_ms} ms`);
     if (status.pages > 1) parts.push(`${status.pages} pages`);
     return [...parts, `${frameRate()} fps`].join("   ");
 }

@@ -108,4 +108,50 @@ for (const graph of graphs.filter(({ name }) => chosen.length === 0 || chosen.in
         console.log(`FAILED  ${graph.name}: ${error.message}`);
     }
 }
+
+// In the audio thread: what is heard falls to silence before an edit is loaded, rises after it, and is what it was elsewhere.
+async function assertEditIsSoft({ path, set }) {
+    const QUANTUM = 128;
+    let Engine;
+    class AudioWorkletProcessor {
+        port = { postMessage() {} };
+    }
+    Object.assign(globalThis, { AudioWorkletProcessor, registerProcessor: (_, kind) => (Engine = kind), sampleRate: 48000 });
+    await import("../page/engine-worklet.js");
+    const run = (edited) => {
+        const all = files.map((file) => ({ path: encoder.encode(file), bytes: readFileSync(join(site, "files", file)) }));
+        const engine = new Engine({
+            processorOptions: { wasm, files: all, opened: encoder.encode(JSON.stringify({ graph: path, set })) },
+        });
+        const link = { replies: 0, postMessage: ({ bytes, text }) => (link.replies += text && /"type":"reply"/.test(decode(bytes))) };
+        engine.join(link);
+        const heard = [];
+        const sent = [...calls(engine.module.driver_hz)].filter(({ bytes }) => bytes);
+        for (let quantum = 0; quantum < 500; quantum++) {
+            if (quantum % 3 === 0) link.onmessage({ data: sent[quantum] });
+            if (quantum === 250 && edited) {
+                const text = `// again\n${readFileSync(join(site, "files", path), "utf8")}`;
+                const message = encoder.encode(JSON.stringify({ type: "apply", request: 1, text }));
+                link.onmessage({ data: { bytes: message, text: true, edits: true } });
+            }
+            const out = new Float32Array(QUANTUM);
+            assert(engine.process([], [[out]]), "the engine ended");
+            heard.push(...out);
+        }
+        assert.equal(link.replies, edited ? 1 : 0);
+        return heard;
+    };
+    const [plain, edited] = [run(false), run(true)];
+    const first = edited.findIndex((value, i) => value !== plain[i]);
+    const last = edited.findLastIndex((value, i) => value !== plain[i]);
+    assert(first >= 250 * QUANTUM && last - first < 0.03 * 48000, `it differs from ${first} to ${last}`);
+    const part = edited.slice(first, last + 1).map((value, i) => (plain[first + i] === 0 ? 0 : value / plain[first + i]));
+    assert(part.every((gain, i) => gain >= 0 && Math.abs(gain - (i ? part[i - 1] : 1)) < 0.01 || plain[first + i] === 0), "a step");
+    const lowest = part.findLastIndex((gain, i) => gain === 0 && plain[first + i] !== 0);
+    assert(lowest >= 0, "it was never silent");
+    console.log(`ok      an edit is soft: ${(((last - first) / 48000) * 1000).toFixed(1)} ms from sound to sound, less the loading`);
+}
+
+const decode = (bytes) => new TextDecoder().decode(bytes);
+await assertEditIsSoft(graphs.find(({ name }) => name === "texturepad") ?? graphs[0]);
 process.exit(failed ? 1 : 0);
