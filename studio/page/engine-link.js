@@ -1,6 +1,5 @@
 // In place of a WebSocket: the way to an engine in the audio thread. Edits are checked here, beside it, by a second
 // engine, so that the one that plays is only told what is right.
-import { Edits } from "./edits.js";
 import { Module } from "./module.js";
 
 const CHECKED = new Set(["check", "apply", "parameter"]);
@@ -10,7 +9,6 @@ const decoder = new TextDecoder();
 export class EngineLink {
     #port;
     #checker = new Promise(() => {});
-    #edits = new Edits(async (message) => (await this.#checker).check(encoder.encode(JSON.stringify(message))));
 
     constructor({ port, wasm, files, opened }) {
         this.#port = port;
@@ -36,10 +34,7 @@ export class EngineLink {
         const begun_ms = performance.now();
         try {
             const answer = (await this.#checker).check(encoder.encode(message));
-            if (!answer) {
-                this.#edits.sent(JSON.parse(message));
-                return this.#forward(message, true);
-            }
+            if (!answer) return this.#forward(message, true);
             const reply = { ...JSON.parse(decoder.decode(answer)), ms: performance.now() - begun_ms };
             this.onmessage({ data: JSON.stringify(reply) });
         } catch (error) {
@@ -58,8 +53,13 @@ export class EngineLink {
 
     #deliver({ bytes, text }) {
         const data = text ? decoder.decode(bytes) : bytes;
-        if (text) this.#edits.heard(data);
+        if (text && /"type":"graph"/.test(data)) this.#follow(data);
         this.onmessage({ data });
+    }
+
+    async #follow(message) {
+        const checker = await this.#checker.catch(() => null); // a check says why there is none
+        checker?.follow(encoder.encode(message));
     }
 
     #fail(why) {

@@ -39,6 +39,12 @@ export class Module {
         return this.#calls.haptograph_check() ? this.#message() : null;
     }
 
+    // Checks against what the engine's message says that it runs.
+    follow(message) {
+        this.#fill(message);
+        this.#calls.haptograph_follow();
+    }
+
     // Runs so many frames of the driver; what is played of them, a view that is valid until the next call.
     process(frames) {
         const count = this.#calls.haptograph_process(frames);

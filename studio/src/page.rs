@@ -157,7 +157,8 @@ impl Engine {
     }
 }
 
-/// Checks edits before they reach an engine, which then loads correct graphs only.
+/// Checks edits before they reach an engine, which then loads correct graphs only. It changes when the engine does:
+/// [`follow`](Self::follow).
 pub struct Checker {
     source: Source,
     /// The running text.
@@ -176,33 +177,47 @@ impl Checker {
     }
 
     /// The answer to a check, or to an edit with errors; `None` if the engine has to answer.
-    pub fn answer(&mut self, message: &str) -> Option<Message> {
+    pub fn answer(&self, message: &str) -> Option<Message> {
         let wrong = |source: &Source, text: &str| source.load(text).err();
+        let refused = |request, wrong| talk::reply(request, Err(StageError::Graph(wrong)));
         let answer = match wire::parse_text(message).ok()?? {
             ClientMessage::Check { request, text } => {
                 talk::checked(request, wrong(&self.source, &text).as_ref(), None)
             }
-            ClientMessage::Apply { request, text } => match wrong(&self.source, &text) {
-                Some(wrong) => talk::reply(request, Err(StageError::Graph(wrong))),
-                None => {
-                    self.text = text;
-                    return None;
-                }
-            },
+            ClientMessage::Apply { request, text } => refused(request, wrong(&self.source, &text)?),
             ClientMessage::Parameter { request, name, value } => {
-                let source = self.source.with(name, value);
-                match wrong(&source, &self.text) {
-                    Some(wrong) => talk::reply(request, Err(StageError::Graph(wrong))),
-                    None => {
-                        self.source = source;
-                        return None;
-                    }
-                }
+                refused(request, wrong(&self.source.with(name, value), &self.text)?)
             }
             _ => return None,
         };
         Some(super::publish::text(&answer))
     }
+
+    /// Checks against another graph from now on: the engine's message of type `graph`. Others are ignored.
+    pub fn follow(&mut self, message: &str) {
+        if let Ok(Running::Graph { text, parameters }) = serde_json::from_str(message) {
+            self.text = text;
+            let changed = parameters.into_iter().filter(|each| each.value != each.default);
+            self.source.set = changed.map(|each| (each.name, each.value)).collect();
+        }
+    }
+}
+
+/// What a checker needs of the engine's messages.
+#[derive(Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase")]
+enum Running {
+    Graph {
+        text: String,
+        parameters: Vec<RunningParameter>,
+    },
+}
+
+#[derive(Deserialize)]
+struct RunningParameter {
+    name: String,
+    value: String,
+    default: String,
 }
 
 #[cfg(test)]

@@ -6,7 +6,6 @@ import test from "node:test";
 import { drivenOf, isRecent } from "../page/arming.js";
 import { Connection } from "../page/connection.js";
 import { scaleFor } from "../page/control.js";
-import { Edits } from "../page/edits.js";
 import { PageEngine } from "../page/engine.js";
 import { Emitter } from "../page/events.js";
 import { density } from "../page/fft.js";
@@ -326,24 +325,6 @@ test("a drawer or a listener that fails is reported, and the others go on", asyn
         emitter.emit("a", 4);
         assert.deepEqual([seen.at(-1), errors.at(-1)], [4, "listener"]);
     });
-});
-
-test("where the engine refuses an edit, the checker goes back to what runs", () => {
-    const told = [];
-    const edits = new Edits(({ type, name, value, text }) => told.push(name ? `${name}=${value}` : `${type} ${text}`));
-    const says = (message) => edits.heard(JSON.stringify(message));
-    says({ type: "graph", text: "one", parameters: [{ name: "gain", value: "1.0" }] });
-    edits.sent({ type: "apply", request: 1 });
-    edits.sent({ type: "check", request: 2 });
-    says({ type: "reply", request: 2, ok: false });
-    assert.deepEqual(told, []);
-    says({ type: "reply", request: 1, ok: false });
-    assert.deepEqual(told.splice(0), ["gain=1.0", "apply one"]);
-    edits.sent({ type: "parameter", request: 3 });
-    says({ type: "graph", text: "two", parameters: [] });
-    says({ type: "reply", request: 3, ok: true });
-    says({ type: "reply", request: 3, ok: false });
-    assert.deepEqual(told, []);
 });
 
 // Hands on pads, and what they sent: [pad, force].

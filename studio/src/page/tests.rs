@@ -56,7 +56,7 @@ fn an_engine_that_its_caller_runs_tells_its_page_as_a_server_does() {
 
 #[test]
 fn a_wrong_edit_is_answered_before_it_reaches_the_engine() {
-    let mut checker = Checker::open(opened(), &haptograph_nodes::registry()).expect("it is there");
+    let checker = Checker::open(opened(), &haptograph_nodes::registry()).expect("it is there");
     let ask = |text: &str| serde_json::json!({ "type": "apply", "request": 7, "text": text }).to_string();
     let Some(Message::Text(wrong)) = checker.answer(&ask("Graph(format: 1, nodes: { \"a\": Sin() })")) else {
         panic!("it is wrong");
@@ -65,6 +65,27 @@ fn a_wrong_edit_is_answered_before_it_reaches_the_engine() {
     assert_eq!((&wrong["request"], &wrong["ok"]), (&7.into(), &false.into()));
     let text = std::fs::read_to_string(opened().graph).expect("it ships");
     assert_eq!(checker.answer(&ask(&text)), None);
+}
+
+#[test]
+fn edits_are_checked_against_what_the_engine_runs() {
+    let mut checker = Checker::open(opened(), &haptograph_nodes::registry()).expect("it is there");
+    let turn = r#"{"type":"parameter","request":1,"name":"gain","value":"0.5"}"#;
+    let text = std::fs::read_to_string(opened().graph).expect("it ships");
+    let without = text
+        .replace("\"gain\": 1.0,", "")
+        .replace("Param(\"gain\")", "1.0");
+    assert_ne!(text, without);
+    // A correct edit that the engine has not taken over changes nothing here.
+    let apply = serde_json::json!({ "type": "apply", "request": 2, "text": without }).to_string();
+    assert_eq!(checker.answer(&apply), None);
+    assert_eq!(checker.answer(turn), None);
+    let runs = serde_json::json!({ "type": "graph", "text": without, "parameters": [] }).to_string();
+    checker.follow(&runs);
+    assert!(checker.answer(turn).is_some(), "there is no such parameter");
+    let mut engine = engine_of("texturepad.ron");
+    checker.follow(&said(&mut engine, "graph").to_string());
+    assert_eq!(checker.answer(turn), None);
 }
 
 fn engine_of(graph: &str) -> Engine {

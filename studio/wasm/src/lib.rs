@@ -116,9 +116,20 @@ pub extern "C" fn haptograph_hear(is_text: u32) {
 pub extern "C" fn haptograph_check() -> u32 {
     with(|state| {
         let said = String::from_utf8_lossy(&state.room).into_owned();
-        let answer = state.checker.as_mut().and_then(|checker| checker.answer(&said));
+        let answer = state.checker.as_ref().and_then(|checker| checker.answer(&said));
         show(&mut state.message, answer)
     })
+}
+
+/// The room holds a message of the engine that says what it runs: edits are checked against that.
+#[unsafe(no_mangle)]
+pub extern "C" fn haptograph_follow() {
+    with(|state| {
+        let said = String::from_utf8_lossy(&state.room).into_owned();
+        if let Some(checker) = &mut state.checker {
+            checker.follow(&said);
+        }
+    });
 }
 
 /// Runs so many frames of the driver; how many samples are played.
