@@ -10,6 +10,7 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use tungstenite::Message;
+use tungstenite::stream::MaybeTlsStream;
 
 fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name)
@@ -453,6 +454,37 @@ fn a_stop_is_heard_from_any_page_and_only_the_owner_moves_anything() {
 }
 
 #[test]
+fn a_stop_is_heard_from_a_page_that_does_not_read() {
+    let studio = open(&shipped("texturepad.ron"));
+    let (mut deaf, mut owner) = (Page::of(&studio), Page::of(&studio));
+    // More than a socket holds: every edit sends the graph to all pages.
+    deaf.say(&json!({ "type": "own" }));
+    let text = deaf.graph["text"].as_str().expect("a text").to_owned();
+    let long = format!("{text}\n//{}", "x".repeat(300_000));
+    for request in 0..30 {
+        deaf.say(&json!({ "type": "apply", "request": request, "text": long }));
+        owner.wait(|said| said["type"] == "graph");
+    }
+    deaf.say(&json!({ "type": "stop" }));
+    owner.wait(|said| said["type"] == "status" && said["state"] == "stopped");
+    // It was indeed too full to write to, so that it is let go.
+    owner.wait(|said| said["type"] == "status" && said["pages"] == 1);
+}
+
+#[test]
+fn a_message_of_any_length_is_refused_by_its_header() {
+    let studio = open(&shipped("texturepad.ron"));
+    let (mut long, mut owner) = (Page::of(&studio), Page::of(&studio));
+    let MaybeTlsStream::Plain(stream) = long.socket.get_mut() else {
+        panic!("it is not encrypted");
+    };
+    // A masked text of a terabyte.
+    let header = [&[0x81, 0xff][..], &(1_u64 << 40).to_be_bytes(), &[0; 4]].concat();
+    stream.write_all(&header).expect("sent");
+    owner.wait(|said| said["type"] == "status" && said["pages"] == 1 && said["state"] == "running");
+}
+
+#[test]
 fn a_page_that_goes_is_a_silence() {
     let studio = open(&shipped("texturepad.ron"));
     let mut first = Page::of(&studio);
@@ -517,10 +549,20 @@ fn only_its_own_page_with_the_token_is_let_in() {
         let policy = answer
             .lines()
             .find_map(|line| line.strip_prefix("content-security-policy: "));
-        let calls = policy.and_then(|policy| policy.split("; ").find(|part| part.starts_with("connect-src")));
+        let mut policy: Vec<&str> = policy.unwrap_or_default().split("; ").collect();
+        policy.sort_unstable();
         let port = host.port();
-        let own = format!("connect-src 'self' ws://127.0.0.1:{port} ws://localhost:{port}");
-        assert_eq!(calls, Some(&*own), "{answer}");
+        let calls = format!("connect-src 'self' ws://127.0.0.1:{port} ws://localhost:{port}");
+        let wanted = [
+            "base-uri 'none'",
+            &calls,
+            "default-src 'self'",
+            "form-action 'none'",
+            "frame-ancestors 'none'",
+            "img-src 'self' data: blob:",
+            "style-src 'self' 'unsafe-inline'",
+        ];
+        assert_eq!(policy, wanted, "{answer}");
     }
 }
 
