@@ -72,6 +72,17 @@ pub(crate) struct Extent {
 }
 
 impl Extent {
+    /// First place behind it.
+    #[inline]
+    pub(crate) fn end(self) -> u32 {
+        self.start + self.len
+    }
+
+    #[inline]
+    pub(crate) fn range(self) -> Range<usize> {
+        self.start as usize..self.end() as usize
+    }
+
     /// Splits the memory into the part before the buffer, the buffer, and the part behind it.
     #[inline]
     pub(crate) fn split(self, memory: &mut [f64]) -> (&[f64], &mut [f64], &[f64]) {
@@ -81,8 +92,8 @@ impl Extent {
     }
 }
 
-/// An input of a step, resolved to memory.
-#[derive(Debug, Clone, Copy)]
+/// An input of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ResolvedInput {
     /// First component of the port, in the memory before the step's own buffer or behind it.
     pub at: u32,
@@ -91,16 +102,27 @@ pub(crate) struct ResolvedInput {
     pub form: Form,
 }
 
-/// An input of a step in a plan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Binding {
-    pub slot: u32,
-    /// First component of the port in its buffer.
-    pub start: u32,
-    pub width: u32,
-    pub form: Form,
-    /// Clock whose window selects the frames of the buffer.
-    pub clock: u32,
+impl ResolvedInput {
+    /// Resolves an input at `place` of the memory. Buffers do not overlap and no step reads the one that it writes, so an
+    /// input lies wholly before or wholly behind the step's own.
+    pub(crate) fn new(place: Placing, form: Form, out: Extent) -> Self {
+        let behind = form != Form::Absent && place.start >= out.end();
+        let at = match form {
+            Form::Absent => 0,
+            _ => place.start - if behind { out.end() } else { 0 },
+        };
+        Self {
+            at,
+            width: place.width,
+            behind,
+            form,
+        }
+    }
+
+    /// First component of the port in the memory.
+    pub(crate) fn place(&self, out: Extent) -> u32 {
+        self.at + if self.behind { out.end() } else { 0 }
+    }
 }
 
 /// Layout of an input's frames in its buffer.
@@ -114,7 +136,7 @@ pub(crate) enum Form {
     Absent,
 }
 
-/// Place of an output in the buffer of its step.
+/// Place of a port: an output's in the buffer of its step, any other in the memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Placing {
     pub start: u32,

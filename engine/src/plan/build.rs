@@ -3,13 +3,14 @@
 mod rings;
 
 use super::order::{Group, delay_frames, order};
-use super::slots::{Demand, assign};
+use super::resolve::{self, Places};
+use super::slots::Demand;
 use super::{
     ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, Delivered, DevicePlan, MAX_BLOCK, NodeKey, Plan,
-    PlanOptions, Step, StepTime, StepWork, Tap,
+    PlanOptions, StepTime, StepWork, Tap,
 };
 use crate::graph::{Bridge, Edge, Graph, NodeId, Work};
-use crate::io::{Binding, Form, LINE, Placing};
+use crate::io::{Form, LINE, Placing};
 use crate::node::Stream;
 use crate::silence::Reach;
 use petgraph::graph::{EdgeIndex, NodeIndex};
@@ -19,10 +20,22 @@ use std::sync::Arc;
 
 /// A port before buffers are placed: its demand, and its place in it.
 #[derive(Debug, Clone, Copy)]
-struct Port {
-    demand: usize,
-    placing: Placing,
+pub(super) struct Port {
+    pub demand: usize,
+    pub placing: Placing,
     clock: u32,
+}
+
+/// A step before buffers are placed.
+pub(super) struct StepDraft {
+    pub work: StepWork,
+    pub clock: u32,
+    /// The demand that it writes.
+    pub out: Option<usize>,
+    pub inputs: Vec<(Port, Form)>,
+    pub outputs: Vec<Placing>,
+    pub node: NodeId,
+    pub label: Arc<str>,
 }
 
 /// Key of a bridge, for sharing between readers.
@@ -31,7 +44,10 @@ type Crossing = (NodeIndex, usize, &'static str, usize, bool, usize);
 struct Builder<'a> {
     graph: &'a Graph,
     plan: Plan,
+    steps: Vec<StepDraft>,
     demands: Vec<Demand>,
+    /// Ports of the sources and sinks of each device, with their channels.
+    device_ports: Vec<DevicePorts>,
     /// Ports of each node.
     ports: Vec<Vec<Port>>,
     /// Output ports of shared bridges.
@@ -45,7 +61,12 @@ struct Builder<'a> {
     reaches: Vec<Reach>,
 }
 
-const NO_SLOT: u32 = u32::MAX;
+#[derive(Default, Clone)]
+struct DevicePorts {
+    reads: Vec<(Port, usize)>,
+    writes: Vec<(Port, usize)>,
+}
+
 /// Port of an input that is not connected.
 const ABSENT: Port = Port {
     demand: usize::MAX,
@@ -86,13 +107,13 @@ impl<'a> Builder<'a> {
             driver,
             base: graph.base.clone(),
             rates: graph.clocks.iter().map(|clock| clock.rate).collect(),
+            periods_s: graph.clocks.iter().map(|clock| clock.rate.period_s()).collect(),
             clock_names: graph.clocks.iter().map(|clock| clock.name.clone()).collect(),
             steps: Vec::new(),
-            bindings: Vec::new(),
-            placings: Vec::new(),
             slots: Vec::new(),
             pacings: Vec::new(),
             processors: Vec::new(),
+            singles: Vec::new(),
             processor_keys: Vec::new(),
             devices: graph
                 .devices
@@ -127,10 +148,13 @@ impl<'a> Builder<'a> {
                 .into_iter()
                 .filter(|live| graph.driver_of(live.node) == Some(driver))
                 .collect(),
+            live_works: Vec::new(),
         };
         Self {
             graph,
             plan,
+            steps: Vec::new(),
+            device_ports: vec![DevicePorts::default(); graph.devices.len()],
             demands: Vec::new(),
             ports: vec![Vec::new(); graph.nodes.node_count()],
             crossings: HashMap::new(),
@@ -142,7 +166,7 @@ impl<'a> Builder<'a> {
     }
 
     fn group(&mut self, group: &Group, number: usize) {
-        let before = self.plan.steps.len();
+        let before = self.steps.len();
         if group.pacing.is_empty() {
             self.node(group.members[0], OUTSIDE);
             return;
@@ -171,8 +195,8 @@ impl<'a> Builder<'a> {
     /// Tells the island how long it is, and keeps all of its buffers alive from its first step to its last: its
     /// steps run many times a block.
     fn close_island(&mut self, begin: usize) {
-        let end = self.plan.steps.len() - 1;
-        if let StepWork::Island { steps, .. } = &mut self.plan.steps[begin].work {
+        let end = self.steps.len() - 1;
+        if let StepWork::Island { steps, .. } = &mut self.steps[begin].work {
             *steps = (end - begin) as u32;
         }
         for demand in &mut self.demands {
@@ -279,7 +303,7 @@ impl<'a> Builder<'a> {
         let first_source = node
             .work
             .source_device()
-            .is_none_or(|device| self.plan.devices[device].reads.is_empty());
+            .is_none_or(|device| self.device_ports[device].reads.is_empty());
         let step = match first_source {
             true => self.step(work, clock, index, path),
             // All sources of a device are filled by the step of the first one.
@@ -297,8 +321,7 @@ impl<'a> Builder<'a> {
         let wanted = work
             .source_device()
             .map(|device| StepWork::DeviceRead(device as u32));
-        self.plan
-            .steps
+        self.steps
             .iter()
             .position(|step| Some(step.work) == wanted)
             .unwrap_or(0)
@@ -308,25 +331,22 @@ impl<'a> Builder<'a> {
     fn bind_device(&mut self, work: &Work, ports: &[Port], index: NodeIndex, clock: usize) {
         match work {
             Work::Source { device, channels } => {
-                for (port, channel) in ports.iter().zip(channels) {
-                    self.plan.devices[*device]
-                        .reads
-                        .push((port.demand as u32, port.placing, *channel));
-                }
+                let reads = &mut self.device_ports[*device].reads;
+                reads.extend(ports.iter().copied().zip(channels.iter().copied()));
             }
             Work::Actuator { device, channel, .. } => {
                 let actuator = self.plan.actuators.len() - 1;
-                let plan = &mut self.plan.devices[*device];
                 for port in ports {
-                    plan.writes.push((port.demand as u32, port.placing, *channel));
-                    plan.driven_by.push((actuator, *channel, port.clock));
+                    self.device_ports[*device].writes.push((*port, *channel));
+                    let driven_by = &mut self.plan.devices[*device].driven_by;
+                    driven_by.push((actuator, *channel, port.clock));
                 }
                 self.sinks_left[*device] -= 1;
                 if self.sinks_left[*device] == 0 {
                     let label = format!("drive {}", self.plan.devices[*device].name);
                     let step = self.step(StepWork::DeviceWrite(*device as u32), clock, index, label);
-                    for (demand, ..) in self.plan.devices[*device].writes.clone() {
-                        self.demands[demand as usize].to = step;
+                    for (port, _) in &self.device_ports[*device].writes {
+                        self.demands[port.demand].to = step;
                     }
                 }
             }
@@ -433,33 +453,24 @@ impl<'a> Builder<'a> {
     }
 
     fn step(&mut self, work: StepWork, clock: usize, node: NodeIndex, label: impl Into<Arc<str>>) -> usize {
-        let (inputs, outputs) = (self.plan.bindings.len() as u32, self.plan.placings.len() as u32);
-        self.plan.steps.push(Step {
+        self.steps.push(StepDraft {
             work,
             clock: clock as u32,
-            out: NO_SLOT,
-            inputs: inputs..inputs,
-            outputs: outputs..outputs,
+            out: None,
+            inputs: Vec::new(),
+            outputs: Vec::new(),
             node: NodeId(node),
             label: label.into(),
         });
-        self.plan.steps.len() - 1
+        self.steps.len() - 1
     }
 
-    /// Adds an input to the step that was added last.
+    /// Adds an input to a step.
     fn bind(&mut self, step: usize, port: Port, form: Form) {
         if form != Form::Absent {
             self.demands[port.demand].to = self.demands[port.demand].to.max(step);
         }
-        self.plan.bindings.push(Binding {
-            // The demand; `finish` replaces it by the slot.
-            slot: port.demand as u32,
-            start: port.placing.start,
-            width: port.placing.width,
-            form,
-            clock: self.plan.steps[step].clock,
-        });
-        self.plan.steps[step].inputs.end += 1;
+        self.steps[step].inputs.push((port, form));
     }
 
     /// Places the outputs of a step one after the other in a buffer of its own.
@@ -504,11 +515,10 @@ impl<'a> Builder<'a> {
             from: step,
             to: step,
         });
-        if self.plan.steps[step].out == NO_SLOT {
-            self.plan.steps[step].out = demand as u32;
-            self.plan.steps[step].outputs.start = self.plan.placings.len() as u32;
-            self.plan.placings.extend(ports.iter().map(|port| port.placing));
-            self.plan.steps[step].outputs.end = self.plan.placings.len() as u32;
+        let step = &mut self.steps[step];
+        if step.out.is_none() {
+            step.out = Some(demand);
+            step.outputs = ports.iter().map(|port| port.placing).collect();
         }
         ports
     }
@@ -529,7 +539,7 @@ impl<'a> Builder<'a> {
     }
 
     fn finish(mut self, taps: &[(NodeId, usize)]) -> Plan {
-        let last = self.plan.steps.len();
+        let last = self.steps.len();
         let mut tapped: Vec<(Port, Stream)> = Vec::new();
         for (place, (node, output)) in taps.iter().enumerate() {
             // Ports of nodes of other drivers were never made.
@@ -541,34 +551,22 @@ impl<'a> Builder<'a> {
         for (port, _) in &tapped {
             self.demands[port.demand].to = last;
         }
-        let (placed, slots, lives) = assign(&self.demands);
+        let places = Places::of(&self.demands);
         let plan = &mut self.plan;
-        let slot = |demand: u32| placed.get(demand as usize).copied().unwrap_or(NO_SLOT);
-        for binding in &mut plan.bindings {
-            binding.slot = if binding.form == Form::Absent {
-                NO_SLOT
-            } else {
-                slot(binding.slot)
-            };
+        plan.steps = self.steps.into_iter().map(|draft| places.step(draft)).collect();
+        let of_device = |(port, channel): &(Port, usize)| (places.port(port), *channel);
+        for (device, ports) in plan.devices.iter_mut().zip(&self.device_ports) {
+            device.reads = ports.reads.iter().map(of_device).collect();
+            device.writes = ports.writes.iter().map(of_device).collect();
         }
-        for step in &mut plan.steps {
-            step.out = slot(step.out);
-        }
-        for device in &mut plan.devices {
-            for (buffer, ..) in device.reads.iter_mut().chain(&mut device.writes) {
-                *buffer = slot(*buffer);
-            }
-        }
-        plan.taps = tapped
-            .into_iter()
-            .map(|(port, stream)| Tap {
-                slot: placed[port.demand],
-                placing: port.placing,
-                clock: port.clock,
-                stream,
-            })
-            .collect();
-        (plan.slots, plan.lives) = (slots, lives);
+        let tap = |(port, stream): (Port, Stream)| Tap {
+            place: places.port(&port),
+            clock: port.clock,
+            stream,
+        };
+        plan.taps = tapped.into_iter().map(tap).collect();
+        resolve::join(plan);
+        (plan.slots, plan.lives) = (places.slots, places.lives);
         plan.delivered = plan.actuators.iter().map(|_| Delivered::default()).collect();
         plan.times = plan.steps.iter().map(|_| StepTime::default()).collect();
         self.plan

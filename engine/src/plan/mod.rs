@@ -1,4 +1,5 @@
-//! The plan of a graph: a flat list of steps over a few reused buffers.
+//! The plan of a graph: a flat list of steps over a few reused buffers, every input and output resolved to its place in
+//! memory.
 //!
 //! A plan has the initial state; [`Run`](crate::run::Run) clones it. Time is divided into windows of whole driver
 //! frames, and every clock runs the ticks of the window, so that samples do not depend on the block size. Loops
@@ -6,18 +7,18 @@
 
 mod build;
 mod order;
+mod resolve;
 mod show;
 mod slots;
 
 use crate::device::Device;
 use crate::graph::{Graph, LiveSetting, NodeId};
-use crate::io::{Binding, Placing};
+use crate::io::{Extent, Placing, ResolvedInput};
 use crate::limiter::ClipCounts;
-use crate::node::{Limit, Processor, Stream};
+use crate::node::{Limit, Processor, Single, Stream};
 use crate::silence::LiveInput;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::EdgeIndex;
-use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
@@ -40,14 +41,16 @@ pub struct Plan {
     pub(crate) driver: usize,
     pub(crate) base: TimeBase,
     pub(crate) rates: Vec<Rate>,
+    /// Period of each clock, s.
+    pub(crate) periods_s: Vec<f64>,
     pub(crate) clock_names: Vec<String>,
     pub(crate) steps: Vec<Step>,
-    pub(crate) bindings: Vec<Binding>,
-    pub(crate) placings: Vec<Placing>,
-    /// Length of each buffer in f64.
-    pub(crate) slots: Vec<usize>,
+    /// The buffers, one behind the other from the beginning of the memory.
+    pub(crate) slots: Vec<Extent>,
     pub(crate) pacings: Vec<u64>,
     pub(crate) processors: Vec<Box<dyn Processor>>,
+    /// One for each processor, valid if its step has `singles`. A run updates its own copy when settings change.
+    pub(crate) singles: Vec<SingleStep>,
     /// Key of each processor, to match it with another plan.
     pub(crate) processor_keys: Vec<NodeKey>,
     pub(crate) devices: Vec<DevicePlan>,
@@ -69,6 +72,8 @@ pub struct Plan {
     pub(crate) lives: Vec<Life>,
     /// The live settings.
     pub(crate) live: Vec<LiveSetting>,
+    /// Works of the node of each live setting.
+    pub(crate) live_works: Vec<Box<[StepWork]>>,
 }
 
 /// A step of the plan.
@@ -77,14 +82,26 @@ pub(crate) struct Step {
     pub work: StepWork,
     /// Clock whose ticks it runs at.
     pub clock: u32,
-    /// Buffer that it writes; `u32::MAX` for none.
-    pub out: u32,
-    pub inputs: Range<u32>,
-    pub outputs: Range<u32>,
+    /// Number of successive processors of this clock from here on; they share one lookup of the window.
+    pub streak: u32,
+    /// Number of them, from this one on, that have a single-frame form.
+    pub singles: u32,
+    /// Buffer that it writes; empty for none.
+    pub out: Extent,
+    pub inputs: Box<[ResolvedInput]>,
+    pub outputs: Box<[Placing]>,
     /// The node it belongs to.
     pub node: NodeId,
-    /// Label for display: `speed`, `hold stylus.force`.
+    /// Label for display: `speed`, `hold stylus.force`. A processor's is the path of its node.
     pub label: Arc<str>,
+}
+
+/// The single-frame form of a processor, and the places of its scalar input and output.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SingleStep {
+    pub single: Single,
+    pub from: u32,
+    pub to: u32,
 }
 
 impl Step {
@@ -143,9 +160,9 @@ pub(crate) struct DevicePlan {
     pub input: Option<LiveInput>,
     /// (actuator, channel, clock) of its sinks.
     pub driven_by: Vec<(usize, usize, u32)>,
-    /// (buffer, placing, channel)
-    pub reads: Vec<(u32, Placing, usize)>,
-    pub writes: Vec<(u32, Placing, usize)>,
+    /// Places in memory of its sources and sinks, and their channels.
+    pub reads: Vec<(Placing, usize)>,
+    pub writes: Vec<(Placing, usize)>,
 }
 
 /// An actuator sink in a plan.
@@ -326,8 +343,7 @@ pub(crate) struct RingPlan {
 /// Place of a tapped output's frames.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tap {
-    pub slot: u32,
-    pub placing: Placing,
+    pub place: Placing,
     pub clock: u32,
     pub stream: Stream,
 }
@@ -385,8 +401,6 @@ impl Plan {
             && steps.all(|(a, b)| a.is_same_as(b))
             && self.live.len() == other.live.len()
             && settings.all(|(a, b)| a.is_same_as(b))
-            && self.bindings == other.bindings
-            && self.placings == other.placings
             && self.pacings == other.pacings
             && self.bridges == other.bridges
             && self.delays == other.delays
@@ -430,12 +444,14 @@ impl Plan {
             .map(|device| &*device.name)
     }
 
-    pub(crate) fn inputs(&self, step: &Step) -> &[Binding] {
-        &self.bindings[step.inputs.start as usize..step.inputs.end as usize]
+    /// Length of all buffers in f64.
+    pub(crate) fn memory_len(&self) -> usize {
+        self.slots.last().map_or(0, |last| last.end() as usize)
     }
 
-    pub(crate) fn outputs(&self, step: &Step) -> &[Placing] {
-        &self.placings[step.outputs.start as usize..step.outputs.end as usize]
+    /// Number of the buffer that has this place of the memory.
+    fn slot_at(&self, place: u32) -> usize {
+        self.slots.partition_point(|slot| slot.end() <= place)
     }
 
     /// Number of steps.
@@ -445,7 +461,7 @@ impl Plan {
 
     /// Bytes of all signal buffers.
     pub fn buffer_bytes(&self) -> usize {
-        self.slots.iter().sum::<usize>() * size_of::<f64>()
+        self.memory_len() * size_of::<f64>()
     }
 
     /// Description of each tap's signal, in the order of the taps.

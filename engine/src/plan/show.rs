@@ -1,6 +1,7 @@
 //! A plan as text, one step a line, for snapshot tests and for people.
 
 use super::{Plan, StepWork};
+use crate::io::Form;
 use std::fmt;
 
 impl fmt::Display for Plan {
@@ -41,22 +42,16 @@ impl fmt::Display for Plan {
                     .collect();
                 write!(f, " in windows of {}", windows.join(", "))?;
             }
-            let inputs: Vec<String> = self
-                .inputs(step)
-                .iter()
-                .map(|binding| {
-                    if binding.slot == u32::MAX {
-                        "-".into()
-                    } else {
-                        format!("b{}", binding.slot)
-                    }
-                })
-                .collect();
+            let inputs = step.inputs.iter().map(|input| match input.form {
+                Form::Absent => "-".to_owned(),
+                _ => format!("b{}", self.slot_at(input.place(step.out))),
+            });
+            let inputs: Vec<String> = inputs.collect();
             if !inputs.is_empty() {
                 write!(f, " <- {}", inputs.join(" "))?;
             }
-            if step.out != u32::MAX {
-                write!(f, " -> b{}", step.out)?;
+            if step.out.len > 0 {
+                write!(f, " -> b{}", self.slot_at(step.out.start))?;
             }
             writeln!(f)?;
         }

@@ -58,13 +58,13 @@ impl StepObserver for Stopwatch<'_> {
 impl Run {
     /// The same as [`advance`](Self::advance), every step by itself and timed.
     pub(super) fn advance_timed(&mut self, frames: usize) {
-        let Self { plan, program, state } = self;
+        let Self { plan, state } = self;
         state.windows.next_block(frames.min(plan.block));
         let mut stopwatch = Stopwatch {
             latest: Instant::now(),
             times: &plan.times,
         };
-        state.steps(plan, program, 0..plan.steps.len(), &mut stopwatch);
+        state.steps(plan, 0..plan.steps.len(), &mut stopwatch);
     }
 }
 

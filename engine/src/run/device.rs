@@ -48,7 +48,7 @@ impl DeviceState {
             sensed: plan
                 .reads
                 .iter()
-                .map(|(_, placing, _)| vec![0.0; placing.width as usize].into())
+                .map(|(place, _)| vec![0.0; place.width as usize].into())
                 .collect(),
             log: None,
             script: None,

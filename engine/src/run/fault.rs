@@ -1,8 +1,8 @@
 //! NaN and infinity in signals, and the nodes that they come from.
 
-use super::program::Line;
 use super::window::{Window, range_of};
 use crate::io::Placing;
+use crate::plan::Step;
 use std::sync::Arc;
 
 /// NaN and infinity at actuators.
@@ -27,14 +27,14 @@ impl Faults {
     }
 
     /// Records this step as the origin if its output is NaN or infinite.
-    pub(super) fn trace_origin(&mut self, line: &Line, out: &[f64], window: Window) {
+    pub(super) fn trace_origin(&mut self, step: &Step, out: &[f64], window: Window) {
         let bad = |placing: &Placing| {
             !out[range_of(placing.start, placing.width, window)]
                 .iter()
                 .all(|x| x.is_finite())
         };
-        if self.origin.is_none() && line.outputs.iter().any(bad) {
-            self.origin = Some(Arc::clone(&line.path));
+        if self.origin.is_none() && step.outputs.iter().any(bad) {
+            self.origin = Some(Arc::clone(&step.label));
             self.tracing = false;
         }
     }

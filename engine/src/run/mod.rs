@@ -17,7 +17,6 @@ mod live;
 mod meter;
 mod offline;
 mod profile;
-mod program;
 mod ramp;
 mod rings;
 mod runner;
@@ -55,13 +54,12 @@ use crate::device::Device;
 use crate::graph::NodeId;
 use crate::io::Memory;
 use crate::node::{Processor, SettingId};
-use crate::plan::{Plan, StepWork};
+use crate::plan::{Plan, SingleStep, StepWork};
 use actuator::ActuatorState;
 use bridge::{BridgeState, DelayState};
 use device::DeviceState;
 use fade::FadeGate;
 use profile::{NoObserver, StepObserver};
-use program::{Program, SingleStep};
 use std::ops::Range;
 use std::sync::Arc;
 #[cfg(not(target_family = "wasm"))]
@@ -74,11 +72,10 @@ mod tests;
 /// The state of a running plan.
 pub struct Run {
     plan: Arc<Plan>,
-    program: Program,
     state: State,
 }
 
-/// The mutable state. It is separate from the program so that steps can borrow both.
+/// The mutable state. It is separate from the plan so that steps can borrow both.
 struct State {
     windows: Windows,
     /// Copy of the block's windows while an island narrows them.
@@ -112,7 +109,6 @@ struct RingEnds {
 impl Run {
     /// Clones the plan's initial state and allocates all memory that running needs.
     pub fn new(plan: Arc<Plan>) -> Self {
-        let program = Program::new(&plan);
         let rate = |clock: u32| plan.rates[clock as usize];
         let mut bridges: Vec<BridgeState> = Vec::with_capacity(plan.bridges.len());
         for step in &plan.steps {
@@ -124,13 +120,13 @@ impl Run {
         let state = State {
             windows: Windows::new(&plan),
             whole: vec![Window::default(); plan.rates.len()],
-            memory: Memory::new(program.len),
+            memory: Memory::new(plan.memory_len()),
             processors: plan
                 .processors
                 .iter()
                 .map(|processor| processor.clone_box())
                 .collect(),
-            singles: program.singles.clone(),
+            singles: plan.singles.clone(),
             devices: plan.devices.iter().map(DeviceState::new).collect(),
             actuators: plan.actuators.iter().map(ActuatorState::new).collect(),
             bridges,
@@ -145,7 +141,7 @@ impl Run {
             fade: FadeGate::Full,
             ramped: 0,
         };
-        let mut run = Self { plan, program, state };
+        let mut run = Self { plan, state };
         run.init_gates();
         run
     }
@@ -184,13 +180,11 @@ impl Run {
     /// As [`advance`](Self::advance), but runs every step by itself and reports it to `observer`.
     fn advance_observed(&mut self, frames: usize, observer: &mut impl StepObserver) {
         self.state.windows.next_block(frames.min(self.plan.block));
-        self.state
-            .steps(&self.plan, &self.program, 0..self.plan.steps.len(), observer);
+        self.state.steps(&self.plan, 0..self.plan.steps.len(), observer);
     }
 
     fn steps(&mut self, range: Range<usize>) {
-        self.state
-            .steps(&self.plan, &self.program, range, &mut NoObserver);
+        self.state.steps(&self.plan, range, &mut NoObserver);
     }
 
     /// Driver frames run so far.
@@ -200,25 +194,25 @@ impl Run {
 
     /// The frames of tap `index` in the last block, components interleaved.
     pub fn tap(&self, index: usize) -> &[f64] {
-        let Some(tap) = self.program.taps.get(index) else {
+        let Some(tap) = self.plan.taps.get(index) else {
             return &[];
         };
         let window = self.state.windows.of(tap.clock);
-        &self.state.memory.all()[range_of(tap.start, tap.width, window)]
+        &self.state.memory.all()[range_of(tap.place.start, tap.place.width, window)]
     }
 
-    /// The content of a slot.
+    /// The content of a buffer.
     fn buffer(&self, slot: u32) -> &[f64] {
-        &self.state.memory.all()[self.program.range(slot)]
+        &self.state.memory.all()[self.plan.slots[slot as usize].range()]
     }
 
     fn buffer_mut(&mut self, slot: u32) -> &mut [f64] {
-        &mut self.state.memory.all_mut()[self.program.range(slot)]
+        &mut self.state.memory.all_mut()[self.plan.slots[slot as usize].range()]
     }
 
     /// Sets a live setting by its index in the plan's list.
     fn set_live(&mut self, place: usize, value: f64) {
-        let (Some(live), Some(works)) = (self.plan.live.get(place), self.program.of_live.get(place)) else {
+        let (Some(live), Some(works)) = (self.plan.live.get(place), self.plan.live_works.get(place)) else {
             return;
         };
         for work in works {

@@ -5,11 +5,10 @@ use super::actuator::When;
 use super::bridge::Ends;
 use super::device::Ownership;
 use super::profile::StepObserver;
-use super::program::{Line, Program};
 use super::window::{Window, range_of};
 use crate::io::{Form, Io, ResolvedInput};
 use crate::node::{SettingId, Tick};
-use crate::plan::{BridgeKind, Plan, StepWork};
+use crate::plan::{BridgeKind, Plan, Step, StepWork};
 use std::ops::Range;
 
 impl State {
@@ -34,29 +33,23 @@ impl State {
         }
     }
 
-    pub(super) fn steps<W: StepObserver>(
-        &mut self,
-        plan: &Plan,
-        program: &Program,
-        range: Range<usize>,
-        observer: &mut W,
-    ) {
+    pub(super) fn steps<W: StepObserver>(&mut self, plan: &Plan, range: Range<usize>, observer: &mut W) {
         let mut number = range.start;
         while number < range.end {
-            let line = &program.lines[number];
-            let count = match line.work {
+            let step = &plan.steps[number];
+            let count = match step.work {
                 StepWork::Process(first) => {
                     let first = first as usize;
                     let most = if W::STEPWISE { 1 } else { range.end - number };
-                    let (count, offset) = self.windows.frames(line.clock);
-                    if count == 1 && line.singles > 0 && !self.faults.tracing {
-                        let singles = (line.singles as usize).min(most);
+                    let (count, offset) = self.windows.frames(step.clock);
+                    if count == 1 && step.singles > 0 && !self.faults.tracing {
+                        let singles = (step.singles as usize).min(most);
                         self.without_ports(first..first + singles, offset);
                         singles
                     } else {
-                        let streak = (line.streak as usize).min(most);
-                        let period_s = program.periods_s[line.clock as usize];
-                        self.with_ports(&program.lines[number..number + streak], first, period_s)
+                        let streak = (step.streak as usize).min(most);
+                        let period_s = plan.periods_s[step.clock as usize];
+                        self.with_ports(&plan.steps[number..number + streak], first, period_s)
                     }
                 }
                 StepWork::Island {
@@ -66,16 +59,16 @@ impl State {
                 } => {
                     let steps = steps as usize;
                     let pacings = &plan.pacings[first_pacing as usize..][..pacings as usize];
-                    self.island(plan, program, number + 1..number + 1 + steps, pacings, observer);
+                    self.island(plan, number + 1..number + 1 + steps, pacings, observer);
                     1 + steps
                 }
                 _ => {
-                    self.step(plan, program, line);
+                    self.step(plan, step);
                     1
                 }
             };
             if W::STEPWISE {
-                observer.step_done(number, self.windows.of(line.clock).count);
+                observer.step_done(number, self.windows.of(step.clock).count);
             }
             number += count;
         }
@@ -86,7 +79,6 @@ impl State {
     fn island<W: StepObserver>(
         &mut self,
         plan: &Plan,
-        program: &Program,
         range: Range<usize>,
         pacings: &[u64],
         observer: &mut W,
@@ -97,7 +89,7 @@ impl State {
         while begin < end {
             begin = self.windows.boundary_after(begin, pacings);
             self.windows.narrow_to(begin);
-            self.steps(plan, program, range.clone(), observer);
+            self.steps(plan, range.clone(), observer);
         }
         self.windows.restore(&self.whole);
     }
@@ -122,10 +114,10 @@ impl State {
 
     /// Runs successive processors of a clock, up to one that needs no ports in this window. Returns how many.
     #[inline(never)]
-    fn with_ports(&mut self, lines: &[Line], first: usize, period_s: f64) -> usize {
-        let window = self.windows.of(lines[0].clock);
+    fn with_ports(&mut self, steps: &[Step], first: usize, period_s: f64) -> usize {
+        let window = self.windows.of(steps[0].clock);
         if window.count == 0 {
-            return lines.len();
+            return steps.len();
         }
         let tick = Tick {
             first: window.first,
@@ -135,16 +127,16 @@ impl State {
         let tracing = self.faults.tracing;
         let single = window.count == 1 && !tracing;
         let memory = self.memory.all_mut();
-        for (done, (line, processor)) in lines.iter().zip(&mut self.processors[first..]).enumerate() {
-            if single && line.singles > 0 {
+        for (done, (step, processor)) in steps.iter().zip(&mut self.processors[first..]).enumerate() {
+            if single && step.singles > 0 {
                 return done;
             }
-            let (before, out, behind) = line.out.split(memory);
+            let (before, out, behind) = step.out.split(memory);
             let mut io = Io {
                 frames: window.count,
                 offset: window.offset,
-                inputs: &line.inputs,
-                outputs: &line.outputs,
+                inputs: &step.inputs,
+                outputs: &step.outputs,
                 before,
                 out,
                 behind,
@@ -153,95 +145,94 @@ impl State {
             if tracing
                 && self
                     .upstream_candidates
-                    .get(line.node.index())
+                    .get(step.node.index())
                     .is_none_or(|is_candidate| *is_candidate)
             {
-                self.faults.trace_origin(line, out, window);
+                self.faults.trace_origin(step, out, window);
             }
         }
-        lines.len()
+        steps.len()
     }
 
     #[inline(never)]
-    fn step(&mut self, plan: &Plan, program: &Program, line: &Line) {
-        let window = self.windows.of(line.clock);
-        let (before, out, behind) = line.out.split(self.memory.all_mut());
+    fn step(&mut self, plan: &Plan, step: &Step) {
+        let window = self.windows.of(step.clock);
+        let (before, out, behind) = step.out.split(self.memory.all_mut());
         let around = [before, behind];
-        match line.work {
+        match step.work {
             StepWork::Bridge(index) => {
                 let bridge = &plan.bridges[index as usize];
                 let ends = Ends {
                     from: self.windows.of(bridge.from),
                     from_period: self.windows.period(bridge.from),
                     to: window,
-                    to_period: self.windows.period(line.clock),
+                    to_period: self.windows.period(step.clock),
                 };
-                let x = input(around, &line.inputs[0], ends.from);
+                let x = input(around, &step.inputs[0], ends.from);
                 match bridge.kind {
                     BridgeKind::HoldRuns => {
-                        let y = &mut out[line.outputs[0].start as usize..];
+                        let y = &mut out[step.outputs[0].start as usize..];
                         self.bridges[index as usize].cross(&ends, x, y);
                     }
                     BridgeKind::Delay(delay) => {
-                        self.delays[delay as usize].pass(window, x, output(out, line, window));
+                        self.delays[delay as usize].pass(window, x, output(out, step, window));
                     }
-                    _ => self.bridges[index as usize].cross(&ends, x, output(out, line, window)),
+                    _ => self.bridges[index as usize].cross(&ends, x, output(out, step, window)),
                 }
             }
             StepWork::Actuator(index) => {
-                let x = input(around, &line.inputs[0], window);
+                let x = input(around, &step.inputs[0], window);
                 let when = When {
                     fade: self.fade,
                     first: window.first,
-                    period: self.windows.period(line.clock),
+                    period: self.windows.period(step.clock),
                 };
-                let faults = self.actuators[index as usize].apply(&when, x, output(out, line, window));
+                let faults = self.actuators[index as usize].apply(&when, x, output(out, step, window));
                 if faults > 0 {
                     self.faults.ticks += faults;
-                    self.first_faulted_sink = self.first_faulted_sink.or(Some(line.node));
+                    self.first_faulted_sink = self.first_faulted_sink.or(Some(step.node));
                     self.faults.tracing = self.faults.origin.is_none();
                 }
             }
             StepWork::DelayRead(index) => {
-                self.delays[index as usize].read(window, output(out, line, window));
+                self.delays[index as usize].read(window, output(out, step, window));
             }
             StepWork::DelayWrite(index) => {
-                let x = input(around, &line.inputs[0], window);
+                let x = input(around, &step.inputs[0], window);
                 self.delays[index as usize].write(window, x);
             }
             StepWork::RingRead(index) => {
-                let y = output(out, line, window);
+                let y = output(out, step, window);
                 match &mut self.ring_ends.readers[index as usize] {
                     Some(reader) => reader.read(y),
                     None => y.fill(0.0),
                 }
             }
             StepWork::RingWrite(index) => {
-                let x = input(around, &line.inputs[0], window);
+                let x = input(around, &step.inputs[0], window);
                 if let Some(writer) = &mut self.ring_ends.writers[index as usize] {
                     writer.write(x);
                 }
             }
-            StepWork::DeviceRead(index) => self.device_read(plan, program, index as usize, window),
-            StepWork::DeviceWrite(index) => self.device_write(plan, program, index as usize, window),
+            StepWork::DeviceRead(index) => self.device_read(plan, index as usize, window),
+            StepWork::DeviceWrite(index) => self.device_write(plan, index as usize, window),
             StepWork::Process(_) | StepWork::Island { .. } => {}
         }
     }
 
-    fn device_read(&mut self, plan: &Plan, program: &Program, index: usize, window: Window) {
+    fn device_read(&mut self, plan: &Plan, index: usize, window: Window) {
         let state = &mut self.devices[index];
         for frame in 0..window.count {
             state.advance_unless_shared();
-            for (read, (slot, placing, channel)) in plan.devices[index].reads.iter().enumerate() {
-                let range = range_of(placing.start, placing.width, window.one(frame));
-                let buffer = &mut self.memory.all_mut()[program.range(*slot)];
-                state.read(read, *channel, &mut buffer[range]);
+            for (read, (place, channel)) in plan.devices[index].reads.iter().enumerate() {
+                let range = range_of(place.start, place.width, window.one(frame));
+                state.read(read, *channel, &mut self.memory.all_mut()[range]);
             }
             state.end_tick();
         }
     }
 
-    fn device_write(&mut self, plan: &Plan, program: &Program, index: usize, window: Window) {
+    fn device_write(&mut self, plan: &Plan, index: usize, window: Window) {
         let device = &plan.devices[index];
         let state = &mut self.devices[index];
         if state.ownership == Ownership::Shadow {
@@ -251,16 +242,15 @@ impl State {
             if device.reads.is_empty() {
                 state.advance_unless_shared();
             }
-            for (slot, placing, channel) in &device.writes {
-                let range = range_of(placing.start, placing.width, window.one(frame));
-                let buffer = &self.memory.all()[program.range(*slot)];
-                state.write(*channel, &buffer[range]);
+            for (place, channel) in &device.writes {
+                let range = range_of(place.start, place.width, window.one(frame));
+                state.write(*channel, &self.memory.all()[range]);
             }
         }
         if window.count > 0 {
-            for ((slot, placing, _), written) in device.writes.iter().zip(&mut state.written) {
-                let last = &self.memory.all()[program.range(*slot)];
-                let last = &last[range_of(placing.start, placing.width, window.one(window.count - 1))];
+            for ((place, _), written) in device.writes.iter().zip(&mut state.written) {
+                let last = range_of(place.start, place.width, window.one(window.count - 1));
+                let last = &self.memory.all()[last];
                 written[..last.len()].copy_from_slice(last);
             }
         }
@@ -279,6 +269,6 @@ fn input<'a>([before, behind]: [&'a [f64]; 2], wire: &ResolvedInput, window: Win
 }
 
 /// The frames of the first output.
-fn output<'a>(out: &'a mut [f64], line: &Line, window: Window) -> &'a mut [f64] {
-    &mut out[range_of(line.outputs[0].start, line.outputs[0].width, window)]
+fn output<'a>(out: &'a mut [f64], step: &Step, window: Window) -> &'a mut [f64] {
+    &mut out[range_of(step.outputs[0].start, step.outputs[0].width, window)]
 }

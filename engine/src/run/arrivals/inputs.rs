@@ -62,10 +62,10 @@ fn columns(graph: &Graph, plan: &Plan, place: usize) -> Vec<(String, f64)> {
     let device = &plan.devices[place];
     let known = graph.devices().iter().find(|known| known.name == device.name);
     let mut columns = Vec::new();
-    for (_, placing, channel) in &device.reads {
+    for (place, channel) in &device.reads {
         let channel = known.and_then(|known| known.senses.get(*channel));
         let (name, quantity) = channel.map_or(("", Quantity::NUMBER), |one| (one.name, one.quantity));
-        for component in 1..=placing.width {
+        for component in 1..=place.width {
             let number = match channel.map(|one| one.kind) {
                 Some(Kind::Scalar) => String::new(),
                 _ => format!(" {component}"),
