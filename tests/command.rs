@@ -80,7 +80,7 @@ fn the_texturepad_leaves_sound_facts_and_a_page() {
 }
 
 #[test]
-fn blocks_and_threads_change_no_sample_and_a_seed_does() {
+fn blocks_change_no_sample_and_a_seed_does() {
     let folder = tempfile::tempdir().unwrap();
     let samples = |name: &str, arguments: &[&str]| {
         let out = texturepad(folder.path(), name, arguments);
@@ -94,7 +94,7 @@ fn blocks_and_threads_change_no_sample_and_a_seed_does() {
         ("again", &[][..]),
         ("one", &["--block", "1"]),
         ("long", &["--block", "1024"]),
-        ("odd", &["--block", "77", "--threads", "3"]),
+        ("odd", &["--block", "77"]),
     ] {
         assert!(samples(name, arguments) == plain, "{name}");
     }

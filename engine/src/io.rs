@@ -78,11 +78,6 @@ impl Extent {
         self.start + self.len
     }
 
-    #[inline]
-    pub(crate) fn range(self) -> Range<usize> {
-        self.start as usize..self.end() as usize
-    }
-
     /// Splits the memory into the part before the buffer, the buffer, and the part behind it.
     #[inline]
     pub(crate) fn split(self, memory: &mut [f64]) -> (&[f64], &mut [f64], &[f64]) {

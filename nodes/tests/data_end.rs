@@ -36,11 +36,11 @@ fn graph(folder: &Path, at_end: &str) -> Graph {
 }
 
 /// What the run did, and the samples of both files.
-fn run(graph: &Graph, block: usize, threads: usize) -> (Outcome, [Vec<f32>; 2]) {
+fn run(graph: &Graph, block: usize) -> (Outcome, [Vec<f32>; 2]) {
     let folder = tempfile::tempdir().unwrap();
     let mut outlets = FileSinks::new(graph);
     outlets.open_files(folder.path()).unwrap();
-    let offline = Offline::new(outlets, block).threads(threads);
+    let offline = Offline::new(outlets, block);
     let outcome = offline.run(0.5, &AtomicBool::new(false), &mut |_| {}).unwrap();
     let samples = ["played.wav", "tone.wav"].map(|file| {
         let mut reader = hound::WavReader::open(folder.path().join(file)).unwrap();
@@ -54,8 +54,8 @@ fn the_run_ends_with_the_data_to_the_frame_whatever_the_block() {
     let folder = tempfile::tempdir().unwrap();
     let graph = graph(folder.path(), "");
     // Tick 37 of the slow clock would come at 123.3 ms: the last frame before it is number 123.
-    for (block, threads) in [(1, 1), (7, 1), (64, 1), (123, 1), (1024, 1), (16, 3)] {
-        let (outcome, [played, tone]) = run(&graph, block, threads);
+    for block in [1, 7, 16, 64, 123, 1024] {
+        let (outcome, [played, tone]) = run(&graph, block);
         assert_eq!((outcome.driver_frames, outcome.stopped), (123, false), "{block}");
         assert_eq!((played.len(), tone.len()), (37, 123), "{block}");
         assert_eq!(played.last(), Some(&37.0));
@@ -71,7 +71,7 @@ fn the_run_goes_on_where_the_graph_asks_for_it() {
         ("Loop", [1.0, 2.0]),
     ] {
         let graph = graph(folder.path(), &format!(", at_end: {at_end}"));
-        let (outcome, [played, _]) = run(&graph, 64, 1);
+        let (outcome, [played, _]) = run(&graph, 64);
         assert_eq!((outcome.driver_frames, played.len()), (500, 150));
         assert_eq!(played[36..39], [37.0, follows[0], follows[1]], "{at_end}");
         assert_eq!(graph.data_ends().count(), usize::from(at_end != "Loop"));

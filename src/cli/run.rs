@@ -74,9 +74,6 @@ pub struct Arguments {
     /// Driver frames to compute at a time; the samples do not depend on it
     #[arg(long, value_name = "FRAMES", default_value_t = 64, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub block: u16,
-    /// Number of threads; the samples do not depend on it
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
-    pub threads: u16,
     /// Also write the signal of an output to a .wav or .csv file; a relative path starts at the current
     /// folder; can be repeated
     #[arg(long, value_name = "NODE.PORT=FILE", value_parser = outputs::probe_argument)]
@@ -118,8 +115,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let stop = stop_on_interrupt()?;
     setup.completion.folder.begin();
     let duration_s = arguments.duration_s.unwrap_or(DURATION_S);
-    let offline =
-        Offline::new(setup.file_sinks, usize::from(arguments.block)).threads(usize::from(arguments.threads));
+    let offline = Offline::new(setup.file_sinks, usize::from(arguments.block));
     let (outcome, took_s) = timed(offline, duration_s, &stop)?;
     let mut summary = Summary::of(arguments, &graph, &outcome, took_s);
     summary.add(Vec::new(), unreached(&graph));

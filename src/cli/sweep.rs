@@ -278,7 +278,6 @@ fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
         seed: arguments.seed,
         out: None,
         block: 64,
-        threads: 1,
         probe: Vec::new(),
         force: Force::default(),
         record: false,

@@ -49,8 +49,6 @@ pub struct RunRequest<'py> {
     probes: Option<Vec<String>>,
     #[pyo3(item)]
     folder: Option<PathBuf>,
-    #[pyo3(item)]
-    threads: usize,
 }
 
 impl Checking {
@@ -285,7 +283,6 @@ impl Graph {
             seconds: request.seconds,
             probes: request.probes,
             folder: request.folder,
-            threads: request.threads,
         };
         let running = scripts.clone();
         let done = apart_with(py, (progress, true), &scripts, move |progress| {

@@ -46,7 +46,6 @@ pub struct Wanted {
     pub seconds: Option<f64>,
     pub probes: Option<Vec<String>>,
     pub folder: Option<PathBuf>,
-    pub threads: usize,
 }
 
 /// What came of it.
@@ -263,7 +262,6 @@ fn alone(
         kept.push(frames);
     }
     let outcome = Offline::new(outlets, 0)
-        .threads(wanted.threads)
         .run(seconds, &progress.stop, &mut |done_s| {
             progress.at(done_s / seconds);
             progress.stop.fetch_or(!goes_on(), Ordering::Relaxed);

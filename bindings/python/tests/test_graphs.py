@@ -26,8 +26,7 @@ def command() -> str | None:
     return os.environ.get("HAPTOGRAPH") or shutil.which("haptograph") or (found[0] if found else None)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_run_has_the_bits_of_the_command(graphs, tmp_path, threads):
+def test_a_run_has_the_bits_of_the_command(graphs, tmp_path):
     program = command()
     if program is None:
         assert not os.environ.get("CI"), "the command is not built"
@@ -36,7 +35,7 @@ def test_a_run_has_the_bits_of_the_command(graphs, tmp_path, threads):
     arguments = f"--for 2 --set gain=0.5 --seed 9 --out {tmp_path}/out --probe {PROBE}={probe}".split()
     subprocess.run([program, "run", graphs / "texturepad.ron", *arguments], check=True, capture_output=True)
     graph = hg.Graph.load(graphs / "texturepad.ron", set={"gain": 0.5})
-    run = graph.run(2, seed=9, probes=[PROBE, "out.delivered"], threads=threads)
+    run = graph.run(2, seed=9, probes=[PROBE, "out.delivered"])
     wav = (tmp_path / "out/current.wav").read_bytes()
     data = wav.index(b"data") + 8
     current = np.frombuffer(wav[data : data + 4 * 96_000], dtype="<f4")
@@ -168,7 +167,6 @@ def test_a_notebook_shows_the_graph(pad):
         ({"set": {"gain": object()}}, "parameter"),
         ({"set": ["gain"]}, "dictionary"),
         ({"seed": -1}, "seed"),
-        ({"threads": 0}, "threads"),
         ({"inputs": [1]}, "dictionary"),
         ({"inputs": {"stylus.force": 1}}, "stylus.position"),
         ({"inputs": {"stylus.forse": 1}}, "stylus.force"),

@@ -83,7 +83,7 @@ def test_a_node_computes_what_its_class_says_and_is_marked_as_slow():
     assert (run["detents"].unit, run["detents"].kind) == ("N", "scalar")
     assert run.outcome.python_nodes == {"detents": "Detents"} and "in Python: detents" in repr(run)
     assert [one.code for one in made.warnings if "slow" in one.message] == ["W0107"]
-    assert made.run(1, probes=["hand"], threads=2).outcome.python_nodes == {"detents": "Detents"}
+    assert made.run(1, probes=["hand"]).outcome.python_nodes == {"detents": "Detents"}
 
 
 def test_state_outputs_and_settings_go_by_name_and_every_run_begins_anew():
@@ -162,7 +162,7 @@ def test_an_exception_is_a_finding_with_its_place_and_traceback(tmp_path):
     sink = '"file": CsvSink(inputs: ["n"], file: "n.csv"),'
     made = graph('"n": Faulty(clock: "servo"),' + sink, [faulty(divide)])
     with pytest.raises(hg.GraphError) as raised:
-        made.run(100, folder=tmp_path, threads=2)
+        made.run(100, folder=tmp_path)
     error = raised.value
     assert error.code == "E0801" and "ZeroDivisionError: division by zero" in str(error) and "`n`" in str(error)
     assert error.diagnostics[0].line == 1 and error.span is not None

@@ -142,7 +142,6 @@ impl<'a> Builder<'a> {
             tap_places: Vec::new(),
             ring_writes: Vec::new(),
             ring_reads: Vec::new(),
-            lives: Vec::new(),
             live: graph
                 .live_settings()
                 .into_iter()
@@ -566,7 +565,7 @@ impl<'a> Builder<'a> {
         };
         plan.taps = tapped.into_iter().map(tap).collect();
         resolve::join(plan);
-        (plan.slots, plan.lives) = (places.slots, places.lives);
+        plan.slots = places.slots;
         plan.delivered = plan.actuators.iter().map(|_| Delivered::default()).collect();
         plan.times = plan.steps.iter().map(|_| StepTime::default()).collect();
         self.plan

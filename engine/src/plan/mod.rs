@@ -68,8 +68,6 @@ pub struct Plan {
     pub(crate) ring_writes: Vec<RingPlan>,
     /// Rings from other drivers.
     pub(crate) ring_reads: Vec<RingPlan>,
-    /// Lifetimes of the contents of slots.
-    pub(crate) lives: Vec<Life>,
     /// The live settings.
     pub(crate) live: Vec<LiveSetting>,
     /// Works of the node of each live setting.
@@ -346,14 +344,6 @@ pub(crate) struct Tap {
     pub place: Placing,
     pub clock: u32,
     pub stream: Stream,
-}
-
-/// A buffer's content: written at step `from`, last needed at step `to`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Life {
-    pub slot: u32,
-    pub from: usize,
-    pub to: usize,
 }
 
 impl Plan {

@@ -2,7 +2,7 @@
 
 use super::build::{Port, StepDraft};
 use super::slots::Demand;
-use super::{Life, Plan, SingleStep, Step, StepWork, slots};
+use super::{Plan, SingleStep, Step, StepWork, slots};
 use crate::graph::NodeId;
 use crate::io::{Extent, Form, Placing, ResolvedInput};
 use crate::node::Single;
@@ -13,12 +13,11 @@ pub(super) struct Places {
     /// Slot of each demand.
     placed: Vec<u32>,
     pub slots: Vec<Extent>,
-    pub lives: Vec<Life>,
 }
 
 impl Places {
     pub(super) fn of(demands: &[Demand]) -> Self {
-        let (placed, lens, lives) = slots::assign(demands);
+        let (placed, lens) = slots::assign(demands);
         let mut end = 0;
         let extent = |len: &usize| {
             let extent = Extent {
@@ -31,7 +30,6 @@ impl Places {
         Self {
             placed,
             slots: lens.iter().map(extent).collect(),
-            lives,
         }
     }
 

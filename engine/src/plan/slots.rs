@@ -1,6 +1,5 @@
 //! Buffers reused by lifetime: a linear scan over the steps.
 
-use super::Life;
 use crate::io::LINE;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -17,8 +16,8 @@ pub(crate) struct Demand {
 }
 
 /// Gives every demand a slot; two demands share one only if their lives do not touch. Returns the slot of each
-/// demand, the length of each slot, and the lives.
-pub(crate) fn assign(demands: &[Demand]) -> (Vec<u32>, Vec<usize>, Vec<Life>) {
+/// demand, and the length of each slot.
+pub(crate) fn assign(demands: &[Demand]) -> (Vec<u32>, Vec<usize>) {
     let mut order: Vec<usize> = (0..demands.len()).collect();
     order.sort_by_key(|i| demands[*i].from);
     let mut slots: Vec<usize> = Vec::new();
@@ -27,7 +26,6 @@ pub(crate) fn assign(demands: &[Demand]) -> (Vec<u32>, Vec<usize>, Vec<Life>) {
     let mut busy: BinaryHeap<Reverse<(usize, u32)>> = BinaryHeap::new();
     let mut free: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
     let mut placed = vec![0_u32; demands.len()];
-    let mut lives = Vec::with_capacity(demands.len());
     for i in order {
         let Demand { len, from, to } = demands[i];
         let len = len.next_multiple_of(LINE);
@@ -44,9 +42,8 @@ pub(crate) fn assign(demands: &[Demand]) -> (Vec<u32>, Vec<usize>, Vec<Life>) {
         slots[slot as usize] = slots[slot as usize].max(len);
         busy.push(Reverse((to, slot)));
         placed[i] = slot;
-        lives.push(Life { slot, from, to });
     }
-    (placed, slots, lives)
+    (placed, slots)
 }
 
 /// The best fit: the smallest that is large enough, else the largest, to be grown.
@@ -74,7 +71,7 @@ mod tests {
                 to: i + 1 + (i * 7) % 9,
             })
             .collect();
-        let (placed, slots, _) = assign(&demands);
+        let (placed, slots) = assign(&demands);
         for (i, a) in demands.iter().enumerate() {
             assert!(slots[placed[i] as usize] >= a.len);
             for (j, b) in demands.iter().enumerate().skip(i + 1) {

@@ -201,15 +201,6 @@ impl Run {
         &self.state.memory.all()[range_of(tap.place.start, tap.place.width, window)]
     }
 
-    /// The content of a buffer.
-    fn buffer(&self, slot: u32) -> &[f64] {
-        &self.state.memory.all()[self.plan.slots[slot as usize].range()]
-    }
-
-    fn buffer_mut(&mut self, slot: u32) -> &mut [f64] {
-        &mut self.state.memory.all_mut()[self.plan.slots[slot as usize].range()]
-    }
-
     /// Sets a live setting by its index in the plan's list.
     fn set_live(&mut self, place: usize, value: f64) {
         let (Some(live), Some(works)) = (self.plan.live.get(place), self.plan.live_works.get(place)) else {

@@ -11,7 +11,7 @@ mod runner;
 mod swap;
 mod world;
 
-use super::{FileSinks, Offline, Probe, Profile, Run, Runner, StepCost};
+use super::{FileSinks, Offline, Profile, Run, Runner, StepCost};
 use crate::graph::Graph;
 use crate::graph::NodeId;
 use crate::node::FrameWriter;
@@ -106,41 +106,6 @@ impl FrameWriter for Heard {
     }
     fn finish(self: Box<Self>) -> std::io::Result<()> {
         Ok(())
-    }
-}
-
-#[test]
-fn any_number_of_threads_gives_the_same_bits() {
-    for seed in 0..30 {
-        let graph = random_graph(seed, seed);
-        let rate_hz = Plan::of(&graph, &PlanOptions::default())
-            .remove(0)
-            .driver_rate()
-            .hz();
-        let alone = play(&graph, 1000, &[64]);
-        for threads in [1, 2, 3, 8, 100] {
-            let mut file_sinks = FileSinks::new(&graph);
-            let mut heard = Vec::new();
-            for node in graph.nodes().ids() {
-                heard.push(Heard::default());
-                let writer = Box::new(heard[node.index()].clone());
-                file_sinks.probe(Probe {
-                    node,
-                    output: 0,
-                    writer,
-                });
-            }
-            let outcome = Offline::new(file_sinks, 50)
-                .threads(threads)
-                .run(1000.0 / rate_hz, &AtomicBool::new(false), &mut |_| {})
-                .unwrap();
-            assert_eq!((outcome.driver_frames, outcome.stopped), (1000, false));
-            let heard: Vec<Vec<f64>> = heard
-                .iter()
-                .map(|heard| heard.0.lock().unwrap().clone())
-                .collect();
-            assert_same_bits(&heard, &alone, &graph, &format!("seed {seed}, {threads} threads"));
-        }
     }
 }
 

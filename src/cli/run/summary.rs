@@ -36,7 +36,6 @@ impl Summary {
         let endpoints = Endpoints::of(graph, arguments.live);
         facts.extend([
             ("block", "Block (driver frames)", json!(arguments.block)),
-            ("threads", "Threads", json!(arguments.threads)),
             ("took_s", "Time taken (s)", json!((took_s * 1e4).round() / 1e4)),
             (
                 "real_time_factor",

@@ -162,7 +162,6 @@ class Graph:
         inputs: Mapping[str, Any] | None = None,
         probes: Sequence[str] | None = None,
         folder: str | os.PathLike[str] | None = None,
-        threads: int = 1,
         progress: Callable[[float], object] | None = None,
     ) -> Run:
         """Run it as fast as the processor allows.
@@ -181,8 +180,6 @@ class Graph:
             Outputs to keep, ``"texture.output"``; where it is not given, what the page of a run shows.
         folder : path, optional
             Where the graph's file sinks write. It is made; nothing in it is replaced. None: they write nothing.
-        threads : int
-            The samples do not depend on it; one where there are `inputs`.
         progress : callable, optional
             Called with the part done, 0 to 1, now and then.
 
@@ -203,7 +200,6 @@ class Graph:
             "inputs": fed,
             "probes": _names("probes", probes),
             "folder": None if folder is None else path_name("folder", folder),
-            "threads": whole("threads", threads, 1, 256),
         }
         signals, outcome = self._inner.run(_checking(set, seed, None), request, progress)
         return Run([Signal(**signal) for signal in signals], Outcome(**outcome))
