@@ -1,20 +1,35 @@
-//! The registry of node and device kinds.
+//! The registry of the kinds of nodes, devices and frames.
 
 use crate::device::DeviceEntry;
-use crate::node::NodeEntry;
+use crate::frame::Kind;
+use crate::node::{KindRule, NodeEntry};
 
-/// Node kinds, device kinds and library templates of a program. `haptograph_nodes::registry()` has the shipped ones.
-#[derive(Debug, Clone, Default)]
+/// Kinds of nodes, devices and frames and library templates of a program. `haptograph_nodes::registry()` has the
+/// shipped ones.
+#[derive(Debug, Clone)]
 pub struct Registry {
+    kinds: Vec<Kind>,
     nodes: Vec<NodeEntry>,
     devices: Vec<DeviceEntry>,
     library: Vec<(&'static str, &'static str)>,
 }
 
 impl Registry {
-    /// Makes an empty registry.
+    /// Makes a registry of the engine's own kinds of frames, without nodes and devices.
     pub fn new() -> Self {
-        Self::default()
+        Self {
+            kinds: Kind::ENGINE.to_vec(),
+            nodes: Vec::new(),
+            devices: Vec::new(),
+            library: Vec::new(),
+        }
+    }
+
+    /// Adds a kind of frames. Ports of nodes and devices carry kinds that are registered: with others, or with two
+    /// kinds of one name, no graph passes [`check`](crate::graph::check), whose errors are `E0213` and `E0212`.
+    pub fn add_kind(&mut self, kind: Kind) -> &mut Self {
+        self.kinds.push(kind);
+        self
     }
 
     /// Adds a node kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is
@@ -56,11 +71,43 @@ impl Registry {
         self.add_device(entry)
     }
 
-    /// The names registered more than once: of node kinds, then of device kinds.
+    /// The names registered more than once: of node kinds, then of device kinds, then of kinds of frames.
     pub(crate) fn twice(&self) -> impl Iterator<Item = &'static str> {
         let nodes = self.nodes.iter().map(|entry| entry.spec.name).collect();
         let devices = self.devices.iter().map(|entry| entry.spec.name).collect();
-        repeated(nodes).chain(repeated(devices))
+        let kinds = self.kinds.iter().map(|kind| kind.spec().name).collect();
+        repeated(nodes).chain(repeated(devices)).chain(repeated(kinds))
+    }
+
+    /// The ports whose kind of frames is not registered: the kind of node or device, the port, and the kind.
+    pub(crate) fn strangers(&self) -> impl Iterator<Item = (&'static str, &'static str, Kind)> {
+        let of_node = |entry: &NodeEntry| {
+            let inputs = entry.spec.inputs.iter().map(|port| (port.name, port.kind));
+            let outputs = entry.spec.outputs.iter().map(|port| (port.name, port.kind));
+            let name = entry.spec.name;
+            inputs.chain(outputs).filter_map(move |(port, rule)| match rule {
+                KindRule::Is(kind) => Some((name, port, kind)),
+                _ => None,
+            })
+        };
+        let of_device = |entry: &DeviceEntry| {
+            let channels = entry.spec.senses.iter().chain(entry.spec.drives);
+            let name = entry.spec.name;
+            channels.map(move |channel| (name, channel.name, channel.kind))
+        };
+        let nodes = self.nodes.iter().flat_map(of_node);
+        let ports = nodes.chain(self.devices.iter().flat_map(of_device));
+        ports.filter(|(_, _, kind)| !self.kinds.iter().any(|known| known.agrees_with(*kind)))
+    }
+
+    /// The kind of frames of this name.
+    pub fn kind(&self, name: &str) -> Option<Kind> {
+        self.kinds.iter().find(|kind| kind.spec().name == name).copied()
+    }
+
+    /// All kinds of frames, the engine's own first, then in the order of registration.
+    pub fn kinds(&self) -> &[Kind] {
+        &self.kinds
     }
 
     /// The node kind of this name.
@@ -81,6 +128,12 @@ impl Registry {
     /// All device kinds, in the order of registration.
     pub fn devices(&self) -> &[DeviceEntry] {
         &self.devices
+    }
+}
+
+impl Default for Registry {
+    fn default() -> Self {
+        Self::new()
     }
 }
 

@@ -78,7 +78,10 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
         document,
         registry,
         sources: document.sources.clone(),
-        diagnostics: twice(registry).chain(document.findings.clone()).collect(),
+        diagnostics: twice(registry)
+            .chain(strangers(registry))
+            .chain(document.findings.clone())
+            .collect(),
         files: Vec::new(),
     };
     let mut parameters = Parameters::read(&mut cx, &options.endpoints, &options.set);
@@ -126,12 +129,32 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
     build::assemble(cx, draft, clocks, devices, built, seed).map_or_else(|| failed(sources, list), Ok)
 }
 
-/// Reports names registered more than once; these errors have no place in the graph.
+/// Reports names registered more than once; these and the following errors have no place in the graph.
 fn twice(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
     registry.twice().map(|name| {
         let message = format!("two kinds are registered as `{name}`");
         let help = "rename one where this program registers it, or replace the other by `Registry::replace` or `replace_device`";
         Diagnostic::error("E0212", Span::default(), message)
+            .of_no_place()
+            .help(help)
+    })
+}
+
+/// Reports ports whose kind of frames is not registered.
+fn strangers(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
+    registry.strangers().map(|(entry, port, kind)| {
+        let name = kind.spec().name;
+        let (message, help) = match registry.kind(name) {
+            None => (
+                format!("`{port}` of `{entry}` has frames of the kind `{name}`, which is not registered"),
+                "add the kind by `Registry::add_kind` where this program registers the other",
+            ),
+            Some(_) => (
+                format!("`{port}` of `{entry}` has frames of another kind `{name}` than the registered one"),
+                "use one definition of the kind for both",
+            ),
+        };
+        Diagnostic::error("E0213", Span::default(), message)
             .of_no_place()
             .help(help)
     })

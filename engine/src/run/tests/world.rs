@@ -114,8 +114,8 @@ impl crate::device::DeviceKind for NoBody {
         doc: "",
         source: "",
         simulated: true,
-        senses: &[Channel::new("x", Kind::Scalar, Quantity::NUMBER, "")],
-        drives: &[Channel::new("x", Kind::Scalar, Quantity::NUMBER, "")],
+        senses: &[Channel::new("x", Kind::SCALAR, Quantity::NUMBER, "")],
+        drives: &[Channel::new("x", Kind::SCALAR, Quantity::NUMBER, "")],
         example: "",
     };
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
@@ -260,7 +260,7 @@ impl World {
     fn node(&mut self, clock: usize, work: Work) -> usize {
         let output = Output {
             name: "out",
-            kind: Kind::Scalar,
+            kind: Kind::SCALAR,
             quantity: Quantity::NUMBER,
         };
         self.nodes.push(Node {
@@ -296,7 +296,7 @@ impl World {
         let quantity = Quantity::NUMBER;
         self.nodes[to].inputs.push(Input {
             name: "in",
-            kind: Kind::Scalar,
+            kind: Kind::SCALAR,
             quantity,
             connected: true,
             held,
@@ -480,7 +480,7 @@ pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeI
     world.nodes[sink].live.push((SettingId::at(0), 0.1));
     let input = Input {
         name: "in",
-        kind: Kind::Scalar,
+        kind: Kind::SCALAR,
         quantity: Quantity::NUMBER,
         connected: true,
         held: false,
