@@ -406,6 +406,14 @@ pub struct Latency {
 }
 
 impl Latency {
+    /// A transport delay, without group delay.
+    pub const fn of_transport(transport_s: f64) -> Self {
+        Self {
+            transport_s,
+            group_delay_s: 0.0,
+        }
+    }
+
     /// A group delay, without transport delay.
     pub const fn of_group(group_delay_s: f64) -> Self {
         Self {

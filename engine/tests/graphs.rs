@@ -5,6 +5,8 @@
 
 mod common;
 
+use haptograph_engine::bridges::{BridgeEntry, Hold, Resample};
+use haptograph_engine::device::{Channel, DeviceSpec};
 use haptograph_engine::diagnostic::{Diagnostics, render, to_json};
 use haptograph_engine::document::{Builder, Document, LoadOptions, Part, delay, hold, ring};
 use haptograph_engine::frame::{Kind, KindSpec};
@@ -12,6 +14,7 @@ use haptograph_engine::graph::{Bridge, CheckOptions, Graph, check};
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::Run;
+use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -253,7 +256,13 @@ fn a_template_becomes_nodes_with_paths_and_everything_inferred() {
         .map(|wire| wire.edge.bridge)
         .filter(|b| *b != Bridge::Direct)
         .collect();
-    assert_eq!(bridges, [Bridge::Hold, Bridge::Resample]);
+    assert_eq!(
+        bridges,
+        [
+            Bridge::Between(BridgeEntry::of::<Hold>()),
+            Bridge::Between(BridgeEntry::of::<Resample>())
+        ]
+    );
     assert_eq!(graph.devices().len(), 2);
     assert_eq!((graph.seed(), graph.about()), (7, "A tablet, a surface, a coil."));
 }
@@ -601,12 +610,37 @@ fn two_kinds_of_one_name_are_an_error_and_one_in_the_place_of_another_is_none() 
     assert_eq!(codes, ["E0212", "E0212"], "each name once");
     registry.replace(gain).replace_device(device);
     check(&document, &registry, &CheckOptions::default()).expect("no name stands twice any more");
-    registry.add_kind(common::WEIGHTS);
-    let wrong = check(&document, &registry, &CheckOptions::default()).expect_err("a kind stands twice");
-    assert_eq!(
-        wrong.list.iter().map(|one| one.code).collect::<Vec<_>>(),
-        ["E0212"]
+    registry
+        .add_kind(common::WEIGHTS)
+        .add_bridge(BridgeEntry::of::<Hold>());
+    let wrong = check(&document, &registry, &CheckOptions::default()).expect_err("names stand twice");
+    let codes: Vec<_> = wrong.list.iter().map(|one| one.code).collect();
+    assert_eq!(codes, ["E0212", "E0212"], "of kinds of frames and of bridges");
+}
+
+#[test]
+fn an_actuator_is_driven_by_what_a_limiter_takes() {
+    const TWO: DeviceSpec = DeviceSpec {
+        name: "Two",
+        doc: "",
+        source: "",
+        simulated: true,
+        senses: &[],
+        drives: &[Channel::new("axes", common::WEIGHTS, Quantity::CURRENT, "")],
+        example: "",
+    };
+    let document = Document::load(Path::new("tests/right/texturepad.ron"), &LoadOptions::default());
+    let mut registry = common::registry();
+    let mut device = registry.devices()[0];
+    device.spec = &TWO;
+    registry.add_device(device);
+    let wrong = check(
+        &document.expect("it is right"),
+        &registry,
+        &CheckOptions::default(),
     );
+    let wrong = wrong.expect_err("no limiter takes two components").list;
+    assert_eq!(wrong.iter().map(|one| one.code).collect::<Vec<_>>(), ["E0213"]);
 }
 
 #[test]

@@ -80,6 +80,7 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
         sources: document.sources.clone(),
         diagnostics: twice(registry)
             .chain(strangers(registry))
+            .chain(unlimited(registry))
             .chain(document.findings.clone())
             .collect(),
         files: Vec::new(),
@@ -157,6 +158,16 @@ fn strangers(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
         Diagnostic::error("E0213", Span::default(), message)
             .of_no_place()
             .help(help)
+    })
+}
+
+/// Reports driven channels whose frames no limiter takes.
+fn unlimited(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
+    registry.unlimited().map(|(entry, channel, kind)| {
+        let message = format!("`{channel}` of `{entry}` cannot be driven by {}", kind.spec().one);
+        Diagnostic::error("E0213", Span::default(), message)
+            .of_no_place()
+            .help("an actuator is driven by frames of 1, 3 or 6 components, which its limiter takes")
     })
 }
 

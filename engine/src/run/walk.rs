@@ -2,14 +2,14 @@
 
 use super::State;
 use super::actuator::When;
-use super::bridge::Ends;
 use super::device::Ownership;
 use super::profile::StepObserver;
 use super::program::{Line, Program};
 use super::window::{Window, range_of};
+use crate::bridges::Ends;
 use crate::io::{Form, Io, ResolvedInput};
 use crate::node::{SettingId, Tick};
-use crate::plan::{BridgeKind, Plan, StepWork};
+use crate::plan::{BridgeWork, Plan, StepWork};
 use std::ops::Range;
 
 impl State {
@@ -170,22 +170,20 @@ impl State {
         match line.work {
             StepWork::Bridge(index) => {
                 let bridge = &plan.bridges[index as usize];
+                let from = self.windows.of(bridge.from);
                 let ends = Ends {
-                    from: self.windows.of(bridge.from),
-                    from_period: self.windows.period(bridge.from),
-                    to: window,
-                    to_period: self.windows.period(line.clock),
+                    from: from.ticks(self.windows.period(bridge.from)),
+                    to: window.ticks(self.windows.period(line.clock)),
                 };
-                let x = input(around, &line.inputs[0], ends.from);
-                match bridge.kind {
-                    BridgeKind::HoldRuns => {
-                        let y = &mut out[line.outputs[0].start as usize..];
-                        self.bridges[index as usize].cross(&ends, x, y);
-                    }
-                    BridgeKind::Delay(delay) => {
-                        self.delays[delay as usize].pass(window, x, output(out, line, window));
-                    }
-                    _ => self.bridges[index as usize].cross(&ends, x, output(out, line, window)),
+                let x = input(around, &line.inputs[0], from);
+                let y = match bridge.work {
+                    BridgeWork::Runs => &mut out[line.outputs[0].start as usize..],
+                    _ => output(out, line, window),
+                };
+                match (bridge.work, &mut self.bridges[index as usize]) {
+                    (BridgeWork::Delay(delay), _) => self.delays[delay as usize].pass(window, x, y),
+                    (_, Some(state)) => state.convert(&ends, x, y),
+                    (_, None) => {}
                 }
             }
             StepWork::Actuator(index) => {

@@ -250,10 +250,7 @@ fn unit_text(kind: Kind, quantity: Quantity) -> String {
 fn bridge_text(bridge: Bridge) -> String {
     match bridge {
         Bridge::Direct => String::new(),
-        Bridge::Hold => "hold".to_owned(),
-        Bridge::Linear => "linear".to_owned(),
-        Bridge::Average => "average".to_owned(),
-        Bridge::Resample => "resample".to_owned(),
+        Bridge::Between(bridge) => bridge.spec.name.to_lowercase(),
         Bridge::Ring { latency_s } => format!("ring {} ms", latency_s * 1e3),
         Bridge::Delay { frames, .. } => format!("delay {frames}"),
     }
