@@ -33,11 +33,11 @@ impl NodeKind for Detents {
         source: "",
         inputs: &[input(
             "position",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::LENGTH,
             "Where the tool is, m.",
         )],
-        outputs: &[output("force", Kind::Scalar, Quantity::FORCE, "On the tool, N.")],
+        outputs: &[output("force", Kind::SCALAR, Quantity::FORCE, "On the tool, N.")],
         example: r#""detents": Detents(position: "hand", pitch_mm: 5)"#,
     };
 

@@ -32,11 +32,11 @@ impl NodeKind for Bristle {
         source: "",
         inputs: &[input(
             "position",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::LENGTH,
             "Where the tool is, m.",
         )],
-        outputs: &[output("force", Kind::Scalar, Quantity::FORCE, "On the tool, N.")],
+        outputs: &[output("force", Kind::SCALAR, Quantity::FORCE, "On the tool, N.")],
         example: r#""drag": Bristle(position: "hand", slips_at_n: 0.4)"#,
     };
 

@@ -1,7 +1,9 @@
 //! The book and the README are true: what they show was made by the program as it is, and their graphs run.
 #![allow(clippy::unwrap_used)]
 
+use haptograph::engine::bridges::BridgeEntry;
 use haptograph::engine::document::Document;
+use haptograph::engine::frame::OneKind;
 use haptograph::engine::graph::{CheckOptions, check};
 use haptograph::engine::node::NodeEntry;
 use haptograph::engine::registry::Registry;
@@ -11,6 +13,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::AtomicBool;
 
+#[allow(dead_code)]
+#[path = "../examples/custom_kind.rs"]
+mod custom_kind;
 #[allow(dead_code)]
 #[path = "../examples/custom_node.rs"]
 mod custom_node;
@@ -65,13 +70,18 @@ fn registry() -> Registry {
     let mut registry = custom_node::registry();
     registry.add(NodeEntry::processor::<stateful_node::Bristle>());
     registry
+        .add_kind(custom_kind::Orientation::KIND)
+        .add_bridge(BridgeEntry::of::<custom_kind::Slerp>())
+        .add(NodeEntry::processor::<custom_kind::Turn>())
+        .add(NodeEntry::processor::<custom_kind::Pointing>());
+    registry
 }
 
 /// The page shows the program and the graph that `cargo test` builds and that are run here.
 #[test]
 fn the_program_in_the_book_is_the_example_and_has_every_command() {
     let page = fs::read_to_string(root().join("docs/writing-a-node.md")).unwrap();
-    let shown = ["custom_node", "stateful_node"]
+    let shown = ["custom_node", "stateful_node", "custom_kind"]
         .map(|name| [("rust", format!("{name}.rs")), ("ron", format!("{name}.ron"))]);
     for (language, file) in shown.into_iter().flatten() {
         let text = fs::read_to_string(root().join("examples").join(&file)).unwrap();
@@ -102,6 +112,59 @@ fn the_program_in_the_book_is_the_example_and_has_every_command() {
     let strongest = forces.fold(0.0, |most: f64, force| most.max(force.abs()));
     assert!((0.799..=0.8).contains(&strongest), "{strongest} N");
     assert!(does(&["nodes", "Detents"]).contains("pitch_mm"));
+}
+
+/// The kind, the bridge and the nodes of the page: the tool turns at a steady speed between what is seen of it, however time is cut into blocks,
+/// and without the bridge the check offers it.
+#[test]
+fn the_kind_of_frames_in_the_book_is_turned_and_not_averaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = PathBuf::from(env!("CARGO_BIN_EXE_haptograph"));
+    let program = program.with_file_name("examples").join("custom_kind");
+    let text = fs::read_to_string(root().join("examples/custom_kind.ron")).unwrap();
+    let done = |text: &str, block: &str| {
+        let graph = folder.path().join("kind.ron");
+        fs::write(&graph, text).unwrap();
+        let graph = graph.to_str().unwrap();
+        let arguments = ["run", graph, "--for", "2", "--block", block, "--out", block];
+        let mut command = Command::new(&program);
+        command
+            .args(arguments)
+            .current_dir(folder.path())
+            .output()
+            .unwrap()
+    };
+    let rows = |block: &str| {
+        let done = done(&text, block);
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        fs::read_to_string(folder.path().join(block).join("tip.csv")).unwrap()
+    };
+    let all = rows("64");
+    assert_eq!(all, rows("1"));
+    let numbers = |row: &str| -> Option<Vec<f64>> { row.split(',').map(|cell| cell.parse().ok()).collect() };
+    let rows: Vec<Vec<f64>> = all.lines().filter_map(numbers).collect();
+    assert_eq!(rows.len(), 2000);
+    // Seen at k / 20 s, one such period late.
+    let seen = |k: f64| 1.5 * (std::f64::consts::PI * (k / 20.0)).sin();
+    for row in &rows[50..] {
+        let [time_s, x, y, z] = row[..] else {
+            panic!("{row:?}")
+        };
+        let late = 20.0 * time_s - 1.0;
+        let (k, part) = ((late + 1e-9).floor(), (late + 1e-9).fract());
+        let angle = seen(k) + part * (seen(k + 1.0) - seen(k));
+        assert!(
+            (x - angle.cos()).abs() < 1e-6 && (y - angle.sin()).abs() < 1e-6,
+            "{row:?}"
+        );
+        assert!((x.hypot(y) - 1.0).abs() < 1e-6 && z == 0.0, "{row:?}");
+    }
+    for (written, code) in [("\"tool\"", "E0405"), ("Linear(\"tool\")", "E0406")] {
+        let wrong = done(&text.replace("Slerp(\"tool\")", written), "8");
+        let said = String::from_utf8_lossy(&wrong.stderr);
+        assert!(!wrong.status.success() && said.contains(code), "{said}");
+        assert_eq!(said.contains("Slerp(...)"), code == "E0405", "{said}");
+    }
 }
 
 /// The bristle of the page: its force is a loop, and the same however time is cut into blocks.

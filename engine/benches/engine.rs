@@ -307,7 +307,7 @@ macro_rules! kinds {
                 doc: "Of the bench.",
                 source: "",
                 inputs: $inputs,
-                outputs: &[output("output", Kind::Scalar, Quantity::NUMBER, "Samples.")],
+                outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "Samples.")],
                 example: "",
             };
 

@@ -1,91 +1,180 @@
 //! Kinds of frames and how each lies in memory: every frame is a fixed number of f64 components, so that one arena of
 //! aligned numbers holds every signal, and copying a frame copies its components.
+//!
+//! The engine has four kinds, of [`Kind::ENGINE`]; a [`Registry`](crate::registry::Registry) adds others.
 
+use crate::settings::same;
 use std::fmt;
+use std::hash::{Hash, Hasher};
 
-/// The shape of one frame of a signal.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
-pub enum Kind {
-    /// One number.
-    Scalar,
-    /// Three numbers, x y z.
-    Vector,
-    /// Force x y z (N), then torque x y z (N m).
-    Wrench,
-    /// A contact of a tool with an object: see [`Contact`].
-    Contact,
-    /// Where a (speed, force) point lies in a triangulation: see [`Weights`].
-    Weights,
-    /// A synthesis filter: see [`Coefficients`].
-    Coefficients,
-    /// Something that happens at a tick: see [`Event`].
-    Event,
+/// The shape of one frame of a signal. Equal kinds have equal names: a registry has one kind of each name.
+#[derive(Clone, Copy)]
+pub struct Kind(&'static KindSpec);
+
+/// Specification of a kind of frames; the source of its messages, checks and tables.
+#[derive(Debug, Clone, Copy)]
+pub struct KindSpec {
+    /// Name in messages, files and tables: `contact`.
+    pub name: &'static str,
+    /// A frame of it in a sentence: `a contact`, `an event`, `weights`.
+    pub one: &'static str,
+    /// Name of each component, in the headers of CSV files; their number is the width of a frame.
+    pub components: &'static [&'static str],
+    /// What stands where no frame has arrived yet; components beyond its end are 0.
+    pub neutral: &'static [f64],
+    /// May frames be scaled, summed and filtered component by component?
+    pub is_linear: bool,
+    /// Bridges that are made for this kind. `Hold` and `Delay` carry every kind, and bridges that mix components
+    /// every linear one.
+    pub bridges: &'static [&'static str],
+    /// The number that stands for a frame on a page.
+    pub level: Level,
+}
+
+/// A number that stands for a whole frame where the level of a signal is shown.
+#[derive(Debug, Clone, Copy)]
+pub struct Level {
+    /// What it is: `penetration`.
+    pub name: &'static str,
+    /// Its unit; `None` for that of the port's quantity.
+    pub unit: Option<&'static str>,
+    /// Its square, of the components of a frame.
+    pub square: fn(&[f64]) -> f64,
+}
+
+impl Level {
+    /// The length of the frame as a vector, in the unit of the port.
+    pub const fn norm(name: &'static str) -> Self {
+        Self {
+            name,
+            unit: None,
+            square: |frame| frame.iter().map(|x| x * x).sum(),
+        }
+    }
 }
 
 impl Kind {
-    /// All kinds.
-    pub const ALL: [Self; 7] = [
-        Self::Scalar,
-        Self::Vector,
-        Self::Wrench,
-        Self::Contact,
-        Self::Weights,
-        Self::Coefficients,
-        Self::Event,
-    ];
+    /// One number.
+    pub const SCALAR: Self = Self(&KindSpec {
+        name: "scalar",
+        one: "a scalar",
+        components: &[""],
+        neutral: &[],
+        is_linear: true,
+        bridges: &[],
+        level: Level::norm("level"),
+    });
+    /// Three numbers, x y z.
+    pub const VECTOR: Self = Self(&KindSpec {
+        name: "3-vector",
+        one: "a 3-vector",
+        components: &["x", "y", "z"],
+        neutral: &[],
+        is_linear: true,
+        bridges: &[],
+        level: Level::norm("length"),
+    });
+    /// Force x y z (N), then torque x y z (N m).
+    pub const WRENCH: Self = Self(&KindSpec {
+        name: "wrench",
+        one: "a wrench",
+        components: &[
+            "force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z",
+        ],
+        neutral: &[],
+        is_linear: true,
+        bridges: &[],
+        level: Level {
+            name: "force",
+            unit: Some("N"),
+            square: |frame| frame.iter().take(3).map(|x| x * x).sum(),
+        },
+    });
+    /// Something that happens at a tick: see [`Event`].
+    pub const EVENT: Self = Self(&KindSpec {
+        name: "event",
+        one: "an event",
+        components: &["fired", "value"],
+        neutral: &[],
+        is_linear: false,
+        bridges: &[],
+        level: Level {
+            name: "events in a tick",
+            unit: Some("1"),
+            square: |frame| frame.iter().take(1).map(|x| x * x).sum(),
+        },
+    });
 
-    /// Components of one frame.
+    /// The kinds that every registry has.
+    pub const ENGINE: [Self; 4] = [Self::SCALAR, Self::VECTOR, Self::WRENCH, Self::EVENT];
+
+    /// Makes a kind, to be registered by [`Registry::add_kind`](crate::registry::Registry::add_kind). In a constant a
+    /// kind without components is a compile error.
+    ///
+    /// # Panics
+    /// If it has no components.
+    pub const fn new(spec: &'static KindSpec) -> Self {
+        assert!(!spec.components.is_empty(), "a frame has at least one component");
+        Self(spec)
+    }
+
+    /// Its specification.
+    pub const fn spec(self) -> &'static KindSpec {
+        self.0
+    }
+
+    /// Components of one frame, at least 1.
     pub const fn width(self) -> usize {
-        match self {
-            Self::Scalar => 1,
-            Self::Vector => 3,
-            Self::Wrench => 6,
-            Self::Contact => Contact::WIDTH,
-            Self::Weights => Weights::WIDTH,
-            Self::Coefficients => Coefficients::WIDTH,
-            Self::Event => Event::WIDTH,
-        }
+        self.0.components.len()
     }
 
     /// May frames of this kind be scaled, summed and filtered component by component?
     pub const fn is_linear(self) -> bool {
-        matches!(self, Self::Scalar | Self::Vector | Self::Wrench)
+        self.0.is_linear
     }
 
-    /// The name used in messages and tables, and a name for each component in CSV headers.
-    pub fn component_names(self) -> Vec<String> {
-        let fixed: &[&str] = match self {
-            Self::Scalar => &[""],
-            Self::Vector => &["x", "y", "z"],
-            Self::Wrench => &[
-                "force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z",
-            ],
-            Self::Contact => &Contact::COMPONENTS,
-            Self::Weights => &Weights::COMPONENTS,
-            Self::Event => &["fired", "value"],
-            Self::Coefficients => {
-                let head = ["ar_order", "ma_order", "gain", "variance", "warping"].map(str::to_owned);
-                let ar = (1..=Coefficients::MAX_ORDER).map(|k| format!("a{k}"));
-                let ma = (1..=Coefficients::MAX_ORDER).map(|k| format!("b{k}"));
-                let lines = LinesAt::COMPONENTS.map(str::to_owned);
-                return head.into_iter().chain(ar).chain(ma).chain(lines).collect();
-            }
-        };
-        fixed.iter().map(|name| (*name).to_owned()).collect()
+    /// The components of its neutral frame.
+    pub fn neutral(self) -> impl Iterator<Item = f64> {
+        let rest = std::iter::repeat(0.0);
+        self.0.neutral.iter().copied().chain(rest).take(self.width())
+    }
+
+    /// Whether both are the same kind, for constants.
+    pub(crate) const fn is(self, other: Self) -> bool {
+        same(self.0.name, other.0.name) && self.width() == other.width()
+    }
+
+    /// Whether two definitions of one name agree in everything but their level and their words.
+    pub(crate) fn agrees_with(self, other: Self) -> bool {
+        let (a, b) = (self.0, other.0);
+        (a.name, a.components, a.is_linear, a.bridges) == (b.name, b.components, b.is_linear, b.bridges)
+            && self.neutral().eq(other.neutral())
+    }
+}
+
+impl PartialEq for Kind {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::eq(self.0, other.0) || self.0.name == other.0.name
+    }
+}
+
+impl Eq for Kind {}
+
+impl Hash for Kind {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.0.name.hash(state);
+    }
+}
+
+impl fmt::Debug for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Kind({})", self.0.name)
     }
 }
 
 impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Scalar => "scalar",
-            Self::Vector => "3-vector",
-            Self::Wrench => "wrench",
-            Self::Contact => "contact",
-            Self::Weights => "weights",
-            Self::Coefficients => "coefficients",
-            Self::Event => "event",
-        })
+        f.write_str(self.0.name)
     }
 }
 
@@ -104,9 +193,115 @@ pub enum Linear {}
 #[derive(Clone, Copy, Debug)]
 pub enum AnyKind {}
 
-/// A type that stands for the kind of frames of a port in its handle: [`Scalar`], [`Vector`], [`Wrench`], [`Contact`],
-/// [`Weights`], [`Coefficients`], [`Event`], [`Linear`] or [`AnyKind`].
-pub trait FrameKind: sealed::Sealed + 'static {
+/// A type that stands for one kind of frames in the handles of ports: [`Vector`], [`Wrench`], [`Event`], and types of
+/// other crates for the kinds that these register.
+///
+/// ```
+/// use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind};
+/// use haptograph_engine::node::{NodeSpec, Output, output};
+/// use haptograph_signal::quantity::Quantity;
+///
+/// const COLOUR: Kind = Kind::new(&KindSpec {
+///     name: "colour",
+///     one: "a colour",
+///     components: &["red", "green", "blue"],
+///     neutral: &[],
+///     is_linear: true,
+///     bridges: &[],
+///     level: Level::norm("brightness"),
+/// });
+///
+/// struct Colour;
+///
+/// impl OneKind for Colour {
+///     const KIND: Kind = COLOUR;
+///     type Array = [f64; COLOUR.width()];
+/// }
+///
+/// const SPEC: NodeSpec = NodeSpec {
+///     name: "Lamp", group: "mine", doc: "A light.", source: "", inputs: &[],
+///     outputs: &[output("light", COLOUR, Quantity::NUMBER, "Its colour.")],
+///     example: "",
+/// };
+///
+/// const LIGHT: Output<Colour> = SPEC.output("light");
+/// ```
+///
+/// A frame with another number of components does not compile:
+/// ```compile_fail,E0080
+/// # use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind};
+/// # use haptograph_engine::node::{NodeSpec, Output, output};
+/// # use haptograph_signal::quantity::Quantity;
+/// # const COLOUR: Kind = Kind::new(&KindSpec {
+/// #     name: "colour",
+/// #     one: "a colour",
+/// #     components: &["red", "green", "blue"],
+/// #     neutral: &[],
+/// #     is_linear: true,
+/// #     bridges: &[],
+/// #     level: Level::norm("brightness"),
+/// # });
+/// # struct Colour;
+/// impl OneKind for Colour {
+///     const KIND: Kind = COLOUR;
+///     type Array = [f64; 4];
+/// }
+/// # const SPEC: NodeSpec = NodeSpec {
+/// #     name: "Lamp", group: "mine", doc: "A light.", source: "", inputs: &[],
+/// #     outputs: &[output("light", COLOUR, Quantity::NUMBER, "Its colour.")],
+/// #     example: "",
+/// # };
+/// const LIGHT: Output<Colour> = SPEC.output("light");
+/// ```
+pub trait OneKind: 'static {
+    /// The kind.
+    const KIND: Kind;
+    /// One frame: an array of as many components as frames of the kind have.
+    type Array: FrameArray;
+}
+
+/// An array of components; implemented for arrays of every length.
+pub trait FrameArray: sealed::Array + Sized + 'static {
+    #[doc(hidden)]
+    const WIDTH: usize;
+    #[doc(hidden)]
+    fn first(components: &[f64]) -> Option<&Self>;
+    #[doc(hidden)]
+    fn all(components: &[f64]) -> &[Self];
+    #[doc(hidden)]
+    fn all_mut(components: &mut [f64]) -> &mut [Self];
+}
+
+impl<const N: usize> FrameArray for [f64; N] {
+    const WIDTH: usize = N;
+
+    #[inline]
+    fn first(components: &[f64]) -> Option<&Self> {
+        components.first_chunk()
+    }
+    #[inline]
+    fn all(components: &[f64]) -> &[Self] {
+        components.as_chunks().0
+    }
+    #[inline]
+    fn all_mut(components: &mut [f64]) -> &mut [Self] {
+        components.as_chunks_mut().0
+    }
+}
+
+impl OneKind for Vector {
+    const KIND: Kind = Kind::VECTOR;
+    type Array = Self;
+}
+
+impl OneKind for Wrench {
+    const KIND: Kind = Kind::WRENCH;
+    type Array = Self;
+}
+
+/// A type that stands for the kind of frames of a port in its handle: [`Scalar`], a type of one kind ([`OneKind`]),
+/// [`Linear`] or [`AnyKind`].
+pub trait FrameKind: sealed::Kinds + 'static {
     /// One frame: a number, an array of components, or a slice of them where the width is not fixed.
     type Frame<'a>;
     /// Successive frames: a slice of numbers or arrays, or of all components where the width is not fixed.
@@ -137,61 +332,53 @@ impl Kinds {
     pub(crate) fn have_width(self, width: usize) -> bool {
         match self {
             Self::One(kind) => kind.width() == width,
-            Self::Linear => Kind::ALL
-                .iter()
-                .any(|kind| kind.is_linear() && kind.width() == width),
-            Self::Any => true,
+            Self::Linear | Self::Any => width > 0,
         }
     }
 }
 
 mod sealed {
-    pub trait Sealed {}
+    pub trait Kinds {}
+    impl Kinds for f64 {}
+    impl Kinds for super::Linear {}
+    impl Kinds for super::AnyKind {}
+    impl<T: super::OneKind> Kinds for T {}
+
+    pub trait Array {}
+    impl<const N: usize> Array for [f64; N] {}
 }
 
-/// Kinds whose frames are arrays of a fixed number of components.
-macro_rules! arrays {
-    ($($type:ty, $kind:ident;)+) => { $(
-        impl sealed::Sealed for $type {}
+impl<T: OneKind> FrameKind for T {
+    type Frame<'a> = &'a T::Array;
+    type Frames<'a> = &'a [T::Array];
+    type FramesMut<'a> = &'a mut [T::Array];
+    const KINDS: Kinds = {
+        assert!(
+            T::Array::WIDTH == T::KIND.width(),
+            "the array has another number of components than the kind"
+        );
+        Kinds::One(T::KIND)
+    };
 
-        impl FrameKind for $type {
-            type Frame<'a> = &'a [f64; Kind::$kind.width()];
-            type Frames<'a> = &'a [[f64; Kind::$kind.width()]];
-            type FramesMut<'a> = &'a mut [[f64; Kind::$kind.width()]];
-            const KINDS: Kinds = Kinds::One(Kind::$kind);
-
-            #[inline]
-            fn frame(components: &[f64]) -> Option<Self::Frame<'_>> {
-                components.first_chunk()
-            }
-            #[inline]
-            fn frames(components: &[f64]) -> Self::Frames<'_> {
-                components.as_chunks().0
-            }
-            #[inline]
-            fn frames_mut(components: &mut [f64]) -> Self::FramesMut<'_> {
-                components.as_chunks_mut().0
-            }
-        }
-    )+ };
+    #[inline]
+    fn frame(components: &[f64]) -> Option<&T::Array> {
+        T::Array::first(components)
+    }
+    #[inline]
+    fn frames(components: &[f64]) -> &[T::Array] {
+        T::Array::all(components)
+    }
+    #[inline]
+    fn frames_mut(components: &mut [f64]) -> &mut [T::Array] {
+        T::Array::all_mut(components)
+    }
 }
-
-arrays! {
-    Vector, Vector;
-    Wrench, Wrench;
-    Contact, Contact;
-    Weights, Weights;
-    Coefficients<'static>, Coefficients;
-    Event, Event;
-}
-
-impl sealed::Sealed for Scalar {}
 
 impl FrameKind for Scalar {
     type Frame<'a> = f64;
     type Frames<'a> = &'a [f64];
     type FramesMut<'a> = &'a mut [f64];
-    const KINDS: Kinds = Kinds::One(Kind::Scalar);
+    const KINDS: Kinds = Kinds::One(Kind::SCALAR);
 
     #[inline]
     fn frame(components: &[f64]) -> Option<f64> {
@@ -210,8 +397,6 @@ impl FrameKind for Scalar {
 /// Kinds whose frames are components of a width that is known only when the graph runs.
 macro_rules! components {
     ($($type:ty, $kinds:expr;)+) => { $(
-        impl sealed::Sealed for $type {}
-
         impl FrameKind for $type {
             type Frame<'a> = &'a [f64];
             type Frames<'a> = &'a [f64];
@@ -244,222 +429,12 @@ components! {
 /// A [`FrameKind`] of no fixed width: [`Linear`] or [`AnyKind`].
 pub trait AnyWidth: FrameKind {}
 
-/// A [`FrameKind`] whose frames are values of its own type: [`Contact`], [`Weights`] or [`Event`].
-pub trait Record: FrameKind + Sized {
-    /// The values of successive frames.
-    fn decode(frames: Self::Frames<'_>) -> impl Iterator<Item = Self>;
-}
-
-impl Record for Contact {
-    #[inline]
-    fn decode(frames: Self::Frames<'_>) -> impl Iterator<Item = Self> {
-        frames.iter().map(Self::from_components)
-    }
-}
-
-impl Record for Weights {
-    #[inline]
-    fn decode(frames: Self::Frames<'_>) -> impl Iterator<Item = Self> {
-        frames.iter().map(Self::from_components)
-    }
-}
-
-impl Record for Event {
-    #[inline]
-    fn decode(frames: Self::Frames<'_>) -> impl Iterator<Item = Self> {
-        frames.iter().map(Self::from_components)
-    }
-}
-
-/// A contact between tool and object. Positions in m, in the object's frame; the normal points out of the object.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct Contact {
-    /// Does the tool touch the object?
-    pub touching: bool,
-    /// Haptic interface point: where the device is.
-    pub hip_m: [f64; 3],
-    /// Ideal haptic interface point: the proxy on the surface. Equals the HIP while free.
-    pub ihip_m: [f64; 3],
-    /// Outward unit normal at the IHIP; zero while free.
-    pub normal: [f64; 3],
-    /// Distance from IHIP to HIP into the object.
-    pub penetration_m: f64,
-    /// Which face of the object; 0 for shapes without faces.
-    pub face: u32,
-}
-
-impl Contact {
-    /// Components of one contact frame.
-    pub const WIDTH: usize = 12;
-    const COMPONENTS: [&str; 12] = [
-        "touching",
-        "hip_x",
-        "hip_y",
-        "hip_z",
-        "ihip_x",
-        "ihip_y",
-        "ihip_z",
-        "normal_x",
-        "normal_y",
-        "normal_z",
-        "penetration_m",
-        "face",
-    ];
-
+/// A kind whose frames are read and written as values of its own type: [`Event`].
+pub trait Record: OneKind + Sized {
     /// Reads a frame.
-    pub fn from_components(components: &[f64; Self::WIDTH]) -> Self {
-        let [touching, hx, hy, hz, px, py, pz, nx, ny, nz, penetration_m, face] = *components;
-        Self {
-            touching: touching != 0.0,
-            hip_m: [hx, hy, hz],
-            ihip_m: [px, py, pz],
-            normal: [nx, ny, nz],
-            penetration_m,
-            face: face as u32,
-        }
-    }
-
+    fn from_components(components: &Self::Array) -> Self;
     /// Writes a frame.
-    pub fn to_components(&self) -> [f64; Self::WIDTH] {
-        let ([hx, hy, hz], [px, py, pz], [nx, ny, nz]) = (self.hip_m, self.ihip_m, self.normal);
-        let touching = f64::from(u8::from(self.touching));
-        [
-            touching,
-            hx,
-            hy,
-            hz,
-            px,
-            py,
-            pz,
-            nx,
-            ny,
-            nz,
-            self.penetration_m,
-            f64::from(self.face),
-        ]
-    }
-}
-
-/// A point of the speed-force plane as a triangle of models and its barycentric weights (Eq. 2.4.1).
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct Weights {
-    /// 0-based numbers of the three models.
-    pub models: [u32; 3],
-    /// Their weights; they sum to 1.
-    pub weights: [f64; 3],
-    /// The speed after saturation at the modelled maximum.
-    pub speed_m_s: f64,
-    /// The force after saturation at the modelled maximum.
-    pub force_n: f64,
-}
-
-impl Weights {
-    /// Components of one weights frame.
-    pub const WIDTH: usize = 8;
-    const COMPONENTS: [&str; 8] = [
-        "model_1",
-        "model_2",
-        "model_3",
-        "weight_1",
-        "weight_2",
-        "weight_3",
-        "speed_m_s",
-        "force_n",
-    ];
-
-    /// Reads a frame.
-    pub fn from_components(components: &[f64; Self::WIDTH]) -> Self {
-        let [i, j, k, u, v, w, speed_m_s, force_n] = *components;
-        Self {
-            models: [i as u32, j as u32, k as u32],
-            weights: [u, v, w],
-            speed_m_s,
-            force_n,
-        }
-    }
-
-    /// Writes a frame.
-    pub fn to_components(&self) -> [f64; Self::WIDTH] {
-        let ([i, j, k], [u, v, w]) = (self.models.map(f64::from), self.weights);
-        [i, j, k, u, v, w, self.speed_m_s, self.force_n]
-    }
-}
-
-/// A synthesis filter, a view of its components: `gain (e + sum b_k e[-k]) - sum a_k y[-k]`, e of the given variance.
-#[derive(Clone, Copy, Debug)]
-pub struct Coefficients<'a> {
-    /// a_1 .. a_p of A(z) = 1 + sum a_k z^-k.
-    pub ar: &'a [f64],
-    /// b_1 .. b_q of the monic B(z); empty for an AR model.
-    pub ma: &'a [f64],
-    /// Multiplies the whole B(z); 1 for an AR model.
-    pub gain: f64,
-    /// Innovation variance, (m/s2)^2.
-    pub variance: f64,
-    /// Warping factor of the frequency axis of `ar`; 0 where it is plain.
-    pub warping: f64,
-}
-
-impl<'a> Coefficients<'a> {
-    /// The highest AR and MA order a frame can hold.
-    pub const MAX_ORDER: usize = 32;
-    /// Components of one coefficients frame.
-    pub const WIDTH: usize = Self::HEAD + 2 * Self::MAX_ORDER + LinesAt::COMPONENTS.len();
-    const HEAD: usize = 5;
-
-    /// Reads a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
-    pub fn from_components(components: &'a [f64; Coefficients::WIDTH]) -> Self {
-        let order = |component: f64| (component as usize).min(Self::MAX_ORDER);
-        let (ar, ma) = components[Self::HEAD..][..2 * Self::MAX_ORDER].split_at(Self::MAX_ORDER);
-        Self {
-            ar: &ar[..order(components[0])],
-            ma: &ma[..order(components[1])],
-            gain: components[2],
-            variance: components[3],
-            warping: components[4],
-        }
-    }
-
-    /// Writes a frame without lines. Orders beyond [`Self::MAX_ORDER`] are cut to it.
-    pub fn write(&self, components: &mut [f64; Coefficients::WIDTH]) {
-        let p = self.ar.len().min(Self::MAX_ORDER);
-        let q = self.ma.len().min(Self::MAX_ORDER);
-        *components = [0.0; Self::WIDTH];
-        (components[0], components[1], components[2], components[3]) =
-            (p as f64, q as f64, self.gain, self.variance);
-        components[4] = self.warping;
-        components[Self::HEAD..][..p].copy_from_slice(&self.ar[..p]);
-        components[Self::HEAD + Self::MAX_ORDER..][..q].copy_from_slice(&self.ma[..q]);
-    }
-}
-
-/// Lines fixed in space, at the place that a frame of [`Coefficients`] is for and in the same frame.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct LinesAt {
-    /// The speed for which the coefficients are.
-    pub speed_m_s: f64,
-    /// Power of each line of the surface, (m/s2)^2; 0 from their number on.
-    pub powers_m2_s4: [f64; 3],
-}
-
-impl LinesAt {
-    const COMPONENTS: [&str; 4] = ["speed_m_s", "line_1", "line_2", "line_3"];
-
-    /// Reads them from a frame of coefficients.
-    pub fn from_components(components: &[f64; Coefficients::WIDTH]) -> Self {
-        let [.., speed_m_s, a, b, c] = *components;
-        Self {
-            speed_m_s,
-            powers_m2_s4: [a, b, c],
-        }
-    }
-
-    /// Adds them to a frame of coefficients that is written.
-    pub fn write(&self, components: &mut [f64; Coefficients::WIDTH]) {
-        let [.., speed_m_s, a, b, c] = components;
-        *speed_m_s = self.speed_m_s;
-        [*a, *b, *c] = self.powers_m2_s4;
-    }
+    fn to_components(&self) -> Self::Array;
 }
 
 /// Something that may happen at a tick.
@@ -471,74 +446,20 @@ pub struct Event {
     pub value: f64,
 }
 
-impl Event {
-    /// Components of one event frame.
-    pub const WIDTH: usize = 2;
-
-    /// Reads a frame.
-    pub fn from_components(components: &[f64; Self::WIDTH]) -> Self {
-        Self {
-            fired: components[0] != 0.0,
-            value: components[1],
-        }
-    }
-
-    /// Writes a frame.
-    pub fn to_components(&self) -> [f64; Self::WIDTH] {
-        [f64::from(u8::from(self.fired)), self.value]
-    }
+impl OneKind for Event {
+    const KIND: Kind = Kind::EVENT;
+    type Array = [f64; 2];
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn frames_survive_their_components() {
-        let contact = Contact {
-            touching: true,
-            hip_m: [1.0, 2.0, 3.0],
-            ihip_m: [4.0, 5.0, 6.0],
-            normal: [0.0, 0.0, 1.0],
-            penetration_m: 0.25,
-            face: 99_999,
-        };
-        assert_eq!(Contact::from_components(&contact.to_components()), contact);
-        let weights = Weights {
-            models: [7, 8, 9],
-            weights: [0.5, 0.25, 0.25],
-            speed_m_s: 0.1,
-            force_n: 1.5,
-        };
-        assert_eq!(Weights::from_components(&weights.to_components()), weights);
-        let mut components = [1.0; Coefficients::WIDTH];
-        Coefficients {
-            ar: &[-0.5, 0.25],
-            ma: &[0.1],
-            gain: 2.0,
-            variance: 0.5,
-            warping: 0.8,
+impl Record for Event {
+    fn from_components([fired, value]: &[f64; 2]) -> Self {
+        Self {
+            fired: *fired != 0.0,
+            value: *value,
         }
-        .write(&mut components);
-        let read = Coefficients::from_components(&components);
-        assert_eq!(
-            (read.ar, read.ma, read.gain, read.variance, read.warping),
-            (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5, 0.8)
-        );
-        assert_eq!(LinesAt::from_components(&components), LinesAt::default());
-        let lines = LinesAt {
-            speed_m_s: 0.1,
-            powers_m2_s4: [0.5, 0.25, 0.0],
-        };
-        lines.write(&mut components);
-        assert_eq!(LinesAt::from_components(&components), lines);
-        assert_eq!(Coefficients::from_components(&components).ma, &[0.1]);
     }
 
-    #[test]
-    fn every_component_of_every_kind_has_a_name() {
-        for kind in Kind::ALL {
-            assert_eq!(kind.component_names().len(), kind.width(), "{kind}");
-        }
+    fn to_components(&self) -> [f64; 2] {
+        [f64::from(u8::from(self.fired)), self.value]
     }
 }

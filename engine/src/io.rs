@@ -166,10 +166,10 @@ impl<'a> Io<'a> {
         M::read(self, input)
     }
 
-    /// The frames of an input of contacts, weights or events, as values.
+    /// The frames of an input as values of its kind's type.
     #[inline]
     pub fn decode<F: Record>(&self, input: Input<F>) -> impl Iterator<Item = F> + use<'a, F> {
-        F::decode(self.read(input))
+        self.read(input).iter().map(F::from_components)
     }
 
     /// Components of one frame of an input, at least 1. The connections of a `Many` input have the same.

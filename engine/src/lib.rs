@@ -5,8 +5,9 @@
 //! text -> Document -> Graph -> Plan -> Run -> sinks
 //! ```
 //! Each arrow is one function. Each noun is one type that only the arrow before it can make. The engine contains no
-//! haptics: `haptograph-nodes` registers the node and device kinds.
+//! haptics: `haptograph-nodes` registers the kinds of nodes, devices and frames.
 
+pub mod bridges;
 pub mod device;
 pub mod diagnostic;
 pub mod document;
@@ -16,7 +17,6 @@ pub mod graph;
 pub mod histogram;
 pub mod host;
 mod io;
-mod joining;
 pub mod limiter;
 pub mod node;
 pub mod plan;

@@ -40,6 +40,9 @@ pub(crate) use heat::Hottest;
 use haptograph_signal::vector::{add_scaled, dot, norm, scale, sub};
 use heat::Heat;
 
+/// Components of the frames that a running limiter takes: a scalar, a 3-vector, a wrench.
+pub(crate) const LIMITED_WIDTHS: [usize; 3] = [1, 3, 6];
+
 /// Limits of one actuator, in the unit of its drive (A, N or V).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limit {

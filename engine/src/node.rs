@@ -270,8 +270,8 @@ pub trait FrameWriter: Send {
 ///         group: "mine",
 ///         doc: "Pulls the tool back to the origin.",
 ///         source: "",
-///         inputs: &[input("position", Kind::Scalar, Quantity::LENGTH, "Where the tool is, m.")],
-///         outputs: &[output("force", Kind::Scalar, Quantity::FORCE, "On the tool, N.")],
+///         inputs: &[input("position", Kind::SCALAR, Quantity::LENGTH, "Where the tool is, m.")],
+///         outputs: &[output("force", Kind::SCALAR, Quantity::FORCE, "On the tool, N.")],
 ///         example: r#""spring": Spring(position: "hand")"#,
 ///     };
 ///
@@ -305,7 +305,7 @@ pub trait FrameWriter: Send {
 /// }
 /// # use haptograph_engine::testing::Bench;
 /// # let settings = SpringSettings { stiffness_n_per_m: 100.0 };
-/// # let mut bench = Bench::new::<Spring>(settings, 1000.0, &[Kind::Scalar]).unwrap();
+/// # let mut bench = Bench::new::<Spring>(settings, 1000.0, &[Kind::SCALAR]).unwrap();
 /// # bench.processor().set(STIFFNESS_N_PER_M, 200.0);
 /// # assert_eq!(bench.run(&[&[0.0, 0.25]]), [[0.0, -50.0]]);
 /// ```
@@ -406,6 +406,14 @@ pub struct Latency {
 }
 
 impl Latency {
+    /// A transport delay, without group delay.
+    pub const fn of_transport(transport_s: f64) -> Self {
+        Self {
+            transport_s,
+            group_delay_s: 0.0,
+        }
+    }
+
     /// A group delay, without transport delay.
     pub const fn of_group(group_delay_s: f64) -> Self {
         Self {

@@ -1,20 +1,48 @@
-//! The registry of node and device kinds.
+//! The registry of the kinds of nodes, devices and frames, and of the types of bridges.
 
+use crate::bridges::BridgeEntry;
 use crate::device::DeviceEntry;
-use crate::node::NodeEntry;
+use crate::frame::Kind;
+use crate::limiter::LIMITED_WIDTHS;
+use crate::node::{KindRule, NodeEntry};
 
-/// Node kinds, device kinds and library templates of a program. `haptograph_nodes::registry()` has the shipped ones.
-#[derive(Debug, Clone, Default)]
+/// Forms of a connection that are no registered bridges.
+pub(crate) const RESERVED: [&str; 3] = ["Ring", "Delay", "Input"];
+
+/// Kinds of nodes, devices and frames, types of bridges, and library templates of a program.
+/// `haptograph_nodes::registry()` has the shipped ones.
+#[derive(Debug, Clone)]
 pub struct Registry {
+    kinds: Vec<Kind>,
+    bridges: Vec<BridgeEntry>,
     nodes: Vec<NodeEntry>,
     devices: Vec<DeviceEntry>,
     library: Vec<(&'static str, &'static str)>,
 }
 
 impl Registry {
-    /// Makes an empty registry.
+    /// Makes a registry of the engine's own kinds of frames and bridges, without nodes and devices.
     pub fn new() -> Self {
-        Self::default()
+        Self {
+            kinds: Kind::ENGINE.to_vec(),
+            bridges: BridgeEntry::ENGINE.to_vec(),
+            nodes: Vec::new(),
+            devices: Vec::new(),
+            library: Vec::new(),
+        }
+    }
+
+    /// Adds a kind of frames. Ports of nodes and devices carry kinds that are registered: with others, or with two
+    /// kinds of one name, no graph passes [`check`](crate::graph::check), whose errors are `E0213` and `E0212`.
+    pub fn add_kind(&mut self, kind: Kind) -> &mut Self {
+        self.kinds.push(kind);
+        self
+    }
+
+    /// Adds a type of bridge. With two of one name no graph passes [`check`](crate::graph::check): the error is `E0212`.
+    pub fn add_bridge(&mut self, entry: BridgeEntry) -> &mut Self {
+        self.bridges.push(entry);
+        self
     }
 
     /// Adds a node kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is
@@ -56,11 +84,67 @@ impl Registry {
         self.add_device(entry)
     }
 
-    /// The names registered more than once: of node kinds, then of device kinds.
+    /// The names registered more than once: of node kinds, then of device kinds, of kinds of frames, and of bridges.
     pub(crate) fn twice(&self) -> impl Iterator<Item = &'static str> {
         let nodes = self.nodes.iter().map(|entry| entry.spec.name).collect();
         let devices = self.devices.iter().map(|entry| entry.spec.name).collect();
-        repeated(nodes).chain(repeated(devices))
+        let kinds = self.kinds.iter().map(|kind| kind.spec().name).collect();
+        let bridges = self.bridges.iter().map(|entry| entry.spec.name);
+        let bridges = bridges.chain(RESERVED).collect();
+        let all = [nodes, devices, kinds, bridges];
+        all.into_iter().flat_map(repeated)
+    }
+
+    /// The ports whose kind of frames is not registered: the kind of node or device, the port, and the kind.
+    pub(crate) fn strangers(&self) -> impl Iterator<Item = (&'static str, &'static str, Kind)> {
+        let of_node = |entry: &NodeEntry| {
+            let inputs = entry.spec.inputs.iter().map(|port| (port.name, port.kind));
+            let outputs = entry.spec.outputs.iter().map(|port| (port.name, port.kind));
+            let name = entry.spec.name;
+            inputs.chain(outputs).filter_map(move |(port, rule)| match rule {
+                KindRule::Is(kind) => Some((name, port, kind)),
+                _ => None,
+            })
+        };
+        let of_device = |entry: &DeviceEntry| {
+            let channels = entry.spec.senses.iter().chain(entry.spec.drives);
+            let name = entry.spec.name;
+            channels.map(move |channel| (name, channel.name, channel.kind))
+        };
+        let nodes = self.nodes.iter().flat_map(of_node);
+        let ports = nodes.chain(self.devices.iter().flat_map(of_device));
+        ports.filter(|(_, _, kind)| !self.kinds.iter().any(|known| known.agrees_with(*kind)))
+    }
+
+    /// The driven channels whose frames no limiter takes: the kind of device, the channel, and its kind.
+    pub(crate) fn unlimited(&self) -> impl Iterator<Item = (&'static str, &'static str, Kind)> {
+        let drives = |entry: &DeviceEntry| {
+            let name = entry.spec.name;
+            let drives = entry.spec.drives.iter();
+            drives.map(move |channel| (name, channel.name, channel.kind))
+        };
+        let drives = self.devices.iter().flat_map(drives);
+        drives.filter(|(_, _, kind)| !LIMITED_WIDTHS.contains(&kind.width()))
+    }
+
+    /// The kind of frames of this name.
+    pub fn kind(&self, name: &str) -> Option<Kind> {
+        self.kinds.iter().find(|kind| kind.spec().name == name).copied()
+    }
+
+    /// The type of bridge of this name.
+    pub fn bridge(&self, name: &str) -> Option<BridgeEntry> {
+        self.bridges.iter().find(|entry| entry.spec.name == name).copied()
+    }
+
+    /// All types of bridges between clocks of one driver, the engine's own first, then in the order of registration.
+    pub fn bridges(&self) -> &[BridgeEntry] {
+        &self.bridges
+    }
+
+    /// All kinds of frames, the engine's own first, then in the order of registration.
+    pub fn kinds(&self) -> &[Kind] {
+        &self.kinds
     }
 
     /// The node kind of this name.
@@ -81,6 +165,12 @@ impl Registry {
     /// All device kinds, in the order of registration.
     pub fn devices(&self) -> &[DeviceEntry] {
         &self.devices
+    }
+}
+
+impl Default for Registry {
+    fn default() -> Self {
+        Self::new()
     }
 }
 

@@ -25,7 +25,7 @@
 //! # }
 //! use haptograph_engine::testing::Bench;
 //!
-//! let mut bench = Bench::new::<Twice>(TwiceSettings {}, 1000.0, &[Kind::Scalar]).unwrap();
+//! let mut bench = Bench::new::<Twice>(TwiceSettings {}, 1000.0, &[Kind::SCALAR]).unwrap();
 //! assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[2.0, 4.0, 6.0]]);
 //! ```
 

@@ -5,11 +5,16 @@
 
 mod common;
 
+use haptograph_engine::bridges::{BridgeEntry, Hold, Resample};
+use haptograph_engine::device::{Channel, DeviceSpec};
 use haptograph_engine::diagnostic::{Diagnostics, render, to_json};
 use haptograph_engine::document::{Builder, Document, LoadOptions, Part, delay, hold, ring};
+use haptograph_engine::frame::{Kind, KindSpec};
 use haptograph_engine::graph::{Bridge, CheckOptions, Graph, check};
 use haptograph_engine::plan::{Plan, PlanOptions};
+use haptograph_engine::registry::Registry;
 use haptograph_engine::run::Run;
+use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -251,7 +256,13 @@ fn a_template_becomes_nodes_with_paths_and_everything_inferred() {
         .map(|wire| wire.edge.bridge)
         .filter(|b| *b != Bridge::Direct)
         .collect();
-    assert_eq!(bridges, [Bridge::Hold, Bridge::Resample]);
+    assert_eq!(
+        bridges,
+        [
+            Bridge::Between(BridgeEntry::of::<Hold>()),
+            Bridge::Between(BridgeEntry::of::<Resample>())
+        ]
+    );
     assert_eq!(graph.devices().len(), 2);
     assert_eq!((graph.seed(), graph.about()), (7, "A tablet, a surface, a coil."));
 }
@@ -577,7 +588,7 @@ fn every_code_is_documented() {
     let never: Vec<&String> = used.difference(&shown).collect();
     assert_eq!(
         never,
-        ["E0112", "E0212", "E0702", "E0801"],
+        ["E0112", "E0212", "E0213", "E0702", "E0801"],
         "codes that no wrong graph shows"
     );
 }
@@ -599,4 +610,63 @@ fn two_kinds_of_one_name_are_an_error_and_one_in_the_place_of_another_is_none() 
     assert_eq!(codes, ["E0212", "E0212"], "each name once");
     registry.replace(gain).replace_device(device);
     check(&document, &registry, &CheckOptions::default()).expect("no name stands twice any more");
+    registry
+        .add_kind(common::WEIGHTS)
+        .add_bridge(BridgeEntry::of::<Hold>());
+    let wrong = check(&document, &registry, &CheckOptions::default()).expect_err("names stand twice");
+    let codes: Vec<_> = wrong.list.iter().map(|one| one.code).collect();
+    assert_eq!(codes, ["E0212", "E0212"], "of kinds of frames and of bridges");
+}
+
+#[test]
+fn an_actuator_is_driven_by_what_a_limiter_takes() {
+    const TWO: DeviceSpec = DeviceSpec {
+        name: "Two",
+        doc: "",
+        source: "",
+        simulated: true,
+        senses: &[],
+        drives: &[Channel::new("axes", common::WEIGHTS, Quantity::CURRENT, "")],
+        example: "",
+    };
+    let document = Document::load(Path::new("tests/right/texturepad.ron"), &LoadOptions::default());
+    let mut registry = common::registry();
+    let mut device = registry.devices()[0];
+    device.spec = &TWO;
+    registry.add_device(device);
+    let wrong = check(
+        &document.expect("it is right"),
+        &registry,
+        &CheckOptions::default(),
+    );
+    let wrong = wrong.expect_err("no limiter takes two components").list;
+    assert_eq!(wrong.iter().map(|one| one.code).collect::<Vec<_>>(), ["E0213"]);
+}
+
+#[test]
+fn ports_carry_registered_kinds_only() {
+    const WIDER: KindSpec = KindSpec {
+        components: &["model", "weight", "height"],
+        ..*common::WEIGHTS.spec()
+    };
+    let document = Document::load(Path::new("tests/right/texturepad.ron"), &LoadOptions::default());
+    let document = document.expect("it is right");
+    let gain = common::registry().node("Locate").expect("a kind of node");
+    let mut registry = Registry::new();
+    registry.add(gain);
+    let codes = |registry: &Registry| {
+        let wrong =
+            check(&document, registry, &CheckOptions::default()).expect_err("the kind is not registered");
+        let of_kinds = wrong.list.iter().filter(|one| one.code == "E0213");
+        of_kinds.map(|one| one.message.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(codes(&registry).len(), 1);
+    registry.add_kind(Kind::new(&WIDER));
+    let [message] = &codes(&registry)[..] else {
+        panic!("one port")
+    };
+    assert!(message.contains("another kind `weights`"), "{message}");
+    let mut registry = Registry::new();
+    registry.add_kind(common::WEIGHTS).add(gain);
+    assert_eq!(codes(&registry), [""; 0]);
 }

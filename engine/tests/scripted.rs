@@ -66,7 +66,7 @@ fn registry() -> Registry {
         doc: "Counts frames.",
         source: "",
         inputs: &[],
-        outputs: Box::leak(Box::new([output("count", Kind::Scalar, Quantity::NUMBER, "")])),
+        outputs: Box::leak(Box::new([output("count", Kind::SCALAR, Quantity::NUMBER, "")])),
         example: "",
     })));
     let mut registry = Registry::new();

@@ -11,49 +11,75 @@ pub mod wrench;
 pub mod wrench_node;
 
 use crate::vector::Vec3;
-use haptograph_engine::frame;
+use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind, Record};
 
-/// The contact of one tick. Normals point out of the object, towards the tool.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A contact between tool and object. Positions in m, in the object's frame; the normal points out of the object,
+/// towards the tool.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Contact {
-    /// Whether the tool touches.
+    /// Does the tool touch the object?
     pub touching: bool,
     /// Haptic interface point (HIP): position of the device, m.
     pub hip_m: Vec3,
     /// Ideal haptic interface point (IHIP, proxy, god-object): position of the tool on a rigid surface, m. In free
     /// space it is the HIP.
-    pub proxy_m: Vec3,
-    /// Distance from HIP to proxy, m; zero in free space.
-    pub penetration_m: f64,
-    /// Unit normal at the proxy, from HIP to proxy; zero in free space.
+    pub ihip_m: Vec3,
+    /// Outward unit normal at the IHIP; zero in free space.
     pub normal: Vec3,
+    /// Distance from IHIP to HIP into the object; zero in free space.
+    pub penetration_m: f64,
     /// The touched face: the triangle of a mesh, the side of a box (0 to 5: -x +x -y +y -z +z), else 0.
     pub face: u32,
 }
 
-impl From<frame::Contact> for Contact {
-    fn from(frame: frame::Contact) -> Self {
-        Self {
-            touching: frame.touching,
-            hip_m: frame.hip_m,
-            proxy_m: frame.ihip_m,
-            penetration_m: frame.penetration_m,
-            normal: frame.normal,
-            face: frame.face,
-        }
-    }
+impl OneKind for Contact {
+    const KIND: Kind = Kind::new(&KindSpec {
+        name: "contact",
+        one: "a contact",
+        components: &[
+            "touching",
+            "hip_x",
+            "hip_y",
+            "hip_z",
+            "ihip_x",
+            "ihip_y",
+            "ihip_z",
+            "normal_x",
+            "normal_y",
+            "normal_z",
+            "penetration_m",
+            "face",
+        ],
+        neutral: &[],
+        is_linear: false,
+        bridges: &[],
+        level: Level {
+            name: "penetration",
+            unit: Some("m"),
+            square: |frame| frame.iter().skip(10).take(1).map(|x| x * x).sum(),
+        },
+    });
+    type Array = [f64; Self::KIND.width()];
 }
 
-impl From<Contact> for frame::Contact {
-    fn from(contact: Contact) -> Self {
+impl Record for Contact {
+    fn from_components(components: &Self::Array) -> Self {
+        let [touching, hx, hy, hz, px, py, pz, nx, ny, nz, penetration_m, face] = *components;
         Self {
-            touching: contact.touching,
-            hip_m: contact.hip_m,
-            ihip_m: contact.proxy_m,
-            normal: contact.normal,
-            penetration_m: contact.penetration_m,
-            face: contact.face,
+            touching: touching != 0.0,
+            hip_m: [hx, hy, hz],
+            ihip_m: [px, py, pz],
+            normal: [nx, ny, nz],
+            penetration_m,
+            face: face as u32,
         }
+    }
+
+    fn to_components(&self) -> Self::Array {
+        let ([hx, hy, hz], [px, py, pz], [nx, ny, nz]) = (self.hip_m, self.ihip_m, self.normal);
+        let touching = f64::from(u8::from(self.touching));
+        let (depth_m, face) = (self.penetration_m, f64::from(self.face));
+        [touching, hx, hy, hz, px, py, pz, nx, ny, nz, depth_m, face]
     }
 }
 
@@ -63,10 +89,28 @@ impl Contact {
         Self {
             touching: false,
             hip_m,
-            proxy_m: hip_m,
+            ihip_m: hip_m,
             penetration_m: 0.0,
             normal: [0.0; 3],
             face: 0,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_survive_their_components() {
+        let contact = Contact {
+            touching: true,
+            hip_m: [1.0, 2.0, 3.0],
+            ihip_m: [4.0, 5.0, 6.0],
+            normal: [0.0, 0.0, 1.0],
+            penetration_m: 0.25,
+            face: 99_999,
+        };
+        assert_eq!(Contact::from_components(&contact.to_components()), contact);
     }
 }

@@ -56,7 +56,7 @@ impl Fallback {
 
 /// A frequency input that falls back to a setting.
 pub(crate) const fn frequency_input(name: &'static str, doc: &'static str) -> InputSpec {
-    input(name, Kind::Scalar, Quantity::FREQUENCY, doc).optional()
+    input(name, Kind::SCALAR, Quantity::FREQUENCY, doc).optional()
 }
 
 /// The first frame after `from` at which one of the signals changes; `frames` if there is none.

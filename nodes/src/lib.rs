@@ -32,12 +32,16 @@ mod realtime;
 pub(crate) use haptograph_signal::vector;
 
 use haptograph_engine::device::DeviceEntry;
+use haptograph_engine::frame::OneKind;
 use haptograph_engine::node::NodeEntry;
 use haptograph_engine::registry::Registry;
 
-/// All node and device kinds that come with haptograph.
+/// All kinds of nodes, devices and frames that come with haptograph.
 pub fn registry() -> Registry {
     let mut all = Registry::new();
+    all.add_kind(contact::Contact::KIND)
+        .add_kind(texture::frames::Weights::KIND)
+        .add_kind(texture::frames::Coefficients::KIND);
     sources_and_sinks(&mut all);
     plain_blocks(&mut all);
     texture(&mut all);

@@ -48,7 +48,7 @@ impl AtEnd {
 const fn made(doc: &'static str) -> OutputSpec {
     OutputSpec {
         name: "output",
-        kind: KindRule::Is(Kind::Scalar),
+        kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Setting("quantity"),
         doc,
     }

@@ -3,6 +3,7 @@
 pub mod excitation;
 pub mod filter;
 pub mod force;
+pub mod frames;
 pub mod interpolator;
 pub mod locator;
 mod upsampler;

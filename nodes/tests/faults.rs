@@ -90,9 +90,9 @@ macro_rules! evil {
     };
 }
 
-evil!(EvilCurrent, Kind::Scalar, Quantity::CURRENT);
-evil!(EvilVoltage, Kind::Scalar, Quantity::VOLTAGE);
-evil!(EvilForce, Kind::Vector, Quantity::FORCE);
+evil!(EvilCurrent, Kind::SCALAR, Quantity::CURRENT);
+evil!(EvilVoltage, Kind::SCALAR, Quantity::VOLTAGE);
+evil!(EvilForce, Kind::VECTOR, Quantity::FORCE);
 
 const OUTPUT: Output<AnyKind> = Output::common([
     EvilCurrent::SPEC.output("output"),

@@ -314,7 +314,7 @@ fn what_cannot_be_had_is_an_error_that_says_what_can() {
     let mut position = graph.any_input("stylus.position").expect("a position");
     assert_eq!(
         (position.kind(), position.name()),
-        (Kind::Vector, "stylus.position")
+        (Kind::VECTOR, "stylus.position")
     );
     assert_eq!(position.set(&[1.0]), Err(Full::Shape));
     assert_eq!(position.push(&[0.0; 6]), Err(Full::Shape));
@@ -322,7 +322,7 @@ fn what_cannot_be_had_is_an_error_that_says_what_can() {
     assert_eq!((position.set(&[0.0; 3]), position.waiting()), (Ok(()), 1));
     let mut current = graph.any_output("haptuator").expect("a current");
     assert!(!current.take(&mut [0.0]) && !current.take(&mut []));
-    assert_eq!(current.kind(), Kind::Scalar);
+    assert_eq!(current.kind(), Kind::SCALAR);
     assert_eq!(graph.find_output("out"), graph.find_output("out.delivered"));
     while force.push(1.0).is_ok() {}
     assert_eq!(force.push(1.0), Err(Full::Full));

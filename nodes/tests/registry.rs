@@ -6,10 +6,12 @@
 mod extremes;
 mod realtime;
 
-use haptograph_engine::frame::{Coefficients, Kind};
+use haptograph_engine::frame::{Kind, OneKind};
 use haptograph_engine::node::NodeEntry;
 use haptograph_engine::testing::{Bench, MAX_FRAMES, device_from_example};
+use haptograph_nodes::contact::Contact;
 use haptograph_nodes::registry;
+use haptograph_nodes::texture::frames::{Coefficients, Weights};
 use haptograph_nodes::wav::{Format, WavWriter};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -93,7 +95,7 @@ fn each_processor(mut test: impl FnMut(&NodeEntry, &dyn Fn() -> Bench)) {
     let folder = folder();
     let mut tested = 0;
     for entry in registry().nodes().iter().filter(|entry| !entry.is_file()) {
-        for linear in [Kind::Scalar, Kind::Vector] {
+        for linear in [Kind::SCALAR, Kind::VECTOR] {
             let build = || from_example(entry, folder.path(), linear);
             if build().is_some() {
                 test(entry, &|| build().expect("the same as just now"));
@@ -133,7 +135,7 @@ fn signal(kind: Kind, frames: usize, bad: bool, rng: &mut Xoshiro256PlusPlus) ->
 
 fn fill(kind: Kind, frame: &mut [f64], rng: &mut Xoshiro256PlusPlus) {
     match kind {
-        Kind::Coefficients => {
+        coefficients if coefficients == Coefficients::KIND => {
             let ar = [rng.random_range(-0.5..0.5), rng.random_range(-0.4..0.4)];
             let variance = if rng.random_bool(0.2) {
                 0.0
@@ -151,12 +153,14 @@ fn fill(kind: Kind, frame: &mut [f64], rng: &mut Xoshiro256PlusPlus) {
                 filter.write(frame);
             }
         }
-        Kind::Weights => {
+        weights if weights == Weights::KIND => {
             let (u, v) = (rng.random_range(0.0..0.5), rng.random_range(0.0..0.5));
             frame.copy_from_slice(&[0.0, 1.0, 2.0, u, v, 1.0 - u - v, 0.1, 1.0]);
         }
-        Kind::Event => frame.copy_from_slice(&[f64::from(u8::from(rng.random_bool(0.01))), 1.0]),
-        Kind::Contact => {
+        event if event == Kind::EVENT => {
+            frame.copy_from_slice(&[f64::from(u8::from(rng.random_bool(0.01))), 1.0])
+        }
+        contact if contact == Contact::KIND => {
             let depth = rng.random_range(-0.002..0.002_f64);
             let (x, y) = (rng.random_range(-0.02..0.02), rng.random_range(-0.02..0.02));
             let touching = f64::from(u8::from(depth > 0.0));
@@ -176,7 +180,7 @@ fn fill(kind: Kind, frame: &mut [f64], rng: &mut Xoshiro256PlusPlus) {
                 0.0,
             ]);
         }
-        Kind::Scalar | Kind::Vector | Kind::Wrench => frame.fill_with(|| rng.random_range(-1.0..2.0)),
+        _ => frame.fill_with(|| rng.random_range(-1.0..2.0)),
     }
 }
 
@@ -204,9 +208,9 @@ fn every_example_works() {
     let folder = folder();
     for entry in registry().nodes() {
         // A file sink may take any kind but draw only one of them.
-        let vectors = Bench::from_example(entry, folder.path(), RATE_HZ, Kind::Vector);
+        let vectors = Bench::from_example(entry, folder.path(), RATE_HZ, Kind::VECTOR);
         if !(entry.is_file() && vectors.is_ok()) {
-            from_example(entry, folder.path(), Kind::Scalar);
+            from_example(entry, folder.path(), Kind::SCALAR);
         }
     }
     for entry in registry().devices() {

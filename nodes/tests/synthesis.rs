@@ -7,10 +7,11 @@
     reason = "helpers of tests; a skip is said"
 )]
 
-use haptograph_engine::frame::{Coefficients, Kind};
+use haptograph_engine::frame::{Kind, OneKind};
 use haptograph_engine::testing::{Bench, MAX_FRAMES};
 use haptograph_nodes::texture::excitation::{Excitation, ExcitationSettings};
 use haptograph_nodes::texture::filter::{ArmaFilter, ArmaFilterSettings, Form};
+use haptograph_nodes::texture::frames::{Coefficients, Weights};
 use haptograph_nodes::texture::interpolator::LsfInterpolator;
 use haptograph_nodes::texture::locator::{SurfaceSettings, TriangleLocator};
 use haptograph_signal::Complex64;
@@ -63,8 +64,8 @@ impl Map {
         };
         let texture = texture(surface);
         Self {
-            locator: Bench::new::<TriangleLocator>(settings(), 240.0, &[Kind::Scalar; 2]).unwrap(),
-            interpolator: Bench::new::<LsfInterpolator>(settings(), 240.0, &[Kind::Weights]).unwrap(),
+            locator: Bench::new::<TriangleLocator>(settings(), 240.0, &[Kind::SCALAR; 2]).unwrap(),
+            interpolator: Bench::new::<LsfInterpolator>(settings(), 240.0, &[Weights::KIND]).unwrap(),
             most_m_s: texture.max_speed_m_s(),
             most_n: texture.max_force_n(),
             rate_hz: texture.rate_hz(),
@@ -99,7 +100,7 @@ impl Voice {
     fn of(surface: Option<&Path>, rate_hz: f64, form: Form) -> Self {
         let surface = surface.map(Path::to_owned);
         let settings = ArmaFilterSettings { form, surface };
-        let kinds = [Kind::Coefficients, Kind::Scalar];
+        let kinds = [Coefficients::KIND, Kind::SCALAR];
         Self {
             excitation: Bench::new::<Excitation>(ExcitationSettings { surface: None }, rate_hz, &kinds[..1])
                 .unwrap(),
@@ -385,7 +386,7 @@ fn renderer(surface: &Path, rate_hz: f64) -> Bench {
         form: Form::Lattice,
         surface: Some(surface.to_owned()),
     };
-    Bench::new::<ArmaFilter>(settings, rate_hz, &[Kind::Coefficients, Kind::Scalar]).unwrap()
+    Bench::new::<ArmaFilter>(settings, rate_hz, &[Coefficients::KIND, Kind::SCALAR]).unwrap()
 }
 
 #[test]

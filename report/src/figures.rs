@@ -69,7 +69,7 @@ pub(super) fn quantity_name(quantity: Quantity) -> String {
 pub(super) fn axis_label(stream: &Stream) -> String {
     match (stream.quantity, stream.kind) {
         (Quantity::NUMBER, _) => format!("{} (1)", capitalised(&stream.name)),
-        (Quantity::LENGTH, Kind::Vector) => with_unit("Position", Quantity::LENGTH),
+        (Quantity::LENGTH, kind) if kind == Kind::VECTOR => with_unit("Position", Quantity::LENGTH),
         (quantity, _) => with_unit(&quantity_name(quantity), quantity),
     }
 }
@@ -145,10 +145,13 @@ fn frame(recorded: &Recorded) -> Plot {
     }
 }
 
+/// Components in one plot.
+const IN_A_PLOT: usize = 3;
+
 /// Number of leading plots, among those of a signal over time, that show its values.
 pub(super) fn components_of(recorded: &Recorded) -> usize {
-    match recorded.stream.kind {
-        Kind::Wrench => 2,
+    match &recorded.content {
+        Content::Components(envelopes, _) => envelopes.len().div_ceil(IN_A_PLOT),
         _ => 1,
     }
 }
@@ -156,32 +159,30 @@ pub(super) fn components_of(recorded: &Recorded) -> usize {
 /// A plot for each group of components with a common quantity.
 fn components(recorded: &Recorded, envelopes: &[Envelope], ink: Ink) -> Vec<Plot> {
     let quantity = recorded.stream.quantity;
-    let groups: &[(&str, std::ops::Range<usize>, Quantity)] = match recorded.stream.kind {
-        Kind::Wrench => &[
-            (" force", 0..3, Quantity::FORCE),
-            (" torque", 3..6, Quantity::TORQUE),
-        ],
-        Kind::Vector => &[("", 0..3, quantity)],
-        _ => &[("", 0..1, quantity)],
-    };
-    let plot = |(suffix, range, quantity): &(&str, std::ops::Range<usize>, Quantity)| {
-        let unit = Unit::of(*quantity);
-        let envelopes: Vec<&Envelope> = range
-            .clone()
-            .filter_map(|envelope| envelopes.get(envelope))
-            .collect();
-        let inks = [Ink::Blue, Ink::Orange, Ink::Teal];
+    let is_wrench = recorded.stream.kind == Kind::WRENCH;
+    let inks = [Ink::Blue, Ink::Orange, Ink::Teal];
+    let names = recorded.stream.kind.spec().components.chunks(IN_A_PLOT);
+    let groups = envelopes.chunks(IN_A_PLOT).zip(names).enumerate();
+    let plot = |(group, (envelopes, names)): (usize, (&[Envelope], &[&'static str]))| {
+        let (suffix, quantity) = match (is_wrench, group) {
+            (true, 0) => (" force", Quantity::FORCE),
+            (true, _) => (" torque", Quantity::TORQUE),
+            (false, _) => ("", quantity),
+        };
+        let unit = Unit::of(quantity);
+        let envelopes: Vec<&Envelope> = envelopes.iter().collect();
         let styles: Vec<Style> = match envelopes.len() {
             1 => vec![Style::of(ink)],
-            _ => (["x", "y", "z"].into_iter().zip(inks))
-                .map(|(axis, ink)| Style::named(ink, axis))
+            // The axis of `force_x`.
+            _ => (names.iter().zip(inks))
+                .map(|(name, ink)| Style::named(ink, name.rsplit('_').next().unwrap_or_default()))
                 .collect(),
         };
         let marks = envelopes.iter().zip(styles);
         let label = match envelopes.as_slice() {
             [envelope] if envelope.is_switch() => switch_label(&recorded.stream.name),
             _ => axis_label(&Stream {
-                quantity: *quantity,
+                quantity,
                 ..recorded.stream.clone()
             }),
         };
@@ -195,7 +196,7 @@ fn components(recorded: &Recorded, envelopes: &[Envelope], ink: Ink) -> Vec<Plot
             ..frame(recorded)
         }
     };
-    groups.iter().map(plot).collect()
+    groups.map(plot).collect()
 }
 
 /// The most informative level of a signal, as a sentence.
@@ -248,7 +249,7 @@ const LARGE_MEAN: f64 = 0.3;
 /// Mean of a current that drives a vibration, A, if it is a large part of it.
 pub(super) fn constant_current(stream: &Stream, envelope: &Envelope) -> Option<f64> {
     let vibrates = stream.quantity == Quantity::CURRENT
-        && stream.kind == Kind::Scalar
+        && stream.kind == Kind::SCALAR
         && stream.rate.hz() >= SPECTRAL_RATE_HZ;
     (vibrates && envelope.mean().abs() > LARGE_MEAN * envelope.rms()).then(|| envelope.mean())
 }

@@ -70,7 +70,7 @@ fn vibrating<'a>(sound: Option<&Sound>, signals: &'a [Recorded]) -> Option<&'a R
     let is_heard = |signal: &Recorded| sound.is_some_and(|sound| sound.stream.name == signal.stream.name);
     let changes = |component: &Envelope| component.range().is_some_and(|(low, high)| low < high);
     let vibrates = |signal: &&Recorded| {
-        matches!(signal.stream.kind, Kind::Scalar | Kind::Vector)
+        [Kind::SCALAR, Kind::VECTOR].contains(&signal.stream.kind)
             && signal.stream.rate.hz() >= SPECTRAL_RATE_HZ
             && components(signal).iter().any(changes)
     };
@@ -101,7 +101,7 @@ fn vibration(signal: &Recorded) -> Vec<Headline> {
     };
     // A three-axis sensor also measures gravity, which varies slowly when the hand turns.
     let first = match (signal.stream.quantity, signal.stream.kind) {
-        (Quantity::ACCELERATION, Kind::Vector) => {
+        (Quantity::ACCELERATION, kind) if kind == Kind::VECTOR => {
             let about_mean =
                 |component: &Envelope| (component.rms().powi(2) - component.mean().powi(2)).max(0.0);
             let level = components(signal).iter().map(about_mean).sum::<f64>().sqrt();
@@ -178,9 +178,9 @@ fn sizes(signals: &[&Recorded], quantity: Quantity, mean: &str, largest: Option<
     let unit = Unit::of(quantity);
     let of_kind = |kind: Kind| {
         let fitting = signals.iter().copied().filter(move |signal| {
-            let of = match kind {
-                Kind::Wrench => Quantity::FORCE,
-                _ => signal.stream.quantity,
+            let of = match kind == Kind::WRENCH {
+                true => Quantity::FORCE,
+                false => signal.stream.quantity,
             };
             signal.stream.kind == kind && of == quantity
         });
@@ -190,8 +190,8 @@ fn sizes(signals: &[&Recorded], quantity: Quantity, mean: &str, largest: Option<
                 .any(|component| component.presence() > 0.0)
         })
     };
-    let slow = of_kind(Kind::Scalar).find(|signal| signal.stream.rate.hz() < SPECTRAL_RATE_HZ);
-    if let Some(signal) = slow.or_else(|| of_kind(Kind::Scalar).next())
+    let slow = of_kind(Kind::SCALAR).find(|signal| signal.stream.rate.hz() < SPECTRAL_RATE_HZ);
+    if let Some(signal) = slow.or_else(|| of_kind(Kind::SCALAR).next())
         && let [component] = components(signal)
     {
         let name = &signal.stream.name;
@@ -203,9 +203,9 @@ fn sizes(signals: &[&Recorded], quantity: Quantity, mean: &str, largest: Option<
         let largest = largest.map(|label| Headline::new(label, unit.text(component.peak()), name.as_str()));
         return std::iter::once(mean).chain(largest).collect();
     }
-    let vector = of_kind(Kind::Vector)
+    let vector = of_kind(Kind::VECTOR)
         .next()
-        .or_else(|| of_kind(Kind::Wrench).next());
+        .or_else(|| of_kind(Kind::WRENCH).next());
     let of_vector = |signal: &Recorded| {
         let label = format!("{}, RMS", quantity_name(quantity));
         let size = rms(components(signal).get(..3).unwrap_or_default());
@@ -295,11 +295,11 @@ mod tests {
     #[test]
     fn an_acceleration_is_the_vibration_and_else_the_current_with_its_mean() {
         let current = || {
-            signal("out.delivered", Kind::Scalar, Quantity::CURRENT, 48_000, |t| {
+            signal("out.delivered", Kind::SCALAR, Quantity::CURRENT, 48_000, |t| {
                 0.5 + 0.1 * hum(t)
             })
         };
-        let felt = signal("felt", Kind::Scalar, Quantity::ACCELERATION, 10_000, hum);
+        let felt = signal("felt", Kind::SCALAR, Quantity::ACCELERATION, 10_000, hum);
         let found = of_signals(None, &[current(), felt], None);
         assert_eq!(value(&found, "Vibration, RMS").0, "0.707 m/s\u{b2}");
         assert_eq!(value(&found, "Strongest frequency").0, "120 Hz");
@@ -328,7 +328,7 @@ mod tests {
     fn gravity_is_no_vibration() {
         let tool = signal(
             "tool.acceleration",
-            Kind::Vector,
+            Kind::VECTOR,
             Quantity::ACCELERATION,
             10_000,
             |t| 5.0 + hum(t),
@@ -344,11 +344,11 @@ mod tests {
     #[test]
     fn a_force_is_taken_while_there_is_one_and_friction_by_what_measures_it() {
         let half = |t: f64| if t < 1.0 { 0.0 } else { 2.0 };
-        let load = signal("tip.load", Kind::Scalar, Quantity::FORCE, 1000, half);
-        let drag = signal("drag", Kind::Vector, Quantity::FORCE, 1000, |t| {
+        let load = signal("tip.load", Kind::SCALAR, Quantity::FORCE, 1000, half);
+        let drag = signal("drag", Kind::VECTOR, Quantity::FORCE, 1000, |t| {
             0.4 * half(t) / 3f64.sqrt()
         });
-        let mu = signal("brake.mu", Kind::Scalar, Quantity::NUMBER, 1000, |t| {
+        let mu = signal("brake.mu", Kind::SCALAR, Quantity::NUMBER, 1000, |t| {
             0.15 * half(t)
         });
         let signals = [load, drag, mu];

@@ -9,9 +9,10 @@ use super::inks::Inks;
 use super::plot::{Axis, Mark, Plot, Weight};
 use super::record::{WatchedOutput, watch};
 use curves::{Curve, all_equal, common_range, constant, curves, dots, label, levels};
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::OneKind;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::node::Stream;
+use haptograph_nodes::contact::Contact;
 use haptograph_nodes::sinks::plots::GROUP;
 use haptograph_signal::quantity::Quantity;
 pub use trace::{Trace, Tracer, tracer};
@@ -247,7 +248,7 @@ impl PlotRequest {
         plot.caption = match self
             .signals
             .iter()
-            .all(|signal| signal.stream.kind == Kind::Contact)
+            .all(|signal| signal.stream.kind == Contact::KIND)
         {
             true => "Seen from above, both axes in one scale; the line is interrupted without contact.",
             false => "Seen from above, both axes in one scale.",

@@ -3,10 +3,12 @@
 
 use super::spectra::Spectra;
 use super::thinning::{Decimated, Envelope};
-use haptograph_engine::frame::{Contact, Event, Kind, Weights};
+use haptograph_engine::frame::{Event, Kind, OneKind, Record as _};
 use haptograph_engine::graph::{Graph, Node, NodeId};
 use haptograph_engine::node::{FrameWriter, Stream};
+use haptograph_nodes::contact::Contact;
 use haptograph_nodes::sinks::plots::GROUP as PLOTS;
+use haptograph_nodes::texture::frames::Weights;
 use haptograph_signal::quantity::Quantity;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -42,8 +44,8 @@ pub fn watched(graph: &Graph) -> Vec<WatchedOutput> {
         (0..node.outputs.len())
             .filter(|output| is_friction_coefficient(node, *output))
             .for_each(|output| want((index, output)));
-        let on_map = node.outputs.iter().any(|output| output.kind == Kind::Weights);
-        let shown = |kind: Kind| matches!(kind, Kind::Weights | Kind::Contact);
+        let on_map = node.outputs.iter().any(|output| output.kind == Weights::KIND);
+        let shown = |kind: Kind| kind == Weights::KIND || kind == Contact::KIND;
         for (output, _) in node
             .outputs
             .iter()
@@ -152,7 +154,7 @@ pub struct Recorded {
 /// Recorded data by kind of signal.
 #[derive(Debug, Clone)]
 pub enum Content {
-    /// Scalars, vectors and wrenches: extremes of each component; for fast scalars also spectra over time.
+    /// Linear kinds: extremes of each component; for fast scalars also spectra over time.
     Components(Vec<Envelope>, Option<Box<Spectra>>),
     /// Positions on a texture's map: (speed in m/s, force in N).
     Map(Decimated<(f64, f64)>),
@@ -222,23 +224,25 @@ impl Content {
     fn of(stream: &Stream) -> Self {
         let rate_hz = stream.rate.hz();
         match stream.kind {
-            Kind::Scalar | Kind::Vector | Kind::Wrench => {
+            linear if linear.is_linear() => {
                 let vibrates = [
                     Quantity::ACCELERATION,
                     Quantity::FORCE,
                     Quantity::VOLTAGE,
                     Quantity::CURRENT,
                 ];
-                let spectral = stream.kind == Kind::Scalar
+                let spectral = linear == Kind::SCALAR
                     && rate_hz >= SPECTRAL_RATE_HZ
                     && vibrates.contains(&stream.quantity);
                 let spectra = spectral.then(|| Box::new(Spectra::new(rate_hz)));
-                Self::Components(vec![Envelope::new(rate_hz); stream.kind.width()], spectra)
+                Self::Components(vec![Envelope::new(rate_hz); linear.width()], spectra)
             }
-            Kind::Weights => Self::Map(Decimated::new(MAX_POINTS)),
-            Kind::Contact => Self::Contact(Envelope::new(rate_hz), Decimated::new(MAX_POINTS)),
-            Kind::Event => Self::Events(Decimated::new(MAX_POINTS), 0),
-            Kind::Coefficients => Self::Nothing,
+            weights if weights == Weights::KIND => Self::Map(Decimated::new(MAX_POINTS)),
+            contact if contact == Contact::KIND => {
+                Self::Contact(Envelope::new(rate_hz), Decimated::new(MAX_POINTS))
+            }
+            event if event == Kind::EVENT => Self::Events(Decimated::new(MAX_POINTS), 0),
+            _ => Self::Nothing,
         }
     }
 }
@@ -306,7 +310,7 @@ mod tests {
 
     #[test]
     fn a_fast_scalar_that_vibrates_has_a_spectrum() {
-        let (mut recorder, record) = recorder(stream(Kind::Scalar, Quantity::ACCELERATION, 10_000));
+        let (mut recorder, record) = recorder(stream(Kind::SCALAR, Quantity::ACCELERATION, 10_000));
         let tone: Vec<f64> = (0..50_000)
             .map(|i| (f64::from(i) * 0.1 * std::f64::consts::PI).sin())
             .collect();
@@ -323,7 +327,7 @@ mod tests {
 
     #[test]
     fn events_keep_their_times_across_blocks() {
-        let (mut recorder, record) = recorder(stream(Kind::Event, Quantity::SPEED, 1000));
+        let (mut recorder, record) = recorder(stream(Kind::EVENT, Quantity::SPEED, 1000));
         recorder.write(0, &[0.0, 0.0, 1.0, 0.3]).unwrap();
         recorder.write(0, &[0.0, 0.0, 1.0, 0.4]).unwrap();
         let Content::Events(points, 2) = record.content().content else {

@@ -22,24 +22,8 @@ pub const DEVICES: &str = "devices";
 /// The group of the bridges, which are written around a connection.
 pub const BRIDGES: &str = "bridges";
 
-/// The bridges with their descriptions.
-const BRIDGE_KINDS: [(&str, &str); 6] = [
-    (
-        "Hold",
-        "The latest frame, between clocks of one driver: `Hold(\"a.b\")`.",
-    ),
-    (
-        "Linear",
-        "A straight line between frames, one slow period late, from a slow clock to a fast one of one driver: `Linear(\"a.b\")`.",
-    ),
-    (
-        "Average",
-        "The mean of the frames since the reader's last tick, from a fast clock to a slow one of one driver: `Average(\"a.b\")`.",
-    ),
-    (
-        "Resample",
-        "Band-limited interpolation between clocks of one driver: `Resample(\"a.b\")`.",
-    ),
+/// The bridges that have settings, with their descriptions.
+const WITH_SETTINGS: [(&str, &str); 2] = [
     (
         "Ring",
         "Band-limited interpolation between two drivers, `latency_ms` late: `Ring(from: \"a.b\", latency_ms: 12)`.",
@@ -53,9 +37,13 @@ const BRIDGE_KINDS: [(&str, &str); 6] = [
 /// The group of the templates, which are used like kinds of nodes once their file is included.
 pub const TEMPLATES: &str = "templates";
 
-/// Names of the bridges.
-pub fn bridges() -> impl Iterator<Item = &'static str> {
-    BRIDGE_KINDS.into_iter().map(|(name, _)| name)
+/// The bridges: their names and descriptions.
+pub fn bridges(registry: &Registry) -> impl Iterator<Item = (&'static str, String)> {
+    let registered = registry.bridges().iter().map(|entry| {
+        let (name, doc) = (entry.spec.name, entry.spec.doc);
+        (name, format!("{doc}: `{name}(\"a.b\")`."))
+    });
+    registered.chain(WITH_SETTINGS.map(|(name, doc)| (name, doc.to_owned())))
 }
 
 impl Filter {
@@ -111,9 +99,10 @@ pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
         .devices()
         .iter()
         .map(|entry| (DEVICES, entry.spec.name, entry.spec.doc, entry.settings()));
-    let bridges = BRIDGE_KINDS
-        .into_iter()
-        .map(|(name, doc)| (BRIDGES, name, doc, Vec::new()));
+    let bridges: Vec<_> = bridges(registry).collect();
+    let bridges = bridges
+        .iter()
+        .map(|(name, doc)| (BRIDGES, *name, &**doc, Vec::new()));
     let templates = templates(registry.library());
     let shelved = templates
         .iter()
@@ -181,7 +170,7 @@ pub fn kind(registry: &Registry, name: &str) -> Option<String> {
     let node = registry.node(name).map(|entry| node_text(&entry));
     node.or_else(|| registry.device(name).map(|entry| device_text(&entry)))
         .or_else(|| template_text(registry, name))
-        .or_else(|| bridge_text(name))
+        .or_else(|| bridge_text(registry, name))
 }
 
 fn template_text(registry: &Registry, name: &str) -> Option<String> {
@@ -220,8 +209,8 @@ fn body_of_template(template: &LibraryTemplate) -> String {
     )
 }
 
-fn bridge_text(name: &str) -> Option<String> {
-    let (_, doc) = BRIDGE_KINDS.into_iter().find(|(known, _)| *known == name)?;
+fn bridge_text(registry: &Registry, name: &str) -> Option<String> {
+    let (_, doc) = bridges(registry).find(|(known, _)| *known == name)?;
     Some(format!(
         "{name} (a bridge between clocks, written around a connection)\n\n{doc}\n\nSee docs/format.md.\n"
     ))

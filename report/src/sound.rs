@@ -46,7 +46,7 @@ pub fn audible(graph: &Graph) -> Vec<WatchedOutput> {
             Quantity::CURRENT,
         ]
         .contains(&stream.quantity);
-        let is_fast = stream.kind == Kind::Scalar && stream.rate.hz() >= SLOWEST_HZ;
+        let is_fast = stream.kind == Kind::SCALAR && stream.rate.hz() >= SLOWEST_HZ;
         if is_vibration && is_fast && !found.contains(&candidate) {
             found.push(candidate);
         }
@@ -199,7 +199,7 @@ mod tests {
     fn sound(hz: u64, samples: &[f64]) -> Option<Sound> {
         let (mut writer, record) = clip(Stream {
             name: "out.delivered".into(),
-            kind: Kind::Scalar,
+            kind: Kind::SCALAR,
             quantity: Quantity::CURRENT,
             rate: Rate::from_hz(hz).unwrap(),
             simulated: true,

@@ -284,9 +284,7 @@ impl SweepPage<'_> {
         let stream = &across.first()?.1.stream;
         let unit = Unit::of(stream.quantity);
         let level = |recorded: &Recorded| match &recorded.content {
-            Content::Components(lanes, _)
-                if !matches!(stream.kind, haptograph_engine::frame::Kind::Wrench) =>
-            {
+            Content::Components(lanes, _) if stream.kind != haptograph_engine::frame::Kind::WRENCH => {
                 let square: f64 = lanes.iter().map(|lane| lane.rms().powi(2)).sum();
                 Some(square.sqrt())
             }

@@ -131,8 +131,9 @@ pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
 mod tests {
     use super::*;
     use crate::record::recorder;
-    use haptograph_engine::frame::{Kind, Weights};
+    use haptograph_engine::frame::{OneKind, Record as _};
     use haptograph_engine::node::{FrameWriter, Stream};
+    use haptograph_nodes::texture::frames::Weights;
     use haptograph_signal::quantity::Quantity;
     use haptograph_signal::time::Rate;
 
@@ -142,7 +143,7 @@ mod tests {
         let texture = haptograph_surfaces::files::load(&path).unwrap().texture.unwrap();
         let (mut recorder, record) = recorder(Stream {
             name: "locate.weights".into(),
-            kind: Kind::Weights,
+            kind: Weights::KIND,
             quantity: Quantity::NUMBER,
             rate: Rate::from_hz(240).unwrap(),
             simulated: true,

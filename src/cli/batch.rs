@@ -236,7 +236,7 @@ fn write_wav(batch: &Batch, number: u64, folder: &Path, force: Force) -> Result<
     let rate = Rate::parse(&batch.rate_hz(&job).to_string()).map_err(|error| failed(&error))?;
     let stream = Stream {
         name: format!("{}, seed {}", batch.surfaces()[job.surface].name, job.seed),
-        kind: Kind::Scalar,
+        kind: Kind::SCALAR,
         quantity: Quantity::ACCELERATION,
         rate,
         // Rendered from a model, not measured.

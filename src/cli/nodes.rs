@@ -178,7 +178,8 @@ fn unknown(registry: &Registry, name: &str) -> Failure {
         ));
     }
     let templates = templates(registry.library());
-    let mut known: Vec<&str> = nodes.chain(devices).chain(reference::bridges()).collect();
+    let bridges = reference::bridges(registry).map(|(name, _)| name);
+    let mut known: Vec<&str> = nodes.chain(devices).chain(bridges).collect();
     known.extend(templates.iter().map(|template| template.name.as_str()));
     let near = closest(name, known);
     let help = near.map_or_else(

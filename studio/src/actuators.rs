@@ -71,7 +71,7 @@ impl Stage {
         };
         self.actuators = graph.actuators().filter_map(actuator).collect();
         let is_coil = |port: &Port| {
-            port.kind == Kind::Scalar && port.quantity == Quantity::CURRENT && port.rate_hz >= 1000.0
+            port.kind == Kind::SCALAR && port.quantity == Quantity::CURRENT && port.rate_hz >= 1000.0
         };
         let played = self.actuators.iter().find_map(|actuator| {
             let port = &delivered(&actuator.name)?.port;

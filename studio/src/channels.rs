@@ -35,15 +35,15 @@ pub enum Gives {
 
 /// Quantities by name and kind of channel.
 const TABLE: [(&str, Kind, Gives); 9] = [
-    ("position", Kind::Vector, Gives::Tip),
-    ("force", Kind::Scalar, Gives::Force),
-    ("touching", Kind::Scalar, Gives::Touching),
-    ("wrench", Kind::Wrench, Gives::Wrench),
-    ("orientation", Kind::Vector, Gives::Orientation),
-    ("true_position", Kind::Vector, Gives::Tip),
-    ("true_velocity", Kind::Vector, Gives::Velocity),
-    ("true_load", Kind::Scalar, Gives::Force),
-    ("true_friction", Kind::Vector, Gives::NoDrag),
+    ("position", Kind::VECTOR, Gives::Tip),
+    ("force", Kind::SCALAR, Gives::Force),
+    ("touching", Kind::SCALAR, Gives::Touching),
+    ("wrench", Kind::WRENCH, Gives::Wrench),
+    ("orientation", Kind::VECTOR, Gives::Orientation),
+    ("true_position", Kind::VECTOR, Gives::Tip),
+    ("true_velocity", Kind::VECTOR, Gives::Velocity),
+    ("true_load", Kind::SCALAR, Gives::Force),
+    ("true_friction", Kind::VECTOR, Gives::NoDrag),
 ];
 
 impl Gives {

@@ -7,7 +7,6 @@ use super::pages::Reach;
 use super::scope::{self, Port};
 use super::stage::{Host, Stage};
 use super::wire::VERSION;
-use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::{Graph, NodeId};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::SettingSpec;
@@ -137,13 +136,11 @@ fn no_pad(other: &NoPad) -> Value {
 }
 
 fn port(port: &Port) -> Value {
-    let lanes: &[&str] = match port.kind {
-        Kind::Vector => &["x", "y", "z"],
-        Kind::Wrench => &[
-            "force x", "force y", "force z", "torque x", "torque y", "torque z",
-        ],
-        _ => &[""],
+    let lanes = match port.is_shown() {
+        true => port.kind.spec().components,
+        false => &[""],
     };
+    let lanes: Vec<String> = lanes.iter().map(|lane| lane.replace('_', " ")).collect();
     json!({
         "name": port.name, "node": port.node, "kind": port.kind.to_string(),
         "quantity": port.quantity.name(), "unit": port.quantity.unit(), "rate_hz": port.rate_hz, "lanes": lanes,

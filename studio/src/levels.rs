@@ -40,7 +40,7 @@ impl Level {
                 self.not_finite += 1;
                 continue;
             }
-            let square = square(kind, frame).min(MOST);
+            let square = (kind.spec().level.square)(frame).min(MOST);
             self.square += square;
             self.count += 1;
             self.peak = self.peak.max(square);
@@ -59,39 +59,12 @@ impl Level {
     }
 }
 
-/// The square of the number that represents a frame.
-fn square(kind: Kind, frame: &[f64]) -> f64 {
-    let sum = |lanes: &[f64]| lanes.iter().map(|x| x * x).sum();
-    match kind {
-        // The force of the wrench.
-        Kind::Wrench => sum(&frame[..3]),
-        Kind::Contact => sum(&frame[10..11]),
-        Kind::Weights => frame[3..6].iter().fold(0.0, |most, x| f64::max(most, x * x)),
-        // Gain squared times variance.
-        Kind::Coefficients => frame[2] * frame[2] * frame[3],
-        Kind::Event => sum(&frame[..1]),
-        _ => sum(frame),
-    }
-}
-
-/// Label and unit of the level of a port.
-fn meaning(port: &Port) -> (&'static str, String) {
-    match port.kind {
-        Kind::Scalar => ("level", port.quantity.unit()),
-        Kind::Vector => ("length", port.quantity.unit()),
-        Kind::Wrench => ("force", "N".to_owned()),
-        Kind::Contact => ("penetration", "m".to_owned()),
-        Kind::Weights => ("largest weight", "1".to_owned()),
-        Kind::Coefficients => ("excitation", "m/s2".to_owned()),
-        Kind::Event => ("events in a tick", "1".to_owned()),
-    }
-}
-
 /// The ports that have a level, with label and unit.
 pub fn described(ports: &[Port]) -> Vec<Value> {
     let port = |port: &Port| {
-        let (what, unit) = meaning(port);
-        json!({ "name": port.name, "what": what, "unit": unit })
+        let level = port.kind.spec().level;
+        let unit = level.unit.map_or_else(|| port.quantity.unit(), str::to_owned);
+        json!({ "name": port.name, "what": level.name, "unit": unit })
     };
     ports.iter().map(port).collect()
 }
@@ -187,15 +160,15 @@ mod tests {
     #[test]
     fn a_level_is_of_what_came_since_and_counts_nan_apart() {
         let mut level = Level::default();
-        level.take(Kind::Scalar, &[3.0, -4.0, f64::NAN, f64::INFINITY]);
+        level.take(Kind::SCALAR, &[3.0, -4.0, f64::NAN, f64::INFINITY]);
         assert_eq!(level.snapshot(), Some([12.5_f64.sqrt(), 4.0]));
         assert_eq!(
             (level.snapshot(), level.not_finite),
             (Some([12.5_f64.sqrt(), 4.0]), 2)
         );
-        level.take(Kind::Vector, &[3.0, 0.0, 4.0, 0.0, 0.0, 0.0]);
+        level.take(Kind::VECTOR, &[3.0, 0.0, 4.0, 0.0, 0.0, 0.0]);
         assert_eq!(level.snapshot(), Some([12.5_f64.sqrt(), 5.0]));
-        level.take(Kind::Wrench, &[0.0, 2.0, 0.0, 9.0, 9.0, 9.0]);
+        level.take(Kind::WRENCH, &[0.0, 2.0, 0.0, 9.0, 9.0, 9.0]);
         assert_eq!(level.snapshot(), Some([2.0, 2.0]));
         assert!((0..MAX_IDLE).all(|turn| level.snapshot().is_some() == (turn + 1 < MAX_IDLE)));
     }

@@ -3,7 +3,6 @@
 use super::actuators::driven;
 use super::load::Source;
 use super::scope::Scope;
-use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::node::FrameWriter;
 use haptograph_engine::run::Outcome;
@@ -28,10 +27,8 @@ pub struct PageSignal {
 impl PageSignal {
     /// The signals that a run's page shows.
     pub fn of(graph: &Graph) -> Vec<Self> {
-        // Scopes show numbers only.
-        let numbers = [Kind::Scalar, Kind::Vector, Kind::Wrench];
         let watched = watched(graph).into_iter();
-        let watched = watched.filter(|watch| numbers.contains(&watch.stream.kind));
+        let watched = watched.filter(|watch| watch.stream.kind.is_linear());
         let kept = watched.map(|watch| {
             let port = watch.stream.name.clone();
             let (recorder, record) = recorder(watch.stream);

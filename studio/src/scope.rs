@@ -1,7 +1,7 @@
 //! Scopes: the frames of a port for display.
 
 use super::levels::Level;
-use haptograph_engine::frame::{Coefficients, Kind};
+use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::{Graph, Output};
 use haptograph_engine::host::AnyOutput;
 
@@ -9,8 +9,6 @@ use haptograph_engine::host::AnyOutput;
 const THINNED_HZ: f64 = 2000.0;
 /// Ports with a higher rate are thinned.
 pub const MAX_HZ: f64 = 4000.0;
-/// Number of components of the widest frame.
-const MAX_LANES: usize = Coefficients::WIDTH;
 /// Buffer length for new frames without allocation, s.
 const ROOM_S: f64 = 0.1;
 /// Difference between the frame count and the time of the run that indicates lost frames, s.
@@ -27,9 +25,9 @@ pub struct Port {
 }
 
 impl Port {
-    /// True if its frames can be displayed: scalars, vectors and wrenches.
+    /// True if its frames can be displayed, component by component.
     pub fn is_shown(&self) -> bool {
-        matches!(self.kind, Kind::Scalar | Kind::Vector | Kind::Wrench)
+        self.kind.is_linear()
     }
 }
 
@@ -103,9 +101,13 @@ impl Scope {
             self.seen = 0;
         }
         let before = self.fresh.len();
-        let mut frame = [0.0; MAX_LANES];
-        while self.frames.take(&mut frame[..lanes]) {
-            self.fresh.extend_from_slice(&frame[..lanes]);
+        loop {
+            let end = self.fresh.len();
+            self.fresh.resize(end + lanes, 0.0);
+            if !self.frames.take(&mut self.fresh[end..]) {
+                self.fresh.truncate(end);
+                break;
+            }
         }
         &self.fresh[before..]
     }

@@ -112,7 +112,7 @@ impl NodeKind for Play {
         doc: "Plays the input of the bench.",
         source: "",
         inputs: &[],
-        outputs: &[output("output", Kind::Scalar, Quantity::NUMBER, "The input.")],
+        outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "The input.")],
         example: r#""input": Play(clock: "audio")"#,
     };
 

@@ -10,9 +10,9 @@ use haptograph_engine::host::{AnyInput, AnyOutput, Full, Player, Scalar, Vector,
 use std::mem::MaybeUninit;
 
 const _: () = assert!(
-    SCALAR as usize == Kind::Scalar.width()
-        && VECTOR as usize == Kind::Vector.width()
-        && WRENCH as usize == Kind::Wrench.width()
+    SCALAR as usize == Kind::SCALAR.width()
+        && VECTOR as usize == Kind::VECTOR.width()
+        && WRENCH as usize == Kind::WRENCH.width()
 );
 
 /// The tick at which a value written to an input takes effect.

@@ -99,8 +99,17 @@ fn output((name, quantity, kind, _, doc): GivenPort) -> Result<OutputSpec, Failu
 }
 
 fn kind_of(port: &str, name: &str) -> Result<Kind, Failure> {
-    let found = Kind::ALL.into_iter().find(|kind| kind.to_string() == name);
-    found.ok_or_else(|| unknown(port, "kind", name, &Kind::ALL.map(|kind| kind.to_string())))
+    let shipped = haptograph::nodes::registry();
+    let names = || {
+        shipped
+            .kinds()
+            .iter()
+            .map(ToString::to_string)
+            .collect::<Vec<_>>()
+    };
+    shipped
+        .kind(name)
+        .ok_or_else(|| unknown(port, "kind", name, &names()))
 }
 
 fn quantity_of(port: &str, name: &str) -> Result<Quantity, Failure> {

@@ -229,7 +229,7 @@ impl Recording {
         let figures = shown.map(|(name, quantity, samples)| {
             figure(
                 name,
-                (Kind::Scalar, quantity),
+                (Kind::SCALAR, quantity),
                 signals.rate_hz,
                 samples,
                 simulated,
@@ -276,7 +276,7 @@ pub fn figures(
     simulated: bool,
 ) -> Vec<String> {
     let values = values.as_array();
-    let linear = [Kind::Scalar, Kind::Vector, Kind::Wrench];
+    let linear = [Kind::SCALAR, Kind::VECTOR, Kind::WRENCH];
     let Some(kind) = linear.into_iter().find(|kind| kind.width() == values.ncols()) else {
         return Vec::new();
     };

@@ -103,7 +103,7 @@ impl Signal {
         let shown = PyDict::new(py);
         shown.set_item("name", self.name)?;
         shown.set_item("kind", self.kind.to_string())?;
-        shown.set_item("components", self.kind.component_names())?;
+        shown.set_item("components", self.kind.spec().components)?;
         shown.set_item("quantity", self.quantity.name())?;
         shown.set_item("unit", self.quantity.unit())?;
         shown.set_item("rate", self.rate_hz)?;

@@ -4,8 +4,9 @@ use super::Bridge;
 use super::clocks::Clocks;
 use super::draft::{Context, Draft, DraftNode, Wire};
 use super::wires::name_of;
+use crate::bridges::{BridgeEntry, Direction, Hold, least_ring_latency_s};
 use crate::diagnostic::{Diagnostic, Span};
-use crate::joining::least_ring_latency_s;
+use crate::frame::Kind;
 use crate::node::Flow;
 use std::cmp::Ordering;
 
@@ -102,7 +103,7 @@ fn crossing(
             target.rate,
             target.name
         );
-        let choices = choices(draft, clocks, a, b, port.flow, wire);
+        let choices = choices(cx, draft, clocks, (a, b), port.flow, wire);
         return error(
             "E0405",
             wire.span,
@@ -140,7 +141,7 @@ fn crossing(
         );
         return error("E0406", form, message, label, help);
     }
-    if port.flow == Flow::Held && bridge != Bridge::Hold {
+    if port.flow == Flow::Held && bridge != Bridge::Between(BridgeEntry::of::<Hold>()) {
         let message = format!(
             "`{}` cannot feed `{}`, which reads a held signal",
             name_of(bridge),
@@ -149,7 +150,7 @@ fn crossing(
         let help = "a held input reads frames unchanged: use Hold(...)";
         return error("E0406", form, message, "not a held signal", help);
     }
-    let choices = || choices(draft, clocks, a, b, port.flow, wire);
+    let choices = || choices(cx, draft, clocks, (a, b), port.flow, wire);
     let ends = format!(
         "from {} on `{}` to {} on `{}`",
         source.rate, source.name, target.rate, target.name
@@ -162,7 +163,7 @@ fn crossing(
             format!("this connection goes {ends}"),
             format!("{}; delay on one side of it", choices()),
         ),
-        Bridge::Hold | Bridge::Linear | Bridge::Average | Bridge::Resample if two_drivers => error(
+        Bridge::Between(_) if two_drivers => error(
             "E0406",
             form,
             format!("`{}` works within one driver", name_of(bridge)),
@@ -203,41 +204,34 @@ fn crossing(
                 format!("{} ms at {} is too long", latency_s * 1e3, source.rate),
                 "choose a shorter latency",
             ),
-            Ok(_) => unmixable(
+            Ok(_) => carried(
                 from,
                 wire,
-                bridge,
+                Kind::is_linear,
                 "send what it is computed from, or the components that you need",
             ),
         },
-        Bridge::Linear if slow_to_fast != Ordering::Less => error(
+        Bridge::Between(between) if !between.spec.direction.leads(slow_to_fast) => error(
             "E0406",
             form,
-            "`Linear` goes from a slow clock to a faster one".into(),
+            format!("`{}` goes from {}", between.spec.name, between.spec.direction),
             format!("this connection goes {ends}"),
             choices(),
         ),
-        Bridge::Average if slow_to_fast != Ordering::Greater => error(
-            "E0406",
-            form,
-            "`Average` goes from a fast clock to a slower one".into(),
-            format!("this connection goes {ends}"),
-            choices(),
-        ),
-        Bridge::Linear | Bridge::Average | Bridge::Resample => unmixable(
+        Bridge::Between(between) => carried(
             from,
             wire,
-            bridge,
+            |kind| between.carries(kind),
             "use Hold(...), which passes frames as they are",
         ),
-        Bridge::Hold | Bridge::Direct => Finding::Sound,
+        Bridge::Direct => Finding::Sound,
     }
 }
 
-/// Refuses interpolation of frames that are not linear.
-fn unmixable(from: &DraftNode, wire: &Wire, bridge: Bridge, help: &str) -> Finding {
+/// Refuses frames of a kind that the bridge of a connection cannot carry.
+fn carried(from: &DraftNode, wire: &Wire, carries: impl Fn(Kind) -> bool, help: &str) -> Finding {
     match (from.outputs[wire.output].kind, wire.bridge) {
-        (Some(kind), Some((_, form))) if !kind.is_linear() => error(
+        (Some(kind), Some((bridge, form))) if !carries(kind) => error(
             "E0406",
             form,
             format!("`{}` cannot mix frames of {kind}", name_of(bridge)),
@@ -248,6 +242,17 @@ fn unmixable(from: &DraftNode, wire: &Wire, bridge: Bridge, help: &str) -> Findi
     }
 }
 
+impl Direction {
+    /// Whether a bridge leads from a clock to another whose rates compare so.
+    fn leads(self, rates: Ordering) -> bool {
+        match self {
+            Self::Any => true,
+            Self::ToFaster => rates == Ordering::Less,
+            Self::ToSlower => rates == Ordering::Greater,
+        }
+    }
+}
+
 fn rate_order(clocks: &Clocks, a: usize, b: usize) -> Ordering {
     let (n, d) = clocks.list[a].rate.parts();
     let (m, e) = clocks.list[b].rate.parts();
@@ -255,10 +260,16 @@ fn rate_order(clocks: &Clocks, a: usize, b: usize) -> Ordering {
 }
 
 /// Help: the possible bridges and their descriptions.
-fn choices(draft: &Draft, clocks: &Clocks, a: usize, b: usize, flow: Flow, wire: &Wire) -> String {
-    let linear = draft.nodes[wire.from].outputs[wire.output]
-        .kind
-        .is_none_or(|kind| kind.is_linear());
+fn choices(
+    cx: &Context<'_>,
+    draft: &Draft,
+    clocks: &Clocks,
+    (a, b): (usize, usize),
+    flow: Flow,
+    wire: &Wire,
+) -> String {
+    let kind = draft.nodes[wire.from].outputs[wire.output].kind;
+    let linear = kind.is_none_or(Kind::is_linear);
     if clocks.list[a].driver != clocks.list[b].driver {
         let output = draft.nodes[wire.from].output_name(wire.output);
         return match (linear, flow) {
@@ -271,16 +282,16 @@ fn choices(draft: &Draft, clocks: &Clocks, a: usize, b: usize, flow: Flow, wire:
                 .to_owned(),
         };
     }
-    let mut bridges = vec!["Hold(...), the latest frame"];
-    if linear && flow == Flow::Sampled {
-        match rate_order(clocks, a, b) {
-            Ordering::Less => {
-                bridges.push("Linear(...), a straight line between frames, one slow frame late")
-            }
-            Ordering::Greater => bridges.push("Average(...), the mean of the frames since the last tick"),
-            Ordering::Equal => {}
-        }
-        bridges.push("Resample(...), band-limited");
-    }
+    let hold = BridgeEntry::of::<Hold>();
+    let fits = |bridge: &&BridgeEntry| {
+        **bridge == hold
+            || flow == Flow::Sampled
+                && bridge.spec.direction.leads(rate_order(clocks, a, b))
+                && kind.is_none_or(|kind| bridge.carries(kind))
+    };
+    let bridges = cx.registry.bridges().iter().filter(fits);
+    let bridges: Vec<String> = bridges
+        .map(|bridge| format!("{}(...), {}", bridge.spec.name, bridge.spec.gives))
+        .collect();
     format!("bridge it: {}", bridges.join("; or "))
 }

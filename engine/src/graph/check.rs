@@ -78,7 +78,11 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
         document,
         registry,
         sources: document.sources.clone(),
-        diagnostics: twice(registry).chain(document.findings.clone()).collect(),
+        diagnostics: twice(registry)
+            .chain(strangers(registry))
+            .chain(unlimited(registry))
+            .chain(document.findings.clone())
+            .collect(),
         files: Vec::new(),
     };
     let mut parameters = Parameters::read(&mut cx, &options.endpoints, &options.set);
@@ -126,7 +130,7 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
     build::assemble(cx, draft, clocks, devices, built, seed).map_or_else(|| failed(sources, list), Ok)
 }
 
-/// Reports names registered more than once; these errors have no place in the graph.
+/// Reports names registered more than once; these and the following errors have no place in the graph.
 fn twice(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
     registry.twice().map(|name| {
         let message = format!("two kinds are registered as `{name}`");
@@ -134,6 +138,36 @@ fn twice(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
         Diagnostic::error("E0212", Span::default(), message)
             .of_no_place()
             .help(help)
+    })
+}
+
+/// Reports ports whose kind of frames is not registered.
+fn strangers(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
+    registry.strangers().map(|(entry, port, kind)| {
+        let name = kind.spec().name;
+        let (message, help) = match registry.kind(name) {
+            None => (
+                format!("`{port}` of `{entry}` has frames of the kind `{name}`, which is not registered"),
+                "add the kind by `Registry::add_kind` where this program registers the other",
+            ),
+            Some(_) => (
+                format!("`{port}` of `{entry}` has frames of another kind `{name}` than the registered one"),
+                "use one definition of the kind for both",
+            ),
+        };
+        Diagnostic::error("E0213", Span::default(), message)
+            .of_no_place()
+            .help(help)
+    })
+}
+
+/// Reports driven channels whose frames no limiter takes.
+fn unlimited(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
+    registry.unlimited().map(|(entry, channel, kind)| {
+        let message = format!("`{channel}` of `{entry}` cannot be driven by {}", kind.spec().one);
+        Diagnostic::error("E0213", Span::default(), message)
+            .of_no_place()
+            .help("an actuator is driven by frames of 1, 3 or 6 components, which its limiter takes")
     })
 }
 

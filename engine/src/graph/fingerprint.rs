@@ -4,7 +4,7 @@
 use super::clocks::Clocks;
 use super::devices::DraftDevice;
 use super::draft::{Context, Draft};
-use super::{Graph, Work};
+use super::{Bridge, Graph, Work};
 use crate::document::folder;
 use crate::document::value::{Body, Shape, Tagged, Value};
 use crate::settings::Fields;
@@ -223,7 +223,10 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
             state.number(edge.output as u64);
             state.number(edge.input as u64);
             // The text has the exact numbers.
-            state.text(&format!("{:?}", edge.bridge));
+            state.text(&match edge.bridge {
+                Bridge::Between(bridge) => bridge.spec.name.to_owned(),
+                other => format!("{other:?}"),
+            });
         });
         (name, hash)
     });

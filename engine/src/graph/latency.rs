@@ -2,7 +2,6 @@
 
 use super::{Bridge, Edge, Graph, NodeId, Work};
 use crate::device::DeviceLatency;
-use crate::joining::resampler;
 use crate::node::Latency;
 use petgraph::graph::{EdgeReference, NodeIndex};
 use petgraph::visit::{DfsPostOrder, EdgeFiltered, EdgeRef};
@@ -76,20 +75,10 @@ impl Graph {
         let (Some(from), Some(to)) = (rate(from), rate(to)) else {
             return Latency::default();
         };
-        let slow_s = from.period_s().max(to.period_s());
-        let (transport_s, group_delay_s) = match edge.bridge {
-            Bridge::Direct | Bridge::Delay { .. } => (0.0, 0.0),
-            Bridge::Hold | Bridge::Average => (0.0, slow_s / 2.0),
-            Bridge::Linear => (slow_s, 0.0),
-            Bridge::Ring { latency_s } => (latency_s, 0.0),
-            Bridge::Resample => (
-                resampler(from, to).map_or(0.0, |resampler| resampler.latency_s()),
-                0.0,
-            ),
-        };
-        Latency {
-            transport_s,
-            group_delay_s,
+        match edge.bridge {
+            Bridge::Direct | Bridge::Delay { .. } => Latency::default(),
+            Bridge::Between(bridge) => bridge.latency(from, to),
+            Bridge::Ring { latency_s } => Latency::of_transport(latency_s),
         }
     }
 }

@@ -24,7 +24,7 @@ impl Memory {
         for node in &draft.nodes {
             for (_, wire) in node.wires() {
                 let from = &draft.nodes[wire.from];
-                let kind = from.outputs[wire.output].kind.unwrap_or(Kind::Scalar);
+                let kind = from.outputs[wire.output].kind.unwrap_or(Kind::SCALAR);
                 let frames = match wire.bridge {
                     Some((Bridge::Delay { frames, .. }, _)) => frames,
                     Some((Bridge::Ring { latency_s }, _)) => {

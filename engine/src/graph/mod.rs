@@ -25,6 +25,7 @@ pub use devices::{DeclaredDevice, declared_devices};
 pub use latency::PathLatency;
 pub use nodes::{Connection, NodeId, Nodes, TemplateOutput};
 
+use crate::bridges::BridgeEntry;
 use crate::device::{Channel, Device, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
@@ -217,14 +218,8 @@ pub struct Edge {
 pub enum Bridge {
     /// No bridge: both ends run on one clock.
     Direct,
-    /// Zero-order hold: the latest frame with time <= t.
-    Hold,
-    /// Linear interpolation between frames; delays by one period of the slow clock.
-    Linear,
-    /// The mean of the fast frames since the previous slow tick.
-    Average,
-    /// Band-limited resampling.
-    Resample,
+    /// Between clocks of one driver, by a registered type of bridge.
+    Between(BridgeEntry),
     /// To another driver: a ring and an asynchronous resampler.
     Ring {
         /// Delay from the writer's frame to the reader's tick, the resampler's delay included, s.

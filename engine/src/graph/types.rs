@@ -142,7 +142,7 @@ fn kind_of(draft: &Draft, node: usize, rule: KindRule) -> Option<Kind> {
     match rule {
         KindRule::Is(kind) => Some(kind),
         // An output without a rule carries scalars.
-        KindRule::Linear | KindRule::Any => Some(Kind::Scalar),
+        KindRule::Linear | KindRule::Any => Some(Kind::SCALAR),
         KindRule::Same(input) => {
             let connected = target
                 .slots_of(input)
@@ -150,7 +150,7 @@ fn kind_of(draft: &Draft, node: usize, rule: KindRule) -> Option<Kind> {
             if !connected {
                 return match port(target, input)?.kind {
                     KindRule::Is(kind) => Some(kind),
-                    _ => Some(Kind::Scalar),
+                    _ => Some(Kind::SCALAR),
                 };
             }
             target
@@ -227,24 +227,27 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         .flatten();
     if let Some(kind) = carried.kind {
         let (fits, wanted) = match port.kind {
-            KindRule::Is(wanted) => (kind == wanted, format!("takes {}", a(wanted))),
+            KindRule::Is(wanted) => (kind == wanted, format!("takes {}", wanted.spec().one)),
             KindRule::Linear if !kind.is_linear() => (false, "takes scalars, 3-vectors or wrenches".into()),
             KindRule::Same(other) if other != port.name => {
                 let wanted = kind_of(draft, node, port.kind)?;
-                (kind == wanted, format!("takes {}, like `{other}`", a(wanted)))
+                (
+                    kind == wanted,
+                    format!("takes {}, like `{other}`", wanted.spec().one),
+                )
             }
             _ => match first_in_list.and_then(|first| first.kind) {
                 Some(first) => (
                     kind == first,
-                    format!("takes signals of one kind, and the first is {}", a(first)),
+                    format!("takes signals of one kind, and the first is {}", first.spec().one),
                 ),
                 None => (true, String::new()),
             },
         };
         if !fits {
-            let message = format!("{to} {wanted}, but `{from}` is {}", a(kind));
+            let message = format!("{to} {wanted}, but `{from}` is {}", kind.spec().one);
             let diagnostic =
-                Diagnostic::error("E0403", wire.span, message).label(format!("this is {}", a(kind)));
+                Diagnostic::error("E0403", wire.span, message).label(format!("this is {}", kind.spec().one));
             let wanted = match port.kind {
                 KindRule::Is(wanted) => Some(wanted),
                 _ => None,
@@ -359,15 +362,6 @@ fn swapped(
         "did you swap `{}` and `{}`?",
         ports[slot.port].name, ports[other.port].name
     ))
-}
-
-/// The kind with its article.
-fn a(kind: Kind) -> String {
-    match kind {
-        Kind::Weights | Kind::Coefficients => kind.to_string(),
-        Kind::Event => format!("an {kind}"),
-        _ => format!("a {kind}"),
-    }
 }
 
 fn word(quantity: Quantity) -> String {

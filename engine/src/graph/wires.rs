@@ -7,14 +7,13 @@ use super::{Bridge, NodeId, TemplateOutput};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::Presence;
+use crate::registry::RESERVED;
 use crate::settings::{Fields, Reading, Setting, closest};
 use petgraph::graph::NodeIndex;
 
 /// Largest delay in frames: 100 s at 10 kHz, 0.5 GB for the widest frames.
 const MAX_DELAY_FRAMES: f64 = 1e6;
 
-/// Names of bridges and of `Input`.
-const FORMS: [&str; 7] = ["Hold", "Linear", "Average", "Resample", "Ring", "Delay", "Input"];
 /// Largest latency of a ring, ms.
 const MAX_RING_LATENCY_MS: f64 = 1000.0;
 /// Largest nesting of templates in a connection.
@@ -175,16 +174,6 @@ fn resolve(cx: &mut Context<'_>, draft: &Draft, scope: usize, value: &Value, dep
             name: Some(form),
             body,
         }) => match (form.text.as_str(), body) {
-            ("Hold" | "Linear" | "Average" | "Resample", Body::Tuple(inner)) if inner.len() == 1 => {
-                let bridge = match form.text.as_str() {
-                    "Hold" => Bridge::Hold,
-                    "Linear" => Bridge::Linear,
-                    "Average" => Bridge::Average,
-                    _ => Bridge::Resample,
-                };
-                let wire = resolve(cx, draft, scope, &inner[0], depth + 1)?;
-                bridged(cx, draft, wire, bridge, form.span, value.span, scope)
-            }
             ("Delay", Body::Fields(fields)) => delayed(cx, draft, scope, value, form, fields, depth),
             ("Ring", Body::Fields(fields)) => ringed(cx, draft, scope, value, form, fields, depth),
             ("Input", Body::Tuple(inner)) => match inner.as_slice() {
@@ -194,6 +183,14 @@ fn resolve(cx: &mut Context<'_>, draft: &Draft, scope: usize, value: &Value, dep
                         ..
                     },
                 ] => handed_in(cx, draft, scope, value.span, input, depth),
+                _ => not_a_connection(cx, value),
+            },
+            (name, Body::Tuple(inner)) => match (cx.registry.bridge(name), inner.as_slice()) {
+                (Some(bridge), [inner]) => {
+                    let wire = resolve(cx, draft, scope, inner, depth + 1)?;
+                    let bridge = Bridge::Between(bridge);
+                    bridged(cx, draft, wire, bridge, form.span, value.span, scope)
+                }
                 _ => not_a_connection(cx, value),
             },
             _ => not_a_connection(cx, value),
@@ -209,20 +206,27 @@ fn not_a_connection<T>(cx: &mut Context<'_>, value: &Value) -> Option<T> {
     };
     let message = format!("expected a connection, found {found}");
     let mut diagnostic = Diagnostic::error("E0411", span, message).label("expected \"node.output\"");
+    let bridges: Vec<&str> = cx
+        .registry
+        .bridges()
+        .iter()
+        .map(|bridge| bridge.spec.name)
+        .collect();
     if let Shape::Tagged(Tagged { name: Some(name), .. }) = &value.shape {
         diagnostic = match name.text.as_str() {
             "Delay" => diagnostic.help("write `Delay(from: \"node.output\", frames: 1)`"),
             "Ring" => diagnostic.help("write `Ring(from: \"node.output\", latency_ms: 10)`"),
             "Input" => diagnostic.help("write `Input(\"name\")`"),
-            known if FORMS.contains(&known) => diagnostic.help(format!("write `{known}(\"node.output\")`")),
+            known if bridges.contains(&known) => diagnostic.help(format!("write `{known}(\"node.output\")`")),
             node if value.bare_name().is_some() => {
                 diagnostic.help(format!("the name of a node is written in quotes: `\"{node}\"`"))
             }
-            unknown => match closest(unknown, FORMS) {
+            unknown => match closest(unknown, bridges.iter().copied().chain(RESERVED)) {
                 Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
-                None => diagnostic.help(
-                    "a connection is a name in quotes, or one in Hold, Linear, Average, Resample, Ring or Delay",
-                ),
+                None => diagnostic.help(format!(
+                    "a connection is a name in quotes, or one in {}, Ring or Delay",
+                    bridges.join(", ")
+                )),
             },
         };
     } else if let Shape::Number(_, number) = &value.shape {
@@ -436,10 +440,7 @@ fn bridged(
 pub(super) fn name_of(bridge: Bridge) -> &'static str {
     match bridge {
         Bridge::Direct => "Direct",
-        Bridge::Hold => "Hold",
-        Bridge::Linear => "Linear",
-        Bridge::Average => "Average",
-        Bridge::Resample => "Resample",
+        Bridge::Between(bridge) => bridge.spec.name,
         Bridge::Ring { .. } => "Ring",
         Bridge::Delay { .. } => "Delay",
     }

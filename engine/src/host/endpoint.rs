@@ -73,7 +73,7 @@ pub(crate) struct HostEndpoint {
     timeout_ticks: u64,
     input: LiveInput,
     /// Each sensed channel and its present value.
-    pub(super) senses: Vec<(HostChannel, [f64; 6])>,
+    pub(super) senses: Vec<(HostChannel, Box<[f64]>)>,
     pub(super) drives: Vec<HostChannel>,
     tick: u64,
     /// Ticks since the last new value.
@@ -106,7 +106,8 @@ impl Device for HostEndpoint {
             channel: *channel,
             queue: Arc::new(Queue::new(channel.kind.width(), frames)),
         };
-        self.senses = senses.iter().map(|channel| (queued(channel), [0.0; 6])).collect();
+        let sensed = |channel: &Channel| (queued(channel), channel.kind.neutral().collect());
+        self.senses = senses.iter().map(sensed).collect();
         self.drives = drives.iter().map(queued).collect();
     }
 

@@ -24,7 +24,7 @@ pub trait HostFrame: Copy + Default + Send + 'static {
 }
 
 impl HostFrame for Scalar {
-    const KIND: Kind = Kind::Scalar;
+    const KIND: Kind = Kind::SCALAR;
     fn components(&self) -> &[f64] {
         std::slice::from_ref(self)
     }
@@ -34,7 +34,7 @@ impl HostFrame for Scalar {
 }
 
 impl HostFrame for Vector {
-    const KIND: Kind = Kind::Vector;
+    const KIND: Kind = Kind::VECTOR;
     fn components(&self) -> &[f64] {
         self
     }
@@ -44,7 +44,7 @@ impl HostFrame for Vector {
 }
 
 impl HostFrame for Wrench {
-    const KIND: Kind = Kind::Wrench;
+    const KIND: Kind = Kind::WRENCH;
     fn components(&self) -> &[f64] {
         self
     }

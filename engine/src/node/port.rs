@@ -25,10 +25,10 @@ use std::marker::PhantomData;
 ///     doc: "A force against a velocity.",
 ///     source: "",
 ///     inputs: &[
-///         input("velocity", Kind::Vector, Quantity::SPEED, "Of the tool, m/s."),
-///         input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N.").optional(),
+///         input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
+///         input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
 ///     ],
-///     outputs: &[output("force", Kind::Vector, Quantity::FORCE, "On the tool, N.")],
+///     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
 ///     example: "",
 /// };
 ///
@@ -45,10 +45,10 @@ use std::marker::PhantomData;
 /// # const SPEC: NodeSpec = NodeSpec {
 /// #     name: "Viscous", group: "mine", doc: "A force against a velocity.", source: "",
 /// #     inputs: &[
-/// #         input("velocity", Kind::Vector, Quantity::SPEED, "Of the tool, m/s."),
-/// #         input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N.").optional(),
+/// #         input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
+/// #         input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
 /// #     ],
-/// #     outputs: &[output("force", Kind::Vector, Quantity::FORCE, "On the tool, N.")],
+/// #     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
 /// #     example: "",
 /// # };
 /// const VELOCITY: Input<Vector> = SPEC.input("speed");
@@ -62,10 +62,10 @@ use std::marker::PhantomData;
 /// # const SPEC: NodeSpec = NodeSpec {
 /// #     name: "Viscous", group: "mine", doc: "A force against a velocity.", source: "",
 /// #     inputs: &[
-/// #         input("velocity", Kind::Vector, Quantity::SPEED, "Of the tool, m/s."),
-/// #         input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N.").optional(),
+/// #         input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
+/// #         input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
 /// #     ],
-/// #     outputs: &[output("force", Kind::Vector, Quantity::FORCE, "On the tool, N.")],
+/// #     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
 /// #     example: "",
 /// # };
 /// const VELOCITY: Input<Scalar> = SPEC.input("velocity");
@@ -79,10 +79,10 @@ use std::marker::PhantomData;
 /// # const SPEC: NodeSpec = NodeSpec {
 /// #     name: "Viscous", group: "mine", doc: "A force against a velocity.", source: "",
 /// #     inputs: &[
-/// #         input("velocity", Kind::Vector, Quantity::SPEED, "Of the tool, m/s."),
-/// #         input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N.").optional(),
+/// #         input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
+/// #         input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
 /// #     ],
-/// #     outputs: &[output("force", Kind::Vector, Quantity::FORCE, "On the tool, N.")],
+/// #     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
 /// #     example: "",
 /// # };
 /// const LOAD: Input<Scalar> = SPEC.input("load");
@@ -96,10 +96,10 @@ use std::marker::PhantomData;
 /// # const SPEC: NodeSpec = NodeSpec {
 /// #     name: "Viscous", group: "mine", doc: "A force against a velocity.", source: "",
 /// #     inputs: &[
-/// #         input("velocity", Kind::Vector, Quantity::SPEED, "Of the tool, m/s."),
-/// #         input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N.").optional(),
+/// #         input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
+/// #         input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
 /// #     ],
-/// #     outputs: &[output("force", Kind::Vector, Quantity::FORCE, "On the tool, N.")],
+/// #     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
 /// #     example: "",
 /// # };
 /// const VELOCITY: Input<Vector, Held> = SPEC.input("velocity");
@@ -119,7 +119,7 @@ pub struct Input<F, M = Sampled> {
 /// # use haptograph_signal::quantity::Quantity;
 /// # const SPEC: NodeSpec = NodeSpec {
 /// #     name: "Weight", group: "mine", doc: "A force.", source: "", inputs: &[],
-/// #     outputs: &[output("force", Kind::Vector, Quantity::FORCE, "On the tool, N.")],
+/// #     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
 /// #     example: "",
 /// # };
 /// // It is a 3-vector.
@@ -394,7 +394,7 @@ impl Kinds {
         match (self, rule) {
             (Self::Any, _) | (Self::Linear, KindRule::Linear) => true,
             (Self::Linear, KindRule::Is(kind)) => kind.is_linear(),
-            (Self::One(wanted), KindRule::Is(kind)) => wanted as usize == kind as usize,
+            (Self::One(wanted), KindRule::Is(kind)) => wanted.is(kind),
             _ => false,
         }
     }

@@ -6,7 +6,7 @@ use super::order::{Group, delay_frames, order};
 use super::resolve::{self, Places};
 use super::slots::Demand;
 use super::{
-    ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, Delivered, DevicePlan, MAX_BLOCK, NodeKey, Plan,
+    ActuatorPlan, BridgePlan, BridgeWork, DelayPlan, Delivered, DevicePlan, MAX_BLOCK, NodeKey, Plan,
     PlanOptions, StepTime, StepWork, Tap,
 };
 use crate::graph::{Bridge, Edge, Graph, NodeId, Work};
@@ -386,32 +386,30 @@ impl<'a> Builder<'a> {
         group: usize,
     ) -> (Port, Form) {
         let form = |held| if held { Form::Runs } else { Form::Sampled };
-        let (kind, name) = match edge.bridge {
+        let (work, name) = match edge.bridge {
             Bridge::Direct => return (self.ports[from.index()][edge.output], Form::Sampled),
             Bridge::Delay { .. } => match self.loops.get(&id) {
                 Some((_, port)) => return (*port, Form::Sampled),
-                None => (BridgeKind::Delay(self.delay_plan(from, edge)), "delay"),
+                None => (BridgeWork::Delay(self.delay_plan(from, edge)), "Delay"),
             },
             Bridge::Ring { .. } => match self.rings.get(&id) {
                 Some(port) => return (*port, Form::Sampled),
                 // Unreachable: a ring is read ahead of its reader's group.
                 None => return (ABSENT, Form::Absent),
             },
-            Bridge::Hold if held => (BridgeKind::HoldRuns, "hold"),
-            Bridge::Hold => (BridgeKind::Hold, "hold"),
-            Bridge::Linear => (BridgeKind::Linear, "linear"),
-            Bridge::Average => (BridgeKind::Average, "average"),
-            Bridge::Resample => (BridgeKind::Resample, "resample"),
+            // The check lets nothing but `Hold` feed a held input.
+            Bridge::Between(bridge) if held => (BridgeWork::Runs, bridge.spec.name),
+            Bridge::Between(bridge) => (BridgeWork::Frames(bridge), bridge.spec.name),
         };
         let clock = self.graph.nodes[to].clock.unwrap_or(0);
-        let runs = kind == BridgeKind::HoldRuns;
+        let runs = work == BridgeWork::Runs;
         let key = (from, edge.output, name, clock, runs, group);
-        let shared = !matches!(kind, BridgeKind::Delay(_));
+        let shared = !matches!(work, BridgeWork::Delay(_));
         if shared && let Some(port) = self.crossings.get(&key) {
             return (*port, form(runs));
         }
         let port = self.bridge(
-            kind,
+            work,
             name,
             self.ports[from.index()][edge.output],
             clock,
@@ -425,7 +423,7 @@ impl<'a> Builder<'a> {
 
     fn bridge(
         &mut self,
-        kind: BridgeKind,
+        bridge: BridgeWork,
         name: &str,
         source: Port,
         clock: usize,
@@ -434,17 +432,17 @@ impl<'a> Builder<'a> {
         let width = source.placing.width as usize;
         let (max_from, max_to) = (self.most_frames(source.clock as usize), self.most_frames(clock));
         self.plan.bridges.push(BridgePlan {
-            kind,
+            work: bridge,
             from: source.clock,
-            width,
+            kind: self.graph.nodes[from].outputs[output].kind,
             max_from,
             max_to,
         });
         let work = StepWork::Bridge((self.plan.bridges.len() - 1) as u32);
-        let label = format!("{name} {}", self.port_name(from, output));
+        let label = format!("{} {}", name.to_lowercase(), self.port_name(from, output));
         let step = self.step(work, clock, to, label);
         self.bind(step, source, Form::Sampled);
-        if kind == BridgeKind::HoldRuns {
+        if bridge == BridgeWork::Runs {
             let len = 1 + (max_from.min(max_to) + 2) * (width + 1);
             return self.allot_len(step, clock, width, len);
         }

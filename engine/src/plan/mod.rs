@@ -11,7 +11,9 @@ mod resolve;
 mod show;
 mod slots;
 
+use crate::bridges::BridgeEntry;
 use crate::device::Device;
+use crate::frame::Kind;
 use crate::graph::{Graph, LiveSetting, NodeId};
 use crate::io::{Extent, Placing, ResolvedInput};
 use crate::limiter::ClipCounts;
@@ -285,10 +287,11 @@ impl StepTime {
 /// A bridge in a plan; the reader's clock is that of its step.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct BridgePlan {
-    pub kind: BridgeKind,
+    pub work: BridgeWork,
     /// Clock of the writer.
     pub from: u32,
-    pub width: usize,
+    /// Kind of the frames.
+    pub kind: Kind,
     /// Largest number of the writer's frames in a block.
     pub max_from: usize,
     /// Largest number of the reader's frames in a block.
@@ -296,12 +299,11 @@ pub(crate) struct BridgePlan {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum BridgeKind {
-    Hold,
-    HoldRuns,
-    Linear,
-    Average,
-    Resample,
+pub(crate) enum BridgeWork {
+    /// From frames to frames.
+    Frames(BridgeEntry),
+    /// From frames to runs of held ones.
+    Runs,
     /// Index among the delays.
     Delay(u32),
 }

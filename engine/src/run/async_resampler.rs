@@ -12,8 +12,8 @@ mod meter;
 
 pub use meter::{RingCounts, RingMeter};
 
+use crate::bridges::steered;
 use crate::io::touched_ring;
-use crate::joining::steered;
 use crate::plan::RingSpec;
 use haptograph_signal::resample::{MAX_CORRECTION_PPM, SteeredResampler};
 use rtrb::{Consumer, Producer};
@@ -29,8 +29,6 @@ const NATURAL_FREQUENCY: f64 = 4e-4;
 /// Pole that smooths the steps that callbacks cause in the fill, as a multiple of the natural frequency.
 const SMOOTHING: f64 = 10.0;
 const MAX_CORRECTION: f64 = MAX_CORRECTION_PPM * 1e-6;
-/// Components of a wrench, the widest frame that can be resampled.
-const MAX_WIDTH: usize = 6;
 
 /// Latency of a ring beyond the resampler's, s.
 pub(super) fn reserve_s(plan: &RingSpec) -> f64 {
@@ -131,7 +129,7 @@ pub struct AsyncResamplerReader {
     quiet_ticks: u32,
     fade_ticks: u32,
     /// The last output frame.
-    latest: [f64; MAX_WIDTH],
+    latest: Box<[f64]>,
     steering: Steering,
     /// Ticks read since the last poll.
     ticks: u64,
@@ -189,7 +187,7 @@ impl AsyncResamplerReader {
             flow: Flow::Waiting,
             quiet_ticks: (2.0 * kernel_s * plan.to.hz()).ceil() as u32,
             fade_ticks: (DRY_FADE_S * plan.to.hz()).ceil() as u32,
-            latest: [0.0; MAX_WIDTH],
+            latest: vec![0.0; plan.width].into(),
             steering: Steering {
                 rate_hz: plan.from.hz(),
                 period_s: plan.to.period_s(),
@@ -347,7 +345,7 @@ impl AsyncResamplerReader {
         }
         self.fade_in(y);
         if let Some(last) = y.chunks_exact(width).last() {
-            self.latest[..width].copy_from_slice(last);
+            self.latest.copy_from_slice(last);
         }
     }
 

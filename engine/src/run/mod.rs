@@ -4,10 +4,10 @@ mod actuator;
 mod arm;
 mod arrivals;
 mod async_resampler;
-mod bridge;
 mod control;
 mod cost;
 mod crossfade;
+mod delay;
 mod device;
 mod fade;
 mod fault;
@@ -27,8 +27,8 @@ mod timer;
 mod walk;
 mod window;
 
+pub use crate::bridges::least_ring_latency_s;
 pub use crate::histogram::{AgeMeter, Histogram, SharedHistogram};
-pub use crate::joining::least_ring_latency_s;
 pub use crate::plan::RingSpec;
 pub use actuator::ActuatorReport;
 pub use arm::{ARM_FALL_S, ARM_HOLD_S, ARM_RISE_S, ArmSwitch};
@@ -50,13 +50,14 @@ pub use silence::{ActuatorLevel, ActuatorStatus, InputStatus};
 pub use swap::{Change, NoCrossFade};
 pub use timer::{Timer, TimerNotes, TimerThread};
 
+use crate::bridges::{BridgeContext, BridgeEntry, BridgeState, HoldRuns};
 use crate::device::Device;
 use crate::graph::NodeId;
 use crate::io::Memory;
 use crate::node::{Processor, SettingId};
-use crate::plan::{Plan, SingleStep, StepWork};
+use crate::plan::{BridgeWork, Plan, SingleStep, StepWork};
 use actuator::ActuatorState;
-use bridge::{BridgeState, DelayState};
+use delay::DelayState;
 use device::DeviceState;
 use fade::FadeGate;
 use profile::{NoObserver, StepObserver};
@@ -86,7 +87,8 @@ struct State {
     singles: Vec<SingleStep>,
     devices: Vec<DeviceState>,
     actuators: Vec<ActuatorState>,
-    bridges: Vec<BridgeState>,
+    /// `None` for a delay.
+    bridges: Vec<Option<Box<dyn BridgeState>>>,
     delays: Vec<DelayState>,
     ring_ends: RingEnds,
     faults: Faults,
@@ -110,11 +112,23 @@ impl Run {
     /// Clones the plan's initial state and allocates all memory that running needs.
     pub fn new(plan: Arc<Plan>) -> Self {
         let rate = |clock: u32| plan.rates[clock as usize];
-        let mut bridges: Vec<BridgeState> = Vec::with_capacity(plan.bridges.len());
+        let mut bridges = Vec::with_capacity(plan.bridges.len());
         for step in &plan.steps {
             if let StepWork::Bridge(index) = step.work {
                 let bridge = &plan.bridges[index as usize];
-                bridges.push(BridgeState::new(bridge, rate(bridge.from), rate(step.clock)));
+                let entry = match bridge.work {
+                    BridgeWork::Frames(entry) => Some(entry),
+                    BridgeWork::Runs => Some(BridgeEntry::of::<HoldRuns>()),
+                    BridgeWork::Delay(_) => None,
+                };
+                let cx = BridgeContext {
+                    kind: bridge.kind,
+                    from: rate(bridge.from),
+                    to: rate(step.clock),
+                    max_from: bridge.max_from,
+                    max_to: bridge.max_to,
+                };
+                bridges.push(entry.map(|entry| entry.build(&cx)));
             }
         }
         let state = State {

@@ -9,8 +9,9 @@ pub(super) use decide::SwapMode;
 
 use super::Run;
 use super::rings::TapRings;
+use crate::frame::Kind;
 use crate::limiter::Hottest;
-use crate::plan::{BridgeKind, DelayPlan, NodeKey, Plan, Step, StepWork};
+use crate::plan::{BridgeWork, DelayPlan, NodeKey, Plan, Step, StepWork};
 use decide::{Common, Facts, decide};
 use haptograph_signal::time::Rate;
 use std::collections::{HashMap, HashSet};
@@ -144,7 +145,9 @@ impl PlanSwap {
             new.update_single(*to);
         }
         for (from, to) in &self.bridges {
-            new.bridges[*to].copy_state_from(&old.bridges[*from]);
+            if let (Some(new), Some(old)) = (&mut new.bridges[*to], &old.bridges[*from]) {
+                new.continue_from(&**old);
+            }
         }
         for (from, to, transfer) in &self.delays {
             match transfer {
@@ -232,24 +235,24 @@ fn with_transfers(pairs: Vec<(usize, usize)>) -> Vec<(usize, usize, StateTransfe
     all
 }
 
-fn bridge(plan: &Plan, step: &Step) -> Option<(usize, (BridgeKind, usize, Rate, Rate))> {
+fn bridge(plan: &Plan, step: &Step) -> Option<(usize, (BridgeWork, Kind, Rate, Rate))> {
     let StepWork::Bridge(index) = step.work else {
         return None;
     };
     let bridge = &plan.bridges[index as usize];
-    if let BridgeKind::Delay(_) = bridge.kind {
+    if let BridgeWork::Delay(_) = bridge.work {
         return None;
     }
     let rate = |clock: u32| plan.rates[clock as usize];
-    let key = (bridge.kind, bridge.width, rate(bridge.from), rate(step.clock));
+    let key = (bridge.work, bridge.kind, rate(bridge.from), rate(step.clock));
     Some((index as usize, key))
 }
 
 fn delay(plan: &Plan, step: &Step) -> Option<(usize, DelayPlan)> {
     let index = match step.work {
         StepWork::DelayRead(index) => index,
-        StepWork::Bridge(index) => match plan.bridges[index as usize].kind {
-            BridgeKind::Delay(index) => index,
+        StepWork::Bridge(index) => match plan.bridges[index as usize].work {
+            BridgeWork::Delay(index) => index,
             _ => return None,
         },
         _ => return None,

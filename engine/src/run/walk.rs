@@ -2,13 +2,13 @@
 
 use super::State;
 use super::actuator::When;
-use super::bridge::Ends;
 use super::device::Ownership;
 use super::profile::StepObserver;
 use super::window::{Window, range_of};
+use crate::bridges::Ends;
 use crate::io::{Form, Io, ResolvedInput};
 use crate::node::{SettingId, Tick};
-use crate::plan::{BridgeKind, Plan, Step, StepWork};
+use crate::plan::{BridgeWork, Plan, Step, StepWork};
 use std::ops::Range;
 
 impl State {
@@ -162,22 +162,20 @@ impl State {
         match step.work {
             StepWork::Bridge(index) => {
                 let bridge = &plan.bridges[index as usize];
+                let from = self.windows.of(bridge.from);
                 let ends = Ends {
-                    from: self.windows.of(bridge.from),
-                    from_period: self.windows.period(bridge.from),
-                    to: window,
-                    to_period: self.windows.period(step.clock),
+                    from: from.ticks(self.windows.period(bridge.from)),
+                    to: window.ticks(self.windows.period(step.clock)),
                 };
-                let x = input(around, &step.inputs[0], ends.from);
-                match bridge.kind {
-                    BridgeKind::HoldRuns => {
-                        let y = &mut out[step.outputs[0].start as usize..];
-                        self.bridges[index as usize].cross(&ends, x, y);
-                    }
-                    BridgeKind::Delay(delay) => {
-                        self.delays[delay as usize].pass(window, x, output(out, step, window));
-                    }
-                    _ => self.bridges[index as usize].cross(&ends, x, output(out, step, window)),
+                let x = input(around, &step.inputs[0], from);
+                let y = match bridge.work {
+                    BridgeWork::Runs => &mut out[step.outputs[0].start as usize..],
+                    _ => output(out, step, window),
+                };
+                match (bridge.work, &mut self.bridges[index as usize]) {
+                    (BridgeWork::Delay(delay), _) => self.delays[delay as usize].pass(window, x, y),
+                    (_, Some(state)) => state.convert(&ends, x, y),
+                    (_, None) => {}
                 }
             }
             StepWork::Actuator(index) => {

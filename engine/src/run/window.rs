@@ -1,5 +1,6 @@
 //! Windows: the ticks of every clock in an interval of time.
 
+use crate::bridges::Ticks;
 use crate::plan::Plan;
 use haptograph_signal::time::{TimeBase, ticks_before};
 use std::ops::Range;
@@ -22,6 +23,15 @@ impl Window {
             first: self.first + frame as u64,
             count: 1,
             offset: self.offset + frame,
+        }
+    }
+
+    /// Its ticks, of a clock of this period.
+    pub(crate) fn ticks(self, period: u64) -> Ticks {
+        Ticks {
+            first: self.first,
+            count: self.count,
+            period,
         }
     }
 

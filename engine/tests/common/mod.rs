@@ -2,7 +2,7 @@
 #![allow(dead_code)]
 
 use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, DeviceSpec};
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, KindSpec, Level};
 use haptograph_engine::node::{
     ActuatorKind, BuildContext, BuildError, FileContext, FileKind, FileSink, Flow, FrameWriter, InputSpec,
     Io, KindRule, Limit, NodeEntry, NodeKind, NodeSpec, OutputSpec, Presence, Processor, QuantityRule,
@@ -13,9 +13,21 @@ use haptograph_engine::{choices, settings};
 use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
 
+/// A kind that the engine does not have.
+pub const WEIGHTS: Kind = Kind::new(&KindSpec {
+    name: "weights",
+    one: "weights",
+    components: &["model", "weight"],
+    neutral: &[],
+    is_linear: false,
+    bridges: &[],
+    level: Level::norm("size"),
+});
+
 pub fn registry() -> Registry {
     let mut registry = Registry::new();
     registry
+        .add_kind(WEIGHTS)
         .add(NodeEntry::processor::<Sine>())
         .add(NodeEntry::processor::<Gain>())
         .add(NodeEntry::processor::<Sum>())
@@ -103,7 +115,7 @@ impl NodeKind for Sine {
         &[],
         &[OutputSpec {
             name: "output",
-            kind: KindRule::Is(Kind::Scalar),
+            kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Setting("quantity"),
             doc: "The tone.",
         }],
@@ -230,12 +242,12 @@ impl NodeKind for Filter {
         "Filter",
         "A synthesis filter.",
         &[
-            input("weights", Kind::Weights, Quantity::NUMBER, "Which models.").held(),
-            input("excitation", Kind::Scalar, Quantity::NUMBER, "Noise.").optional(),
+            input("weights", WEIGHTS, Quantity::NUMBER, "Which models.").held(),
+            input("excitation", Kind::SCALAR, Quantity::NUMBER, "Noise.").optional(),
         ],
         &[output(
             "acceleration",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::ACCELERATION,
             "The vibration.",
         )],
@@ -259,10 +271,10 @@ silent!(
         "Locate",
         "Finds the models of a speed and force.",
         &[
-            input("speed", Kind::Scalar, Quantity::SPEED, "Speed of the tool."),
-            input("force", Kind::Scalar, Quantity::FORCE, "Normal force."),
+            input("speed", Kind::SCALAR, Quantity::SPEED, "Speed of the tool."),
+            input("force", Kind::SCALAR, Quantity::FORCE, "Normal force."),
         ],
-        &[output("weights", Kind::Weights, Quantity::NUMBER, "The models.")],
+        &[output("weights", WEIGHTS, Quantity::NUMBER, "The models.")],
     )
 );
 silent!(
@@ -271,10 +283,10 @@ silent!(
     spec(
         "Split",
         "Takes a vector apart.",
-        &[input("position", Kind::Vector, Quantity::LENGTH, "The vector.")],
+        &[input("position", Kind::VECTOR, Quantity::LENGTH, "The vector.")],
         &[
-            output("x", Kind::Scalar, Quantity::LENGTH, "Along x."),
-            output("y", Kind::Scalar, Quantity::LENGTH, "Along y."),
+            output("x", Kind::SCALAR, Quantity::LENGTH, "Along x."),
+            output("y", Kind::SCALAR, Quantity::LENGTH, "Along y."),
         ],
     )
 );
@@ -284,8 +296,8 @@ silent!(
     spec(
         "SpeedMeter",
         "Speed of a point.",
-        &[input("position", Kind::Vector, Quantity::LENGTH, "The point.")],
-        &[output("speed", Kind::Scalar, Quantity::SPEED, "Its speed.")],
+        &[input("position", Kind::VECTOR, Quantity::LENGTH, "The point.")],
+        &[output("speed", Kind::SCALAR, Quantity::SPEED, "Its speed.")],
     )
 );
 silent!(
@@ -296,13 +308,13 @@ silent!(
         "From acceleration to current.",
         &[input(
             "acceleration",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::ACCELERATION,
             "What is wanted."
         )],
         &[output(
             "current",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::CURRENT,
             "What makes it."
         )],
@@ -372,13 +384,13 @@ impl ActuatorKind for Drive {
         "Drives a coil.",
         &[input(
             "current",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::CURRENT,
             "What is given.",
         )],
         &[output(
             "delivered",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::CURRENT,
             "What was given.",
         )],
@@ -400,15 +412,15 @@ const STYLUS: NodeSpec = spec(
     "A stylus on a tablet.",
     &[],
     &[
-        output("position", Kind::Vector, Quantity::LENGTH, "Its tip."),
-        output("force", Kind::Scalar, Quantity::FORCE, "Normal force."),
+        output("position", Kind::VECTOR, Quantity::LENGTH, "Its tip."),
+        output("force", Kind::SCALAR, Quantity::FORCE, "Normal force."),
     ],
 );
 const THERMOMETER: NodeSpec = spec(
     "Thermometer",
     "Temperature.",
     &[],
-    &[output("temperature", Kind::Scalar, Quantity::TEMPERATURE, "Now.")],
+    &[output("temperature", Kind::SCALAR, Quantity::TEMPERATURE, "Now.")],
 );
 
 #[derive(Clone)]
@@ -447,8 +459,8 @@ impl DeviceKind for Tablet {
         source: "",
         simulated: true,
         senses: &[
-            channel("position", Kind::Vector, Quantity::LENGTH),
-            channel("force", Kind::Scalar, Quantity::FORCE),
+            channel("position", Kind::VECTOR, Quantity::LENGTH),
+            channel("force", Kind::SCALAR, Quantity::FORCE),
         ],
         drives: &[],
         example: "",
@@ -466,8 +478,8 @@ impl DeviceKind for Coil {
         doc: "A voice coil.",
         source: "",
         simulated: false,
-        senses: &[channel("temperature", Kind::Scalar, Quantity::TEMPERATURE)],
-        drives: &[channel("current", Kind::Scalar, Quantity::CURRENT)],
+        senses: &[channel("temperature", Kind::SCALAR, Quantity::TEMPERATURE)],
+        drives: &[channel("current", Kind::SCALAR, Quantity::CURRENT)],
         example: "",
     };
     fn build(_: Self::Settings, _: &BuildContext) -> Result<Box<dyn Device>, BuildError> {

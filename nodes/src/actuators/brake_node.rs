@@ -75,11 +75,11 @@ impl NodeKind for BrakeController {
               outputs zero while the modelled coil is too hot.",
         source: "5.5, Eq. 5.5.9, 5.5.10 and 5.5.12",
         inputs: &[
-            input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N."),
-            input("friction", Kind::Vector, Quantity::FORCE, "Measured friction, N."),
+            input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
+            input("friction", Kind::VECTOR, Quantity::FORCE, "Measured friction, N."),
             input(
                 "speed",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::SPEED,
                 "Speed along the surface, m/s.",
             ),
@@ -87,32 +87,32 @@ impl NodeKind for BrakeController {
         outputs: &[
             output(
                 "current",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::CURRENT,
                 "Current for the brake, A.",
             ),
             output(
                 "measured",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::NUMBER,
                 "Measured coefficient of friction; it holds its last value at rest.",
             ),
             output(
                 "trim",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::NUMBER,
                 "Correction of the coefficient.",
             ),
             output(
                 "reach",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::NUMBER,
                 "0: the requested friction can be rendered. 1: the free pen has more. 2: the current is at its limit. 3: the plunger \
                  would lift the ball. 4: the correction is at its limit. 5: the coil is too hot.",
             ),
             output(
                 "coil",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::TEMPERATURE,
                 "Modelled temperature of the coil, K.",
             ),
@@ -235,13 +235,13 @@ impl ActuatorKind for BrakeSink {
         source: "5.5",
         inputs: &[input(
             "brake",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::CURRENT,
             "Requested current, A.",
         )],
         outputs: &[output(
             "delivered",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::CURRENT,
             "Current after the limit, A.",
         )],
@@ -287,7 +287,7 @@ mod tests {
 
     #[test]
     fn at_rest_the_current_is_that_of_the_experimental_line() {
-        let kinds = [Kind::Scalar, Kind::Vector, Kind::Scalar];
+        let kinds = [Kind::SCALAR, Kind::VECTOR, Kind::SCALAR];
         let mut bench = Bench::new::<BrakeController>(settings(Some(0.35)), 1000.0, &kinds).unwrap();
         let out = bench.run(&[&[1.0], &[0.0; 3], &[0.0]]);
         let pen = Solenoid::THESIS;
@@ -299,7 +299,7 @@ mod tests {
 
     #[test]
     fn another_pen_is_driven_by_its_own_constants() {
-        let kinds = [Kind::Scalar, Kind::Vector, Kind::Scalar];
+        let kinds = [Kind::SCALAR, Kind::VECTOR, Kind::SCALAR];
         let other = BrakeControllerSettings {
             line_slope: 3.1,
             line_offset: -0.5,
@@ -329,7 +329,7 @@ mod tests {
 
     #[test]
     fn too_little_friction_raises_the_trim_and_too_much_to_ask_is_said() {
-        let kinds = [Kind::Scalar, Kind::Vector, Kind::Scalar];
+        let kinds = [Kind::SCALAR, Kind::VECTOR, Kind::SCALAR];
         let mut bench = Bench::new::<BrakeController>(settings(Some(0.4)), 1000.0, &kinds).unwrap();
         let n = 500;
         let out = bench.run(&[&vec![1.0; n], &[-0.3, 0.0, 0.0].repeat(n), &vec![0.05; n]]);

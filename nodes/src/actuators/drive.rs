@@ -36,13 +36,13 @@ impl NodeKind for DynamicCompensator {
         source: "3.1.2; McMahan and Kuchenbecker 2014",
         inputs: &[input(
             "acceleration",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::ACCELERATION,
             "Requested acceleration, m/s2.",
         )],
         outputs: &[output(
             "current",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::CURRENT,
             "Current for the actuator, A.",
         )],
@@ -143,13 +143,13 @@ impl ActuatorKind for ActuatorSink {
         source: "3.1.3",
         inputs: &[input(
             "current",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::CURRENT,
             "Requested current, A.",
         )],
         outputs: &[output(
             "delivered",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::CURRENT,
             "Current after the limit, A.",
         )],
@@ -173,7 +173,7 @@ mod tests {
             corner_hz: 20.0,
             most_a_per_m_s2: 0.5,
         };
-        let mut bench = Bench::new::<DynamicCompensator>(settings, 10_000.0, &[Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<DynamicCompensator>(settings, 10_000.0, &[Kind::SCALAR]).unwrap();
         let tone = |k: u32| (std::f64::consts::TAU * 95.0 * f64::from(k) / 10_000.0).sin();
         let wanted: Vec<f64> = (0..30_000).map(tone).collect();
         let current = bench.run_in_blocks(&[&wanted], &[1, 64]).remove(0);

@@ -27,13 +27,13 @@ impl ActuatorKind for ForceSink {
         source: "4.3",
         inputs: &[input(
             "force",
-            Kind::Vector,
+            Kind::VECTOR,
             Quantity::FORCE,
             "Requested force on the hand, N.",
         )],
         outputs: &[output(
             "delivered",
-            Kind::Vector,
+            Kind::VECTOR,
             Quantity::FORCE,
             "Force after the limit, N.",
         )],

@@ -3,7 +3,7 @@
 use super::Contact;
 use super::stiffness::Wall;
 use crate::vector::scale;
-use haptograph_engine::frame::{self, Kind, Scalar, Vector};
+use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Optional, Output, Processor, SettingId, Tick,
     input, output,
@@ -34,18 +34,18 @@ impl NodeKind for NormalForce {
               and never pulls. With the device's damping given, a warning reports a wall that is not passive, b <= K T / 2 + B.",
         source: "4.3, A.3.2; Colgate and Schenkel 1997",
         inputs: &[
-            input("contact", Kind::Contact, Quantity::NUMBER, "The contact."),
+            input("contact", Contact::KIND, Quantity::NUMBER, "The contact."),
             input(
                 "velocity",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::SPEED,
                 "Velocity of the tool, m/s, for the damping.",
             )
             .optional(),
         ],
         outputs: &[
-            output("force", Kind::Vector, Quantity::FORCE, "Force on the tool, N."),
-            output("load", Kind::Scalar, Quantity::FORCE, "Its magnitude, N."),
+            output("force", Kind::VECTOR, Quantity::FORCE, "Force on the tool, N."),
+            output("load", Kind::SCALAR, Quantity::FORCE, "Its magnitude, N."),
         ],
         example: r#""normal": NormalForce(contact: "touch.contact", stiffness_n_per_mm: 0.25)"#,
     };
@@ -81,7 +81,7 @@ impl NodeKind for NormalForce {
 }
 
 impl NormalForce {
-    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
     const VELOCITY: Input<Vector, Optional> = Self::SPEC.input("velocity");
     const FORCE: Output<Vector> = Self::SPEC.output("force");
     const LOAD: Output<Scalar> = Self::SPEC.output("load");
@@ -107,7 +107,6 @@ impl Processor for Pushing {
         let (force, load) = io.write_all((NormalForce::FORCE, NormalForce::LOAD));
         let frames = force.iter_mut().zip(load).zip(contacts);
         for (frame, ((force, load), contact)) in frames.enumerate() {
-            let contact = Contact::from(contact);
             let velocity_m_s = velocities.map_or([0.0; 3], |velocities| velocities[frame]);
             *load = self.wall.force_n(&contact, velocity_m_s);
             *force = scale(contact.normal, *load);
@@ -126,6 +125,7 @@ impl Processor for Pushing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Record;
     use haptograph_engine::testing::Bench;
     use haptograph_signal::time::Rate;
 
@@ -139,20 +139,20 @@ mod tests {
 
     #[test]
     fn a_wall_pushes_by_hookes_law_and_its_stiffness_can_be_turned() {
-        let contact = frame::Contact {
+        let contact = Contact {
             touching: true,
             penetration_m: 0.004,
             normal: [0.0, 0.0, 1.0],
-            ..frame::Contact::default()
+            ..Contact::default()
         };
-        let mut bench = Bench::new::<NormalForce>(settings(0.25, 0.0), 1000.0, &[Kind::Contact]).unwrap();
+        let mut bench = Bench::new::<NormalForce>(settings(0.25, 0.0), 1000.0, &[Contact::KIND]).unwrap();
         assert_eq!(
             bench.run(&[&contact.to_components()]),
             vec![vec![0.0, 0.0, 1.0], vec![1.0]]
         );
         bench.processor().set(NormalForce::STIFFNESS_N_PER_MM, 0.5);
         assert_eq!(bench.run(&[&contact.to_components()])[1], [2.0]);
-        let free = frame::Contact::default().to_components();
+        let free = Contact::default().to_components();
         assert_eq!(bench.run(&[&free]), vec![vec![0.0; 3], vec![0.0]]);
     }
 
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn damping_without_a_velocity_is_refused() {
-        let refused = Bench::new::<NormalForce>(settings(0.25, 1.0), 1000.0, &[Kind::Contact]).err();
+        let refused = Bench::new::<NormalForce>(settings(0.25, 1.0), 1000.0, &[Contact::KIND]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("damping_n_s_per_m"));
     }
 }

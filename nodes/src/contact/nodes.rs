@@ -5,7 +5,7 @@ use super::mesh::{MeshFormat, TriangleMesh};
 use super::shape::{Scene, Shape, ShapeError};
 use crate::successor;
 use crate::vector::Vec3;
-use haptograph_engine::frame::{self, Kind, Scalar, Vector};
+use haptograph_engine::frame::{Kind, OneKind, Record, Scalar, Vector};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor, Tick,
     input, output,
@@ -21,14 +21,14 @@ const MAX_MESH_BYTES: u64 = 256 << 20;
 
 const POSITION: &[InputSpec] = &[input(
     "position",
-    Kind::Vector,
+    Kind::VECTOR,
     Quantity::LENGTH,
     "Position of the tool (HIP), m.",
 )];
 
 const CONTACT: OutputSpec = output(
     "contact",
-    Kind::Contact,
+    Contact::KIND,
     Quantity::NUMBER,
     "HIP, IHIP, penetration, outward normal and face.",
 );
@@ -168,7 +168,7 @@ const TOOL: Input<Vector> = Input::common([
     ContactMesh::SPEC.input("position"),
     ContactScene::SPEC.input("position"),
 ]);
-const TOUCH: Output<frame::Contact> = Output::common([
+const TOUCH: Output<Contact> = Output::common([
     ContactPlane::SPEC.output("contact"),
     ContactSphere::SPEC.output("contact"),
     ContactBox::SPEC.output("contact"),
@@ -197,7 +197,7 @@ impl Processor for Toucher {
         let mut solids = solids.into_iter().flatten();
         for (components, hip_m) in contacts.iter_mut().zip(positions) {
             let (touch, which): (Contact, usize) = self.scene.update(*hip_m);
-            *components = frame::Contact::from(touch).to_components();
+            *components = touch.to_components();
             if let Some(solid) = solids.next() {
                 *solid = which as f64;
             }
@@ -388,7 +388,7 @@ impl NodeKind for ContactScene {
             CONTACT,
             output(
                 "solid",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::NUMBER,
                 "Index of the touched shape, from 0.",
             ),
@@ -414,35 +414,35 @@ impl NodeKind for ContactParts {
         group: "contact",
         doc: "The components of a contact as separate signals.",
         source: "4.3",
-        inputs: &[input("contact", Kind::Contact, Quantity::NUMBER, "The contact.")],
+        inputs: &[input("contact", Contact::KIND, Quantity::NUMBER, "The contact.")],
         outputs: &[
             output(
                 "touching",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::NUMBER,
                 "1 while the tool touches, else 0.",
             ),
             output(
                 "hip",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::LENGTH,
                 "Haptic interface point: position of the tool, m.",
             ),
             output(
                 "ihip",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::LENGTH,
                 "Ideal haptic interface point: the proxy, m.",
             ),
             output(
                 "normal",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::NUMBER,
                 "Outward unit normal; zero in free space.",
             ),
             output(
                 "penetration",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::LENGTH,
                 "Distance from HIP to IHIP, m.",
             ),
@@ -456,7 +456,7 @@ impl NodeKind for ContactParts {
 }
 
 impl ContactParts {
-    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
     const TOUCHING: Output<Scalar> = Self::SPEC.output("touching");
     const HIP: Output<Vector> = Self::SPEC.output("hip");
     const IHIP: Output<Vector> = Self::SPEC.output("ihip");
@@ -500,16 +500,11 @@ mod tests {
             diameter_mm: 100.0,
             proxy_diameter_mm: 3.2,
         };
-        let mut bench = Bench::new::<ContactSphere>(settings, 1000.0, &[Kind::Vector]).unwrap();
+        let mut bench = Bench::new::<ContactSphere>(settings, 1000.0, &[Kind::VECTOR]).unwrap();
         let out = bench
             .run(&[&[0.0, 0.0, 0.0506, 0.0, 0.03, 0.04, 0.0, 0.0, 0.06]])
             .remove(0);
-        let contacts: Vec<frame::Contact> = out
-            .as_chunks()
-            .0
-            .iter()
-            .map(frame::Contact::from_components)
-            .collect();
+        let contacts: Vec<Contact> = out.as_chunks().0.iter().map(Contact::from_components).collect();
         assert!(contacts[0].touching && contacts[1].touching && !contacts[2].touching);
         assert!((contacts[0].penetration_m - 0.001).abs() < 1e-12);
         assert!((norm(contacts[1].ihip_m) - 0.0516).abs() < 1e-12);
@@ -531,7 +526,7 @@ mod tests {
             solids: vec![Solid::Room(room), Solid::Sphere(ball)],
             proxy_diameter_mm: 0.0,
         };
-        let mut bench = Bench::new::<ContactScene>(settings, 1000.0, &[Kind::Vector]).unwrap();
+        let mut bench = Bench::new::<ContactScene>(settings, 1000.0, &[Kind::VECTOR]).unwrap();
         let out = bench.run(&[&[0.0, 0.0, 0.052, 0.0, 0.0, 0.03, 0.0, 0.0, 0.009]]);
         assert_eq!(out[1], [0.0, 0.0, 1.0]);
         let touching: Vec<f64> = out[0].iter().step_by(12).copied().collect();
@@ -545,14 +540,14 @@ mod tests {
             normal: [0.0; 3],
             proxy_diameter_mm: 0.0,
         };
-        let refused = Bench::new::<ContactPlane>(plane, 1000.0, &[Kind::Vector]).err();
+        let refused = Bench::new::<ContactPlane>(plane, 1000.0, &[Kind::VECTOR]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("normal"));
         let mesh = MeshSettings {
             file: "tool.step".into(),
             unit_mm: 1.0,
             start_mm: None,
         };
-        let refused = Bench::new::<ContactMesh>(mesh, 1000.0, &[Kind::Vector]).err();
+        let refused = Bench::new::<ContactMesh>(mesh, 1000.0, &[Kind::VECTOR]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("file"));
     }
 }

@@ -91,7 +91,7 @@ impl MeshProxy {
         Contact {
             touching: true,
             hip_m,
-            proxy_m: self.proxy_m,
+            ihip_m: self.proxy_m,
             penetration_m: norm(stretch),
             normal,
             face: plane.face,

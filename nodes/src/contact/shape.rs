@@ -232,23 +232,23 @@ fn pushed(hip_m: Vec3, normal: Vec3, depth_m: f64, face: u32) -> Contact {
     if depth_m <= 0.0 {
         return Contact::free(hip_m);
     }
-    let proxy_m = add_scaled(hip_m, normal, depth_m);
+    let ihip_m = add_scaled(hip_m, normal, depth_m);
     Contact {
         touching: true,
         hip_m,
-        proxy_m,
+        ihip_m,
         penetration_m: depth_m,
         normal,
         face,
     }
 }
 
-fn pushed_to(hip_m: Vec3, proxy_m: Vec3, normal: Vec3, face: u32) -> Contact {
+fn pushed_to(hip_m: Vec3, ihip_m: Vec3, normal: Vec3, face: u32) -> Contact {
     Contact {
         touching: true,
         hip_m,
-        proxy_m,
-        penetration_m: distance(hip_m, proxy_m),
+        ihip_m,
+        penetration_m: distance(hip_m, ihip_m),
         normal,
         face,
     }

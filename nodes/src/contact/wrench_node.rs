@@ -1,13 +1,14 @@
 //! Nodes that locate the contact of a tool with an object on a force/torque sensor, and compute how fast it
 //! slides.
 
+use super::Contact;
 use super::object::{CubeSettings, Object, on_sensor};
 use super::wrench::{LEASH, SurfacePath, WrenchContact, WrenchLocator, WrenchSettings};
 use crate::filters::design_error;
 use crate::sensing::speed::SpeedFilter;
 use crate::successor;
 use crate::vector::norm;
-use haptograph_engine::frame::{self, Kind, Scalar, Vector, Wrench};
+use haptograph_engine::frame::{Kind, OneKind, Record, Scalar, Vector, Wrench};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Optional, Output, Processor, SettingId,
     Tick, input, output,
@@ -45,45 +46,45 @@ impl NodeKind for ContactFromWrench {
         source: "5.2, Eq. 5.2.1 to 5.2.4",
         inputs: &[input(
             "wrench",
-            Kind::Wrench,
+            Kind::WRENCH,
             Quantity::FORCE,
             "Wrench on the object in the sensor's frame, N and N m.",
         )],
         outputs: &[
             output(
                 "contact",
-                Kind::Contact,
+                Contact::KIND,
                 Quantity::NUMBER,
                 "Point, outward normal and face; there is no penetration.",
             ),
-            output("load", Kind::Scalar, Quantity::FORCE, "Normal force, N."),
+            output("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
             output(
                 "friction",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::FORCE,
                 "Friction on the tool, N.",
             ),
             output(
                 "residual",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::LENGTH,
                 "|F . M| / |F|^2, m: zero for contact in one point.",
             ),
             output(
                 "uncertainty",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::LENGTH,
                 "Uncertainty of the line of action, across it, m (Eq. 5.2.4).",
             ),
             output(
                 "miss",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::LENGTH,
                 "Distance by which the line of action misses the object, m.",
             ),
             output(
                 "point_uncertainty",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::LENGTH,
                 "Uncertainty of the point, m: Eq. 5.2.4 with the lever from the sensor to the point, as the direction of \
                  the force is uncertain too.",
@@ -111,7 +112,7 @@ impl NodeKind for ContactFromWrench {
 
 impl ContactFromWrench {
     const WRENCH: Input<Wrench> = Self::SPEC.input("wrench");
-    const CONTACT: Output<frame::Contact> = Self::SPEC.output("contact");
+    const CONTACT: Output<Contact> = Self::SPEC.output("contact");
     const LOAD: Output<Scalar> = Self::SPEC.output("load");
     const FRICTION: Output<Vector> = Self::SPEC.output("friction");
     const RESIDUAL: Output<Scalar> = Self::SPEC.output("residual");
@@ -139,7 +140,7 @@ impl Processor for Locating {
         ));
         for (frame, [fx, fy, fz, tx, ty, tz]) in wrenches.iter().enumerate() {
             let at = self.locator.update([*fx, *fy, *fz], [*tx, *ty, *tz]);
-            contacts[frame] = frame::Contact {
+            contacts[frame] = Contact {
                 touching: at.touching,
                 hip_m: at.position_m,
                 ihip_m: at.position_m,
@@ -186,10 +187,10 @@ impl NodeKind for SurfaceSpeed {
               as far apart as when the faces are laid flat. Jitter within the point's uncertainty is no motion.",
         source: "5.2.3",
         inputs: &[
-            input("contact", Kind::Contact, Quantity::NUMBER, "The contact."),
+            input("contact", Contact::KIND, Quantity::NUMBER, "The contact."),
             input(
                 "uncertainty",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::LENGTH,
                 "Uncertainty of the point, m.",
             )
@@ -198,19 +199,19 @@ impl NodeKind for SurfaceSpeed {
         outputs: &[
             output(
                 "speed",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::SPEED,
                 "Speed along the surface, m/s; zero in free space.",
             ),
             output(
                 "along",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::SPEED,
                 "Velocity in the tangent plane, m/s; zero in free space.",
             ),
             output(
                 "way",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::LENGTH,
                 "Length of the path so far, m.",
             ),
@@ -230,7 +231,7 @@ impl NodeKind for SurfaceSpeed {
 }
 
 impl SurfaceSpeed {
-    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
     const UNCERTAINTY: Input<Scalar, Optional> = Self::SPEC.input("uncertainty");
     const SPEED: Output<Scalar> = Self::SPEC.output("speed");
     const ALONG: Output<Vector> = Self::SPEC.output("along");
@@ -305,15 +306,15 @@ mod tests {
             force_step_n: 1.0 / 160.0,
             torque_step_n_mm: 1.0 / 32.0,
         };
-        let mut bench = Bench::new::<ContactFromWrench>(settings, 1000.0, &[Kind::Wrench]).unwrap();
+        let mut bench = Bench::new::<ContactFromWrench>(settings, 1000.0, &[Kind::WRENCH]).unwrap();
         let (point, force) = ([0.004, -0.003, 0.0334], [0.2, 0.1, -1.0]);
         let wrench = [force, cross(point, force)].concat();
         let out = bench.run(&[&[wrench, vec![0.0; 6]].concat()]);
-        let contacts: Vec<frame::Contact> = out[0]
+        let contacts: Vec<Contact> = out[0]
             .as_chunks()
             .0
             .iter()
-            .map(frame::Contact::from_components)
+            .map(Contact::from_components)
             .collect();
         assert!(crate::vector::distance(contacts[0].ihip_m, point) < 1e-9);
         assert_eq!(contacts[0].normal, [0.0, 0.0, 1.0]);
@@ -346,7 +347,7 @@ mod tests {
                 cutoff_hz: 20.0,
                 leash: 0.0,
             };
-            Bench::new::<SurfaceSpeed>(settings, 1000.0, &[Kind::Contact]).unwrap()
+            Bench::new::<SurfaceSpeed>(settings, 1000.0, &[Contact::KIND]).unwrap()
         };
         // Along the top to the edge at x = 0, then down the side, 50 mm/s.
         let contacts: Vec<f64> = (-500..500)
@@ -357,11 +358,11 @@ mod tests {
                 } else {
                     ([0.0, 0.0, -way], [1.0, 0.0, 0.0])
                 };
-                frame::Contact {
+                Contact {
                     touching: true,
                     ihip_m,
                     normal,
-                    ..frame::Contact::default()
+                    ..Contact::default()
                 }
                 .to_components()
             })
@@ -378,16 +379,16 @@ mod tests {
             cutoff_hz: 20.0,
             leash: LEASH,
         };
-        let mut bench = Bench::new::<SurfaceSpeed>(settings, 1000.0, &[Kind::Contact]).unwrap();
+        let mut bench = Bench::new::<SurfaceSpeed>(settings, 1000.0, &[Contact::KIND]).unwrap();
         // Ever faster by 0.2 m/s2.
         let contacts: Vec<f64> = (0..600)
             .flat_map(|k| {
                 let time_s = 1e-3 * f64::from(k);
-                frame::Contact {
+                Contact {
                     touching: true,
                     ihip_m: [0.1 * time_s * time_s, 0.0, 0.0],
                     normal: [0.0, 0.0, 1.0],
-                    ..frame::Contact::default()
+                    ..Contact::default()
                 }
                 .to_components()
             })
@@ -416,7 +417,7 @@ mod tests {
             force_step_n: 0.01,
             torque_step_n_mm: 0.01,
         };
-        let refused = Bench::new::<ContactFromWrench>(settings, 1000.0, &[Kind::Wrench]).err();
+        let refused = Bench::new::<ContactFromWrench>(settings, 1000.0, &[Kind::WRENCH]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("object"));
     }
 }

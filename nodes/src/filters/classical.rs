@@ -274,7 +274,7 @@ mod tests {
     }
 
     fn bench<K: NodeKind>(settings: K::Settings) -> Bench {
-        Bench::new::<K>(settings, RATE_HZ, &[Kind::Vector]).unwrap()
+        Bench::new::<K>(settings, RATE_HZ, &[Kind::VECTOR]).unwrap()
     }
 
     #[test]
@@ -306,7 +306,7 @@ mod tests {
 
     #[test]
     fn a_cut_off_at_half_the_rate_is_refused_at_its_field() {
-        let refused = Bench::new::<LowPass>(cutoff(500.0, 2), RATE_HZ, &[Kind::Scalar]).err();
+        let refused = Bench::new::<LowPass>(cutoff(500.0, 2), RATE_HZ, &[Kind::SCALAR]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("cutoff_hz"));
     }
 
@@ -316,7 +316,7 @@ mod tests {
             cutoff_hz: None,
             order: 3,
         };
-        let mut bench = Bench::new::<LowPass>(open, RATE_HZ, &[Kind::Scalar, Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<LowPass>(open, RATE_HZ, &[Kind::SCALAR, Kind::SCALAR]).unwrap();
         let x: Vec<f64> = (0..900).map(|k| (0.3 * f64::from(k * k)).sin()).collect();
         let cutoff: Vec<f64> = (0..900)
             .map(|k| match k {
@@ -334,7 +334,7 @@ mod tests {
         let y = sweeping(&[1024]);
         assert_eq!(y, sweeping(&[1, 7, 64]));
         let x: Vec<f64> = (0..300).map(|k| (0.3 * f64::from(k * k)).sin()).collect();
-        let mut fixed = Bench::new::<LowPass>(cutoff(50.0, 3), RATE_HZ, &[Kind::Scalar]).unwrap();
+        let mut fixed = Bench::new::<LowPass>(cutoff(50.0, 3), RATE_HZ, &[Kind::SCALAR]).unwrap();
         let same = fixed.run(&[&x]).remove(0);
         let apart = same
             .iter()
@@ -351,7 +351,7 @@ mod tests {
     #[test]
     fn a_constant_stays_constant_while_the_cut_off_is_turned() {
         for order in [1, 2, 7] {
-            let mut bench = Bench::new::<LowPass>(cutoff(20.0, order), RATE_HZ, &[Kind::Scalar]).unwrap();
+            let mut bench = Bench::new::<LowPass>(cutoff(20.0, order), RATE_HZ, &[Kind::SCALAR]).unwrap();
             bench.run(&[&[1.0; 2000]]);
             for hz in [200.0, 1.0, 499.0, 600.0, f64::NAN, 40.0] {
                 bench.processor().set(CutoffSettings::live("cutoff_hz"), hz);
@@ -369,7 +369,7 @@ mod tests {
             order: 2,
         };
         let run = |first: &[(SettingId, f64)]| {
-            let mut bench = Bench::new::<BandPass>(band.clone(), RATE_HZ, &[Kind::Scalar]).unwrap();
+            let mut bench = Bench::new::<BandPass>(band.clone(), RATE_HZ, &[Kind::SCALAR]).unwrap();
             first
                 .iter()
                 .for_each(|(setting, hz)| bench.processor().set(*setting, *hz));
@@ -390,7 +390,7 @@ mod tests {
             cutoff_hz: None,
             order: 2,
         };
-        assert!(Bench::new::<LowPass>(open, RATE_HZ, &[Kind::Scalar]).is_err());
+        assert!(Bench::new::<LowPass>(open, RATE_HZ, &[Kind::SCALAR]).is_err());
         let mut cx = BuildContext {
             path: "low".into(),
             rate: haptograph_signal::time::Rate::new(1000, 1).unwrap(),

@@ -105,7 +105,7 @@ struct Wanted {
 }
 
 /// Components of the widest linear frame.
-const WIDEST: usize = Kind::Wrench.width();
+const WIDEST: usize = Kind::WRENCH.width();
 /// Ticks between checks whether a state has decayed to nothing or is NaN.
 const SETTLE: u64 = 64;
 
@@ -380,7 +380,7 @@ mod tests {
             let mut wanted = vec![0.0; 300];
             let middle: Vec<f64> = x.iter().skip(1).step_by(3).copied().collect();
             SectionsState::new(&sections).process(&middle, &mut wanted);
-            let mut bench = Bench::new::<Biquad>(settings, 1000.0, &[Kind::Vector]).unwrap();
+            let mut bench = Bench::new::<Biquad>(settings, 1000.0, &[Kind::VECTOR]).unwrap();
             let y = bench.run_in_blocks(&[&x], &[5, 64]).remove(0);
             let lane = y.iter().skip(1).step_by(3);
             assert!(lane.zip(&wanted).all(|(y, w)| (y - w).abs() < 1e-12));
@@ -390,7 +390,7 @@ mod tests {
     #[test]
     fn turning_keeps_the_state_and_the_bounds() {
         let mut bench =
-            Bench::new::<Biquad>(settings(Shape::LowPass, 10.0, 0.7), 1000.0, &[Kind::Scalar]).unwrap();
+            Bench::new::<Biquad>(settings(Shape::LowPass, 10.0, 0.7), 1000.0, &[Kind::SCALAR]).unwrap();
         let ones = vec![1.0; 1000];
         let settled = bench.run(&[&ones])[0][999];
         assert!((settled - 1.0).abs() < 1e-6);
@@ -413,11 +413,11 @@ mod tests {
             frequency_hz: None,
             ..settings(Shape::BandPass, 1.0, 3.0)
         };
-        let kinds = [Kind::Scalar, Kind::Scalar];
+        let kinds = [Kind::SCALAR, Kind::SCALAR];
         let mut bench = Bench::new::<Biquad>(open, 1000.0, &kinds).unwrap();
         let followed = bench.run_in_blocks(&[&x, &frequency], &[64, 7]).remove(0);
         let mut bench =
-            Bench::new::<Biquad>(settings(Shape::BandPass, 50.0, 3.0), 1000.0, &[Kind::Scalar]).unwrap();
+            Bench::new::<Biquad>(settings(Shape::BandPass, 50.0, 3.0), 1000.0, &[Kind::SCALAR]).unwrap();
         let mut wanted = bench.run(&[&x[..100]]).remove(0);
         bench.processor().set(FREQUENCY.setting, 170.0);
         wanted.extend(bench.run(&[&x[100..]]).remove(0));
@@ -430,7 +430,7 @@ mod tests {
             b: [1.0, 0.0, 0.0],
             a: [0.0, 1.0],
         };
-        let refused = Bench::new::<SecondOrderSection>(settings, 1000.0, &[Kind::Scalar]).err();
+        let refused = Bench::new::<SecondOrderSection>(settings, 1000.0, &[Kind::SCALAR]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("a"));
     }
 }

@@ -80,7 +80,7 @@ impl Dahl {
     pub fn update(&mut self, contact: &Contact, load_n: f64, mu: f64) -> Vec3 {
         let usable = contact.touching
             && contact
-                .proxy_m
+                .ihip_m
                 .iter()
                 .chain(&contact.normal)
                 .all(|x| x.is_finite())
@@ -91,7 +91,7 @@ impl Dahl {
             return ZERO;
         }
         let (load_n, mu) = (load_n.max(0.0), mu.max(0.0));
-        let (proxy_m, normal) = (contact.proxy_m, contact.normal);
+        let (proxy_m, normal) = (contact.ihip_m, contact.normal);
         let (carried, credit_j) = self.held.map_or((ZERO, 0.0), |held| {
             let (kept, credit_j) = self.reload(&held, load_n);
             let turned = scale(turn(held.stretch_m, held.normal, normal), kept);

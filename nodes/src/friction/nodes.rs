@@ -5,7 +5,7 @@ use super::viscous_coulomb::ViscousCoulomb;
 use crate::contact::Contact;
 use crate::successor;
 use crate::texture::load_surface;
-use haptograph_engine::frame::{self, Kind, Scalar, Vector};
+use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor,
     SettingId, Tick, input, output,
@@ -13,11 +13,11 @@ use haptograph_engine::node::{
 use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
 
-const CONTACT: InputSpec = input("contact", Kind::Contact, Quantity::NUMBER, "The contact.");
-const LOAD: InputSpec = input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N.");
+const CONTACT: InputSpec = input("contact", Contact::KIND, Quantity::NUMBER, "The contact.");
+const LOAD: InputSpec = input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.");
 const FORCE: OutputSpec = output(
     "force",
-    Kind::Vector,
+    Kind::VECTOR,
     Quantity::FORCE,
     "Friction on the tool, N, in the tangent plane.",
 );
@@ -93,7 +93,7 @@ impl NodeKind for DahlFriction {
 }
 
 impl DahlFriction {
-    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
     const LOAD: Input<Scalar> = Self::SPEC.input("load");
     const FORCE: Output<Vector> = Self::SPEC.output("force");
     const MU: SettingId = DahlFrictionSettings::live("mu");
@@ -110,7 +110,7 @@ impl Processor for Sticking {
         let (contacts, loads) = (io.decode(DahlFriction::CONTACT), io.read(DahlFriction::LOAD));
         let forces = io.write(DahlFriction::FORCE).iter_mut();
         for ((force, contact), load) in forces.zip(contacts).zip(loads) {
-            *force = self.dahl.update(&Contact::from(contact), *load, self.mu);
+            *force = self.dahl.update(&contact, *load, self.mu);
         }
     }
 
@@ -154,7 +154,7 @@ impl NodeKind for ViscousCoulombFriction {
             LOAD,
             input(
                 "velocity",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::SPEED,
                 "Velocity of the tool, m/s.",
             ),
@@ -174,7 +174,7 @@ impl NodeKind for ViscousCoulombFriction {
 }
 
 impl ViscousCoulombFriction {
-    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
     const LOAD: Input<Scalar> = Self::SPEC.input("load");
     const VELOCITY: Input<Vector> = Self::SPEC.input("velocity");
     const FORCE: Output<Vector> = Self::SPEC.output("force");
@@ -214,16 +214,17 @@ impl Processor for Dragging {
 mod tests {
     use super::*;
     use crate::texture::tile;
+    use haptograph_engine::frame::Record;
     use haptograph_engine::testing::Bench;
 
     /// A slide along x at 100 mm/s on a plane, pressed with 1 N.
     fn slide(frames: u32) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
         let contacts = (0..frames).flat_map(|k| {
-            frame::Contact {
+            Contact {
                 touching: true,
                 ihip_m: [1e-4 * f64::from(k), 0.0, 0.0],
                 normal: [0.0, 0.0, 1.0],
-                ..frame::Contact::default()
+                ..Contact::default()
             }
             .to_components()
         });
@@ -242,7 +243,7 @@ mod tests {
             stretch_mm: 4.0,
             under_load: UnderGrowingLoad::Passive,
         };
-        let mut dahl = Bench::new::<DahlFriction>(settings, 1000.0, &[Kind::Contact, Kind::Scalar]).unwrap();
+        let mut dahl = Bench::new::<DahlFriction>(settings, 1000.0, &[Contact::KIND, Kind::SCALAR]).unwrap();
         let force = dahl.run(&[&contacts, &loads]).remove(0);
         assert!((force[30] + 10.0 * 1e-4 / 0.004).abs() < 1e-12, "it sticks first");
         assert!(
@@ -256,7 +257,7 @@ mod tests {
             mu: Some(0.3),
             slope_s_per_mm: 0.004,
         };
-        let kinds = [Kind::Contact, Kind::Scalar, Kind::Vector];
+        let kinds = [Contact::KIND, Kind::SCALAR, Kind::VECTOR];
         let mut viscous = Bench::new::<ViscousCoulombFriction>(settings, 1000.0, &kinds).unwrap();
         assert!((viscous.run(&[&contacts, &loads, &velocities])[0][0] + 0.3).abs() < 1e-12);
     }
@@ -268,7 +269,7 @@ mod tests {
             mu: None,
             slope_s_per_mm: 0.004,
         };
-        let kinds = [Kind::Contact, Kind::Scalar, Kind::Vector];
+        let kinds = [Contact::KIND, Kind::SCALAR, Kind::VECTOR];
         let refused = Bench::new::<ViscousCoulombFriction>(settings, 1000.0, &kinds).err();
         assert_eq!(refused.and_then(|e| e.field), Some("mu"));
     }

@@ -1,6 +1,6 @@
 //! Derivative and integral in time.
 
-use haptograph_engine::frame::{Event, Kind, Linear};
+use haptograph_engine::frame::{Event, Kind, Linear, Record};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, Optional, Output,
     OutputSpec, Processor, QuantityRule, Single, Tick, any_input,
@@ -10,7 +10,7 @@ use haptograph_engine::settings::NoSettings;
 use crate::successor;
 
 /// Components of the widest linear frame.
-const WIDEST: usize = Kind::Wrench.width();
+const WIDEST: usize = Kind::WRENCH.width();
 
 /// The derivative in time.
 pub struct Derivative;
@@ -121,7 +121,7 @@ impl NodeKind for Integrator {
         inputs: &[
             any_input("input", "The signal."),
             InputSpec {
-                kind: KindRule::Is(Kind::Event),
+                kind: KindRule::Is(Kind::EVENT),
                 ..any_input("reset", "Resets the integral to `start`.").optional()
             },
         ],
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn the_derivative_of_a_line_is_its_slope() {
-        let mut bench = Bench::new::<Derivative>(NoSettings {}, 250.0, &[Kind::Vector]).unwrap();
+        let mut bench = Bench::new::<Derivative>(NoSettings {}, 250.0, &[Kind::VECTOR]).unwrap();
         let x: Vec<f64> = (0..40)
             .flat_map(|k| [f64::from(k) / 250.0, 1.0, -2.0 * f64::from(k) / 250.0])
             .collect();
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn the_integral_of_a_line_is_exact() {
         let x: Vec<f64> = (0..=1000).map(|k| f64::from(k) / 1000.0).collect();
-        let y = &integrator(None, &[Kind::Scalar]).run(&[&x])[0];
+        let y = &integrator(None, &[Kind::SCALAR]).run(&[&x])[0];
         for (t, y) in x.iter().zip(y) {
             assert!((y - t * t / 2.0).abs() < 1e-12);
         }
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn a_leak_forgets_with_its_time_constant_and_ends_at_zero() {
-        let mut bench = integrator(Some(0.01), &[Kind::Scalar]);
+        let mut bench = integrator(Some(0.01), &[Kind::SCALAR]);
         let mut x = vec![0.0; 6000];
         x[1] = 1.0;
         let y = &bench.run(&[&x])[0];
@@ -250,7 +250,7 @@ mod tests {
 
     #[test]
     fn a_reset_starts_again_and_a_bad_frame_does_not_stick() {
-        let mut bench = integrator(None, &[Kind::Scalar, Kind::Event]);
+        let mut bench = integrator(None, &[Kind::SCALAR, Kind::EVENT]);
         let x = [2.0, 2.0, f64::NAN, 2.0, 2.0];
         let resets = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0];
         let y = &bench.run(&[&x, &resets])[0];

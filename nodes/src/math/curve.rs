@@ -65,12 +65,12 @@ impl NodeKind for Curve {
               from two columns of a CSV file: `file: \"spring.csv\", x_column: \"depth_mm\", y_column: \"force_n\"`.",
         source: "Fritsch and Butland, A method for constructing local monotone piecewise cubic interpolants, 1984 (`Smooth`)",
         inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::Scalar),
+            kind: KindRule::Is(Kind::SCALAR),
             ..any_input("input", "Where on the curve, x.")
         }],
         outputs: &[OutputSpec {
             name: "output",
-            kind: KindRule::Is(Kind::Scalar),
+            kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Setting("quantity"),
             doc: "The value there, y, of the quantity that `quantity` names.",
         }],
@@ -252,7 +252,7 @@ mod tests {
             beyond,
             quantity: "force".to_owned(),
         };
-        Bench::new::<Curve>(settings, 1.0, &[Kind::Scalar])
+        Bench::new::<Curve>(settings, 1.0, &[Kind::SCALAR])
     }
 
     const POINTS: [[f64; 2]; 3] = [[0.0, 1.0], [1.0, 3.0], [3.0, 3.0]];
@@ -317,7 +317,7 @@ mod tests {
             beyond: Beyond::Hold,
             quantity: quantity.to_owned(),
         };
-        let bench = Bench::new::<Curve>(settings, 1.0, &[Kind::Scalar]);
+        let bench = Bench::new::<Curve>(settings, 1.0, &[Kind::SCALAR]);
         bench.map_err(|error| (error.field, error.to_string()))
     }
 
@@ -368,7 +368,7 @@ mod tests {
             quantity: "number".to_owned(),
         };
         let field = |settings| {
-            let refused = Bench::new::<Curve>(settings, 1.0, &[Kind::Scalar]).err();
+            let refused = Bench::new::<Curve>(settings, 1.0, &[Kind::SCALAR]).err();
             refused.and_then(|error| error.field)
         };
         assert_eq!(field(settings.clone()), Some("points"));

@@ -40,7 +40,7 @@ impl NodeKind for Expression {
         source: "",
         inputs: &[InputSpec {
             name: "inputs",
-            kind: KindRule::Is(Kind::Scalar),
+            kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Any,
             flow: Flow::Sampled,
             presence: Presence::Many,
@@ -48,7 +48,7 @@ impl NodeKind for Expression {
         }],
         outputs: &[OutputSpec {
             name: "output",
-            kind: KindRule::Is(Kind::Scalar),
+            kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Setting("quantity"),
             doc: "The value of the formula, of the quantity that `quantity` names.",
         }],
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn a_formula_of_two_signals_and_time() {
-        let two = [Kind::Scalar; 2];
+        let two = [Kind::SCALAR; 2];
         let mut bench = Bench::new::<Expression>(settings("x * y + t", &["x", "y"]), 10.0, &two).unwrap();
         assert_eq!(bench.run(&[&[1.0, 2.0], &[3.0, 4.0]]), [[3.0, 8.1]]);
         assert_eq!(bench.run(&[&[0.0], &[0.0]]), [[0.2]]);
@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn names_that_do_not_fit_are_refused() {
         let field = |formula: &str, names: &[&str]| {
-            let refused = Bench::new::<Expression>(settings(formula, names), 10.0, &[Kind::Scalar; 2]).err();
+            let refused = Bench::new::<Expression>(settings(formula, names), 10.0, &[Kind::SCALAR; 2]).err();
             refused.and_then(|error| error.field)
         };
         assert_eq!(field("x", &["x"]), Some("names"));
@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn an_error_points_at_the_word_that_is_wrong() {
         let part = |formula: &str| {
-            let refused = Bench::new::<Expression>(settings(formula, &[]), 10.0, &[Kind::Scalar]).err();
+            let refused = Bench::new::<Expression>(settings(formula, &[]), 10.0, &[Kind::SCALAR]).err();
             refused.and_then(|error| error.part)
         };
         assert_eq!(part("2 * foo + a"), Some((4, 7)));

@@ -257,17 +257,17 @@ mod tests {
     #[test]
     fn a_clamp_keeps_its_bounds_and_lets_nan_be_seen() {
         let settings = |lowest, highest| ClampSettings { lowest, highest };
-        let mut bench = Bench::new::<Clamp>(settings(-1.0, 2.0), 1.0, &[Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<Clamp>(settings(-1.0, 2.0), 1.0, &[Kind::SCALAR]).unwrap();
         let y = &bench.run(&[&[-5.0, 0.5, 7.0, f64::NAN, f64::INFINITY]])[0];
         assert_eq!((y[0], y[1], y[2], y[4]), (-1.0, 0.5, 2.0, 2.0));
         assert!(y[3].is_nan());
-        assert!(Bench::new::<Clamp>(settings(1.0, 0.0), 1.0, &[Kind::Scalar]).is_err());
+        assert!(Bench::new::<Clamp>(settings(1.0, 0.0), 1.0, &[Kind::SCALAR]).is_err());
     }
 
     #[test]
     fn a_soft_clip_is_the_signal_when_small_and_the_limit_when_large() {
         let mut bench =
-            Bench::new::<SoftClip>(SoftClipSettings { limit: 2.0 }, 1.0, &[Kind::Scalar]).unwrap();
+            Bench::new::<SoftClip>(SoftClipSettings { limit: 2.0 }, 1.0, &[Kind::SCALAR]).unwrap();
         let y = &bench.run(&[&[1e-4, 1e6, -1e6]])[0];
         assert!((y[0] - 1e-4).abs() < 1e-12);
         assert_eq!((y[1], y[2]), (2.0, -2.0));
@@ -276,7 +276,7 @@ mod tests {
     #[test]
     fn a_vector_changes_by_no_more_than_its_slew_and_arrives_exactly() {
         let settings = SlewLimitSettings { most_per_s: 500.0 };
-        let mut bench = Bench::new::<SlewLimit>(settings, 1000.0, &[Kind::Vector]).unwrap();
+        let mut bench = Bench::new::<SlewLimit>(settings, 1000.0, &[Kind::VECTOR]).unwrap();
         let target = [3.0, 4.0, 0.0];
         let mut x = vec![0.0; 3];
         (0..12).for_each(|_| x.extend(target));

@@ -9,7 +9,7 @@ use haptograph_engine::settings::NoSettings;
 
 const fn scalar_input(name: &'static str, doc: &'static str) -> InputSpec {
     InputSpec {
-        kind: KindRule::Is(Kind::Scalar),
+        kind: KindRule::Is(Kind::SCALAR),
         ..any_input(name, doc)
     }
 }
@@ -135,12 +135,12 @@ mod tests {
     #[test]
     fn every_lane_is_multiplied_and_divided() {
         let x = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
-        let mut bench = Bench::new::<Multiply>(NoSettings {}, 1.0, &[Kind::Vector, Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<Multiply>(NoSettings {}, 1.0, &[Kind::VECTOR, Kind::SCALAR]).unwrap();
         assert_eq!(
             bench.run(&[&x, &[2.0, -1.0]]),
             [[2.0, 4.0, 6.0, -4.0, -5.0, -6.0]]
         );
-        let mut bench = Bench::new::<Divide>(NoSettings {}, 1.0, &[Kind::Vector, Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<Divide>(NoSettings {}, 1.0, &[Kind::VECTOR, Kind::SCALAR]).unwrap();
         assert_eq!(bench.run(&[&x, &[2.0, 0.0]]), [[0.5, 1.0, 1.5, 0.0, 0.0, 0.0]]);
     }
 }

@@ -30,7 +30,7 @@ impl NodeKind for Switch {
         inputs: &[
             input(
                 "selector",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::NUMBER,
                 "Index of the input, from 0; rounded, and clamped to the last input.",
             )
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn a_switch_follows_its_setting_or_its_selector() {
         let settings = || SwitchSettings { select: 1 };
-        let scalar = Some(Kind::Scalar);
+        let scalar = Some(Kind::SCALAR);
         let mut bench = Bench::with_gaps::<Switch>(settings(), 1.0, &[None, scalar, scalar]).unwrap();
         let (a, b) = ([1.0, 2.0, 3.0, 4.0], [-1.0, -2.0, -3.0, -4.0]);
         assert_eq!(bench.run(&[&[], &a, &b]), [b]);
@@ -209,7 +209,7 @@ mod tests {
         for frames in [0, 1, 3, 64, 500] {
             for blocks in [&[1][..], &[7, 64, 3], &[512]] {
                 let mut bench =
-                    Bench::new::<Delay>(DelaySettings { frames }, 1000.0, &[Kind::Vector]).unwrap();
+                    Bench::new::<Delay>(DelaySettings { frames }, 1000.0, &[Kind::VECTOR]).unwrap();
                 let y = &bench.run_in_blocks(&[&x], blocks)[0];
                 let shift = 3 * frames as usize;
                 assert!(y[..shift.min(600)].iter().all(|y| *y == 0.0));

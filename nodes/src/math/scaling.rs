@@ -132,7 +132,7 @@ impl NodeKind for Offset {
         doc: "Adds a number to a scalar signal.",
         source: "",
         inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::Scalar),
+            kind: KindRule::Is(Kind::SCALAR),
             ..any_input("input", "The signal.")
         }],
         outputs: &[output_like("output", "input", "The signal plus the offset.")],
@@ -226,7 +226,7 @@ mod tests {
 
     #[test]
     fn a_gain_multiplies_every_lane_and_can_be_turned() {
-        let mut bench = Bench::new::<Gain>(GainSettings { gain: -2.0 }, 1000.0, &[Kind::Vector]).unwrap();
+        let mut bench = Bench::new::<Gain>(GainSettings { gain: -2.0 }, 1000.0, &[Kind::VECTOR]).unwrap();
         assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[-2.0, -4.0, -6.0]]);
         bench.processor().set(FACTOR, 0.5);
         assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[0.5, 1.0, 1.5]]);
@@ -234,9 +234,9 @@ mod tests {
 
     #[test]
     fn offset_and_absolute_value() {
-        let mut bench = Bench::new::<Offset>(OffsetSettings { offset: 0.25 }, 1.0, &[Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<Offset>(OffsetSettings { offset: 0.25 }, 1.0, &[Kind::SCALAR]).unwrap();
         assert_eq!(bench.run(&[&[-1.0, 2.0]]), [[-0.75, 2.25]]);
-        let mut bench = Bench::new::<Abs>(NoSettings {}, 1.0, &[Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<Abs>(NoSettings {}, 1.0, &[Kind::SCALAR]).unwrap();
         assert_eq!(bench.run(&[&[-1.0, 2.0]]), [[1.0, 2.0]]);
     }
 }

@@ -208,7 +208,7 @@ mod tests {
     #[test]
     fn sums_of_one_two_and_four_terms() {
         for terms in [1, 2, 4] {
-            let kinds = vec![Kind::Scalar; terms];
+            let kinds = vec![Kind::SCALAR; terms];
             let mut bench = Bench::new::<Add>(NoSettings {}, 1.0, &kinds).unwrap();
             let inputs: Vec<[f64; 2]> = (0..terms).map(|i| [i as f64 + 1.0, 10.0 * i as f64]).collect();
             let inputs: Vec<&[f64]> = inputs.iter().map(|x| &x[..]).collect();
@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     fn a_difference_has_a_sign() {
-        let mut bench = Bench::new::<Subtract>(NoSettings {}, 1.0, &[Kind::Scalar; 2]).unwrap();
+        let mut bench = Bench::new::<Subtract>(NoSettings {}, 1.0, &[Kind::SCALAR; 2]).unwrap();
         assert_eq!(bench.run(&[&[3.0], &[5.0]]), [[-2.0]]);
     }
 
@@ -229,9 +229,9 @@ mod tests {
             gains: gains.to_vec(),
             master: 10.0,
         };
-        let mut bench = Bench::new::<Mixer>(settings(&[1.0, -0.5]), 1.0, &[Kind::Scalar; 2]).unwrap();
+        let mut bench = Bench::new::<Mixer>(settings(&[1.0, -0.5]), 1.0, &[Kind::SCALAR; 2]).unwrap();
         assert_eq!(bench.run(&[&[3.0], &[4.0]]), [[10.0]]);
-        let refused = Bench::new::<Mixer>(settings(&[1.0]), 1.0, &[Kind::Scalar; 2]).err();
+        let refused = Bench::new::<Mixer>(settings(&[1.0]), 1.0, &[Kind::SCALAR; 2]).err();
         assert_eq!(refused.map(|e| e.field), Some(Some("gains")));
     }
 }

@@ -1,7 +1,7 @@
 //! Events from a signal.
 
 use crate::successor;
-use haptograph_engine::frame::{Event, Kind, Scalar};
+use haptograph_engine::frame::{Event, Kind, Record, Scalar};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
     Processor, QuantityRule, SettingId, Tick, any_input,
@@ -29,12 +29,12 @@ impl NodeKind for Threshold {
               that starts above the value fires only after it has fallen.",
         source: "",
         inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::Scalar),
+            kind: KindRule::Is(Kind::SCALAR),
             ..any_input("input", "The signal.")
         }],
         outputs: &[OutputSpec {
             name: "event",
-            kind: KindRule::Is(Kind::Event),
+            kind: KindRule::Is(Kind::EVENT),
             quantity: QuantityRule::Same("input"),
             doc: "Event with the signal's value.",
         }],
@@ -110,9 +110,9 @@ mod tests {
             rises_to: 0.5,
             falls_to,
         };
-        let mut bench = Bench::new::<Threshold>(settings, 1000.0, &[Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<Threshold>(settings, 1000.0, &[Kind::SCALAR]).unwrap();
         let events = bench.run_in_blocks(&[x], &[1, 3, 64]);
-        let frames = events[0].as_chunks::<{ Event::WIDTH }>().0.iter().enumerate();
+        let frames = events[0].as_chunks::<2>().0.iter().enumerate();
         let fired = frames.filter(|(_, lanes)| Event::from_components(lanes).fired);
         fired.map(|(tick, _)| tick).collect()
     }
@@ -145,6 +145,6 @@ mod tests {
             rises_to: 0.5,
             falls_to: Some(0.6),
         };
-        assert!(Bench::new::<Threshold>(settings, 1000.0, &[Kind::Scalar]).is_err());
+        assert!(Bench::new::<Threshold>(settings, 1000.0, &[Kind::SCALAR]).is_err());
     }
 }

@@ -12,7 +12,7 @@ use crate::vector::{cross, dot};
 
 const fn vector_input(name: &'static str, doc: &'static str) -> InputSpec {
     InputSpec {
-        kind: KindRule::Is(Kind::Vector),
+        kind: KindRule::Is(Kind::VECTOR),
         ..any_input(name, doc)
     }
 }
@@ -20,7 +20,7 @@ const fn vector_input(name: &'static str, doc: &'static str) -> InputSpec {
 const fn scalar_of(name: &'static str, like: &'static str, doc: &'static str) -> OutputSpec {
     OutputSpec {
         name,
-        kind: KindRule::Is(Kind::Scalar),
+        kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Same(like),
         doc,
     }
@@ -79,7 +79,7 @@ impl NodeKind for Dot {
         ],
         outputs: &[OutputSpec {
             name: "output",
-            kind: KindRule::Is(Kind::Scalar),
+            kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Product("a", "b"),
             doc: "a . b",
         }],
@@ -125,7 +125,7 @@ impl NodeKind for Cross {
         ],
         outputs: &[OutputSpec {
             name: "output",
-            kind: KindRule::Is(Kind::Vector),
+            kind: KindRule::Is(Kind::VECTOR),
             quantity: QuantityRule::Product("a", "b"),
             doc: "a x b",
         }],
@@ -211,23 +211,23 @@ impl NodeKind for Pack {
         source: "",
         inputs: &[
             InputSpec {
-                kind: KindRule::Is(Kind::Scalar),
+                kind: KindRule::Is(Kind::SCALAR),
                 ..any_input("x", "Along x.")
             },
             InputSpec {
-                kind: KindRule::Is(Kind::Scalar),
+                kind: KindRule::Is(Kind::SCALAR),
                 quantity: QuantityRule::Same("x"),
                 ..any_input("y", "Along y.")
             },
             InputSpec {
-                kind: KindRule::Is(Kind::Scalar),
+                kind: KindRule::Is(Kind::SCALAR),
                 quantity: QuantityRule::Same("x"),
                 ..any_input("z", "Along z.")
             },
         ],
         outputs: &[OutputSpec {
             name: "output",
-            kind: KindRule::Is(Kind::Vector),
+            kind: KindRule::Is(Kind::VECTOR),
             quantity: QuantityRule::Same("x"),
             doc: "The vector.",
         }],
@@ -269,12 +269,12 @@ impl NodeKind for WrenchParts {
         doc: "The force and the torque of a wrench.",
         source: "",
         inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::Wrench),
+            kind: KindRule::Is(Kind::WRENCH),
             ..any_input("input", "The wrench.")
         }],
         outputs: &[
-            output("force", Kind::Vector, Quantity::FORCE, "Its force, N."),
-            output("torque", Kind::Vector, Quantity::TORQUE, "Its torque, N m."),
+            output("force", Kind::VECTOR, Quantity::FORCE, "Its force, N."),
+            output("torque", Kind::VECTOR, Quantity::TORQUE, "Its torque, N m."),
         ],
         example: r#""parts": WrenchParts(input: "sensor.wrench")"#,
     };
@@ -316,10 +316,10 @@ impl NodeKind for MakeWrench {
         doc: "Makes a wrench from a force and a torque about the origin.",
         source: "",
         inputs: &[
-            input("force", Kind::Vector, Quantity::FORCE, "The force, N."),
-            input("torque", Kind::Vector, Quantity::TORQUE, "The torque, N m."),
+            input("force", Kind::VECTOR, Quantity::FORCE, "The force, N."),
+            input("torque", Kind::VECTOR, Quantity::TORQUE, "The torque, N m."),
         ],
-        outputs: &[output("output", Kind::Wrench, Quantity::FORCE, "The wrench.")],
+        outputs: &[output("output", Kind::WRENCH, Quantity::FORCE, "The wrench.")],
         example: r#""load": MakeWrench(force: "arm.force", torque: "torque.output")"#,
     };
 
@@ -362,19 +362,19 @@ mod tests {
 
     #[test]
     fn lengths_and_products() {
-        assert_eq!(run::<Magnitude>(&[Kind::Vector], &[&A]), [[3.0]]);
-        assert_eq!(run::<Dot>(&[Kind::Vector; 2], &[&A, &B]), [[-2.0]]);
-        assert_eq!(run::<Cross>(&[Kind::Vector; 2], &[&A, &B]), [[14.0, -4.0, 3.0]]);
+        assert_eq!(run::<Magnitude>(&[Kind::VECTOR], &[&A]), [[3.0]]);
+        assert_eq!(run::<Dot>(&[Kind::VECTOR; 2], &[&A, &B]), [[-2.0]]);
+        assert_eq!(run::<Cross>(&[Kind::VECTOR; 2], &[&A, &B]), [[14.0, -4.0, 3.0]]);
     }
 
     #[test]
     fn taken_apart_and_put_together_again() {
-        let parts = run::<Components>(&[Kind::Vector], &[&[A, B].concat()]);
+        let parts = run::<Components>(&[Kind::VECTOR], &[&[A, B].concat()]);
         assert_eq!(parts, [[1.0, 0.0], [2.0, 3.0], [-2.0, 4.0]]);
         let parts: Vec<&[f64]> = parts.iter().map(|x| &x[..]).collect();
-        assert_eq!(run::<Pack>(&[Kind::Scalar; 3], &parts), [[A, B].concat()]);
-        let wrench = run::<MakeWrench>(&[Kind::Vector; 2], &[&A, &B]);
+        assert_eq!(run::<Pack>(&[Kind::SCALAR; 3], &parts), [[A, B].concat()]);
+        let wrench = run::<MakeWrench>(&[Kind::VECTOR; 2], &[&A, &B]);
         assert_eq!(wrench, [[A, B].concat()]);
-        assert_eq!(run::<WrenchParts>(&[Kind::Wrench], &[&wrench[0]]), [A, B]);
+        assert_eq!(run::<WrenchParts>(&[Kind::WRENCH], &[&wrench[0]]), [A, B]);
     }
 }

@@ -42,7 +42,7 @@ pub const LIVE_INPUT: NodeSpec = NodeSpec {
     inputs: &[],
     outputs: &[OutputSpec {
         name: "value",
-        kind: KindRule::Is(Kind::Scalar),
+        kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Setting("quantity"),
         doc: "The number, in the SI unit of `quantity`; it holds while the input is silent.",
     }],
@@ -52,7 +52,7 @@ pub const LIVE_INPUT: NodeSpec = NodeSpec {
 /// The channel of such an endpoint.
 pub(crate) const VALUE: &[Channel] = &[Channel::new(
     "value",
-    Kind::Scalar,
+    Kind::SCALAR,
     Quantity::NUMBER,
     "The number, in the SI unit of the quantity that the `LiveInput` names.",
 )];

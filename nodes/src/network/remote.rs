@@ -55,31 +55,31 @@ pub struct UdpDevice;
 pub(super) const SENSES: &[Channel] = &[
     Channel::new(
         "position",
-        Kind::Vector,
+        Kind::VECTOR,
         Quantity::LENGTH,
         "Position of the tip, m; holds its last value while the device is silent.",
     ),
     Channel::new(
         "orientation",
-        Kind::Vector,
+        Kind::VECTOR,
         Quantity::ANGLE,
         "Orientation as a rotation vector, rad.",
     ),
     Channel::new(
         "wrench",
-        Kind::Wrench,
+        Kind::WRENCH,
         Quantity::FORCE,
         "Force and torque on the tool, N and N m; zero while silent, or held with `on_silence: Hold`.",
     ),
     Channel::new(
         "force",
-        Kind::Scalar,
+        Kind::SCALAR,
         Quantity::FORCE,
         "Normal force of the tip: the force along z, not below zero, N.",
     ),
     Channel::new(
         "touching",
-        Kind::Scalar,
+        Kind::SCALAR,
         Quantity::NUMBER,
         "1 while that force is above zero.",
     ),
@@ -89,19 +89,19 @@ pub(super) const SENSES: &[Channel] = &[
 pub(super) const DRIVES: &[Channel] = &[
     Channel::new(
         "force",
-        Kind::Vector,
+        Kind::VECTOR,
         Quantity::FORCE,
         "Force of the motors on the hand, N.",
     ),
     Channel::new(
         "current",
-        Kind::Scalar,
+        Kind::SCALAR,
         Quantity::CURRENT,
         "Current through the actuator, A.",
     ),
     Channel::new(
         "brake",
-        Kind::Scalar,
+        Kind::SCALAR,
         Quantity::CURRENT,
         "Current through the brake's solenoid, A.",
     ),

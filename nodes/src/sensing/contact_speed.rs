@@ -1,10 +1,11 @@
 //! The speed of a tool along a surface.
 
 use super::speed::{SpeedEstimator, SpeedFilter};
+use crate::contact::Contact;
 use crate::filters::design_error;
 use crate::successor;
 use crate::vector::{norm, reject};
-use haptograph_engine::frame::{Contact, Kind, Scalar, Vector};
+use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
     input, output,
@@ -32,26 +33,26 @@ impl NodeKind for ContactSpeed {
         source: "A.3.2",
         inputs: &[input(
             "contact",
-            Kind::Contact,
+            Contact::KIND,
             Quantity::NUMBER,
             "The contact, with the position of the tool.",
         )],
         outputs: &[
             output(
                 "speed",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::SPEED,
                 "Speed along the surface, m/s; zero in free space.",
             ),
             output(
                 "along",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::SPEED,
                 "Velocity along the surface, m/s; zero in free space.",
             ),
             output(
                 "velocity",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::SPEED,
                 "Velocity in all directions, m/s.",
             ),
@@ -119,12 +120,13 @@ impl Processor for Sliding {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Record;
     use haptograph_engine::testing::Bench;
 
     #[test]
     fn only_the_motion_along_the_surface_counts() {
         let settings = ContactSpeedSettings { cutoff_hz: 20.0 };
-        let mut bench = Bench::new::<ContactSpeed>(settings, 1000.0, &[Kind::Contact]).unwrap();
+        let mut bench = Bench::new::<ContactSpeed>(settings, 1000.0, &[Contact::KIND]).unwrap();
         let contacts: Vec<f64> = (0..1000)
             .flat_map(|k| {
                 Contact {

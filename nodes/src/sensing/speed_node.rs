@@ -43,10 +43,10 @@ impl NodeKind for SpeedEstimator {
         doc: "Computes speed from position: the difference between frames, low-passed per component, then its length.",
         source: "2.4, 3.1.1, A.3.2",
         inputs: &[
-            input("position", Kind::Vector, Quantity::LENGTH, "Position of the tip, m."),
+            input("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tip, m."),
             input(
                 "touching",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::NUMBER,
                 "0 while the tip is lifted: the speed is then zero, and a tip put down elsewhere has not moved.",
             )
@@ -55,13 +55,13 @@ impl NodeKind for SpeedEstimator {
         outputs: &[
             output(
                 "speed",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::SPEED,
                 "Magnitude of the velocity, m/s.",
             ),
             output(
                 "velocity",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::SPEED,
                 "The smoothed velocity, m/s.",
             ),
@@ -153,7 +153,7 @@ mod tests {
 
     fn bench(cutoff_hz: f64, smoothing: Smoothing) -> Result<Bench, BuildError> {
         let settings = SpeedEstimatorSettings { cutoff_hz, smoothing };
-        Bench::new::<SpeedEstimator>(settings, 125.0, &[Kind::Vector])
+        Bench::new::<SpeedEstimator>(settings, 125.0, &[Kind::VECTOR])
     }
 
     #[test]
@@ -194,7 +194,7 @@ mod tests {
             cutoff_hz: 20.0,
             smoothing: Smoothing::Butterworth,
         };
-        let mut bench = Bench::new::<SpeedEstimator>(settings, 125.0, &[Kind::Vector, Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<SpeedEstimator>(settings, 125.0, &[Kind::VECTOR, Kind::SCALAR]).unwrap();
         let x: Vec<f64> = (0..30)
             .flat_map(|k| [if k < 15 { 0.001 * f64::from(k) } else { 0.2 }, 0.0, 0.0])
             .collect();

@@ -11,11 +11,11 @@ use haptograph_signal::quantity::Quantity;
 
 const SPEED: InputSpec = input(
     "speed",
-    Kind::Scalar,
+    Kind::SCALAR,
     Quantity::SPEED,
     "Speed along the surface, m/s.",
 );
-const FORCE: InputSpec = input("force", Kind::Scalar, Quantity::FORCE, "Normal force, N.");
+const FORCE: InputSpec = input("force", Kind::SCALAR, Quantity::FORCE, "Normal force, N.");
 
 haptograph_engine::choices! {
     /// The inputs that a texture responds to (Table 4.1).
@@ -58,8 +58,8 @@ impl NodeKind for Responsiveness {
         source: "4.5.2, Table 4.1",
         inputs: &[SPEED, FORCE],
         outputs: &[
-            output("speed", Kind::Scalar, Quantity::SPEED, "Speed to render, m/s."),
-            output("force", Kind::Scalar, Quantity::FORCE, "Force to render, N."),
+            output("speed", Kind::SCALAR, Quantity::SPEED, "Speed to render, m/s."),
+            output("force", Kind::SCALAR, Quantity::FORCE, "Force to render, N."),
         ],
         example: r#""felt": Responsiveness(speed: "speed.speed", force: "normal.load", condition: Speed)"#,
     };
@@ -150,7 +150,7 @@ impl NodeKind for ForceWarning {
         inputs: &[FORCE],
         outputs: &[output(
             "warning",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::NUMBER,
             "1 while it warns, else 0.",
         )],
@@ -223,7 +223,7 @@ haptograph_engine::settings! {
 pub struct QuadrantDwell;
 
 const fn dwell(name: &'static str, doc: &'static str) -> OutputSpec {
-    output(name, Kind::Scalar, Quantity::TIME, doc)
+    output(name, Kind::SCALAR, Quantity::TIME, doc)
 }
 
 impl NodeKind for QuadrantDwell {
@@ -309,7 +309,7 @@ mod tests {
     use super::*;
     use haptograph_engine::testing::Bench;
 
-    const BOTH: [Kind; 2] = [Kind::Scalar; 2];
+    const BOTH: [Kind; 2] = [Kind::SCALAR; 2];
 
     #[test]
     fn the_four_conditions_of_table_4_1() {
@@ -339,7 +339,7 @@ mod tests {
             above_n: 2.75,
             hold_s: 0.002,
         };
-        let mut bench = Bench::new::<ForceWarning>(settings, 1000.0, &[Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<ForceWarning>(settings, 1000.0, &[Kind::SCALAR]).unwrap();
         let warning = bench.run(&[&[2.75, 2.8, 1.0, 1.0, 1.0, f64::NAN]]).remove(0);
         assert_eq!(warning, [0.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
     }

@@ -25,7 +25,7 @@ pub const ARM: NodeSpec = NodeSpec {
     inputs: &[],
     outputs: &[output(
         "position",
-        Kind::Vector,
+        Kind::VECTOR,
         Quantity::LENGTH,
         "Position of the tip (HIP), m.",
     )],
@@ -74,26 +74,26 @@ impl DeviceKind for SimulatedOmni {
         senses: &[
             Channel::new(
                 "position",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::LENGTH,
                 "Position of the tip in steps, m.",
             ),
             Channel::new(
                 "true_position",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::LENGTH,
                 "True position of the tip, m.",
             ),
             Channel::new(
                 "true_velocity",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::SPEED,
                 "True velocity of the tip, m/s.",
             ),
         ],
         drives: &[Channel::new(
             "force",
-            Kind::Vector,
+            Kind::VECTOR,
             Quantity::FORCE,
             "Force of the motors on the hand, N.",
         )],

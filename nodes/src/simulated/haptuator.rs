@@ -16,7 +16,7 @@ pub const ACCELEROMETER: NodeSpec = NodeSpec {
     inputs: &[],
     outputs: &[output(
         "acceleration",
-        Kind::Scalar,
+        Kind::SCALAR,
         Quantity::ACCELERATION,
         "Acceleration of the tool, m/s2.",
     )],
@@ -135,20 +135,20 @@ impl DeviceKind for SimulatedHaptuator {
         senses: &[
             Channel::new(
                 "acceleration",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::ACCELERATION,
                 "Acceleration of the tool, m/s2.",
             ),
             Channel::new(
                 "stroke",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::LENGTH,
                 "Displacement of the magnet in its housing, m.",
             ),
         ],
         drives: &[Channel::new(
             "current",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::CURRENT,
             "Current through the coil, A.",
         )],

@@ -25,7 +25,7 @@ pub const FORCE_TORQUE_SENSOR: NodeSpec = NodeSpec {
     inputs: &[],
     outputs: &[output(
         "wrench",
-        Kind::Wrench,
+        Kind::WRENCH,
         Quantity::FORCE,
         "Wrench on the object in the sensor's frame, N and N m.",
     )],
@@ -42,25 +42,25 @@ pub const TRUE_CONTACT: NodeSpec = NodeSpec {
     outputs: &[
         output(
             "true_position",
-            Kind::Vector,
+            Kind::VECTOR,
             Quantity::LENGTH,
             "True point of contact, m.",
         ),
         output(
             "true_velocity",
-            Kind::Vector,
+            Kind::VECTOR,
             Quantity::SPEED,
             "True velocity of the pen along the surface, m/s.",
         ),
         output(
             "true_load",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::FORCE,
             "True normal force, N; zero in free space.",
         ),
         output(
             "true_friction",
-            Kind::Vector,
+            Kind::VECTOR,
             Quantity::FORCE,
             "True friction on the pen, N.",
         ),
@@ -132,37 +132,37 @@ impl DeviceKind for SimulatedPenAndObject {
         senses: &[
             Channel::new(
                 "wrench",
-                Kind::Wrench,
+                Kind::WRENCH,
                 Quantity::FORCE,
                 "The sensor's reading, N and N m.",
             ),
             Channel::new(
                 "true_position",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::LENGTH,
                 "True point of contact, m.",
             ),
             Channel::new(
                 "true_velocity",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::SPEED,
                 "True velocity of the pen along the surface, m/s.",
             ),
             Channel::new(
                 "true_load",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::FORCE,
                 "True normal force, N.",
             ),
             Channel::new(
                 "true_friction",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::FORCE,
                 "True friction on the pen, N.",
             ),
             Channel::new(
                 "acceleration",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::ACCELERATION,
                 "Acceleration of the pen by the haptuator, m/s2.",
             ),
@@ -170,13 +170,13 @@ impl DeviceKind for SimulatedPenAndObject {
         drives: &[
             Channel::new(
                 "brake",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::CURRENT,
                 "Current through the brake's solenoid, A.",
             ),
             Channel::new(
                 "current",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::CURRENT,
                 "Current through the haptuator, A.",
             ),

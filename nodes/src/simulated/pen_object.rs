@@ -250,7 +250,7 @@ impl PenObject {
         self.brake.advance(brake_a, norm(along) * step_s, step_s);
         self.truth = PenTruth {
             touching: contact.touching && normal_n > 0.0,
-            position_m: contact.proxy_m,
+            position_m: contact.ihip_m,
             velocity_m_s: along,
             normal_n,
             friction_n,

@@ -27,10 +27,10 @@ pub const RECORDING_TOOL: NodeSpec = NodeSpec {
     source: "2.2.1",
     inputs: &[],
     outputs: &[
-        output("position", Kind::Vector, Quantity::LENGTH, POSITION),
-        output("orientation", Kind::Vector, Quantity::ANGLE, ORIENTATION),
-        output("acceleration", Kind::Vector, Quantity::ACCELERATION, ACCELERATION),
-        output("wrench", Kind::Wrench, Quantity::FORCE, WRENCH),
+        output("position", Kind::VECTOR, Quantity::LENGTH, POSITION),
+        output("orientation", Kind::VECTOR, Quantity::ANGLE, ORIENTATION),
+        output("acceleration", Kind::VECTOR, Quantity::ACCELERATION, ACCELERATION),
+        output("wrench", Kind::WRENCH, Quantity::FORCE, WRENCH),
     ],
     example: r#""tool": RecordingTool(clock: "daq", endpoint: "tool")"#,
 };
@@ -43,8 +43,8 @@ pub const TRACKER: NodeSpec = NodeSpec {
     source: "2.2.1",
     inputs: &[],
     outputs: &[
-        output("position", Kind::Vector, Quantity::LENGTH, POSITION),
-        output("orientation", Kind::Vector, Quantity::ANGLE, ORIENTATION),
+        output("position", Kind::VECTOR, Quantity::LENGTH, POSITION),
+        output("orientation", Kind::VECTOR, Quantity::ANGLE, ORIENTATION),
     ],
     example: r#""tracker": Tracker(clock: "tracker", endpoint: "tool")"#,
 };
@@ -83,10 +83,10 @@ impl DeviceKind for SimulatedRecordingTool {
         source: "2.2",
         simulated: true,
         senses: &[
-            Channel::new("position", Kind::Vector, Quantity::LENGTH, POSITION),
-            Channel::new("orientation", Kind::Vector, Quantity::ANGLE, ORIENTATION),
-            Channel::new("acceleration", Kind::Vector, Quantity::ACCELERATION, ACCELERATION),
-            Channel::new("wrench", Kind::Wrench, Quantity::FORCE, WRENCH),
+            Channel::new("position", Kind::VECTOR, Quantity::LENGTH, POSITION),
+            Channel::new("orientation", Kind::VECTOR, Quantity::ANGLE, ORIENTATION),
+            Channel::new("acceleration", Kind::VECTOR, Quantity::ACCELERATION, ACCELERATION),
+            Channel::new("wrench", Kind::WRENCH, Quantity::FORCE, WRENCH),
         ],
         drives: &[],
         example: r#""tool": SimulatedRecordingTool(material: "T2", motion: Drag, person: 1)"#,

@@ -46,13 +46,13 @@ impl NodeKind for AccelerometerModel {
         source: "2.2.1",
         inputs: &[input(
             "acceleration",
-            Kind::Vector,
+            Kind::VECTOR,
             Quantity::ACCELERATION,
             "Acceleration less gravity, m/s2.",
         )],
         outputs: &[output(
             "voltage",
-            Kind::Vector,
+            Kind::VECTOR,
             Quantity::VOLTAGE,
             "Readings of the three axes, V.",
         )],
@@ -138,22 +138,22 @@ impl NodeKind for TrackerModel {
         inputs: &[
             input(
                 "position",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::LENGTH,
                 "Position of the tracker's sensor, m.",
             ),
             input(
                 "orientation",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::ANGLE,
                 "Orientation as axis times angle, rad.",
             ),
         ],
         outputs: &[
-            output("position", Kind::Vector, Quantity::LENGTH, "Position reading, m."),
+            output("position", Kind::VECTOR, Quantity::LENGTH, "Position reading, m."),
             output(
                 "orientation",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::ANGLE,
                 "Orientation reading, axis times angle, rad.",
             ),
@@ -230,13 +230,13 @@ impl NodeKind for ForceSensorModel {
         source: "2.2.1",
         inputs: &[input(
             "wrench",
-            Kind::Wrench,
+            Kind::WRENCH,
             Quantity::FORCE,
             "The load, N and N m.",
         )],
         outputs: &[output(
             "wrench",
-            Kind::Wrench,
+            Kind::WRENCH,
             Quantity::FORCE,
             "Load reading, N and N m.",
         )],

@@ -17,19 +17,19 @@ pub const TABLET: NodeSpec = NodeSpec {
     outputs: &[
         output(
             "position",
-            Kind::Vector,
+            Kind::VECTOR,
             Quantity::LENGTH,
             "Position of the tip, m; z is zero.",
         ),
         output(
             "force",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::FORCE,
             "Normal force of the tip, N; zero while lifted.",
         ),
         output(
             "touching",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::NUMBER,
             "1 while the tip touches, else 0.",
         ),
@@ -51,19 +51,19 @@ impl DeviceKind for SimulatedTablet {
         senses: &[
             Channel::new(
                 "position",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::LENGTH,
                 "Position of the tip, m.",
             ),
             Channel::new(
                 "force",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::FORCE,
                 "Normal force of the tip, N.",
             ),
             Channel::new(
                 "touching",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::NUMBER,
                 "1 while the tip touches.",
             ),

@@ -112,20 +112,19 @@ fn facts(streams: &[Stream]) -> Vec<String> {
 
 /// `stylus.force_n`, `stylus.position_x_m`, `contact.ihip_x`: components of a linear kind carry its unit.
 fn columns_of(stream: &Stream) -> Vec<String> {
-    let unit = if stream.kind.is_linear() && stream.kind != Kind::Wrench {
+    let is_wrench = stream.kind == Kind::WRENCH;
+    let unit = if stream.kind.is_linear() && !is_wrench {
         units::suffix(stream.quantity)
     } else {
         String::new()
     };
-    let named = |lane: String| match (stream.kind, lane.as_str()) {
-        (Kind::Scalar, _) => format!("{}{unit}", stream.name),
-        (Kind::Wrench, lane) => {
-            let unit = if lane.starts_with("force") { "_n" } else { "_n_m" };
-            format!("{}_{lane}{unit}", stream.name)
-        }
-        (_, lane) => format!("{}_{lane}{unit}", stream.name),
+    let named = |component: &&str| match *component {
+        "" => format!("{}{unit}", stream.name),
+        force if is_wrench && force.starts_with("force") => format!("{}_{force}_n", stream.name),
+        torque if is_wrench => format!("{}_{torque}_n_m", stream.name),
+        component => format!("{}_{component}{unit}", stream.name),
     };
-    stream.kind.component_names().into_iter().map(named).collect()
+    stream.kind.spec().components.iter().map(named).collect()
 }
 
 struct Rows {
@@ -225,8 +224,8 @@ mod tests {
     fn rows_wait_until_every_signal_has_come() {
         let folder = tempfile::tempdir().unwrap();
         let streams = [
-            stream("stylus.position", Kind::Vector, Quantity::LENGTH, "125"),
-            stream("stylus.force", Kind::Scalar, Quantity::FORCE, "125"),
+            stream("stylus.position", Kind::VECTOR, Quantity::LENGTH, "125"),
+            stream("stylus.force", Kind::SCALAR, Quantity::FORCE, "125"),
         ];
         let sink = CsvSink::build(CsvSinkSettings { file: "x.csv".into() }, &context(&streams)).unwrap();
         let path = folder.path().join(sink.file_name());
@@ -252,7 +251,7 @@ mod tests {
     #[test]
     fn whole_rows_are_in_the_file_every_second() {
         let folder = tempfile::tempdir().unwrap();
-        let streams = [stream("stylus.force", Kind::Scalar, Quantity::FORCE, "125")];
+        let streams = [stream("stylus.force", Kind::SCALAR, Quantity::FORCE, "125")];
         let sink = CsvSink::build(CsvSinkSettings { file: "x.csv".into() }, &context(&streams)).unwrap();
         let path = folder.path().join("x.csv");
         let mut writer = sink.open(&path, &streams).unwrap();
@@ -290,8 +289,8 @@ mod tests {
     #[test]
     fn one_table_has_one_rate() {
         let streams = [
-            stream("a.x", Kind::Scalar, Quantity::FORCE, "125"),
-            stream("b.x", Kind::Scalar, Quantity::FORCE, "240"),
+            stream("a.x", Kind::SCALAR, Quantity::FORCE, "125"),
+            stream("b.x", Kind::SCALAR, Quantity::FORCE, "240"),
         ];
         let refused = CsvSink::build(CsvSinkSettings { file: "x.csv".into() }, &context(&streams)).err();
         assert_eq!(refused.and_then(|e| e.field), Some("inputs"));

@@ -53,7 +53,7 @@ impl Meter {
 const fn level(name: &'static str, doc: &'static str) -> OutputSpec {
     OutputSpec {
         name,
-        kind: KindRule::Is(Kind::Scalar),
+        kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Same("input"),
         doc,
     }
@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn a_sine_reads_its_rms_and_peak_and_silence_reads_zero() {
         let mut bench =
-            Bench::new::<Meter>(MeterSettings { window_s: 0.1 }, 1000.0, &[Kind::Scalar]).unwrap();
+            Bench::new::<Meter>(MeterSettings { window_s: 0.1 }, 1000.0, &[Kind::SCALAR]).unwrap();
         let mut x: Vec<f64> = (0..5000).map(|k| 3.0 * (0.7 * f64::from(k)).sin()).collect();
         x.resize(60_000, 0.0);
         let y = bench.run(&[&x]);

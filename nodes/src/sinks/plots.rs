@@ -1,7 +1,8 @@
 //! Plots that a graph asks for: they are drawn on the page of a run. Like file sinks they take every signal at its own
 //! rate; the page is their file, so they write none of their own.
 
-use haptograph_engine::frame::Kind;
+use crate::contact::Contact;
+use haptograph_engine::frame::{Kind, OneKind};
 use haptograph_engine::node::{
     BuildError, FileContext, FileKind, FileSink, Flow, FrameWriter, InputSpec, KindRule, NodeSpec, Presence,
     QuantityRule, Stream,
@@ -46,7 +47,7 @@ impl FileKind for TimePlot {
     };
 
     fn build(_: NoSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
-        require(&cx.streams, &[Kind::Scalar, Kind::Vector, Kind::Event])
+        require(&cx.streams, &[Kind::SCALAR, Kind::VECTOR, Kind::EVENT])
     }
 }
 
@@ -61,7 +62,7 @@ impl FileKind for XyPlot {
         doc: "Asks for a plot of signals against another on the page of a run, under the name of this node.",
         source: "",
         inputs: &[
-            any("x", KindRule::Is(Kind::Scalar), Presence::Required, "Across."),
+            any("x", KindRule::Is(Kind::SCALAR), Presence::Required, "Across."),
             any(
                 "y",
                 KindRule::Any,
@@ -74,7 +75,7 @@ impl FileKind for XyPlot {
     };
 
     fn build(_: NoSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
-        require(&cx.streams, &[Kind::Scalar, Kind::Vector])
+        require(&cx.streams, &[Kind::SCALAR, Kind::VECTOR])
     }
 }
 
@@ -100,7 +101,7 @@ impl FileKind for PathPlot {
     };
 
     fn build(_: NoSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
-        require(&cx.streams, &[Kind::Vector, Kind::Contact])
+        require(&cx.streams, &[Kind::VECTOR, Contact::KIND])
     }
 }
 
@@ -146,6 +147,7 @@ impl FrameWriter for OnThePage {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::texture::frames::Weights;
     use haptograph_signal::quantity::Quantity;
     use haptograph_signal::time::Rate;
 
@@ -162,9 +164,9 @@ mod tests {
             streams: kinds.iter().copied().map(stream).collect(),
             ..FileContext::default()
         };
-        let refused = TimePlot::build(NoSettings {}, &cx(&[Kind::Weights])).err();
+        let refused = TimePlot::build(NoSettings {}, &cx(&[Weights::KIND])).err();
         assert!(refused.is_some_and(|e| e.message.contains("locate.weights")));
-        assert!(XyPlot::build(NoSettings {}, &cx(&[Kind::Scalar, Kind::Vector])).is_ok());
-        assert!(PathPlot::build(NoSettings {}, &cx(&[Kind::Scalar])).is_err());
+        assert!(XyPlot::build(NoSettings {}, &cx(&[Kind::SCALAR, Kind::VECTOR])).is_ok());
+        assert!(PathPlot::build(NoSettings {}, &cx(&[Kind::SCALAR])).is_err());
     }
 }

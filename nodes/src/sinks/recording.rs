@@ -82,25 +82,25 @@ impl FileKind for RecordingSink {
         inputs: &[
             input(
                 "position",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::LENGTH,
                 "Position of the tracker's sensor in the world, m.",
             ),
             input(
                 "orientation",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::ANGLE,
                 "Rotation from tool to world, axis times angle, rad.",
             ),
             input(
                 "wrench",
-                Kind::Wrench,
+                Kind::WRENCH,
                 Quantity::FORCE,
                 "Load on the tool in the force sensor's frame, N and N m.",
             ),
             input(
                 "voltage",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::VOLTAGE,
                 "Readings of the accelerometer's axes, V.",
             ),
@@ -347,10 +347,10 @@ mod tests {
 
     fn context(tracker: [&str; 2], simulated: bool) -> FileContext {
         let streams = vec![
-            stream("tracker.position", Kind::Vector, tracker[0], simulated),
-            stream("tracker.orientation", Kind::Vector, tracker[1], simulated),
-            stream("force.wrench", Kind::Wrench, "1000", simulated),
-            stream("accelerometer.voltage", Kind::Vector, "1000", simulated),
+            stream("tracker.position", Kind::VECTOR, tracker[0], simulated),
+            stream("tracker.orientation", Kind::VECTOR, tracker[1], simulated),
+            stream("force.wrench", Kind::WRENCH, "1000", simulated),
+            stream("accelerometer.voltage", Kind::VECTOR, "1000", simulated),
         ];
         FileContext {
             streams,

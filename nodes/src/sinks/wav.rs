@@ -208,7 +208,7 @@ mod tests {
     fn stream(rate: &str) -> Stream {
         Stream {
             name: "arm.force".into(),
-            kind: Kind::Vector,
+            kind: Kind::VECTOR,
             quantity: Quantity::FORCE,
             rate: Rate::parse(rate).unwrap(),
             simulated: true,

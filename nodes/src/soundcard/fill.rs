@@ -198,7 +198,7 @@ mod tests {
             doc: "",
             source: "",
             inputs: &[],
-            outputs: &[output("out", Kind::Scalar, Quantity::CURRENT, "")],
+            outputs: &[output("out", Kind::SCALAR, Quantity::CURRENT, "")],
             example: "",
         };
 
@@ -277,7 +277,7 @@ mod tests {
             source: "",
             simulated: true,
             senses: &[],
-            drives: &[Channel::new("current", Kind::Scalar, Quantity::CURRENT, "")],
+            drives: &[Channel::new("current", Kind::SCALAR, Quantity::CURRENT, "")],
             example: "",
         };
 

@@ -102,7 +102,7 @@ input_settings! {
 }
 
 const fn channel(name: &'static str, quantity: Quantity, doc: &'static str) -> Channel {
-    Channel::new(name, Kind::Scalar, quantity, doc)
+    Channel::new(name, Kind::SCALAR, quantity, doc)
 }
 
 const CURRENT: Channel = channel("current", Quantity::CURRENT, "Current through the actuator, A.");
@@ -215,13 +215,13 @@ impl ActuatorKind for SoundcardSink {
         source: "",
         inputs: &[input(
             "voltage",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::VOLTAGE,
             "Requested voltage, V.",
         )],
         outputs: &[output(
             "delivered",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::VOLTAGE,
             "Voltage after the limit, V.",
         )],
@@ -243,7 +243,7 @@ pub const SOUNDCARD_SOURCE: NodeSpec = NodeSpec {
     inputs: &[],
     outputs: &[output(
         "voltage",
-        Kind::Scalar,
+        Kind::SCALAR,
         Quantity::VOLTAGE,
         "Voltage at the input, V.",
     )],

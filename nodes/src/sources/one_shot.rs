@@ -39,7 +39,7 @@ impl NodeKind for OneShot {
               tick. An event during playback restarts it. The file's rate has to be that of the node's clock.",
         source: "",
         inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::Event),
+            kind: KindRule::Is(Kind::EVENT),
             ..any_input("start", "Begins it.")
         }],
         outputs: &[made("The recording; zero while it does not play.")],
@@ -122,7 +122,7 @@ mod tests {
                 quantity: "current".into(),
                 per_value,
             };
-            let mut bench = Bench::new::<OneShot>(settings, 1000.0, &[Kind::Event]).unwrap();
+            let mut bench = Bench::new::<OneShot>(settings, 1000.0, &[Kind::EVENT]).unwrap();
             let mut events = [[0.0, 0.0]; 12];
             (events[2], events[7], events[9]) = ([1.0, 3.0], [1.0, 0.5], [1.0, f64::NAN]);
             bench.run_in_blocks(&[events.as_flattened()], &[1, 5])[0].clone()

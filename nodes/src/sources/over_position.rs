@@ -79,7 +79,7 @@ impl NodeKind for WavOverPosition {
             },
             input(
                 "speed",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::SPEED,
                 "Speed of the tool, m/s. The amplitude rises with it up to `full_at_mm_s`.",
             )
@@ -91,7 +91,7 @@ impl NodeKind for WavOverPosition {
 
     fn build(settings: WavOverPositionSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let width = cx.width(Self::POSITION);
-        if width == Kind::Wrench.width() {
+        if width == Kind::WRENCH.width() {
             return Err(
                 BuildError::at("position", "a position has one or three components")
                     .help("connect the component of the signal that is a length"),
@@ -325,7 +325,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         // A period of 10 mm, 100 samples.
         let wanted = settings(file(folder.path(), 1000, 100.0), Beyond::Repeat);
-        let mut bench = Bench::new::<WavOverPosition>(wanted, 1000.0, &[Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<WavOverPosition>(wanted, 1000.0, &[Kind::SCALAR]).unwrap();
         // 20 mm/s: 0.02 mm a tick, back and forth, over the joint at 110 mm.
         let way_m: Vec<f64> = (0..4000)
             .map(|k: i32| 1e-3 * (95.0 + 0.02 * f64::from(2000 - (k - 2000).abs())))
@@ -344,7 +344,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         // A period of 0.8 mm, 8 samples; at 100 Hz and 79 mm/s it would be heard at 1.25 Hz.
         let wanted = settings(file(folder.path(), 1000, 8.0), Beyond::Repeat);
-        let mut bench = Bench::new::<WavOverPosition>(wanted, 100.0, &[Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<WavOverPosition>(wanted, 100.0, &[Kind::SCALAR]).unwrap();
         let way_m: Vec<f64> = (0..500).map(|k| 0.79e-3 * f64::from(k)).collect();
         let y = bench.run(&[&way_m]).remove(0);
         let largest = y.iter().skip(1).fold(0.0_f64, |largest, y| largest.max(y.abs()));
@@ -356,7 +356,7 @@ mod tests {
     fn it_is_silent_at_rest_and_beyond_its_ends_where_that_is_asked_for() {
         let folder = tempfile::tempdir().unwrap();
         let wanted = settings(file(folder.path(), 1000, 100.0), Beyond::Silence);
-        let kinds = [Kind::Vector, Kind::Scalar];
+        let kinds = [Kind::VECTOR, Kind::SCALAR];
         let mut bench = Bench::new::<WavOverPosition>(wanted, 1000.0, &kinds).unwrap();
         let mut at = |y_mm: f64, speed_m_s: f64| {
             let place = [0.5, 1e-3 * y_mm, -0.3];
@@ -384,7 +384,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let good = settings(file(folder.path(), 1000, 100.0), Beyond::Repeat);
         let refused = |settings| {
-            Bench::new::<WavOverPosition>(settings, 1000.0, &[Kind::Scalar])
+            Bench::new::<WavOverPosition>(settings, 1000.0, &[Kind::SCALAR])
                 .err()
                 .map(|error| error.field)
         };

@@ -29,13 +29,13 @@ impl NodeKind for Phase {
         source: "",
         inputs: &[input(
             "frequency",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::FREQUENCY,
             "Frequency, Hz; a negative frequency turns backwards.",
         )],
         outputs: &[output(
             "phase",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::NUMBER,
             "The phase in turns, from 0 up to 1.",
         )],
@@ -110,10 +110,10 @@ impl NodeKind for Adsr {
               nothing jumps.",
         source: "",
         inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::Scalar),
+            kind: KindRule::Is(Kind::SCALAR),
             ..any_input("gate", "The gate is open while this is above zero.")
         }],
-        outputs: &[output("output", Kind::Scalar, Quantity::NUMBER, "0 to 1.")],
+        outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "0 to 1.")],
         example: r#""swell": Adsr(gate: "stylus.force", attack_ms: 20, release_ms: 200)"#,
     };
 
@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn the_phase_of_a_rising_frequency_is_its_integral() {
         let settings = PhaseSettings { start_deg: 90.0 };
-        let mut bench = Bench::new::<Phase>(settings, 100.0, &[Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<Phase>(settings, 100.0, &[Kind::SCALAR]).unwrap();
         let sweep: Vec<f64> = (0..300).map(|i| f64::from(i) * 0.1).collect();
         let phase = bench.run(&[&sweep]).remove(0);
         for (i, phase) in phase.iter().enumerate() {
@@ -225,7 +225,7 @@ mod tests {
     }
 
     fn envelope(settings: AdsrSettings, gate: &[f64]) -> Vec<f64> {
-        let mut bench = Bench::new::<Adsr>(settings, 1000.0, &[Kind::Scalar]).unwrap();
+        let mut bench = Bench::new::<Adsr>(settings, 1000.0, &[Kind::SCALAR]).unwrap();
         bench.run(&[gate]).remove(0)
     }
 

@@ -85,7 +85,7 @@ impl NodeKind for ConstantVector {
         inputs: &[],
         outputs: &[OutputSpec {
             name: "output",
-            kind: KindRule::Is(Kind::Vector),
+            kind: KindRule::Is(Kind::VECTOR),
             quantity: QuantityRule::Setting("quantity"),
             doc: "The value.",
         }],

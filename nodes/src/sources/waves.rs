@@ -384,7 +384,7 @@ mod tests {
         };
         assert!(Bench::new::<Sine>(settings.clone(), 1000.0, &[]).is_err());
         let mut bench =
-            Bench::new::<Sine>(settings, 1000.0, &[haptograph_engine::frame::Kind::Scalar]).unwrap();
+            Bench::new::<Sine>(settings, 1000.0, &[haptograph_engine::frame::Kind::SCALAR]).unwrap();
         let frequency: Vec<f64> = (0..400)
             .map(|k| match k {
                 0..100 => 20.0,

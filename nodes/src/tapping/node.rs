@@ -6,7 +6,7 @@ use crate::contact::Contact;
 use crate::successor;
 use crate::texture::load_surface;
 use crate::vector::{Vec3, scale};
-use haptograph_engine::frame::{self, Event, Kind, Vector};
+use haptograph_engine::frame::{Event, Kind, OneKind, Record, Vector};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick, input,
     output,
@@ -45,12 +45,12 @@ impl NodeKind for Tapping {
               new tap replaces one that still rings. Taps of another rate are resampled to the node's clock. With a surface \
               without taps nothing is played.",
         source: "4.3.2",
-        inputs: &[input("contact", Kind::Contact, Quantity::NUMBER, "The contact.")],
+        inputs: &[input("contact", Contact::KIND, Quantity::NUMBER, "The contact.")],
         outputs: &[
-            output("force", Kind::Vector, Quantity::FORCE, "Force on the tool, N."),
+            output("force", Kind::VECTOR, Quantity::FORCE, "Force on the tool, N."),
             output(
                 "tap",
-                Kind::Event,
+                Kind::EVENT,
                 Quantity::SPEED,
                 "Event at a tap, with its speed, m/s.",
             ),
@@ -95,7 +95,7 @@ impl NodeKind for Tapping {
 }
 
 impl Tapping {
-    const CONTACT: Input<frame::Contact> = Self::SPEC.input("contact");
+    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
     const FORCE: Output<Vector> = Self::SPEC.output("force");
     const TAP: Output<Event> = Self::SPEC.output("tap");
     const MASS_G: SettingId = TappingSettings::live("mass_g");
@@ -116,7 +116,6 @@ impl Processor for Striking {
         let (force, tap) = io.write_all((Tapping::FORCE, Tapping::TAP));
         let frames = force.iter_mut().zip(tap);
         for ((force, event), contact) in frames.zip(contacts) {
-            let contact = Contact::from(contact);
             let struck = self
                 .onset
                 .update(&contact)
@@ -173,11 +172,11 @@ mod tests {
     /// Down through z = 0 at a speed, from 1 ms a tick.
     fn fall(speed_m_s: f64) -> Vec<f64> {
         let height = |k: i32| speed_m_s * f64::from(50 - k) * 1e-3;
-        let contact = |k| frame::Contact {
+        let contact = |k| Contact {
             touching: height(k) < 0.0,
             hip_m: [0.0, 0.0, height(k)],
             normal: [0.0, 0.0, f64::from(u8::from(height(k) < 0.0))],
-            ..frame::Contact::default()
+            ..Contact::default()
         };
         (0..200).flat_map(|k| contact(k).to_components()).collect()
     }
@@ -185,7 +184,7 @@ mod tests {
     #[test]
     fn a_tap_plays_the_surfaces_transient_for_its_speed() {
         let taps = load_surface(&tile()).unwrap().taps.unwrap();
-        let mut bench = Bench::new::<Tapping>(settings(), 1000.0, &[Kind::Contact]).unwrap();
+        let mut bench = Bench::new::<Tapping>(settings(), 1000.0, &[Contact::KIND]).unwrap();
         let out = bench.run_in_blocks(&[&fall(0.15)], &[1, 64]);
         let fired: Vec<usize> = (0..200).filter(|k| out[1][2 * k] != 0.0).collect();
         assert_eq!(fired, [51]);
@@ -208,7 +207,7 @@ mod tests {
                 ..settings()
             },
             1000.0,
-            &[Kind::Contact],
+            &[Contact::KIND],
         )
         .unwrap();
         let out = bench.run(&[&fall(0.15)]);
@@ -218,7 +217,7 @@ mod tests {
 
     #[test]
     fn a_slow_touch_is_no_tap() {
-        let mut bench = Bench::new::<Tapping>(settings(), 1000.0, &[Kind::Contact]).unwrap();
+        let mut bench = Bench::new::<Tapping>(settings(), 1000.0, &[Contact::KIND]).unwrap();
         assert!(bench.run(&[&fall(0.005)])[0].iter().all(|f| *f == 0.0));
     }
 }

@@ -1,6 +1,6 @@
 //! The excitation of the synthesis filter.
 
-use haptograph_engine::frame::{Coefficients, Kind, Scalar};
+use haptograph_engine::frame::{Kind, OneKind, Scalar};
 use haptograph_engine::node::{
     BuildContext, BuildError, Held, Input, Io, NodeKind, NodeSpec, Optional, Output, Processor, Tick, input,
     output,
@@ -10,6 +10,7 @@ use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::crackle::CrackleSource;
 use std::path::PathBuf;
 
+use super::frames::Coefficients;
 use super::load_texture;
 use crate::successor;
 
@@ -35,7 +36,7 @@ impl NodeKind for Excitation {
         source: "2.4.2; crackle: docs/texture-models.md",
         inputs: &[input(
             "coefficients",
-            Kind::Coefficients,
+            Coefficients::KIND,
             Quantity::NUMBER,
             "Coefficients, held, whose variance the noise has.",
         )
@@ -43,7 +44,7 @@ impl NodeKind for Excitation {
         .optional()],
         outputs: &[output(
             "excitation",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::ACCELERATION,
             "The noise, m/s2.",
         )],
@@ -131,7 +132,7 @@ mod tests {
     fn the_excitation_has_the_variance_of_the_coefficients_and_none_at_rest() {
         let variances: Vec<f64> = (0..3000).map(|k| [1.0, 0.0, 4.0][k / 1000]).collect();
         let held: Vec<f64> = variances.iter().flat_map(|v| frame(*v)).collect();
-        let mut scaled = Bench::new::<Excitation>(white(), 1000.0, &[Kind::Coefficients]).unwrap();
+        let mut scaled = Bench::new::<Excitation>(white(), 1000.0, &[Coefficients::KIND]).unwrap();
         let mut unit = Bench::new::<Excitation>(white(), 1000.0, &[]).unwrap();
         let scaled = scaled.run_in_blocks(&[&held], &[64, 3]).remove(0);
         let unit = unit.run_source(1024).remove(0);
@@ -155,7 +156,7 @@ mod tests {
     }
 
     fn bench(settings: ExcitationSettings) -> Bench {
-        Bench::new::<Excitation>(settings, 10_000.0, &[Kind::Coefficients]).unwrap()
+        Bench::new::<Excitation>(settings, 10_000.0, &[Coefficients::KIND]).unwrap()
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The synthesis filter.
 
-use haptograph_engine::frame::{Coefficients, Kind, LinesAt, Scalar};
+use haptograph_engine::frame::{Kind, OneKind, Scalar};
 use haptograph_engine::node::{
     BuildContext, BuildError, Held, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, Tick, input,
     output,
@@ -14,6 +14,7 @@ use haptograph_surfaces::TextureModel;
 use haptograph_surfaces::lines::LineSource;
 use std::path::PathBuf;
 
+use super::frames::{Coefficients, LinesAt};
 use super::load_texture;
 use super::upsampler::Upsampler;
 use crate::successor;
@@ -57,21 +58,21 @@ impl NodeKind for ArmaFilter {
         inputs: &[
             input(
                 "coefficients",
-                Kind::Coefficients,
+                Coefficients::KIND,
                 Quantity::NUMBER,
                 "The filter, held.",
             )
             .held(),
             input(
                 "excitation",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::ACCELERATION,
                 "White noise of the filter's variance, m/s2.",
             ),
         ],
         outputs: &[output(
             "acceleration",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::ACCELERATION,
             "The vibration, m/s2.",
         )],
@@ -303,7 +304,7 @@ mod tests {
 
     fn bench(form: Form) -> Bench {
         let settings = ArmaFilterSettings { form, surface: None };
-        Bench::new::<ArmaFilter>(settings, 1000.0, &[Kind::Coefficients, Kind::Scalar]).unwrap()
+        Bench::new::<ArmaFilter>(settings, 1000.0, &[Coefficients::KIND, Kind::SCALAR]).unwrap()
     }
 
     fn frame(ar: &[f64], ma: &[f64], gain: f64) -> [f64; Coefficients::WIDTH] {
@@ -392,11 +393,11 @@ mod tests {
             form: Form::Lattice,
             surface: Some(plain()),
         };
-        let refused = Bench::new::<ArmaFilter>(settings, 999.0, &[Kind::Coefficients, Kind::Scalar]).err();
+        let refused = Bench::new::<ArmaFilter>(settings, 999.0, &[Coefficients::KIND, Kind::SCALAR]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("surface"));
     }
 
-    const KINDS: [Kind; 2] = [Kind::Coefficients, Kind::Scalar];
+    const KINDS: [Kind; 2] = [Coefficients::KIND, Kind::SCALAR];
 
     /// The tile at 1 kHz, as models with zeros and gains, in a file.
     fn slow_plain() -> tempfile::NamedTempFile {

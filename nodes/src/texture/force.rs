@@ -1,9 +1,10 @@
 //! Texture rendered by the motors of an arm.
 
+use crate::contact::Contact;
 use crate::successor;
 use crate::tapping::transient::EFFECTIVE_MASS_KG;
 use crate::vector::{Vec3, cross, direction, scale};
-use haptograph_engine::frame::{Contact, Kind, Scalar, Vector};
+use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick, input,
     output,
@@ -32,21 +33,21 @@ impl NodeKind for TextureForce {
         inputs: &[
             input(
                 "acceleration",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::ACCELERATION,
                 "The vibration, m/s2.",
             ),
-            input("contact", Kind::Contact, Quantity::NUMBER, "The contact."),
+            input("contact", Contact::KIND, Quantity::NUMBER, "The contact."),
             input(
                 "friction",
-                Kind::Vector,
+                Kind::VECTOR,
                 Quantity::FORCE,
                 "The friction on the tool, N.",
             ),
         ],
         outputs: &[output(
             "force",
-            Kind::Vector,
+            Kind::VECTOR,
             Quantity::FORCE,
             "Force on the tool, N.",
         )],
@@ -111,11 +112,12 @@ impl Processor for Shaking {
 mod tests {
     use super::*;
     use crate::vector::dot;
+    use haptograph_engine::frame::Record;
     use haptograph_engine::testing::Bench;
 
     #[test]
     fn the_shaking_is_across_normal_and_friction() {
-        let kinds = [Kind::Scalar, Kind::Contact, Kind::Vector];
+        let kinds = [Kind::SCALAR, Contact::KIND, Kind::VECTOR];
         let mut bench =
             Bench::new::<TextureForce>(TextureForceSettings { mass_g: 50.0 }, 1000.0, &kinds).unwrap();
         let normal = [0.0, 0.6, 0.8];

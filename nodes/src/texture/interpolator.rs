@@ -1,6 +1,6 @@
 //! Interpolation of the synthesis filter on the map of a texture.
 
-use haptograph_engine::frame::{self, Kind, Weights};
+use haptograph_engine::frame::OneKind;
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
 };
@@ -8,6 +8,7 @@ use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::lines::mixed_powers;
 use haptograph_surfaces::{Coefficients, Interpolator, SpatialLine};
 
+use super::frames::{self, LinesAt, Weights};
 use super::load_texture;
 use super::locator::SurfaceSettings;
 
@@ -25,13 +26,13 @@ impl NodeKind for LsfInterpolator {
         source: "2.4.1",
         inputs: &[input(
             "weights",
-            Kind::Weights,
+            Weights::KIND,
             Quantity::NUMBER,
             "Weights from a `TriangleLocator` of the same surface.",
         )],
         outputs: &[output(
             "coefficients",
-            Kind::Coefficients,
+            frames::Coefficients::KIND,
             Quantity::NUMBER,
             "The synthesis filter, the variance of its excitation, and the powers of lines fixed in space.",
         )],
@@ -50,7 +51,7 @@ impl NodeKind for LsfInterpolator {
 
 impl LsfInterpolator {
     const WEIGHTS: Input<Weights> = Self::SPEC.input("weights");
-    const COEFFICIENTS: Output<frame::Coefficients<'static>> = Self::SPEC.output("coefficients");
+    const COEFFICIENTS: Output<frames::Coefficients<'static>> = Self::SPEC.output("coefficients");
 }
 
 #[derive(Debug, Clone)]
@@ -65,7 +66,7 @@ impl Processor for Mixing {
         let places = io.decode(LsfInterpolator::WEIGHTS);
         for (components, at) in io.write(LsfInterpolator::COEFFICIENTS).iter_mut().zip(places) {
             self.interpolate(&at);
-            frame::Coefficients {
+            frames::Coefficients {
                 ar: self.mix.ar(),
                 ma: self.mix.ma(),
                 gain: self.mix.gain,
@@ -74,7 +75,7 @@ impl Processor for Mixing {
             }
             .write(components);
             if !self.lines.is_empty() {
-                let lines = frame::LinesAt {
+                let lines = LinesAt {
                     speed_m_s: at.speed_m_s,
                     powers_m2_s4: mixed_powers(&self.lines, at.models, at.weights),
                 };
@@ -99,13 +100,14 @@ mod tests {
     use super::super::locator::TriangleLocator;
     use super::super::tile;
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     #[test]
     fn locator_and_interpolator_together_are_the_interpolation_of_the_surface() {
         let settings = || SurfaceSettings { surface: tile() };
-        let mut locator = Bench::new::<TriangleLocator>(settings(), 240.0, &[Kind::Scalar; 2]).unwrap();
-        let mut mixer = Bench::new::<LsfInterpolator>(settings(), 240.0, &[Kind::Weights]).unwrap();
+        let mut locator = Bench::new::<TriangleLocator>(settings(), 240.0, &[Kind::SCALAR; 2]).unwrap();
+        let mut mixer = Bench::new::<LsfInterpolator>(settings(), 240.0, &[Weights::KIND]).unwrap();
         let mut whole = Interpolator::new(&load_texture(&tile()).unwrap());
         let (speed, force): (Vec<f64>, Vec<f64>) = (0..500)
             .map(|k| {
@@ -120,7 +122,7 @@ mod tests {
         let mut wanted = Coefficients::SILENCE;
         for (k, lanes) in filters.as_chunks().0.iter().enumerate() {
             whole.interpolate(speed[k], force[k], &mut wanted);
-            let got = frame::Coefficients::from_components(lanes);
+            let got = frames::Coefficients::from_components(lanes);
             assert_eq!((got.ar, got.ma), (wanted.ar(), wanted.ma()));
             assert_eq!((got.gain, got.variance), (wanted.gain, wanted.variance));
         }
@@ -129,10 +131,10 @@ mod tests {
     #[test]
     fn weights_of_no_model_are_silence() {
         let settings = SurfaceSettings { surface: tile() };
-        let mut mixer = Bench::new::<LsfInterpolator>(settings, 240.0, &[Kind::Weights]).unwrap();
+        let mut mixer = Bench::new::<LsfInterpolator>(settings, 240.0, &[Weights::KIND]).unwrap();
         let nowhere = [1e9, f64::NAN, 2.0, 0.3, 0.3, 0.4, 0.1, 1.0];
         let filter = mixer.run(&[&nowhere]).remove(0);
-        let got = frame::Coefficients::from_components(filter.as_chunks().0.first().unwrap());
+        let got = frames::Coefficients::from_components(filter.as_chunks().0.first().unwrap());
         assert_eq!((got.ar.len(), got.variance), (0, 0.0));
     }
 }

@@ -1,6 +1,6 @@
 //! Position of speed and force on the map of a texture.
 
-use haptograph_engine::frame::{Kind, Scalar, Weights};
+use haptograph_engine::frame::{Kind, OneKind, Record, Scalar};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
 };
@@ -8,6 +8,7 @@ use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::Interpolator;
 use std::path::PathBuf;
 
+use super::frames::Weights;
 use super::load_texture;
 
 haptograph_engine::settings! {
@@ -30,19 +31,19 @@ impl NodeKind for Saturation {
               `TriangleLocator` does this by itself; use it to know what is rendered.",
         source: "2.4.1",
         inputs: &[
-            input("speed", Kind::Scalar, Quantity::SPEED, "Speed of the tip, m/s."),
-            input("force", Kind::Scalar, Quantity::FORCE, "Normal force, N."),
+            input("speed", Kind::SCALAR, Quantity::SPEED, "Speed of the tip, m/s."),
+            input("force", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
         ],
         outputs: &[
             output(
                 "speed",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::SPEED,
                 "Speed within the model, m/s.",
             ),
             output(
                 "force",
-                Kind::Scalar,
+                Kind::SCALAR,
                 Quantity::FORCE,
                 "Force within the model, N.",
             ),
@@ -91,12 +92,12 @@ impl NodeKind for TriangleLocator {
               corners. Walks from the last triangle; beyond the largest modelled speed or force it stays on the edge.",
         source: "2.4.1, Eq. 2.4.1",
         inputs: &[
-            input("speed", Kind::Scalar, Quantity::SPEED, "Speed of the tip, m/s."),
-            input("force", Kind::Scalar, Quantity::FORCE, "Normal force, N."),
+            input("speed", Kind::SCALAR, Quantity::SPEED, "Speed of the tip, m/s."),
+            input("force", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
         ],
         outputs: &[output(
             "weights",
-            Kind::Weights,
+            Weights::KIND,
             Quantity::NUMBER,
             "Three models and their weights.",
         )],
@@ -148,7 +149,7 @@ mod tests {
     fn weights_give_back_the_point_they_were_found_for() {
         let texture = load_texture(&tile()).unwrap();
         let settings = || SurfaceSettings { surface: tile() };
-        let kinds = [Kind::Scalar; 2];
+        let kinds = [Kind::SCALAR; 2];
         let mut locator = Bench::new::<TriangleLocator>(settings(), 240.0, &kinds).unwrap();
         let mut within = Bench::new::<Saturation>(settings(), 240.0, &kinds).unwrap();
         let (speed, force): (Vec<f64>, Vec<f64>) = (0..2000)
@@ -179,7 +180,7 @@ mod tests {
         let settings = SurfaceSettings {
             surface: "nowhere.ron".into(),
         };
-        let refused = Bench::new::<TriangleLocator>(settings, 240.0, &[Kind::Scalar; 2]).err();
+        let refused = Bench::new::<TriangleLocator>(settings, 240.0, &[Kind::SCALAR; 2]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("surface"));
     }
 }

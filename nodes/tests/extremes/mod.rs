@@ -4,11 +4,12 @@
 
 use super::{RATE_HZ, fill, folder, slices};
 use haptograph_engine::device::DeviceEntry;
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{Kind, OneKind};
 use haptograph_engine::limiter::Limiter;
 use haptograph_engine::node::{FileSink, Limit, NodeEntry, NodeSpec, Stream};
 use haptograph_engine::settings::SettingSpec;
 use haptograph_engine::testing::{Bench, Built, MAX_FRAMES, device_from_example, node_from_example};
+use haptograph_nodes::contact::Contact;
 use haptograph_nodes::registry;
 use haptograph_nodes::sinks::plots::GROUP;
 use haptograph_nodes::wav;
@@ -92,14 +93,13 @@ fn extreme(kind: Kind, frames: usize, seed: u64) -> Vec<f64> {
             _ => 0.0,
         };
         match kind {
-            Kind::Scalar | Kind::Vector | Kind::Wrench => {
+            linear if linear.is_linear() => {
                 // Along an axis, or along none.
                 let axis = random.random_range(0..kind.width());
                 frame.fill(if k % 3 == 0 { level } else { 0.0 });
                 frame[axis] = level;
             }
-            Kind::Coefficients | Kind::Weights | Kind::Event => fill(kind, &mut frame, &mut random),
-            Kind::Contact => {
+            contact if contact == Contact::KIND => {
                 fill(kind, &mut frame, &mut random);
                 let far = 1.0 + level.abs();
                 // All but the flag and the unit normal.
@@ -107,6 +107,7 @@ fn extreme(kind: Kind, frames: usize, seed: u64) -> Vec<f64> {
                     frame[lane] *= far;
                 }
             }
+            _ => fill(kind, &mut frame, &mut random),
         }
         lanes.extend_from_slice(&frame);
     }
@@ -160,7 +161,7 @@ fn deliver(gain: f64, limit: &Limit, rate_hz: f64) -> Result<(), String> {
     );
     let keep = (-1.0 / (limit.window_s * rate_hz)).exp();
     let (mut before, mut mean) = (0.0_f64, 0.0);
-    for asked in extreme(Kind::Scalar, 8 * FRAMES, 1)
+    for asked in extreme(Kind::SCALAR, 8 * FRAMES, 1)
         .into_iter()
         .chain([f64::NAN, f64::INFINITY])
     {
@@ -264,7 +265,7 @@ impl Tried {
     /// The example as it is, and with each of its settings at each of its ends.
     fn attempt_ends(&mut self, entry: &NodeEntry, folder: &Path, rate_hz: f64) {
         for settings in variants(entry.settings(), rate_hz) {
-            let kinds = [Kind::Scalar, Kind::Vector];
+            let kinds = [Kind::SCALAR, Kind::VECTOR];
             let built = kinds.map(|linear| node_from_example(entry, &settings, folder, rate_hz, linear));
             self.refused += usize::from(built.iter().all(Result::is_err));
             for built in built.into_iter().flatten() {

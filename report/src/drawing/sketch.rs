@@ -113,7 +113,7 @@ impl Sketch {
                     unit_text(output.kind, output.quantity)
                 },
                 port: format!("{}.{}", source.path, output.name),
-                stroke: if output.kind == Kind::Scalar {
+                stroke: if output.kind == Kind::SCALAR {
                     Stroke::Thin
                 } else {
                     Stroke::Thick
@@ -238,22 +238,19 @@ fn first_sentence(doc: &str) -> String {
 
 fn unit_text(kind: Kind, quantity: Quantity) -> String {
     let unit = quantity.unit().replace("s2", "s²");
-    match kind {
-        Kind::Scalar | Kind::Vector if quantity == Quantity::NUMBER => String::new(),
-        Kind::Scalar => unit,
-        Kind::Vector => format!("{unit} ×3"),
-        Kind::Wrench => "N, N m".to_owned(),
-        kind => kind.to_string(),
+    match kind.width() {
+        _ if kind == Kind::WRENCH => "N, N m".to_owned(),
+        _ if !kind.is_linear() => kind.to_string(),
+        _ if quantity == Quantity::NUMBER => String::new(),
+        1 => unit,
+        width => format!("{unit} ×{width}"),
     }
 }
 
 fn bridge_text(bridge: Bridge) -> String {
     match bridge {
         Bridge::Direct => String::new(),
-        Bridge::Hold => "hold".to_owned(),
-        Bridge::Linear => "linear".to_owned(),
-        Bridge::Average => "average".to_owned(),
-        Bridge::Resample => "resample".to_owned(),
+        Bridge::Between(bridge) => bridge.spec.name.to_lowercase(),
         Bridge::Ring { latency_s } => format!("ring {} ms", latency_s * 1e3),
         Bridge::Delay { frames, .. } => format!("delay {frames}"),
     }

@@ -8,7 +8,6 @@ use super::super::record::{Content, Recorded};
 use super::super::svg::escape;
 use super::super::theme::Ink;
 use super::super::thinning::{Envelope, are_nearly_same};
-use haptograph_engine::frame::Kind;
 use haptograph_engine::node::Stream;
 
 /// How a signal is presented.
@@ -71,9 +70,10 @@ fn figures_of(signal: &Recorded, is_above: bool, above: &PlottedSignals<'_>, ink
         _ => None,
     };
     // Components have their own colours, and map positions are drawn elsewhere.
-    let ink = match signal.stream.kind {
-        Kind::Vector | Kind::Wrench | Kind::Weights | Kind::Coefficients => Ink::Blue,
-        Kind::Scalar | Kind::Contact | Kind::Event => inks.of(name, samples, &[]),
+    let ink = match &signal.content {
+        Content::Components(several, _) if several.len() > 1 => Ink::Blue,
+        Content::Map(_) | Content::Nothing => Ink::Blue,
+        _ => inks.of(name, samples, &[]),
     };
     let mut plots = figures::over_time(signal, ink);
     if is_above {

@@ -2,8 +2,9 @@ use super::*;
 use crate::plot_request::{Form, tracer};
 use crate::record::{WatchedOutput, recorder};
 use crate::sound::clip;
-use haptograph_engine::frame::{Kind, Weights};
+use haptograph_engine::frame::{Kind, OneKind, Record as _};
 use haptograph_engine::node::{FrameWriter, Stream};
+use haptograph_nodes::texture::frames::Weights;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
 
@@ -60,31 +61,31 @@ fn signals(seconds: u64) -> Vec<Recorded> {
         [0.03 * (5.0 * t).cos(), 0.03 * (5.0 * t).sin(), 0.0]
     });
     vec![
-        record("stylus.position", Kind::Vector, Quantity::LENGTH, 125, position),
+        record("stylus.position", Kind::VECTOR, Quantity::LENGTH, 125, position),
         record(
             "stylus.force",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::FORCE,
             125,
             (0..seconds * 125).map(move |i| at(i, 125.0).1),
         ),
         record(
             "speed.speed",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::SPEED,
             125,
             (0..seconds * 125).map(move |i| at(i, 125.0).0),
         ),
         record(
             "texture/locate.weights",
-            Kind::Weights,
+            Weights::KIND,
             Quantity::NUMBER,
             240,
             place,
         ),
         record(
             "texture/filter.acceleration",
-            Kind::Scalar,
+            Kind::SCALAR,
             Quantity::ACCELERATION,
             10_000,
             vibration,
@@ -182,7 +183,7 @@ fn the_policy_allows_the_pages_own_script_and_nothing_from_elsewhere() {
 #[test]
 fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
     let scalar =
-        |name: &str, values: Vec<f64>| record(name, Kind::Scalar, Quantity::FORCE, 125, values.into_iter());
+        |name: &str, values: Vec<f64>| record(name, Kind::SCALAR, Quantity::FORCE, 125, values.into_iter());
     let wave = || (0..500).map(|i| (f64::from(i) * 0.1).sin()).collect::<Vec<_>>();
     let hum = |hz: u64| (0..4 * hz).map(move |i| (20.0 * i as f64 / hz as f64).sin());
     let steps = || (0..500).map(f64::from).collect::<Vec<_>>();
@@ -213,8 +214,8 @@ fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
             scalar("asked", steps()),
             scalar("alias", steps()),
             scalar("sensed", noisy),
-            record("slow twin", Kind::Scalar, Quantity::LENGTH, 1000, hum(1000)),
-            record("fast twin", Kind::Scalar, Quantity::LENGTH, 10_000, hum(10_000)),
+            record("slow twin", Kind::SCALAR, Quantity::LENGTH, 1000, hum(1000)),
+            record("fast twin", Kind::SCALAR, Quantity::LENGTH, 10_000, hum(10_000)),
         ],
         requests: vec![(&asked, std::slice::from_ref(&trace))],
         ..Page::default()
@@ -235,7 +236,7 @@ fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
 fn temperatures_are_in_degrees_celsius_and_densities_in_plain_units() {
     let warm = record(
         "coil",
-        Kind::Scalar,
+        Kind::SCALAR,
         Quantity::TEMPERATURE,
         10,
         [293.15, 303.15].into_iter(),
@@ -244,7 +245,7 @@ fn temperatures_are_in_degrees_celsius_and_densities_in_plain_units() {
     assert_eq!(plot.y.label, "Temperature (°C)");
     assert_eq!(plot.caption, "Rises from 20 to 30 °C.");
     let hum = (0..20_000).map(|i| (f64::from(i) * 0.3).sin());
-    let hum = record("out", Kind::Scalar, Quantity::CURRENT, 10_000, hum);
+    let hum = record("out", Kind::SCALAR, Quantity::CURRENT, 10_000, hum);
     let spectrum = figures::mean_spectrum(&hum, crate::theme::Ink::Blue).unwrap();
     assert_eq!(spectrum.y.label, "Density (A²/Hz)");
 }

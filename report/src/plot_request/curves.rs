@@ -142,7 +142,7 @@ pub(super) fn label(request: &PlotRequest, curves: &[Curve<'_>]) -> String {
         false => figures::axis_label(&Stream {
             name: name.to_owned(),
             // A vector is drawn by its magnitude.
-            kind: haptograph_engine::frame::Kind::Scalar,
+            kind: haptograph_engine::frame::Kind::SCALAR,
             ..first.trace.stream.clone()
         }),
     }

@@ -1,7 +1,8 @@
 use super::*;
-use haptograph_engine::frame::Contact;
+use haptograph_engine::frame::{Kind, Record};
 use haptograph_engine::graph::NodeId;
 use haptograph_engine::node::FrameWriter;
+
 use haptograph_signal::time::Rate;
 
 fn trace(name: &str, kind: Kind, hz: u64, form: Form, frames: &[f64]) -> (WatchedOutput, Trace) {
@@ -34,8 +35,8 @@ fn plots(asked: &PlotRequest, runs: &[RunTraces<'_>]) -> Vec<Plot> {
 #[test]
 fn signals_of_different_rates_are_paired_by_time() {
     let ramp = |n: u32, step: f64| (0..n).map(|k| f64::from(k) * step).collect::<Vec<_>>();
-    let (x, slow) = trace("x", Kind::Scalar, 100, Form::Against, &ramp(10, 0.01));
-    let (y, fast) = trace("y", Kind::Scalar, 1000, Form::Against, &ramp(100, 0.001));
+    let (x, slow) = trace("x", Kind::SCALAR, 100, Form::Against, &ramp(10, 0.01));
+    let (y, fast) = trace("y", Kind::SCALAR, 1000, Form::Against, &ramp(100, 0.001));
     let asked = asked_of("t", Form::Against, vec![x, y]);
     let plots = plots(
         &asked,
@@ -66,7 +67,7 @@ fn a_way_keeps_its_shape_and_is_interrupted_in_the_air() {
         touching(9.0, 9.0, false),
         touching(0.01, 0.02, true),
     ];
-    let (watch, trace) = trace("touch.contact", Kind::Contact, 1000, Form::Path, &frames.concat());
+    let (watch, trace) = trace("touch.contact", Contact::KIND, 1000, Form::Path, &frames.concat());
     let asked = asked_of("way", Form::Path, vec![watch]);
     let drawn = RunTraces {
         name: "",
@@ -86,7 +87,7 @@ fn a_way_that_all_runs_share_is_one_curve_and_the_second_of_a_run_is_dashed() {
     let way = |name: &str, x: f64| {
         trace(
             name,
-            Kind::Vector,
+            Kind::VECTOR,
             1000,
             Form::Path,
             &[0.0, 0.0, 0.0, x, 1.0, 0.0],
@@ -112,9 +113,9 @@ fn a_way_that_all_runs_share_is_one_curve_and_the_second_of_a_run_is_dashed() {
 
 #[test]
 fn what_never_changes_is_said_and_not_drawn() {
-    let (moving, first) = trace("load", Kind::Scalar, 1000, Form::OverTime, &[1.0, 2.0, 3.0]);
-    let (silent, second) = trace("shake", Kind::Scalar, 1000, Form::OverTime, &[0.0; 3]);
-    let (event, never) = trace("too hard", Kind::Event, 1000, Form::OverTime, &[0.0; 6]);
+    let (moving, first) = trace("load", Kind::SCALAR, 1000, Form::OverTime, &[1.0, 2.0, 3.0]);
+    let (silent, second) = trace("shake", Kind::SCALAR, 1000, Form::OverTime, &[0.0; 3]);
+    let (event, never) = trace("too hard", Kind::EVENT, 1000, Form::OverTime, &[0.0; 6]);
     let asked = |signals: Vec<WatchedOutput>| asked_of("Forces", Form::OverTime, signals);
     let drawn = |traces| RunTraces { name: "", traces };
     let both = [first, second];
@@ -132,8 +133,8 @@ fn what_never_changes_is_said_and_not_drawn() {
 #[test]
 fn several_runs_share_a_frame_and_are_named() {
     let frames = [1.0, 2.0, 3.0];
-    let (watch, first) = trace("load", Kind::Scalar, 1000, Form::OverTime, &frames);
-    let (_, second) = trace("load", Kind::Scalar, 1000, Form::OverTime, &[1.0, 2.0, 4.0]);
+    let (watch, first) = trace("load", Kind::SCALAR, 1000, Form::OverTime, &frames);
+    let (_, second) = trace("load", Kind::SCALAR, 1000, Form::OverTime, &[1.0, 2.0, 4.0]);
     let asked = asked_of("force", Form::OverTime, vec![watch]);
     let runs = |other| {
         [("soft", &first), ("hard", other)].map(|(name, trace)| RunTraces {
@@ -153,7 +154,7 @@ fn several_runs_share_a_frame_and_are_named() {
 #[test]
 fn plain_numbers_are_named_by_what_they_are() {
     let number = |name: &str, values: &[f64]| {
-        let (mut watch, mut trace) = trace(name, Kind::Scalar, 1000, Form::OverTime, values);
+        let (mut watch, mut trace) = trace(name, Kind::SCALAR, 1000, Form::OverTime, values);
         watch.stream.quantity = Quantity::NUMBER;
         trace.stream.quantity = Quantity::NUMBER;
         (watch, trace)
@@ -182,7 +183,7 @@ fn plain_numbers_are_named_by_what_they_are() {
 
 #[test]
 fn of_many_runs_the_smallest_and_the_largest_level_are_told() {
-    let of = |gain: f64| trace("load", Kind::Scalar, 1000, Form::OverTime, &[gain, -gain, gain]);
+    let of = |gain: f64| trace("load", Kind::SCALAR, 1000, Form::OverTime, &[gain, -gain, gain]);
     let (watch, first) = of(2.0);
     let traces = [first, of(1.0).1, of(3.0).1];
     let runs = ["a = 2", "a = 1", "a = 3"].iter().zip(&traces);

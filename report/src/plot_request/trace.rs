@@ -3,8 +3,9 @@
 use super::Form;
 use crate::figures::Unit;
 use crate::thinning::{Decimated, Envelope};
-use haptograph_engine::frame::{Contact, Event, Kind};
+use haptograph_engine::frame::{Event, Kind, OneKind, Record};
 use haptograph_engine::node::{FrameWriter, Stream};
+use haptograph_nodes::contact::Contact;
 use haptograph_signal::quantity::Quantity;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -39,7 +40,7 @@ const MAX_POINTS: usize = 4000;
 
 /// Creates the writer of a signal for a plot of this form, and the access to its result.
 pub fn tracer(stream: &Stream, form: Form) -> (Tracer, Trace) {
-    let kept = if form == Form::OverTime && stream.kind != Kind::Event {
+    let kept = if form == Form::OverTime && stream.kind != Kind::EVENT {
         TraceContent::Signal(Envelope::new(stream.rate.hz()))
     } else {
         TraceContent::Points(Decimated::new(MAX_POINTS))
@@ -89,12 +90,12 @@ fn size(frame: &[f64]) -> f64 {
 
 /// The point that a frame adds. A path is interrupted without contact.
 fn point(form: Form, kind: Kind, time_s: f64, frame: &[f64]) -> Option<(f64, f64)> {
-    match (kind, form) {
-        (Kind::Event, _) => {
+    match form {
+        _ if kind == Kind::EVENT => {
             let event = frame.as_chunks().0.first().map(Event::from_components)?;
             event.fired.then_some((time_s, event.value))
         }
-        (Kind::Contact, _) => {
+        _ if kind == Contact::KIND => {
             let contact = frame.as_chunks().0.first().map(Contact::from_components)?;
             let [x, y, _] = if contact.touching {
                 contact.ihip_m
@@ -103,7 +104,7 @@ fn point(form: Form, kind: Kind, time_s: f64, frame: &[f64]) -> Option<(f64, f64
             };
             Some((x, y))
         }
-        (_, Form::Path) => Some((frame[0], *frame.get(1)?)),
+        Form::Path => Some((frame[0], *frame.get(1)?)),
         _ => Some((time_s, size(frame))),
     }
 }
@@ -136,7 +137,7 @@ impl Trace {
                 Some(format!("constant {value}"))
             }
             TraceContent::Points(events) => {
-                let never = self.stream.kind == Kind::Event && events.kept().is_empty();
+                let never = self.stream.kind == Kind::EVENT && events.kept().is_empty();
                 never.then(|| "never".to_owned())
             }
         }
@@ -146,15 +147,15 @@ impl Trace {
     pub(super) fn is_zero(&self) -> bool {
         match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
             TraceContent::Signal(envelope) => envelope.constant() == Some(0.0),
-            TraceContent::Points(events) => self.stream.kind == Kind::Event && events.kept().is_empty(),
+            TraceContent::Points(events) => self.stream.kind == Kind::EVENT && events.kept().is_empty(),
         }
     }
 
     /// Quantity of a path on a surface: the position of a contact is in metres.
     pub(super) fn way_quantity(&self) -> Quantity {
-        match self.stream.kind {
-            Kind::Contact => Quantity::LENGTH,
-            _ => self.stream.quantity,
+        match self.stream.kind == Contact::KIND {
+            true => Quantity::LENGTH,
+            false => self.stream.quantity,
         }
     }
 }

@@ -169,7 +169,7 @@ fn input(draft: &Draft, node: &DraftNode, slot: &Slot) -> Input {
         name: port.name,
         kind: carried.kind.unwrap_or(match port.kind {
             KindRule::Is(kind) => kind,
-            _ => Kind::Scalar,
+            _ => Kind::SCALAR,
         }),
         quantity: carried.quantity.unwrap_or(match port.quantity {
             QuantityRule::Is(quantity) => quantity,

@@ -1,7 +1,7 @@
 //! Toy nodes that read and write ports of every form.
 
 use super::*;
-use crate::frame::{Coefficients, Contact, Event, Kind, Linear, Scalar, Vector, Wrench};
+use crate::frame::{Event, Kind, KindSpec, Level, Linear, OneKind, Record, Scalar, Vector, Wrench};
 use crate::node::{
     BuildContext, BuildError, NodeKind, Processor, Tick, any_input, input, output, output_like,
 };
@@ -14,6 +14,39 @@ const TERMS: InputSpec = InputSpec {
     ..any_input("terms", "What is added.")
 };
 
+/// A frame of a kind that the engine does not have.
+#[derive(Debug, Clone, Copy)]
+struct Patch {
+    face: u32,
+    gain: f64,
+}
+
+impl OneKind for Patch {
+    const KIND: Kind = Kind::new(&KindSpec {
+        name: "patch",
+        one: "a patch",
+        components: &["face", "gain"],
+        neutral: &[0.0, 1.0],
+        is_linear: false,
+        bridges: &[],
+        level: Level::norm("size"),
+    });
+    type Array = [f64; Self::KIND.width()];
+}
+
+impl Record for Patch {
+    fn from_components([face, gain]: &Self::Array) -> Self {
+        Self {
+            face: *face as u32,
+            gain: *gain,
+        }
+    }
+
+    fn to_components(&self) -> Self::Array {
+        [f64::from(self.face), self.gain]
+    }
+}
+
 /// One input of every form.
 struct Every;
 
@@ -25,27 +58,27 @@ impl NodeKind for Every {
         doc: "Has an input of every form.",
         source: "",
         inputs: &[
-            input("scalar", Kind::Scalar, Quantity::FORCE, "A number."),
-            input("vector", Kind::Vector, Quantity::FORCE, "Three of them."),
-            input("contact", Kind::Contact, Quantity::NUMBER, "A record."),
-            input("held", Kind::Coefficients, Quantity::NUMBER, "Runs.").held(),
-            input("extra", Kind::Scalar, Quantity::FORCE, "A number, perhaps.").optional(),
-            input("extra_held", Kind::Vector, Quantity::FORCE, "Runs, perhaps.")
+            input("scalar", Kind::SCALAR, Quantity::FORCE, "A number."),
+            input("vector", Kind::VECTOR, Quantity::FORCE, "Three of them."),
+            input("patch", Patch::KIND, Quantity::NUMBER, "A record."),
+            input("held", Patch::KIND, Quantity::NUMBER, "Runs.").held(),
+            input("extra", Kind::SCALAR, Quantity::FORCE, "A number, perhaps.").optional(),
+            input("extra_held", Kind::VECTOR, Quantity::FORCE, "Runs, perhaps.")
                 .optional()
                 .held(),
             TERMS,
         ],
         outputs: &[
-            output("sum", Kind::Scalar, Quantity::FORCE, "A number."),
-            output("turned", Kind::Vector, Quantity::FORCE, "Three of them."),
+            output("sum", Kind::SCALAR, Quantity::FORCE, "A number."),
+            output("turned", Kind::VECTOR, Quantity::FORCE, "Three of them."),
             output_like("total", "terms", "As wide as the terms."),
-            output("event", Kind::Event, Quantity::NUMBER, "A record."),
+            output("event", Kind::EVENT, Quantity::NUMBER, "A record."),
         ],
         example: "",
     };
 
     fn build(_: NoSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        assert_eq!((cx.width(VECTOR), cx.width(HELD)), (3, Coefficients::WIDTH));
+        assert_eq!((cx.width(VECTOR), cx.width(HELD)), (3, Patch::KIND.width()));
         assert_eq!((cx.connections(MANY), cx.width(MANY)), (2, 3));
         let (extra, runs) = (cx.is_connected(EXTRA), cx.is_connected(EXTRA_HELD));
         assert_eq!(extra, runs);
@@ -55,8 +88,8 @@ impl NodeKind for Every {
 
 const SCALAR: Input<Scalar> = Every::SPEC.input("scalar");
 const VECTOR: Input<Vector> = Every::SPEC.input("vector");
-const CONTACT: Input<Contact> = Every::SPEC.input("contact");
-const HELD: Input<Coefficients, Held> = Every::SPEC.input("held");
+const PATCH: Input<Patch> = Every::SPEC.input("patch");
+const HELD: Input<Patch, Held> = Every::SPEC.input("held");
 const EXTRA: Input<Scalar, Optional> = Every::SPEC.input("extra");
 const EXTRA_HELD: Input<Vector, Optional<Held>> = Every::SPEC.input("extra_held");
 const MANY: Input<Linear, Many> = Every::SPEC.input("terms");
@@ -73,18 +106,18 @@ impl Processor for Reader {
         let (scalars, vectors) = (io.read(SCALAR), io.read(VECTOR));
         let (extra, extra_runs) = (io.read(EXTRA), io.read(EXTRA_HELD));
         assert_eq!((scalars.len(), vectors.len()), (tick.frames, tick.frames));
-        let (runs, contacts) = (io.read(HELD), io.decode(CONTACT));
+        let (runs, patches) = (io.read(HELD), io.decode(PATCH));
         // Not in the order of the spec.
         let (turned, sum) = io.write_all((TURNED, SUM));
         for (((turned, sum), [x, y, z]), scalar) in turned.iter_mut().zip(&mut *sum).zip(vectors).zip(scalars)
         {
             (*turned, *sum) = ([*z, *x, *y], x + y + z + scalar);
         }
-        for (sum, contact) in sum.iter_mut().zip(contacts) {
-            *sum += f64::from(contact.face);
+        for (sum, patch) in sum.iter_mut().zip(patches) {
+            *sum += f64::from(patch.face);
         }
-        for (frames, coefficients) in runs {
-            let gain = Coefficients::from_components(coefficients).gain;
+        for (frames, patch) in runs {
+            let gain = Patch::from_components(patch).gain;
             sum[frames].iter_mut().for_each(|sum| *sum *= gain);
         }
         for (sum, extra) in sum.iter_mut().zip(extra.into_iter().flatten()) {
@@ -113,36 +146,18 @@ impl Processor for Reader {
 fn run(with_extra: bool, blocks: &[usize]) -> Vec<Vec<f64>> {
     let extra = |kind| with_extra.then_some(kind);
     let kinds = [
-        Some(Kind::Scalar),
-        Some(Kind::Vector),
-        Some(Kind::Contact),
-        Some(Kind::Coefficients),
-        extra(Kind::Scalar),
-        extra(Kind::Vector),
-        Some(Kind::Vector),
-        Some(Kind::Vector),
+        Some(Kind::SCALAR),
+        Some(Kind::VECTOR),
+        Some(Patch::KIND),
+        Some(Patch::KIND),
+        extra(Kind::SCALAR),
+        extra(Kind::VECTOR),
+        Some(Kind::VECTOR),
+        Some(Kind::VECTOR),
     ];
     let mut bench = Bench::with_gaps::<Every>(NoSettings {}, 1000.0, &kinds).unwrap();
-    let face = |face| {
-        Contact {
-            face,
-            ..Contact::default()
-        }
-        .to_components()
-    };
-    let filter = |gain| {
-        let mut components = [0.0; Coefficients::WIDTH];
-        let (ar, ma, variance, warping) = (&[][..], &[][..], 1.0, 0.0);
-        Coefficients {
-            ar,
-            ma,
-            gain,
-            variance,
-            warping,
-        }
-        .write(&mut components);
-        components
-    };
+    let face = |face| Patch { face, gain: 1.0 }.to_components();
+    let filter = |gain| Patch { face: 0, gain }.to_components();
     let inputs: [&[f64]; 8] = [
         &[1.0, 2.0, 3.0],
         &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
@@ -177,13 +192,28 @@ fn handles_that_kinds_have_in_common_are_one() {
 }
 
 #[test]
+fn a_kind_has_a_neutral_frame_as_wide_as_it_is() {
+    assert_eq!(Patch::KIND.neutral().collect::<Vec<_>>(), [0.0, 1.0]);
+    for kind in Kind::ENGINE {
+        assert_eq!(
+            kind.neutral().collect::<Vec<_>>(),
+            vec![0.0; kind.width()],
+            "{kind}"
+        );
+    }
+    const EMPTY: KindSpec = KindSpec {
+        components: &[],
+        ..*Kind::SCALAR.spec()
+    };
+    let message = refused(|| Kind::new(&EMPTY));
+    assert_eq!(message, "a frame has at least one component");
+}
+
+#[test]
 fn scripts_find_every_sampled_port() {
     let inputs = Every::SPEC.any_inputs();
     let inputs: Vec<(&str, usize)> = inputs.map(|(port, handle)| (port.name, handle.index())).collect();
-    assert_eq!(
-        inputs,
-        [("scalar", 0), ("vector", 1), ("contact", 2), ("extra", 4)]
-    );
+    assert_eq!(inputs, [("scalar", 0), ("vector", 1), ("patch", 2), ("extra", 4)]);
     let outputs = Every::SPEC.any_outputs().map(|(port, _)| port.name);
     assert_eq!(outputs.collect::<Vec<_>>(), ["sum", "turned", "total", "event"]);
 }
@@ -209,7 +239,7 @@ fn what_does_not_fit_the_declaration_has_no_handle() {
     assert!(message.contains("always connected"), "{message}");
     let message = refused(|| SPEC.input::<Linear, Sampled>("terms"));
     assert!(message.contains("`Input<_, Many>`"), "{message}");
-    let message = refused(|| SPEC.input::<Coefficients<'_>, Sampled>("held"));
+    let message = refused(|| SPEC.input::<Patch, Sampled>("held"));
     assert!(message.contains("runs"), "{message}");
     let message = refused(|| SPEC.input::<Scalar, Held>("scalar"));
     assert!(message.contains("frame per tick"), "{message}");
@@ -243,7 +273,7 @@ fn an_output_is_not_written_twice_at_once() {
             doc: "",
             source: "",
             inputs: &[],
-            outputs: &[output("out", Kind::Scalar, Quantity::NUMBER, "")],
+            outputs: &[output("out", Kind::SCALAR, Quantity::NUMBER, "")],
             example: "",
         };
 

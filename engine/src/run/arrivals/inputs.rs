@@ -66,9 +66,9 @@ fn columns(graph: &Graph, plan: &Plan, place: usize) -> Vec<(String, f64)> {
         let channel = known.and_then(|known| known.senses.get(*channel));
         let (name, quantity) = channel.map_or(("", Quantity::NUMBER), |one| (one.name, one.quantity));
         for component in 1..=place.width {
-            let number = match channel.map(|one| one.kind) {
-                Some(Kind::Scalar) => String::new(),
-                _ => format!(" {component}"),
+            let number = match channel.is_some_and(|one| one.kind == Kind::SCALAR) {
+                true => String::new(),
+                false => format!(" {component}"),
             };
             columns.push((format!("{}.{name}{number}", device.name), plausible(quantity)));
         }

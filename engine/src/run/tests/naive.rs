@@ -1,6 +1,6 @@
 //! What a graph means: every tick of every node in the order of time, every signal's whole history kept.
 
-use super::world::{Body, LIMIT, Leaky};
+use super::world::{AVERAGE, Body, LIMIT, LINEAR, Leaky};
 use crate::device::Device;
 use crate::graph::{Bridge, Graph, Work};
 use crate::limiter::Limiter;
@@ -198,12 +198,12 @@ impl<'a> Naive<'a> {
         let history = &self.history[from.index()];
         let latest = (time / from_period) as usize;
         match bridge {
-            Bridge::Linear => {
+            linear if linear == LINEAR => {
                 let (a, b) = (history[latest.saturating_sub(1)], history[latest]);
                 let since = time - latest as u64 * from_period;
                 a + (b - a) * (since as f64 / from_period as f64)
             }
-            Bridge::Average => {
+            average if average == AVERAGE => {
                 // Everything since the reader's previous tick that had anything new.
                 let before = |t: u64| (t / from_period) as usize + 1;
                 let mut begin = tick

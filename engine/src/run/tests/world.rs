@@ -1,10 +1,10 @@
 //! Random graphs of simple nodes over several clocks, with bridges, delays and a body in a loop.
 
+use crate::bridges::{Average, BridgeEntry, Hold, Linear, least_ring_latency_s};
 use crate::device::{Channel, Device, DeviceEntry, DeviceSpec};
 use crate::diagnostic::{Sources, Span};
 use crate::frame::{AnyKind, Kind};
 use crate::graph::{Bridge, Clock, Edge, Graph, GraphDevice, Input, Node, Output, Work};
-use crate::joining::least_ring_latency_s;
 use crate::node::{
     BuildContext, BuildError, Io, Limit, NodeEntry, NodeKind, NodeSpec, Processor, SettingId, Tick,
 };
@@ -15,6 +15,10 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+
+pub const HOLD: Bridge = Bridge::Between(BridgeEntry::of::<Hold>());
+pub const LINEAR: Bridge = Bridge::Between(BridgeEntry::of::<Linear>());
+pub const AVERAGE: Bridge = Bridge::Between(BridgeEntry::of::<Average>());
 
 /// A leaky sum of its inputs, with its own tick number mixed in: it notices any frame too many, too few or late.
 #[derive(Clone)]
@@ -114,8 +118,8 @@ impl crate::device::DeviceKind for NoBody {
         doc: "",
         source: "",
         simulated: true,
-        senses: &[Channel::new("x", Kind::Scalar, Quantity::NUMBER, "")],
-        drives: &[Channel::new("x", Kind::Scalar, Quantity::NUMBER, "")],
+        senses: &[Channel::new("x", Kind::SCALAR, Quantity::NUMBER, "")],
+        drives: &[Channel::new("x", Kind::SCALAR, Quantity::NUMBER, "")],
         example: "",
     };
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
@@ -260,7 +264,7 @@ impl World {
     fn node(&mut self, clock: usize, work: Work) -> usize {
         let output = Output {
             name: "out",
-            kind: Kind::Scalar,
+            kind: Kind::SCALAR,
             quantity: Quantity::NUMBER,
         };
         self.nodes.push(Node {
@@ -296,7 +300,7 @@ impl World {
         let quantity = Quantity::NUMBER;
         self.nodes[to].inputs.push(Input {
             name: "in",
-            kind: Kind::Scalar,
+            kind: Kind::SCALAR,
             quantity,
             connected: true,
             held,
@@ -324,7 +328,7 @@ impl World {
             if earlier > 0 {
                 let from = self.random.random_range(0..earlier);
                 let bridge = self.any_bridge(from, clock);
-                let held = matches!(bridge, Bridge::Hold | Bridge::Direct) && self.random.random_bool(0.5);
+                let held = [HOLD, Bridge::Direct].contains(&bridge) && self.random.random_bool(0.5);
                 self.connect(from, node, bridge, held);
             }
         }
@@ -343,12 +347,8 @@ impl World {
                 .choose(&mut self.random)
                 .unwrap();
         }
-        let other = if slow > fast {
-            Bridge::Linear
-        } else {
-            Bridge::Average
-        };
-        *[Bridge::Hold, other].choose(&mut self.random).unwrap()
+        let other = if slow > fast { LINEAR } else { AVERAGE };
+        *[HOLD, other].choose(&mut self.random).unwrap()
     }
 
     fn ring(&mut self, from: usize, to: usize) -> Bridge {
@@ -411,7 +411,7 @@ impl World {
         let bridge = match self.nodes[high].clock.unwrap() {
             same if same == clock => Bridge::Direct,
             other if self.drivers[other] != self.drivers[clock] => self.ring(other, clock),
-            _ => Bridge::Hold,
+            _ => HOLD,
         };
         self.connect(high, sink, bridge, false);
         Some(clock)
@@ -480,7 +480,7 @@ pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeI
     world.nodes[sink].live.push((SettingId::at(0), 0.1));
     let input = Input {
         name: "in",
-        kind: Kind::Scalar,
+        kind: Kind::SCALAR,
         quantity: Quantity::NUMBER,
         connected: true,
         held: false,

@@ -41,16 +41,16 @@ fn on_a_cube_the_proxy_is_the_projection_onto_the_face_first_touched() {
     let mut proxy = proxy(TriangleMesh::cuboid([0.02; 3]).unwrap());
     let contact = glide(&mut proxy, [0.003, 0.001, 0.02], [0.003, 0.001, 0.008]);
     assert!(contact.touching);
-    assert!(distance(contact.proxy_m, [0.003, 0.001, 0.01]) < 2.0 * proxy.skin_m);
+    assert!(distance(contact.ihip_m, [0.003, 0.001, 0.01]) < 2.0 * proxy.skin_m);
     assert!((contact.penetration_m - 0.002).abs() < 2.0 * proxy.skin_m);
     assert!(distance(contact.normal, [0.0, 0.0, 1.0]) < 1e-6);
     // Nearer to the side face than to the top: the god-object stays on top.
     let contact = glide(&mut proxy, [0.003, 0.001, 0.008], [0.0095, 0.001, 0.006]);
-    assert!(distance(contact.proxy_m, [0.0095, 0.001, 0.01]) < 2.0 * proxy.skin_m);
+    assert!(distance(contact.ihip_m, [0.0095, 0.001, 0.01]) < 2.0 * proxy.skin_m);
     // Beyond the edge and down: now it is the side.
     glide(&mut proxy, [0.0095, 0.001, 0.006], [0.0105, 0.001, 0.006]);
     let contact = glide(&mut proxy, [0.0105, 0.001, 0.006], [0.009, 0.001, 0.006]);
-    assert!(distance(contact.proxy_m, [0.01, 0.001, 0.006]) < 2.0 * proxy.skin_m);
+    assert!(distance(contact.ihip_m, [0.01, 0.001, 0.006]) < 2.0 * proxy.skin_m);
     assert!(distance(contact.normal, [1.0, 0.0, 0.0]) < 1e-3);
     // And free again.
     assert!(!glide(&mut proxy, [0.009, 0.001, 0.006], [0.02, 0.0, 0.0]).touching);
@@ -62,7 +62,7 @@ fn a_thin_plate_cannot_be_passed_in_one_step() {
     proxy.update([0.0, 0.0, 0.05]);
     let contact = proxy.update([0.001, 0.0, -0.05]);
     assert!(contact.touching);
-    assert!((contact.proxy_m[2] - 0.0005).abs() < 2.0 * proxy.skin_m);
+    assert!((contact.ihip_m[2] - 0.0005).abs() < 2.0 * proxy.skin_m);
 }
 
 #[test]
@@ -84,15 +84,15 @@ fn in_a_dihedral_groove_the_proxy_finds_the_edge_and_in_a_pit_the_corner() {
     let skin_m = proxy.skin_m;
     let contact = glide(&mut proxy, [0.02, 0.02, 0.02], [-0.003, -0.004, 0.02]);
     assert!(
-        distance(contact.proxy_m, [0.0, 0.0, 0.02]) < 3.0 * skin_m,
+        distance(contact.ihip_m, [0.0, 0.0, 0.02]) < 3.0 * skin_m,
         "{contact:?}"
     );
     assert!(distance(contact.normal, [0.6, 0.8, 0.0]) < 1e-3);
     let contact = glide(&mut proxy, [-0.003, -0.004, 0.02], [-0.003, -0.004, -0.005]);
-    assert!(norm(contact.proxy_m) < 4.0 * skin_m, "{contact:?}");
+    assert!(norm(contact.ihip_m) < 4.0 * skin_m, "{contact:?}");
     let contact = glide(&mut proxy, [-0.003, -0.004, -0.005], [0.01, -0.004, -0.005]);
     assert!(
-        distance(contact.proxy_m, [0.01, 0.0, 0.0]) < 4.0 * skin_m,
+        distance(contact.ihip_m, [0.01, 0.0, 0.0]) < 4.0 * skin_m,
         "{contact:?}"
     );
 }
@@ -116,9 +116,9 @@ fn on_a_fine_sphere_the_proxy_is_the_radial_projection() {
         let expected = scale(next_m, 0.05 / 0.046);
         // Facets of 1.7 mm: the foot of the perpendicular moves by up to depth times facet angle.
         assert!(
-            distance(contact.proxy_m, expected) < 2.5e-4,
+            distance(contact.ihip_m, expected) < 2.5e-4,
             "{} at {k}",
-            distance(contact.proxy_m, expected)
+            distance(contact.ihip_m, expected)
         );
         assert!((contact.penetration_m - 0.004).abs() < 2e-5);
     }
@@ -132,8 +132,8 @@ fn the_proxy_is_never_further_than_the_way_it_could_see_and_moves_without_jumps(
     for k in 0..2000 {
         let x = 0.008 * (f64::from(k) * 0.01).sin();
         let contact = proxy.update([x, 0.3 * x, 0.0095]);
-        assert!(distance(contact.proxy_m, previous_m) < 1.2e-4);
-        previous_m = contact.proxy_m;
+        assert!(distance(contact.ihip_m, previous_m) < 1.2e-4);
+        previous_m = contact.ihip_m;
     }
 }
 
@@ -142,7 +142,7 @@ fn a_tool_inside_feels_the_inside() {
     let mesh = Arc::new(TriangleMesh::cuboid([0.1; 3]).unwrap());
     let mut proxy = MeshProxy::new(mesh, [0.0; 3]);
     let contact = glide(&mut proxy, [0.0; 3], [0.01, 0.02, 0.055]);
-    assert!(distance(contact.proxy_m, [0.01, 0.02, 0.05]) < 3.0 * proxy.skin_m);
+    assert!(distance(contact.ihip_m, [0.01, 0.02, 0.05]) < 3.0 * proxy.skin_m);
     assert!(distance(contact.normal, [0.0, 0.0, -1.0]) < 1e-3);
 }
 
@@ -195,10 +195,10 @@ fn walk(mesh: TriangleMesh, steps: usize, looks: usize) -> (Vec<f64>, usize) {
         let contact = proxy.update(hip_m);
         times_s.push(start.elapsed().as_secs_f64());
         touching += usize::from(contact.touching);
-        assert!(contact.touching || contact.proxy_m == hip_m);
+        assert!(contact.touching || contact.ihip_m == hip_m);
         if k % (steps / looks) == 0 {
             assert!(
-                !inside(proxy.mesh(), contact.proxy_m),
+                !inside(proxy.mesh(), contact.ihip_m),
                 "popped through before step {k}"
             );
         }

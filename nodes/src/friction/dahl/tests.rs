@@ -14,12 +14,12 @@ const PRINTED: DahlSettings = DahlSettings {
 };
 
 fn on_plane(x: f64, y: f64) -> Contact {
-    let proxy_m = [x, y, 0.0];
+    let ihip_m = [x, y, 0.0];
     Contact {
         touching: true,
-        proxy_m,
+        ihip_m,
         normal: [0.0, 0.0, 1.0],
-        ..Contact::free(proxy_m)
+        ..Contact::free(ihip_m)
     }
 }
 
@@ -212,7 +212,7 @@ fn the_magnitude_does_not_jump_across_the_edges_of_a_mesh() {
             assert!(contact.touching);
             let size = norm(law.update(&contact, 1.0, MU));
             if let Some((before, previous)) = last {
-                let step_m = norm(sub(contact.proxy_m, previous.proxy_m));
+                let step_m = norm(sub(contact.ihip_m, previous.ihip_m));
                 assert!(
                     (size - before).abs() <= step_m / 0.004 + 1e-9,
                     "tick {k}: {before} to {size}"

@@ -1,12 +1,7 @@
-//! Resamplers between clocks, and their delay. The check uses them to validate rates, the run to convert.
+//! The resampler of a ring between drivers, and its delay. The check uses it to validate rates, the run to convert.
 
-use haptograph_signal::resample::{Quality, ResampleError, Resampler, SteeredResampler};
+use haptograph_signal::resample::{Quality, ResampleError, SteeredResampler};
 use haptograph_signal::time::Rate;
-
-/// Makes the resampler of a component between clocks of one driver.
-pub(crate) fn resampler(from: Rate, to: Rate) -> Result<Resampler, ResampleError> {
-    Resampler::new(from, to, Quality::LOW_LATENCY)
-}
 
 /// Makes the resampler of a component between drivers, whose ratio is corrected while it runs.
 pub(crate) fn steered(from: Rate, to: Rate) -> Result<SteeredResampler, ResampleError> {
@@ -18,5 +13,5 @@ pub(crate) fn steered(from: Rate, to: Rate) -> Result<SteeredResampler, Resample
 /// # Errors
 /// [`ResampleError`] if the rates cannot be resampled.
 pub fn least_ring_latency_s(from: Rate, to: Rate) -> Result<f64, ResampleError> {
-    Ok(steered(from, to)?.latency_s() + 2.0 * from.period_s().max(to.period_s()))
+    Ok(steered(from, to)?.latency_s() + 2.0 * super::slow_s(from, to))
 }

@@ -1,0 +1,70 @@
+//! Band-limited resampling.
+
+use super::{BridgeContext, BridgeSpec, BridgeType, Carries, Direction, Ends};
+use crate::node::Latency;
+use haptograph_signal::resample::{Quality, ResampleError, Resampler};
+use haptograph_signal::time::Rate;
+
+/// Band-limited interpolation, component by component.
+#[derive(Debug, Clone)]
+pub struct Resample {
+    /// One for each component.
+    resamplers: Vec<Resampler>,
+    /// A component of the writer's frames, and of the reader's.
+    gathered: Vec<f64>,
+    resampled: Vec<f64>,
+}
+
+fn resampler(from: Rate, to: Rate) -> Result<Resampler, ResampleError> {
+    Resampler::new(from, to, Quality::LOW_LATENCY)
+}
+
+impl BridgeType for Resample {
+    const SPEC: BridgeSpec = BridgeSpec {
+        name: "Resample",
+        doc: "Band-limited interpolation between clocks of one driver",
+        gives: "band-limited",
+        direction: Direction::Any,
+        carries: Carries::Linear,
+    };
+
+    fn new(cx: &BridgeContext) -> Self {
+        let components = 0..cx.kind.width();
+        Self {
+            // Rates of one driver can be resampled.
+            resamplers: components
+                .filter_map(|_| resampler(cx.from, cx.to).ok())
+                .collect(),
+            gathered: vec![0.0; cx.max_from],
+            resampled: vec![0.0; cx.max_to],
+        }
+    }
+
+    fn latency(from: Rate, to: Rate) -> Latency {
+        Latency::of_transport(resampler(from, to).map_or(0.0, |resampler| resampler.latency_s()))
+    }
+
+    fn cross(&mut self, _: &Ends, x: &[f64], y: &mut [f64]) {
+        let width = self.resamplers.len();
+        if let [resampler] = &mut self.resamplers[..] {
+            resampler.process(x, y);
+            return;
+        }
+        for (component, resampler) in self.resamplers.iter_mut().enumerate() {
+            let (frames_in, frames_out) = (x.len() / width, y.len() / width);
+            for (gathered, frame) in self.gathered.iter_mut().zip(x.chunks_exact(width)) {
+                *gathered = frame[component];
+            }
+            resampler.process(&self.gathered[..frames_in], &mut self.resampled[..frames_out]);
+            for (resampled, frame) in self.resampled.iter().zip(y.chunks_exact_mut(width)) {
+                frame[component] = *resampled;
+            }
+        }
+    }
+
+    fn copy_state_from(&mut self, old: &Self) {
+        for (resampler, old) in self.resamplers.iter_mut().zip(&old.resamplers) {
+            resampler.copy_state_from(old);
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! A kind of frames, a bridge that interpolates them, and nodes that make and take them:
+//! `cargo run --release --example custom_kind -- run examples/custom_kind.ron`.
+
+use haptograph::engine::bridges::{
+    BridgeContext, BridgeEntry, BridgeSpec, BridgeType, Carries, Direction, Ends, Neighbours,
+};
+use haptograph::engine::frame::{Kind, KindSpec, Level, OneKind, Scalar, Vector};
+use haptograph::engine::node::{
+    BuildContext, BuildError, Input, Io, Latency, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick,
+    input, output,
+};
+use haptograph::engine::registry::Registry;
+use haptograph::engine::settings::NoSettings;
+use haptograph::signal::quantity::Quantity;
+use haptograph::signal::time::Rate;
+use std::process::ExitCode;
+
+/// How a tool is turned, as a unit quaternion.
+pub struct Orientation;
+
+impl OneKind for Orientation {
+    const KIND: Kind = Kind::new(&KindSpec {
+        name: "orientation",
+        one: "an orientation",
+        components: &["w", "x", "y", "z"],
+        neutral: &[1.0],
+        is_linear: false,
+        bridges: &["Slerp"],
+        level: Level::norm("norm"),
+    });
+    type Array = [f64; Self::KIND.width()];
+}
+
+/// Turns from one orientation to the next at a constant speed.
+pub struct Slerp(Neighbours);
+
+impl BridgeType for Slerp {
+    const SPEC: BridgeSpec = BridgeSpec {
+        name: "Slerp",
+        doc: "The shortest turn between frames, one slow period late, from a slow clock to a fast one of one driver",
+        gives: "the shortest turn between frames, one slow frame late",
+        direction: Direction::ToFaster,
+        carries: Carries::Named,
+    };
+
+    fn new(cx: &BridgeContext) -> Self {
+        Self(Neighbours::new(cx))
+    }
+
+    fn latency(from: Rate, _: Rate) -> Latency {
+        Latency::of_transport(from.period_s())
+    }
+
+    fn cross(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
+        self.0.cross(ends, x, y, |older, newer, part, out| {
+            let cosine: f64 = older.iter().zip(newer).map(|(a, b)| a * b).sum();
+            let angle = cosine.abs().min(1.0).acos();
+            let (a, b) = match angle.sin() {
+                sine if sine > 1e-9 => (((1.0 - part) * angle).sin() / sine, (part * angle).sin() / sine),
+                _ => (1.0 - part, part),
+            };
+            for ((out, older), newer) in out.iter_mut().zip(older).zip(newer) {
+                // A quaternion and its negative are one orientation.
+                *out = a * older + b * newer * cosine.signum();
+            }
+        });
+    }
+
+    fn copy_state_from(&mut self, old: &Self) {
+        self.0.copy_from(&old.0);
+    }
+}
+
+/// Makes an orientation of an angle.
+pub struct Turn;
+
+impl NodeKind for Turn {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Turn",
+        group: "mine",
+        doc: "The orientation of a tool that is turned about the vertical.",
+        source: "",
+        inputs: &[input("angle", Kind::SCALAR, Quantity::ANGLE, "How far, rad.")],
+        outputs: &[output(
+            "orientation",
+            Orientation::KIND,
+            Quantity::NUMBER,
+            "Of the tool.",
+        )],
+        example: r#""tool": Turn(angle: "wrist")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Turning))
+    }
+}
+
+const ANGLE: Input<Scalar> = Turn::SPEC.input("angle");
+const TURNED: Output<Orientation> = Turn::SPEC.output("orientation");
+
+#[derive(Clone)]
+struct Turning;
+
+impl Processor for Turning {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let angles_rad = io.read(ANGLE);
+        for (frame, angle_rad) in io.write(TURNED).iter_mut().zip(angles_rad) {
+            let (sine, cosine) = (angle_rad / 2.0).sin_cos();
+            *frame = [cosine, 0.0, 0.0, sine];
+        }
+    }
+}
+
+/// Where a tool points.
+pub struct Pointing;
+
+impl NodeKind for Pointing {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Pointing",
+        group: "mine",
+        doc: "The direction of a tool that lies along x before it is turned.",
+        source: "",
+        inputs: &[input(
+            "orientation",
+            Orientation::KIND,
+            Quantity::NUMBER,
+            "Of the tool.",
+        )],
+        outputs: &[output(
+            "direction",
+            Kind::VECTOR,
+            Quantity::NUMBER,
+            "A unit vector.",
+        )],
+        example: r#""tip": Pointing(orientation: Slerp("tool"))"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Axis))
+    }
+}
+
+const ORIENTATION: Input<Orientation> = Pointing::SPEC.input("orientation");
+const DIRECTION: Output<Vector> = Pointing::SPEC.output("direction");
+
+#[derive(Clone)]
+struct Axis;
+
+impl Processor for Axis {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let orientations = io.read(ORIENTATION);
+        for (direction, [w, x, y, z]) in io.write(DIRECTION).iter_mut().zip(orientations) {
+            *direction = [
+                1.0 - 2.0 * (y * y + z * z),
+                2.0 * (x * y + w * z),
+                2.0 * (x * z - w * y),
+            ];
+        }
+    }
+}
+
+/// The shipped kinds, and this program's.
+pub fn registry() -> Registry {
+    let mut registry = haptograph::nodes::registry();
+    registry
+        .add_kind(Orientation::KIND)
+        .add_bridge(BridgeEntry::of::<Slerp>())
+        .add(NodeEntry::processor::<Turn>())
+        .add(NodeEntry::processor::<Pointing>());
+    registry
+}
+
+fn main() -> ExitCode {
+    haptograph::cli::main(&registry())
+}

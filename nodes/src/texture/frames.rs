@@ -1,0 +1,206 @@
+//! Frames between the nodes of a texture: places among the models of a surface, and synthesis filters.
+
+use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind, Record};
+
+/// The head, the AR and the MA coefficients up to [`Coefficients::MAX_ORDER`], and [`LinesAt`].
+#[rustfmt::skip]
+const COMPONENTS: [&str; 73] = [
+    "ar_order", "ma_order", "gain", "variance", "warping",
+    "a1", "a2", "a3", "a4", "a5", "a6", "a7", "a8", "a9", "a10", "a11", "a12", "a13", "a14", "a15", "a16",
+    "a17", "a18", "a19", "a20", "a21", "a22", "a23", "a24", "a25", "a26", "a27", "a28", "a29", "a30", "a31", "a32",
+    "b1", "b2", "b3", "b4", "b5", "b6", "b7", "b8", "b9", "b10", "b11", "b12", "b13", "b14", "b15", "b16",
+    "b17", "b18", "b19", "b20", "b21", "b22", "b23", "b24", "b25", "b26", "b27", "b28", "b29", "b30", "b31", "b32",
+    "speed_m_s", "line_1", "line_2", "line_3",
+];
+
+/// A point of the speed-force plane as a triangle of models and its barycentric weights (Eq. 2.4.1).
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Weights {
+    /// 0-based numbers of the three models.
+    pub models: [u32; 3],
+    /// Their weights; they sum to 1.
+    pub weights: [f64; 3],
+    /// The speed after saturation at the modelled maximum.
+    pub speed_m_s: f64,
+    /// The force after saturation at the modelled maximum.
+    pub force_n: f64,
+}
+
+impl OneKind for Weights {
+    const KIND: Kind = Kind::new(&KindSpec {
+        name: "weights",
+        one: "weights",
+        components: &[
+            "model_1",
+            "model_2",
+            "model_3",
+            "weight_1",
+            "weight_2",
+            "weight_3",
+            "speed_m_s",
+            "force_n",
+        ],
+        neutral: &[],
+        is_linear: false,
+        bridges: &[],
+        level: Level {
+            name: "largest weight",
+            unit: Some("1"),
+            square: |frame| {
+                let weights = frame.get(3..6).unwrap_or_default();
+                weights.iter().fold(0.0, |most, x| f64::max(most, x * x))
+            },
+        },
+    });
+    type Array = [f64; Self::KIND.width()];
+}
+
+impl Record for Weights {
+    fn from_components(components: &Self::Array) -> Self {
+        let [i, j, k, u, v, w, speed_m_s, force_n] = *components;
+        Self {
+            models: [i as u32, j as u32, k as u32],
+            weights: [u, v, w],
+            speed_m_s,
+            force_n,
+        }
+    }
+
+    fn to_components(&self) -> Self::Array {
+        let ([i, j, k], [u, v, w]) = (self.models.map(f64::from), self.weights);
+        [i, j, k, u, v, w, self.speed_m_s, self.force_n]
+    }
+}
+
+/// A synthesis filter, a view of its components: `gain (e + sum b_k e[-k]) - sum a_k y[-k]`, e of the given variance.
+#[derive(Clone, Copy, Debug)]
+pub struct Coefficients<'a> {
+    /// a_1 .. a_p of A(z) = 1 + sum a_k z^-k.
+    pub ar: &'a [f64],
+    /// b_1 .. b_q of the monic B(z); empty for an AR model.
+    pub ma: &'a [f64],
+    /// Multiplies the whole B(z); 1 for an AR model.
+    pub gain: f64,
+    /// Innovation variance, (m/s2)^2.
+    pub variance: f64,
+    /// Warping factor of the frequency axis of `ar`; 0 where it is plain.
+    pub warping: f64,
+}
+
+impl OneKind for Coefficients<'static> {
+    const KIND: Kind = Kind::new(&KindSpec {
+        name: "coefficients",
+        one: "coefficients",
+        components: &COMPONENTS,
+        neutral: &[],
+        is_linear: false,
+        bridges: &[],
+        level: Level {
+            name: "excitation",
+            unit: Some("m/s2"),
+            square: |frame| match frame {
+                [_, _, gain, variance, ..] => gain * gain * variance,
+                _ => 0.0,
+            },
+        },
+    });
+    type Array = [f64; COMPONENTS.len()];
+}
+
+impl<'a> Coefficients<'a> {
+    /// The highest AR and MA order a frame can hold.
+    pub const MAX_ORDER: usize = 32;
+    /// Components of one coefficients frame.
+    pub const WIDTH: usize = COMPONENTS.len();
+    const HEAD: usize = 5;
+
+    /// Reads a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
+    pub fn from_components(components: &'a [f64; Coefficients::WIDTH]) -> Self {
+        let order = |component: f64| (component as usize).min(Self::MAX_ORDER);
+        let (ar, ma) = components[Self::HEAD..][..2 * Self::MAX_ORDER].split_at(Self::MAX_ORDER);
+        Self {
+            ar: &ar[..order(components[0])],
+            ma: &ma[..order(components[1])],
+            gain: components[2],
+            variance: components[3],
+            warping: components[4],
+        }
+    }
+
+    /// Writes a frame without lines. Orders beyond [`Self::MAX_ORDER`] are cut to it.
+    pub fn write(&self, components: &mut [f64; Coefficients::WIDTH]) {
+        let p = self.ar.len().min(Self::MAX_ORDER);
+        let q = self.ma.len().min(Self::MAX_ORDER);
+        *components = [0.0; Self::WIDTH];
+        (components[0], components[1], components[2], components[3]) =
+            (p as f64, q as f64, self.gain, self.variance);
+        components[4] = self.warping;
+        components[Self::HEAD..][..p].copy_from_slice(&self.ar[..p]);
+        components[Self::HEAD + Self::MAX_ORDER..][..q].copy_from_slice(&self.ma[..q]);
+    }
+}
+
+/// Lines fixed in space, at the place that a frame of [`Coefficients`] is for and in the same frame.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct LinesAt {
+    /// The speed for which the coefficients are.
+    pub speed_m_s: f64,
+    /// Power of each line of the surface, (m/s2)^2; 0 from their number on.
+    pub powers_m2_s4: [f64; 3],
+}
+
+impl LinesAt {
+    /// Reads them from a frame of coefficients.
+    pub fn from_components(components: &[f64; Coefficients::WIDTH]) -> Self {
+        let [.., speed_m_s, a, b, c] = *components;
+        Self {
+            speed_m_s,
+            powers_m2_s4: [a, b, c],
+        }
+    }
+
+    /// Adds them to a frame of coefficients that is written.
+    pub fn write(&self, components: &mut [f64; Coefficients::WIDTH]) {
+        let [.., speed_m_s, a, b, c] = components;
+        *speed_m_s = self.speed_m_s;
+        [*a, *b, *c] = self.powers_m2_s4;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_survive_their_components() {
+        let weights = Weights {
+            models: [7, 8, 9],
+            weights: [0.5, 0.25, 0.25],
+            speed_m_s: 0.1,
+            force_n: 1.5,
+        };
+        assert_eq!(Weights::from_components(&weights.to_components()), weights);
+        let mut components = [1.0; Coefficients::WIDTH];
+        Coefficients {
+            ar: &[-0.5, 0.25],
+            ma: &[0.1],
+            gain: 2.0,
+            variance: 0.5,
+            warping: 0.8,
+        }
+        .write(&mut components);
+        let read = Coefficients::from_components(&components);
+        assert_eq!(
+            (read.ar, read.ma, read.gain, read.variance, read.warping),
+            (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5, 0.8)
+        );
+        assert_eq!(LinesAt::from_components(&components), LinesAt::default());
+        let lines = LinesAt {
+            speed_m_s: 0.1,
+            powers_m2_s4: [0.5, 0.25, 0.0],
+        };
+        lines.write(&mut components);
+        assert_eq!(LinesAt::from_components(&components), lines);
+        assert_eq!(Coefficients::from_components(&components).ma, &[0.1]);
+    }
+}
