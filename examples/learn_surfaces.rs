@@ -7,6 +7,7 @@
 
 use haptograph::nodes::simulated::material::MaterialName;
 use haptograph::recorder::{Session, record};
+use haptograph::signal::files::write_atomically;
 use haptograph::surfaces::learning::{LearnSettings, learn};
 use haptograph::surfaces::recording::Gesture;
 use haptograph::surfaces::{Surface, files};
@@ -43,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (material, file, name) in SHIPPED {
         let surface = learned(material, name)?;
         let text = files::native::write(&surface);
-        files::write_atomically(&Path::new(&folder).join(file), text.as_bytes())?;
+        write_atomically(&Path::new(&folder).join(file), text.as_bytes())?;
     }
     Ok(())
 }

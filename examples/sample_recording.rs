@@ -7,7 +7,7 @@
 
 use haptograph::nodes::simulated::material::MaterialName;
 use haptograph::recorder::{Session, record};
-use haptograph::surfaces::files::write_atomically;
+use haptograph::signal::files::write_atomically;
 use haptograph::surfaces::learning::processing::{ProcessingSettings, processed};
 use haptograph::surfaces::recording::Gesture;
 use std::error::Error;

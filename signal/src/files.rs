@@ -1,8 +1,9 @@
-//! Bounded reading of files, folders and lines. The library opens files and folders for reading only here.
+//! Bounded reading of files, folders and lines, and atomic writing. The library opens files and folders for reading only here.
 
 #[cfg(target_family = "wasm")]
 mod memory;
 mod roots;
+mod write;
 
 #[cfg(target_family = "wasm")]
 pub use memory::{File, put};
@@ -11,6 +12,7 @@ pub use roots::{Roots, noting_files, refused};
 use std::fs::{DirEntry, File, OpenOptions};
 use std::io::{self, BufRead, Read};
 use std::path::{Path, PathBuf};
+pub use write::{TEMPORARY, is_temporary, write_atomically, write_atomically_by};
 
 /// Largest recording or other table of samples that is read, bytes: an hour of raw recording.
 pub const MAX_RECORDING_BYTES: u64 = 4 << 30;

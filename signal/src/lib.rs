@@ -1,5 +1,5 @@
 //! The signal processing of haptograph: quantities and units, exact time, seeded noise, filters, resampling and
-//! spectra; and bounded reading of files. It does not depend on graphs or surfaces.
+//! spectra; and bounded reading and atomic writing of files. It does not depend on graphs or surfaces.
 
 pub mod arma;
 pub mod delay;

@@ -5,7 +5,7 @@
 use super::written::{FileManifest, free_beside};
 use super::{Failure, eprint, folder_of};
 use crate::signal::files;
-use crate::surfaces::files::write_atomically_by;
+use crate::signal::files::write_atomically_by;
 use std::fmt::Display;
 use std::fs::{self, File};
 use std::io;

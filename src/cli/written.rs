@@ -4,7 +4,7 @@
 //! A run's folder has its list in `manifest.json`, single files in `.haptograph.json` beside them.
 
 use crate::signal::files;
-use crate::surfaces::files::write_atomically;
+use crate::signal::files::write_atomically;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;

@@ -233,7 +233,7 @@ impl Stage {
         let written = self.folder.take().map(|folder| {
             let path = folder.join(STROKES);
             let text = serde_json::to_vec(recording).map_err(std::io::Error::other);
-            text.and_then(|text| haptograph_surfaces::files::write_atomically(&path, &text))
+            text.and_then(|text| haptograph_signal::files::write_atomically(&path, &text))
                 .map(|()| folder)
         });
         let (saved, error) = match written {

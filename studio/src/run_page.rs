@@ -67,8 +67,8 @@ pub fn write(
     });
     run.extend([("devices", "Devices", devices.collect())]);
     let page = page(source, graph, outcome, &run, signals);
-    haptograph_surfaces::files::write_atomically(&folder.join(facts::FILE), run.to_json().as_bytes())?;
-    haptograph_surfaces::files::write_atomically(&folder.join(REPORT), page.as_bytes())
+    haptograph_signal::files::write_atomically(&folder.join(facts::FILE), run.to_json().as_bytes())?;
+    haptograph_signal::files::write_atomically(&folder.join(REPORT), page.as_bytes())
 }
 
 fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, signals: &[PageSignal]) -> String {

@@ -3,8 +3,7 @@
 use haptograph_engine::node::{
     BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, any_input,
 };
-use haptograph_signal::files;
-use haptograph_surfaces::files::write_atomically_by;
+use haptograph_signal::files::{self, write_atomically_by};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};

@@ -9,7 +9,7 @@ use super::super::output::{self, Force};
 use super::super::written::{FileManifest, free_beside};
 use super::folder::{MANIFEST, MARK, MARKER, MAX_FACTS_BYTES, PROBES, REPLACED};
 use crate::signal::files;
-use crate::surfaces::files::{is_temporary, write_atomically};
+use crate::signal::files::{is_temporary, write_atomically};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs;

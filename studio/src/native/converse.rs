@@ -322,7 +322,7 @@ fn learned(stage: &Mutex<Stage>, name: &str, csv: &str) -> Result<(String, Optio
     let folder = lock(stage).new_folder(&name);
     // A failed report does not invalidate the surface.
     let folder = folder.ok().flatten().filter(|folder| {
-        haptograph_surfaces::files::write_atomically(&folder.join(REPORT), report.as_bytes()).is_ok()
+        haptograph_signal::files::write_atomically(&folder.join(REPORT), report.as_bytes()).is_ok()
     });
     let folder = folder.and_then(|folder| Some(folder.file_name()?.to_string_lossy().into_owned()));
     talk::tell_graph(&mut lock(stage));

@@ -3,7 +3,7 @@
 use super::lock;
 use crate::stage::{Stage, StageError};
 use crate::talk;
-use haptograph_surfaces::files::write_atomically_by;
+use haptograph_signal::files::write_atomically_by;
 use std::io::Write;
 use std::sync::Mutex;
 

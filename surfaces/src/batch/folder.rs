@@ -1,7 +1,7 @@
 //! The folder of a batch: one process at a time writes to it, and only files of its batch.
 
-use crate::files::write::TEMPORARY;
 use haptograph_signal::files;
+use haptograph_signal::files::TEMPORARY;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};

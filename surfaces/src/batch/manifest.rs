@@ -3,8 +3,8 @@
 use super::chunk::file_name;
 use super::document::Document;
 use super::plan::{Batch, MAX_CHUNKS, count, identify};
-use crate::files::write_atomically;
 use haptograph_signal::files;
+use haptograph_signal::files::write_atomically;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io;

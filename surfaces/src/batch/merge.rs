@@ -3,8 +3,8 @@
 use super::chunk::verify;
 use super::folder::{Claim, FolderError};
 use super::manifest::{ChunkEntry, Manifest};
-use crate::files::write_atomically_by;
 use haptograph_signal::files;
+use haptograph_signal::files::write_atomically_by;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;

@@ -7,15 +7,12 @@ pub mod decimal;
 pub mod hatt;
 mod latest;
 pub mod native;
-pub(crate) mod write;
 
 use crate::{ModelError, Origin, Surface, SurfaceError, Taps, TextureError};
-use haptograph_signal::files;
+use haptograph_signal::files::{self, write_atomically};
 use std::path::{Path, PathBuf};
 
 pub use hatt::{HattProblem, HattWriteError};
-pub use write::is_temporary;
-pub use write::{write_atomically, write_atomically_by};
 
 /// Most models in one texture of a file.
 pub const MAX_MODELS: usize = 1024;

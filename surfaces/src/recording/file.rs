@@ -4,8 +4,8 @@ use super::csv::{self, ColumnSelection, Table};
 use super::formats::{self, Workbook};
 use super::import::{Finding, ImportSettings};
 use super::{AnyRecording, Column, ReadError, read_archive, read_hatt, signal, write_archive, write_csv};
-use crate::files::write_atomically;
-use haptograph_signal::files::{self, Bounded, MAX_RECORDING_BYTES};
+
+use haptograph_signal::files::{self, Bounded, MAX_RECORDING_BYTES, write_atomically};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 

@@ -4,9 +4,9 @@
 
 use super::archive::{MAX_HEAD_BYTES, raw_head};
 use super::{Member, RawHead};
-use crate::files::write_atomically_by;
 use crate::npz::{begin, put_rows};
 use haptograph_signal::files;
+use haptograph_signal::files::write_atomically_by;
 use std::fs::{self, File};
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The ending of temporary files; a killed process leaves one.
-pub(crate) const TEMPORARY: &str = ".tmp";
+pub const TEMPORARY: &str = ".tmp";
 
 /// True for the path of a temporary file: `NAME.PROCESS-NUMBER.tmp`.
 pub fn is_temporary(path: &Path) -> bool {
