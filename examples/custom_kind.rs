@@ -134,7 +134,7 @@ impl NodeKind for Pointing {
             Quantity::NUMBER,
             "A unit vector.",
         )],
-        example: r#""tip": Pointing(orientation: Slerp("tool"))"#,
+        example: r#""tip": Pointing(clock: "servo", orientation: Slerp("tool"))"#,
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {

@@ -163,7 +163,7 @@ fn the_kind_of_frames_in_the_book_is_turned_and_not_averaged() {
         let wrong = done(&text.replace("Slerp(\"tool\")", written), "8");
         let said = String::from_utf8_lossy(&wrong.stderr);
         assert!(!wrong.status.success() && said.contains(code), "{said}");
-        assert_eq!(said.contains("Slerp(...)"), code == "E0405", "{said}");
+        assert!(said.contains("Slerp(...)"), "{said}");
     }
 }
 

@@ -7,7 +7,8 @@ use crate::settings::same;
 use std::fmt;
 use std::hash::{Hash, Hasher};
 
-/// The shape of one frame of a signal. Equal kinds have equal names: a registry has one kind of each name.
+/// The shape of one frame of a signal. Kinds are equal if they have one name and one width; a registry has one kind of
+/// each name.
 #[derive(Clone, Copy)]
 pub struct Kind(&'static KindSpec);
 
@@ -139,7 +140,7 @@ impl Kind {
         self.0.neutral.iter().copied().chain(rest).take(self.width())
     }
 
-    /// Whether both are the same kind, for constants.
+    /// Whether both are equal, for constants.
     pub(crate) const fn is(self, other: Self) -> bool {
         same(self.0.name, other.0.name) && self.width() == other.width()
     }
@@ -154,7 +155,7 @@ impl Kind {
 
 impl PartialEq for Kind {
     fn eq(&self, other: &Self) -> bool {
-        std::ptr::eq(self.0, other.0) || self.0.name == other.0.name
+        std::ptr::eq(self.0, other.0) || self.is(*other)
     }
 }
 

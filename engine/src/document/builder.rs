@@ -194,24 +194,29 @@ impl From<&str> for Wire {
     }
 }
 
+/// A signal of another clock through a registered type of bridge.
+pub fn through(bridge: &str, output: &str) -> Wire {
+    Wire(format!("{bridge}({})", quoted(output)))
+}
+
 /// The latest frame of a signal of another clock.
 pub fn hold(output: &str) -> Wire {
-    Wire(format!("Hold({})", quoted(output)))
+    through("Hold", output)
 }
 
 /// A straight line between the frames of a slower signal.
 pub fn linear(output: &str) -> Wire {
-    Wire(format!("Linear({})", quoted(output)))
+    through("Linear", output)
 }
 
 /// The mean of the frames of a faster signal.
 pub fn average(output: &str) -> Wire {
-    Wire(format!("Average({})", quoted(output)))
+    through("Average", output)
 }
 
 /// A signal of another clock, band-limited and resampled.
 pub fn resample(output: &str) -> Wire {
-    Wire(format!("Resample({})", quoted(output)))
+    through("Resample", output)
 }
 
 /// A signal of a clock of another driver, `latency_ms` late.

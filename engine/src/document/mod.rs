@@ -12,7 +12,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use value::{Name, Value};
 
-pub use builder::{Builder, Part, Wire, Written, average, delay, hold, linear, resample, ring};
+pub use builder::{Builder, Part, Wire, Written, average, delay, hold, linear, resample, ring, through};
 
 /// A parsed graph file with the files that it includes.
 ///

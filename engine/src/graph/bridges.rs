@@ -218,18 +218,25 @@ fn crossing(
             format!("this connection goes {ends}"),
             choices(),
         ),
-        Bridge::Between(between) => carried(
-            from,
-            wire,
-            |kind| between.carries(kind),
-            "use Hold(...), which passes frames as they are",
-        ),
+        Bridge::Between(between) => {
+            let kind = from.outputs[wire.output].kind;
+            let help = match kind.is_some_and(|kind| !kind.spec().bridges.is_empty()) {
+                true => choices(),
+                false => "use Hold(...), which passes frames as they are".to_owned(),
+            };
+            carried(from, wire, |kind| between.carries(kind), help)
+        }
         Bridge::Direct => Finding::Sound,
     }
 }
 
 /// Refuses frames of a kind that the bridge of a connection cannot carry.
-fn carried(from: &DraftNode, wire: &Wire, carries: impl Fn(Kind) -> bool, help: &str) -> Finding {
+fn carried(
+    from: &DraftNode,
+    wire: &Wire,
+    carries: impl Fn(Kind) -> bool,
+    help: impl Into<String>,
+) -> Finding {
     match (from.outputs[wire.output].kind, wire.bridge) {
         (Some(kind), Some((bridge, form))) if !carries(kind) => error(
             "E0406",
