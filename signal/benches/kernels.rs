@@ -330,22 +330,15 @@ fn warped_voices() {
     let sets = models(BLOCK / FRAME, 0);
     let mut e = vec![0.0; FRAME * VOICES];
     Gaussian::new(3).fill(&mut e);
-    let (mut x, mut y) = (e.clone(), e.clone());
-    let (mut plain, mut warped) = (VoiceBank::new(Form::Lattice, VOICES), WarpedBank::new(VOICES));
+    let (mut x, mut y, mut z) = (e.clone(), e.clone(), e.clone());
+    let new = || VoiceBank::new(Form::Lattice, VOICES);
+    let (mut plain, mut together, mut warped) = (new(), new(), WarpedBank::new(VOICES));
     let mut run_plain = || {
         for i in 0..sets.len() {
             for voice in 0..VOICES {
                 let _ = plain.set_coefficients(voice, &sets[(i + voice) % sets.len()], &[], 1.0);
             }
             plain.process(&e, black_box(&mut x));
-        }
-    };
-    let mut run_warped = || {
-        for i in 0..sets.len() {
-            for voice in 0..VOICES {
-                let _ = warped.set_coefficients(voice, &sets[(i + voice) % sets.len()], WARPING, 1.0);
-            }
-            warped.process(&e, black_box(&mut y));
         }
     };
     // As texture models come out of the interpolation of many voices: row k has the coefficient k of each.
@@ -359,29 +352,34 @@ fn warped_voices() {
     let groups: Vec<Vec<Vec<[f64; GROUP]>>> = (0..sets.len())
         .map(|i| (0..VOICES / GROUP).map(|group| rows(i, group)).collect())
         .collect();
-    let mut together = WarpedBank::new(VOICES);
-    let mut z = e.clone();
     let mut run_together = || {
         for rows in &groups {
             for (group, rows) in rows.iter().enumerate() {
-                let _ = together.set_group(group, rows, WARPING, &[1.0; GROUP]);
+                let _ = together.set_group(group, rows, &[], &[1.0; GROUP]);
             }
             together.process(&e, black_box(&mut z));
         }
     };
+    let mut run_warped = || {
+        for rows in &groups {
+            for (group, rows) in rows.iter().enumerate() {
+                let _ = warped.set_group(group, rows, WARPING, &[1.0; GROUP]);
+            }
+            warped.process(&e, black_box(&mut y));
+        }
+    };
     let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [
         ("VoiceBank of lattices", &mut run_plain),
+        ("VoiceBank, a group at once", &mut run_together),
         ("WarpedBank", &mut run_warped),
-        ("WarpedBank, a group at once", &mut run_together),
     ];
     let title = "AR(20), 64 voices, new coefficients every 41 samples, a voice";
     contest::compare(samples(title, BLOCK * VOICES), contenders);
-    let (mut plain, mut warped) = (VoiceBank::new(Form::Lattice, VOICES), WarpedBank::new(VOICES));
-    for voice in 0..VOICES {
-        let _ = plain.set_coefficients(voice, &sets[voice % sets.len()], &[], 1.0);
-        let _ = warped.set_coefficients(voice, &sets[voice % sets.len()], WARPING, 1.0);
+    for (group, rows) in groups[0].iter().enumerate() {
+        let _ = together.set_group(group, rows, &[], &[1.0; GROUP]);
+        let _ = warped.set_group(group, rows, WARPING, &[1.0; GROUP]);
     }
-    let mut run_plain = || plain.process(&e, black_box(&mut x));
+    let mut run_plain = || together.process(&e, black_box(&mut x));
     let mut run_warped = || warped.process(&e, black_box(&mut y));
     let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [
         ("VoiceBank of lattices", &mut run_plain),

@@ -24,17 +24,6 @@ pub use warped::WarpedLattice;
 use crate::prediction::PredictionError;
 use thiserror::Error;
 
-/// `a b + c`, rounded once. On WebAssembly it is rounded twice: without an instruction for it, emulation would be a
-/// hundred times slower.
-#[inline(always)]
-fn mul_add(a: f64, b: f64, c: f64) -> f64 {
-    if cfg!(target_family = "wasm") {
-        a * b + c
-    } else {
-        a.mul_add(b, c)
-    }
-}
-
 /// Highest order of `A(z)` and of `B(z)`.
 pub const MAX_ORDER: usize = 32;
 

@@ -1,6 +1,6 @@
 //! Arithmetic on every sample of a block, compiled for several instruction sets and dispatched at run time.
 //!
-//! Each sample is computed by the same operations in the same order, without fused multiply-add, so that the bits
+//! Each sample is computed by the same operations in the same order, and fused are only those that say so, so that the bits
 //! depend neither on the instruction set nor on the block.
 
 use pulp::{Arch, Simd, WithSimd};
@@ -9,6 +9,27 @@ use pulp::{Arch, Simd, WithSimd};
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub struct CacheLines<T>(pub T);
+
+/// `a b + c`, rounded once. On WebAssembly it is rounded twice: without an instruction for it, emulation would be a
+/// hundred times slower.
+#[inline(always)]
+pub fn mul_add(a: f64, b: f64, c: f64) -> f64 {
+    if cfg!(target_family = "wasm") {
+        a * b + c
+    } else {
+        a.mul_add(b, c)
+    }
+}
+
+/// [`mul_add`] in every lane.
+#[inline(always)]
+pub(crate) fn mul_add_lanes<S: Simd>(simd: S, a: S::f64s, b: S::f64s, c: S::f64s) -> S::f64s {
+    if cfg!(target_family = "wasm") {
+        simd.add_f64s(simd.mul_f64s(a, b), c)
+    } else {
+        simd.mul_add_f64s(a, b, c)
+    }
+}
 
 /// `y = gain x`.
 #[inline]

@@ -248,26 +248,74 @@ pub(crate) fn step_down(ar: &mut [f64]) -> Result<(), PredictionError> {
 pub(crate) fn step_down_lanes<const L: usize>(rows: &mut [[f64; L]]) -> bool {
     let mut unstable = [0.0; L];
     for order in (1..=rows.len()).rev() {
-        let lower = order - 1;
-        let (k, mut scale) = (rows[lower], [0.0; L]);
-        for l in 0..L {
-            unstable[l] += if k[l].abs() < 1.0 { 0.0 } else { 1.0 };
-            scale[l] = 1.0 / (1.0 - k[l] * k[l]);
-        }
-        for i in 0..lower / 2 {
-            let (near, far) = (rows[i], rows[lower - 1 - i]);
-            for l in 0..L {
-                rows[i][l] = (near[l] - k[l] * far[l]) * scale[l];
-                rows[lower - 1 - i][l] = (far[l] - k[l] * near[l]) * scale[l];
-            }
-        }
-        if lower % 2 == 1 {
-            for (middle, k) in rows[lower / 2].iter_mut().zip(k) {
-                *middle /= 1.0 + k;
-            }
-        }
+        lower_order_lanes(&mut rows[..order], &mut unstable);
     }
     unstable == [0.0; L]
+}
+
+/// [`lower_order`] of as many polynomials as there are lanes; adds to `unstable` where one is.
+#[inline(always)]
+fn lower_order_lanes<const L: usize>(rows: &mut [[f64; L]], unstable: &mut [f64; L]) {
+    let lower = rows.len() - 1;
+    let (k, mut scale) = (rows[lower], [0.0; L]);
+    for l in 0..L {
+        unstable[l] += if k[l].abs() < 1.0 { 0.0 } else { 1.0 };
+        scale[l] = 1.0 / (1.0 - k[l] * k[l]);
+    }
+    for i in 0..lower / 2 {
+        let (near, far) = (rows[i], rows[lower - 1 - i]);
+        for l in 0..L {
+            rows[i][l] = (near[l] - k[l] * far[l]) * scale[l];
+            rows[lower - 1 - i][l] = (far[l] - k[l] * near[l]) * scale[l];
+        }
+    }
+    if lower % 2 == 1 {
+        for (middle, k) in rows[lower / 2].iter_mut().zip(k) {
+            *middle /= 1.0 + k;
+        }
+    }
+}
+
+/// [`ladder`] of as many filters as there are lanes, with the same bits: `sine` has the coefficients of `A(z)`, then 0, and `taps`
+/// those of `B(z)` from 1 on, then 0, a row each.
+///
+/// Whether all are stable and finite; if not, the rows are of no meaning.
+#[inline(always)]
+#[must_use]
+pub(crate) fn ladder_lanes<const L: usize>(
+    has_ladder: bool,
+    sine: &mut [[f64; L]],
+    cosine: &mut [[f64; L]],
+    taps: &mut [[f64; L]],
+) -> bool {
+    let mut unstable = [0.0; L];
+    for m in (1..=sine.len()).rev() {
+        if has_ladder {
+            let tap = taps[m];
+            for (below, a) in taps[..m].iter_mut().zip(sine[..m].iter().rev()) {
+                for l in 0..L {
+                    below[l] -= tap[l] * a[l];
+                }
+            }
+        }
+        lower_order_lanes(&mut sine[..m], &mut unstable);
+    }
+    let mut deviation = [1.0; L];
+    for m in (0..sine.len()).rev() {
+        if has_ladder {
+            for (tap, deviation) in taps[m + 1].iter_mut().zip(deviation) {
+                *tap /= deviation;
+            }
+        }
+        for l in 0..L {
+            cosine[m][l] = (1.0 - sine[m][l] * sine[m][l]).sqrt();
+            deviation[l] *= cosine[m][l];
+        }
+    }
+    for l in 0..L {
+        taps[0][l] /= deviation[l];
+    }
+    unstable == [0.0; L] && taps.as_flattened().iter().all(|tap| tap.is_finite())
 }
 
 /// The normalised lattice-ladder of `B(z)/A(z)`, of order `sine.len()`: reflection coefficients, `sqrt(1 - k^2)`, and

@@ -7,8 +7,7 @@
 //! With `l = 0` everything here is the ordinary case.
 
 use crate::arma::MAX_ORDER;
-use crate::elementwise::CacheLines;
-use crate::prediction::{PredictionError, step_down, step_down_lanes};
+use crate::prediction::{PredictionError, step_down};
 use std::f64::consts::PI;
 
 /// Largest warping factor that is supported. Closer to 1 the top of the band is no longer resolved.
@@ -58,43 +57,6 @@ pub(crate) fn residual_share(ar: &[f64], warping: f64, product: &mut [f64]) -> R
         .iter()
         .map(|kappa| (1.0 - kappa) * (1.0 + kappa))
         .product())
-}
-
-/// [`power_gain`] of as many models of one order as there are lanes, row k the coefficients `a_{k+1}` of all, with
-/// the same bits.
-///
-/// Made to be inlined where vector instructions are chosen.
-///
-/// # Errors
-/// As there, with the lane, of the first model that has one.
-#[inline(always)]
-pub fn power_gains<const L: usize>(
-    ar: &[[f64; L]],
-    warping: f64,
-) -> Result<[f64; L], (usize, PredictionError)> {
-    let refused = || first_error(ar, |_, ar| power_gain(ar, warping).map(drop));
-    let mut product = CacheLines([[0.0; L]; MAX_ORDER + 1]);
-    let product = product.0.get_mut(..=ar.len()).ok_or_else(refused)?;
-    let mut before = [1.0; L];
-    for (place, a) in product.iter_mut().zip(ar.iter().chain(&[[0.0; L]])) {
-        for l in 0..L {
-            place[l] = a[l] + warping * before[l];
-        }
-        before = *a;
-    }
-    if !step_down_lanes(product) {
-        return Err(refused());
-    }
-    let mut share = [1.0; L];
-    for kappa in &*product {
-        for l in 0..L {
-            share[l] *= (1.0 - kappa[l]) * (1.0 + kappa[l]);
-        }
-    }
-    for share in &mut share {
-        *share = (1.0 - warping * warping) / *share;
-    }
-    Ok(share)
 }
 
 /// What is wrong with the first of some models in lanes that is refused.

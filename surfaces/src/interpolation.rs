@@ -155,6 +155,7 @@ impl Interpolator {
 
     /// Writes the unconverted mix at a spot into a lane of `rows`: line spectral frequencies of the AR and the MA polynomial,
     /// gain, and variance (for warped models the square root of their power).
+    #[inline(always)]
     pub(crate) fn mix_into<const L: usize>(&self, spot: &Spot, lane: usize, rows: &mut [[f64; L]]) {
         let mut mix = [0.0; MAX_ROW];
         self.mix(spot.vertices, spot.weights, &mut mix);
@@ -201,7 +202,7 @@ impl Interpolator {
     }
 
     /// The weighted mean of the three models' rows; exactly a model's row at its vertex.
-    #[inline]
+    #[inline(always)]
     fn mix(&self, models: Triangle, [u, v, w]: [f64; 3], mix: &mut [f64; MAX_ROW]) {
         let row = |vertex: u32| {
             let start = vertex as usize * self.stride;
@@ -209,7 +210,9 @@ impl Interpolator {
         };
         let [a, b, c] = models.map(row);
         for (((mix, a), b), c) in mix.as_chunks_mut::<LANES>().0.iter_mut().zip(a).zip(b).zip(c) {
-            *mix = std::array::from_fn(|i| u * a[i] + v * b[i] + w * c[i]);
+            for i in 0..LANES {
+                mix[i] = u * a[i] + v * b[i] + w * c[i];
+            }
         }
     }
 }

@@ -4,7 +4,7 @@ mod direct;
 mod lattice;
 mod warped;
 
-use super::{ArmaError, Form, Settling, in_runs};
+use super::{ArmaError, Form, MAX_ORDER, Settling, in_runs};
 use direct::DirectGroup;
 use lattice::LatticeGroup;
 use pulp::{Arch, Simd, WithSimd};
@@ -23,10 +23,26 @@ enum Plain {
     Lattice(Bank<LatticeGroup>),
 }
 
-/// [`WarpedLattice`](super::WarpedLattice)s side by side in SIMD lanes; each gives the samples it would give as a
-/// `WarpedLattice`, but for rounding, and the same bits for all block sizes and all other voices of its order.
+/// [`WarpedLattice`](super::WarpedLattice)s side by side in SIMD lanes, of one order and warping factor a group; each gives the samples it
+/// would give as a `WarpedLattice`, but for rounding, and the same bits for all block sizes and all other voices.
 #[derive(Debug, Clone)]
 pub struct WarpedBank(Bank<WarpedGroup>);
+
+/// Vectors on their way through a lattice at the same time, as every stage waits for its neighbour.
+const UNDER_WAY: usize = 2;
+/// Voices in a group of lattices: so many of the widest vectors.
+const LATTICES: usize = 8 * UNDER_WAY;
+
+/// Rows of a value of each lattice, as vectors under way.
+#[inline(always)]
+fn vectors<S: Simd>(rows: &[[f64; LATTICES]]) -> &[[S::f64s; UNDER_WAY]] {
+    S::as_simd_f64s(rows.as_flattened()).0.as_chunks().0
+}
+
+#[inline(always)]
+fn vectors_mut<S: Simd>(rows: &mut [[f64; LATTICES]]) -> &mut [[S::f64s; UNDER_WAY]] {
+    S::as_mut_simd_f64s(rows.as_flattened_mut()).0.as_chunks_mut().0
+}
 
 /// Voices of one kind.
 #[derive(Debug, Clone)]
@@ -46,7 +62,7 @@ trait Group: Clone {
     fn new() -> Self;
 
     /// Filters up to [`RUN`] frames.
-    fn run(&mut self, frames: Frames<'_>);
+    fn run<S: Simd>(&mut self, simd: S, frames: Frames<'_>);
 
     /// Clears the state of voices that are silent, NaN or infinite.
     fn settle(&mut self);
@@ -74,28 +90,41 @@ impl Frames<'_> {
     #[inline(always)]
     fn excitation<const LANES: usize>(&self, frame: usize) -> [f64; LANES] {
         let start = frame * self.voices + self.first;
-        let row = &self.excitation[start..start + self.columns];
-        if let Some(row) = row.first_chunk::<LANES>() {
-            return *row;
+        match self.excitation[start..].first_chunk() {
+            Some(row) if self.columns == LANES => *row,
+            _ => self.part_of_excitation(start),
         }
-        let mut lanes = [0.0; LANES];
-        lanes[..row.len()].copy_from_slice(row);
-        lanes
     }
 
     #[inline(always)]
     fn put<const LANES: usize>(&mut self, frame: usize, lanes: &[f64; LANES]) {
         let start = frame * self.voices + self.first;
-        let row = &mut self.out[start..start + self.columns];
-        if let Some(row) = row.first_chunk_mut::<LANES>() {
-            *row = *lanes;
-        } else {
-            row.copy_from_slice(&lanes[..row.len()]);
+        match self.out[start..].first_chunk_mut() {
+            Some(row) if self.columns == LANES => *row = *lanes,
+            _ => self.put_part(start, lanes),
         }
+    }
+
+    /// Separate, like what follows: merged with whole rows it would make these a copy of any length.
+    #[cold]
+    #[inline(never)]
+    fn part_of_excitation<const LANES: usize>(&self, start: usize) -> [f64; LANES] {
+        let mut lanes = [0.0; LANES];
+        lanes[..self.columns].copy_from_slice(&self.excitation[start..start + self.columns]);
+        lanes
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn put_part(&mut self, start: usize, lanes: &[f64]) {
+        self.out[start..start + self.columns].copy_from_slice(&lanes[..self.columns]);
     }
 }
 
 impl VoiceBank {
+    /// Voices of a group: so many get coefficients at once by [`Self::set_group`].
+    pub const GROUP: usize = LatticeGroup::LANES;
+
     /// Makes `voices` filters with zero state that pass their excitation. Allocates here only.
     pub fn new(form: Form, voices: usize) -> Self {
         Self(match form {
@@ -126,6 +155,39 @@ impl VoiceBank {
         match &mut self.0 {
             Plain::Direct(bank) => bank.set(voice, |group, lane| group.set_coefficients(lane, ar, ma, gain)),
             Plain::Lattice(bank) => bank.set(voice, |group, lane| group.set_coefficients(lane, ar, ma, gain)),
+        }
+    }
+
+    /// The coefficients of all voices of a group from the next sample on: row k has `a_{k+1}`, or `b_{k+1}`, of each. The bits of
+    /// [`Self::set_coefficients`] one by one, which the direct form has no other way.
+    ///
+    /// # Errors
+    /// As there, with the voice's number in its group, of the first that has one; lattices then all keep the old. A group that does
+    /// not exist is ignored.
+    pub fn set_group(
+        &mut self,
+        group: usize,
+        ar: &[[f64; Self::GROUP]],
+        ma: &[[f64; Self::GROUP]],
+        gain: &[f64; Self::GROUP],
+    ) -> Result<(), (usize, ArmaError)> {
+        match &mut self.0 {
+            Plain::Lattice(bank) => match bank.groups.get_mut(group) {
+                Some(group) => group.set_all(bank.arch, ar, ma, gain),
+                None => Ok(()),
+            },
+            Plain::Direct(_) => (0..Self::GROUP).try_for_each(|lane| {
+                let order = ar.len().max(ma.len());
+                if order > MAX_ORDER {
+                    return Err((lane, ArmaError::TooLong { order }));
+                }
+                let own = |rows: &[[f64; Self::GROUP]]| -> [f64; MAX_ORDER] {
+                    std::array::from_fn(|k| rows.get(k).map_or(0.0, |row| row[lane]))
+                };
+                let (voice, ar_of, ma_of) = (group * Self::GROUP + lane, own(ar), own(ma));
+                self.set_coefficients(voice, &ar_of[..ar.len()], &ma_of[..ma.len()], gain[lane])
+                    .map_err(|error| (lane, error))
+            }),
         }
     }
 
@@ -160,37 +222,21 @@ impl WarpedBank {
         self.0.voices
     }
 
-    /// Sets the coefficients of one voice from the next sample on, as in [`WarpedLattice`](super::WarpedLattice).
-    ///
-    /// # Errors
-    /// As there. A voice that does not exist is ignored.
-    pub fn set_coefficients(
-        &mut self,
-        voice: usize,
-        ar: &[f64],
-        warping: f64,
-        gain: f64,
-    ) -> Result<(), ArmaError> {
-        self.0.set(voice, |group, lane| {
-            group.set_coefficients(lane, ar, warping, gain)
-        })
-    }
-
     /// The coefficients of all voices of a group, of one order and warping factor, from the next sample on: row k has
-    /// `a_{k+1}` of each. The bits of [`Self::set_coefficients`] one by one, at a fraction of the cost.
+    /// `a_{k+1}` of each. White excitation of variance 1 comes out with these powers; a new power scales the excitation, not the state.
     ///
     /// # Errors
-    /// As there, with the voice's number in its group, of the first that has one; all keep the old. A group that does
-    /// not exist is ignored.
+    /// As [`WarpedLattice::set_power`](super::WarpedLattice::set_power), with the voice's number in its group, of the first that has one;
+    /// all keep the old. A group that does not exist is ignored.
     pub fn set_group(
         &mut self,
         group: usize,
         ar: &[[f64; Self::GROUP]],
         warping: f64,
-        gain: &[f64; Self::GROUP],
+        power: &[f64; Self::GROUP],
     ) -> Result<(), (usize, ArmaError)> {
         match self.0.groups.get_mut(group) {
-            Some(group) => group.set_all(ar, warping, gain),
+            Some(group) => group.set_all(ar, warping, power),
             None => Ok(()),
         }
     }
@@ -274,15 +320,16 @@ impl<G: Group> WithSimd for Run<'_, G> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
         for (group, first) in self.groups.iter_mut().zip((0..self.voices).step_by(G::LANES)) {
-            group.run(Frames {
+            let frames = Frames {
                 voices: self.voices,
                 first,
                 columns: G::LANES.min(self.voices - first),
                 excitation: self.excitation,
                 out: &mut *self.out,
-            });
+            };
+            group.run(simd, frames);
         }
     }
 }

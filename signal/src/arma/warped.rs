@@ -2,7 +2,8 @@
 
 mod step;
 
-use super::{ArmaError, MAX_ORDER, SETTLE, Settling, are_finite, check, in_runs, is_over, mul_add};
+use super::{ArmaError, MAX_ORDER, SETTLE, Settling, are_finite, check, in_runs, is_over};
+use crate::elementwise::mul_add;
 use crate::warped::residual_share;
 use pulp::{Arch, Simd, WithSimd};
 pub(super) use step::Stages;

@@ -1,6 +1,7 @@
 //! The crackle of several voices in SIMD lanes.
 
 use super::CrackleSource;
+use haptograph_signal::elementwise::mul_add;
 use haptograph_signal::noise::Gaussian;
 
 /// One [`CrackleSource`] per lane: the same random streams, with an exponential that differs only by
@@ -76,7 +77,7 @@ impl<const L: usize> CrackleLanes<L> {
             let excitation = &mut excitation.as_chunks_mut::<W>().0[part];
             let (mut modulated, drawn) = (*excitation, drawn.as_chunks::<W>().0[part]);
             for l in 0..W {
-                z[l] = kept[l] * z[l] + fresh[l] * drawn[l];
+                z[l] = mul_add(kept[l], z[l], fresh[l] * drawn[l]);
                 modulated[l] *= exp(half_depth[l] * (z[l] - half_depth[l]));
             }
             *excitation = modulated;
@@ -105,10 +106,10 @@ fn exp(x: f64) -> f64 {
     };
     let rounded = x * LOG2_E + ROUND;
     let halvings = rounded - ROUND;
-    let rest = (x - halvings * LN_2_HIGH) - halvings * LN_2_LOW;
+    let rest = mul_add(halvings, -LN_2_LOW, x - halvings * LN_2_HIGH);
     let mut sum = SERIES[13];
     for &term in SERIES[..13].iter().rev() {
-        sum = sum * rest + term;
+        sum = mul_add(sum, rest, term);
     }
     f64::from_bits(sum.to_bits().wrapping_add(rounded.to_bits() << 52))
 }

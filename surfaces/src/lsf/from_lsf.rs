@@ -27,9 +27,8 @@ pub(crate) fn lsf_to_ar_lanes<const L: usize>(lsf: &[[f64; L]], ar: &mut [[f64; 
         "one coefficient per LSF, at most {MAX_ORDER}"
     );
     // Loops throughout: the closures of arrays' methods are compiled apart, and not for the instructions of the caller.
-    let mut b = CacheLines([[0.0; L]; MAX_ORDER]);
-    let b = &mut b.0;
-    for (b, frequencies) in b.iter_mut().zip(lsf) {
+    // The factors stay in the coefficients' places until these are known.
+    for (b, frequencies) in ar.iter_mut().zip(lsf) {
         for l in 0..L {
             b[l] = -2.0 * cos(frequencies[l]);
         }
@@ -41,7 +40,7 @@ pub(crate) fn lsf_to_ar_lanes<const L: usize>(lsf: &[[f64; L]], ar: &mut [[f64; 
     let half = &mut half.0;
     half[0] = [[1.0; L]; 2];
     for (factors, &pair) in SPREAD[pairs][..pairs].iter().enumerate() {
-        multiply(half, factors, &b.as_chunks::<2>().0[pair as usize]);
+        multiply(half, factors, &ar.as_chunks::<2>().0[pair as usize]);
     }
     let (mut p, mut q) = ([0.0; L], [0.0; L]);
     if order.is_multiple_of(2) {
@@ -57,7 +56,7 @@ pub(crate) fn lsf_to_ar_lanes<const L: usize>(lsf: &[[f64; L]], ar: &mut [[f64; 
     } else {
         // P has one factor more, Q = difference (1 - 1/z²), of which the middle coefficient is zero.
         let difference = *half;
-        multiply(half, pairs, &[b[order - 1], [0.0; L]]);
+        multiply(half, pairs, &[ar[order - 1], [0.0; L]]);
         for k in 1..=pairs {
             let before = if k >= 2 { difference[k - 2][1] } else { [0.0; L] };
             for l in 0..L {

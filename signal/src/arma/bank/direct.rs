@@ -2,6 +2,7 @@
 
 use super::{Frames, Group, RUN};
 use crate::arma::{ArmaError, MAX_ORDER, check, is_over};
+use pulp::Simd;
 
 /// Voices in a group.
 const LANES: usize = 8;
@@ -42,7 +43,7 @@ impl Group for DirectGroup {
     }
 
     #[inline(always)]
-    fn run(&mut self, mut frames: Frames<'_>) {
+    fn run<S: Simd>(&mut self, _: S, mut frames: Frames<'_>) {
         let count = frames.count();
         let p = self.p.into_iter().fold(0, usize::max);
         let q = self.q.into_iter().fold(0, usize::max);

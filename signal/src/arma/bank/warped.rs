@@ -2,41 +2,39 @@
 
 mod solve;
 
-use super::{Frames, Group};
+use super::{Frames, Group, LATTICES as LANES, UNDER_WAY, vectors, vectors_mut};
 use crate::arma::warped::Stages;
-use crate::arma::{ArmaError, MAX_ORDER, are_finite, is_over, mul_add};
+use crate::arma::{ArmaError, MAX_ORDER, are_finite, is_over};
+use crate::elementwise::{CacheLines, mul_add_lanes};
 use crate::warped::first_error;
-use pulp::Arch;
+use pulp::{Arch, Simd};
 use solve::SetAll;
-
-/// Voices in a group: two of the widest vectors, as every stage waits for its neighbour.
-const LANES: usize = 16;
 
 type Lanes = [f64; LANES];
 
-/// A signal of each stage, on whole cache lines.
-#[repr(align(64))]
-struct Signals([Lanes; MAX_ORDER]);
-
-/// As many [`WarpedLattice`](crate::arma::WarpedLattice)s as there are lanes, stage by stage: the lanes fill the time that one voice
-/// would wait, and nothing but the stages has to be kept.
+/// As many [`WarpedLattice`](crate::arma::WarpedLattice)s as there are lanes, of one order and warping factor, stage by stage: the lanes
+/// fill the time that one voice would wait, and nothing but the stages has to be kept.
 ///
-/// The formulas are those of the step's matrix; states are kept times `s`.
+/// The formulas are those of the step's matrix, with signals scaled so that a stage has four products and not eight. With
+/// `p_m = c_1 delta_1 ... c_m delta_m` and `C = c_1 ... c_p`, the states are `s x_m = p_{m-1} y_m`, the signals `q_m = p_{m-1} u_m` and
+/// `f_m = F_m C / p_m`. Upwards a stage is then `u_m = y_m - l u_{m-1}`; downwards `F_{m-1} = F_m + turned_m u_m` and
+/// `next y_m = u_{m-1} + l u_m + share_m F_{m-1}`. The output is `F_0`.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(super) struct WarpedGroup {
-    pass: [Lanes; MAX_ORDER],
-    /// `-l` times `pass`: what a stage's `beta` takes from the one below.
-    carried: [Lanes; MAX_ORDER],
+    /// `-k_m delta_m p_{m-1}^2 / C`.
     turned: [Lanes; MAX_ORDER],
-    /// `s^2 alpha_{m-1}`.
+    /// `s^2 alpha_{m-1} C / p_{m-1}^2`.
     share: [Lanes; MAX_ORDER],
-    warping: Lanes,
-    /// `s^2`.
-    turn: Lanes,
-    out_scale: Lanes,
-    order: [usize; LANES],
+    /// `F_p` of an excitation of 1.
+    drive: [Lanes; 1],
     state: [Lanes; MAX_ORDER],
+    /// `p_{m-1}`.
+    scale: [Lanes; MAX_ORDER],
+    /// `u_0`, which is 0, to `u_p`, within a sample.
+    rising: [Lanes; MAX_ORDER + 1],
+    order: usize,
+    warping: f64,
     arch: Arch,
 }
 
@@ -45,55 +43,34 @@ impl Group for WarpedGroup {
 
     fn new() -> Self {
         Self {
-            pass: [[1.0; LANES]; MAX_ORDER],
-            carried: [[0.0; LANES]; MAX_ORDER],
             turned: [[0.0; LANES]; MAX_ORDER],
             share: [[0.0; LANES]; MAX_ORDER],
-            warping: [0.0; LANES],
-            turn: [1.0; LANES],
-            out_scale: [0.0; LANES],
-            order: [0; LANES],
+            drive: [[0.0; LANES]],
             state: [[0.0; LANES]; MAX_ORDER],
+            scale: [[1.0; LANES]; MAX_ORDER],
+            rising: [[0.0; LANES]; MAX_ORDER + 1],
+            order: 0,
+            warping: 0.0,
             arch: Arch::new(),
         }
     }
 
     #[inline(always)]
-    fn run(&mut self, mut frames: Frames<'_>) {
-        let order = self.order.into_iter().fold(0, usize::max).min(MAX_ORDER);
-        let (warping, turn) = (self.warping, self.turn);
-        let mut entering = Signals([[0.0; LANES]; MAX_ORDER]);
+    fn run<S: Simd>(&mut self, simd: S, mut frames: Frames<'_>) {
         for n in 0..frames.count() {
-            let mut beta = [0.0_f64; LANES];
-            for m in 0..order {
-                for l in 0..LANES {
-                    let (x, below) = (self.state[m][l], beta[l]);
-                    entering.0[m][l] = self.turned[m][l] * mul_add(-warping[l], below, x);
-                    self.state[m][l] = mul_add(turn[l], below, warping[l] * x);
-                    beta[l] = mul_add(self.carried[m][l], below, self.pass[m][l] * x);
-                }
+            let mut samples = CacheLines([frames.excitation(n)]);
+            for (part, samples) in vectors_mut::<S>(&mut samples.0).iter_mut().enumerate() {
+                self.step(simd, part, samples);
             }
-            let mut forward: Lanes = frames.excitation(n);
-            for m in (0..order).rev() {
-                let (pass, share, entering) = (&self.pass[m], &self.share[m], &entering.0[m]);
-                let state = &mut self.state[m];
-                for l in 0..LANES {
-                    forward[l] = mul_add(pass[l], forward[l], entering[l]);
-                    state[l] = mul_add(share[l], forward[l], state[l]);
-                }
-            }
-            for (out, scale) in forward.iter_mut().zip(&self.out_scale) {
-                *out *= scale;
-            }
-            frames.put(n, &forward);
+            frames.put(n, &samples.0[0]);
         }
     }
 
     fn settle(&mut self) {
         for lane in 0..LANES {
-            let column: [f64; MAX_ORDER] = std::array::from_fn(|m| self.state[m][lane]);
-            if is_over(&[], &column[..self.order[lane]]) || !are_finite(&column) {
-                self.silence(lane, 0);
+            let column: [f64; MAX_ORDER] = std::array::from_fn(|m| self.state[m][lane] * self.scale[m][lane]);
+            if is_over(&[], &column[..self.order]) || !are_finite(&column) {
+                self.state.iter_mut().for_each(|row| row[lane] = 0.0);
             }
         }
     }
@@ -104,59 +81,61 @@ impl Group for WarpedGroup {
 }
 
 impl WarpedGroup {
-    /// See [`WarpedBank::set_coefficients`](super::WarpedBank::set_coefficients).
-    pub fn set_coefficients(
-        &mut self,
-        lane: usize,
-        ar: &[f64],
-        warping: f64,
-        gain: f64,
-    ) -> Result<(), ArmaError> {
-        let stages = Stages::new(self.arch, ar, warping, gain)?;
-        let turn = 1.0 - warping * warping;
-        // Beyond the order stages pass on and turn nothing.
-        for m in 0..ar.len().max(self.order[lane]) {
-            self.pass[m][lane] = stages.pass[m];
-            self.carried[m][lane] = -warping * stages.pass[m];
-            self.turned[m][lane] = stages.turned[m];
-            self.share[m][lane] = turn * stages.alpha[m];
+    /// Takes the samples of some voices through all stages.
+    #[inline(always)]
+    fn step<S: Simd>(&mut self, simd: S, part: usize, samples: &mut [S::f64s; UNDER_WAY]) {
+        let order = self.order.min(MAX_ORDER);
+        let parts = LANES / S::F64_LANES / UNDER_WAY;
+        let (turned, share) = (vectors::<S>(&self.turned), vectors::<S>(&self.share));
+        let (drive, state) = (vectors::<S>(&self.drive)[part], vectors_mut::<S>(&mut self.state));
+        let (warping, against) = (simd.splat_f64s(self.warping), simd.splat_f64s(-self.warping));
+        let rising = vectors_mut::<S>(&mut self.rising);
+        let mut u = [simd.splat_f64s(0.0); UNDER_WAY];
+        for m in 0..order {
+            let at = m * parts + part;
+            for i in 0..UNDER_WAY {
+                u[i] = mul_add_lanes(simd, against, u[i], state[at][i]);
+            }
+            rising[at + parts] = u;
         }
-        self.begin(lane, ar.len(), warping);
-        self.out_scale[lane] = stages.out_scale * turn.sqrt();
-        Ok(())
+        let mut forward = *samples;
+        for i in 0..UNDER_WAY {
+            forward[i] = simd.mul_f64s(forward[i], drive[i]);
+        }
+        for m in (0..order).rev() {
+            let at = m * parts + part;
+            let below = rising[at];
+            for i in 0..UNDER_WAY {
+                forward[i] = mul_add_lanes(simd, turned[at][i], u[i], forward[i]);
+                let onwards = mul_add_lanes(simd, warping, u[i], below[i]);
+                state[at][i] = mul_add_lanes(simd, share[at][i], forward[i], onwards);
+            }
+            u = below;
+        }
+        *samples = forward;
     }
 
     /// See [`WarpedBank::set_group`](super::WarpedBank::set_group).
-    pub fn set_all(&mut self, ar: &[Lanes], warping: f64, gain: &Lanes) -> Result<(), (usize, ArmaError)> {
+    pub fn set_all(&mut self, ar: &[Lanes], warping: f64, power: &Lanes) -> Result<(), (usize, ArmaError)> {
         let (arch, group) = (self.arch, self);
         let is_set = arch.dispatch(SetAll {
             group,
             ar,
             warping,
-            gain,
+            power,
         });
-        let wrong = |lane: usize, ar: &[f64]| Stages::new(arch, ar, warping, gain[lane]).map(drop);
+        let wrong = |lane: usize, ar: &[f64]| Stages::new(arch, ar, warping, power[lane]).map(drop);
         is_set.then_some(()).ok_or_else(|| first_error(ar, wrong))
     }
 
-    /// Takes a voice to another order and warping factor: signals of stages that are gone must not come back with them.
-    #[inline(always)]
-    fn begin(&mut self, lane: usize, order: usize, warping: f64) {
-        if order != self.order[lane] {
-            self.silence(lane, order.min(self.order[lane]));
+    /// Takes all voices to another order and warping factor: signals of stages that are gone must not come back with them.
+    fn begin(&mut self, order: usize, warping: f64) {
+        self.state[order.min(self.order)..].fill([0.0; LANES]);
+        if warping != self.warping {
+            let turn = |warping: f64| 1.0 - warping * warping;
+            let scale = (turn(warping) / turn(self.warping)).sqrt();
+            self.state.as_flattened_mut().iter_mut().for_each(|y| *y *= scale);
         }
-        let turn = 1.0 - warping * warping;
-        if warping != self.warping[lane] {
-            let scale = (turn / self.turn[lane]).sqrt();
-            self.state.iter_mut().for_each(|row| row[lane] *= scale);
-        }
-        (self.order[lane], self.warping[lane], self.turn[lane]) = (order, warping, turn);
-    }
-
-    /// Puts the stages of a voice from `first` on to rest.
-    fn silence(&mut self, lane: usize, first: usize) {
-        for row in &mut self.state[first..] {
-            row[lane] = 0.0;
-        }
+        (self.order, self.warping) = (order, warping);
     }
 }

@@ -1,6 +1,7 @@
 //! The step of a warped lattice as a matrix.
 
-use crate::arma::{ArmaError, MAX_ORDER, check, mul_add};
+use crate::arma::{ArmaError, MAX_ORDER, check};
+use crate::elementwise::mul_add;
 use crate::prediction::{PredictionError, step_down};
 use crate::warped::MAX_WARPING;
 use pulp::{Arch, Simd, WithSimd};

@@ -1,5 +1,4 @@
 use super::*;
-use crate::arma::WarpedBank;
 use crate::noise::Gaussian;
 use crate::prediction::reflection_to_ar;
 use crate::warped::{power_gain, warp};
@@ -283,71 +282,6 @@ fn updates_at_the_same_samples_give_the_same_bits_in_any_blocks() {
     for blocks in [&[1][..], &[2], &[7, 1], &[40, 3], &[13, 14, 13]] {
         assert_eq!(render(blocks), whole, "{blocks:?}");
     }
-}
-
-#[test]
-fn a_bank_gives_each_voice_what_it_gives_alone() {
-    let (voices, mut draw) = (11, draw(11));
-    let mut bank = WarpedBank::new(voices);
-    let mut alone = vec![WarpedLattice::new(); voices];
-    for (turn, frames) in [37, 1, 64, 100, 5, 293].into_iter().enumerate() {
-        let mut e = vec![0.0; voices * frames];
-        Gaussian::new(turn as u64).fill(&mut e);
-        if turn == 4 {
-            e[3] = f64::NAN;
-        }
-        let (mut out, mut wanted) = (e.clone(), e.clone());
-        for (v, filter) in alone.iter_mut().enumerate() {
-            let order = [20, 7, 32, 1, 17][(v + turn) % 5];
-            let ar = tame(&draw.reflection(order, 0.9));
-            let l = [0.8, 0.0, 0.95][v % 3];
-            bank.set_coefficients(v, &ar, l, 1.0 + v as f64).unwrap();
-            filter.set_coefficients(&ar, l, 1.0 + v as f64).unwrap();
-            let mine: Vec<f64> = e.iter().skip(v).step_by(voices).copied().collect();
-            let mut y = vec![0.0; frames];
-            filter.process(&mine, &mut y);
-            wanted
-                .iter_mut()
-                .skip(v)
-                .step_by(voices)
-                .zip(y)
-                .for_each(|(w, y)| *w = y);
-        }
-        bank.process(&e, &mut out);
-        for v in 0..voices {
-            let of_voice = |y: &[f64]| y.iter().skip(v).step_by(voices).copied().collect::<Vec<_>>();
-            let (got, wanted) = (of_voice(&out), of_voice(&wanted));
-            let peak = wanted.iter().fold(0.0_f64, |most, y| most.max(y.abs()));
-            // Stage by stage the rounding is another than that of a matrix.
-            let same = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-10 * peak || a.is_nan() && b.is_nan();
-            assert!(got.iter().zip(&wanted).all(same), "{turn}, voice {v}");
-        }
-    }
-    assert!(bank.set_coefficients(99, &[], 0.8, 1.0).is_ok());
-    assert!(bank.set_coefficients(0, &[], 0.8, 1.0).is_err());
-}
-
-#[test]
-fn blocks_change_no_bit_of_a_bank() {
-    let (voices, frames) = (19, 41 * 20);
-    let mut e = vec![0.0; voices * frames];
-    Gaussian::new(13).fill(&mut e);
-    let render = |block: usize| {
-        let (mut draw, mut bank) = (draw(14), WarpedBank::new(voices));
-        let mut y = vec![0.0; e.len()];
-        for (e, y) in e.chunks(41 * voices).zip(y.chunks_mut(41 * voices)) {
-            for v in 0..voices {
-                let ar = tame(&draw.reflection(20, 0.9));
-                bank.set_coefficients(v, &ar, 0.8, 1.0).unwrap();
-            }
-            for (e, y) in e.chunks(block * voices).zip(y.chunks_mut(block * voices)) {
-                bank.process(e, y);
-            }
-        }
-        y
-    };
-    let whole = render(41);
-    assert!(render(1) == whole && render(7) == whole);
 }
 
 #[test]

@@ -3,16 +3,14 @@
 use super::super::synthesis::{SynthesisError, UpdatePoints, updates};
 use super::VoiceInto;
 use crate::crackle::{CrackleLanes, CrackleSource};
-use crate::interpolation::{Coefficients, Interpolator, Spot};
+use crate::interpolation::{Interpolator, Spot};
 use crate::lines::{LineSource, MAX_LINES, mixed_powers};
 use crate::lsf::lsf_to_ar_lanes;
 use crate::{MAX_ORDER, TextureModel};
-use haptograph_signal::arma::{ArmaError, Form, VoiceBank, WarpedBank};
+use haptograph_signal::arma::{Form, VoiceBank, WarpedBank};
 use haptograph_signal::elementwise::CacheLines;
 use haptograph_signal::filter::SectionLanes;
 use haptograph_signal::noise::{Gaussian, stream_seed};
-use haptograph_signal::prediction::PredictionError;
-use haptograph_signal::warped::power_gains;
 use pulp::{Arch, Simd, WithSimd};
 use std::f64::consts::PI;
 use std::ops::{ControlFlow, Range};
@@ -25,8 +23,6 @@ const BLOCK: usize = 64;
 const BLOCKS_TOLD: usize = 256;
 /// Voices whose random numbers are drawn before they are put side by side.
 const DRAWN: usize = 8;
-/// Lanes of the widest vector.
-const WIDTH: usize = 8;
 /// Rows of an interpolated model: frequencies of both polynomials, gain and level.
 const MIX: usize = 2 * MAX_ORDER + 2;
 
@@ -41,7 +37,9 @@ pub struct Group<'a> {
     filters: Filters,
     crackle: Option<CrackleLanes<LANES>>,
     highpass: Option<SectionLanes<LANES>>,
-    deviation: CacheLines<Row>,
+    /// Numbers of coefficients of both polynomials.
+    orders: [usize; 2],
+    warping: f64,
     buffers: Box<Buffers>,
     arch: Arch,
 }
@@ -68,11 +66,12 @@ struct LineMove {
 
 /// Filters of all voices.
 enum Filters {
-    Plain(VoiceBank),
-    Warped {
-        bank: WarpedBank,
-        mix: Box<CacheLines<[Row; MIX]>>,
+    Plain {
+        bank: VoiceBank,
+        /// Of the excitation.
+        deviation: CacheLines<Row>,
     },
+    Warped(WarpedBank),
 }
 
 /// Buffers of a block of frames, on whole cache lines.
@@ -82,6 +81,10 @@ struct Buffers {
     excitation: [Row; BLOCK],
     /// What crackle draws, then the output.
     out: [Row; BLOCK],
+    /// The interpolated models: line spectral frequencies of both polynomials, gains, levels.
+    mix: [Row; MIX],
+    /// Their coefficients.
+    coefficients: [Row; MIX],
 }
 
 impl<'a> Lane<'a> {
@@ -106,13 +109,11 @@ impl<'a> Lane<'a> {
         block.start.min(samples)..block.end.min(samples)
     }
 
-    /// Writes the frames of a block, of which this is lane `l`, and adds the lines.
-    fn write(&mut self, l: usize, block: &Range<usize>, frames: &[Row; BLOCK]) {
+    /// Writes the samples of a block, and adds the lines.
+    fn write(&mut self, block: &Range<usize>, samples: &[f64; BLOCK]) {
         let own = self.of(block);
         let own = &mut self.out[own];
-        for (sample, row) in own.iter_mut().zip(frames) {
-            *sample = row[l];
-        }
+        own.copy_from_slice(&samples[..own.len()]);
         if let Some(lines) = &mut self.lines {
             let mut done = 0;
             for step in self.moves.drain(..) {
@@ -150,14 +151,18 @@ impl<'a> Group<'a> {
             Lane::new(voice, number)
         };
         let lanes = voices.into_iter().map(lane).collect();
+        let orders = [first.ar_order(), first.ma_order()];
         Self {
             filters: Filters::of(first),
             crackle,
             highpass: (!highpasses.is_empty()).then(|| SectionLanes::new(&highpasses)),
             lanes,
             interpolators: textures.into_iter().map(Interpolator::new).collect(),
-            deviation: CacheLines([0.0; LANES]),
+            orders,
+            warping: first.warping(),
             buffers: Box::new(Buffers {
+                mix: flat(orders),
+                coefficients: [[0.0; LANES]; MIX],
                 drawn: [[0.0; BLOCK]; DRAWN],
                 excitation: [[0.0; LANES]; BLOCK],
                 out: [[0.0; LANES]; BLOCK],
@@ -207,6 +212,7 @@ impl<'a> Group<'a> {
             drawn,
             excitation,
             out,
+            ..
         } = &mut *self.buffers;
         for (number, lanes) in self.lanes.chunks_mut(DRAWN).enumerate() {
             for (lane, drawn) in lanes.iter_mut().zip(&mut *drawn) {
@@ -232,83 +238,60 @@ impl<'a> Group<'a> {
 
     /// Updates the coefficients from a frame of the block on.
     fn update(&mut self, number: usize, frame: usize) -> Result<(), (usize, SynthesisError)> {
-        let rests = self.move_to(number, frame)?;
-        if let Filters::Warped { bank, mix } = &mut self.filters {
-            let first = self.lanes[0].texture;
-            let (order, warping) = (first.ar_order(), first.warping());
-            let converted = self.arch.dispatch(Convert {
-                mix: &mix.0,
-                order,
-                warping,
-            });
-            let (ar, deviation) = converted.map_err(|(lane, error)| (lane, ArmaError::from(error).into()))?;
-            let set = bank.set_group(0, &ar.0[..order], warping, &mix.0[order]);
-            set.map_err(|(lane, error)| (lane, error.into()))?;
-            self.deviation = deviation;
-        }
-        // All models at rest are silent; rounding could leave weight on a model that is not.
-        for (deviation, rests) in self.deviation.0.iter_mut().zip(rests) {
-            if rests {
-                *deviation = 0.0;
+        let Buffers {
+            mix, coefficients, ..
+        } = &mut *self.buffers;
+        self.arch.dispatch(Move {
+            lanes: &mut self.lanes,
+            interpolators: &self.interpolators,
+            orders: self.orders,
+            mix,
+            coefficients,
+            number,
+            frame,
+        });
+        let [p, q] = self.orders;
+        let (ar, ma) = coefficients[..p + q].split_at(p);
+        let (gain, level) = (&mix[p + q], mix[p + q + 1]);
+        let set = match &mut self.filters {
+            Filters::Plain { bank, deviation } => {
+                // The level is a variance.
+                deviation.0 = level.map(f64::sqrt);
+                bank.set_group(0, ar, ma, gain)
             }
-        }
-        Ok(())
-    }
-
-    /// Moves each voice to its speed and force at an update; returns which voices are at rest.
-    fn move_to(&mut self, number: usize, frame: usize) -> Result<[bool; LANES], (usize, SynthesisError)> {
-        let mut rests = [false; LANES];
-        for (l, lane) in self.lanes.iter_mut().enumerate() {
-            let points = lane.points;
-            let here = points.speed_m_s.get(number).zip(points.force_n.get(number));
-            let Some((&speed_m_s, &force_n)) = here else {
-                continue;
-            };
-            let interpolator = &self.interpolators[lane.interpolator];
-            let spot = interpolator.locate_from(&mut lane.last_triangle, speed_m_s, force_n);
-            rests[l] = spot.speed_m_s == 0.0 || spot.force_n == 0.0;
-            match &mut self.filters {
-                Filters::Plain(bank) => {
-                    let mut at = Coefficients::SILENCE;
-                    interpolator.interpolate_at(spot.vertices, spot.weights, &mut at);
-                    self.deviation.0[l] = at.variance.sqrt();
-                    let set = bank.set_coefficients(l, at.ar(), at.ma(), at.gain);
-                    set.map_err(|error| (l, error.into()))?;
-                }
-                Filters::Warped { mix, .. } => {
-                    // Warped models have no MA part.
-                    let rows = &mut mix.0[..interpolator.ar_order() + 2];
-                    interpolator.mix_into(&spot, l, rows);
-                }
-            }
-            lane.move_lines(&spot, frame);
-        }
-        Ok(rests)
+            // It is the square root of a power, and the gain 1.
+            Filters::Warped(bank) => bank.set_group(0, ar, self.warping, &level.map(|level| level * level)),
+        };
+        set.map_err(|(lane, error)| (lane, error.into()))
     }
 
     /// Filters some frames of the block.
     fn filter(&mut self, frames: Range<usize>) {
         let Buffers { excitation, out, .. } = &mut *self.buffers;
         let (excitation, out) = (&mut excitation[frames.clone()], &mut out[frames]);
-        self.arch.dispatch(Scale {
-            deviation: &self.deviation.0,
-            excitation,
-        });
-        let (excitation, out) = (excitation.as_flattened(), out.as_flattened_mut());
         match &mut self.filters {
-            Filters::Plain(bank) => bank.process(excitation, out),
-            Filters::Warped { bank, .. } => bank.process(excitation, out),
+            Filters::Plain { bank, deviation } => {
+                self.arch.dispatch(Scale {
+                    deviation: &deviation.0,
+                    excitation,
+                });
+                bank.process(excitation.as_flattened(), out.as_flattened_mut());
+            }
+            Filters::Warped(bank) => bank.process(excitation.as_flattened(), out.as_flattened_mut()),
         }
     }
 
     /// Ends a block: high-pass, output and lines.
     fn write(&mut self, block: &Range<usize>) {
-        let out = &mut self.buffers.out;
+        let Buffers { drawn, out, .. } = &mut *self.buffers;
         if let Some(highpass) = &mut self.highpass {
             highpass.process_in_place(&mut out[..block.len()]);
         }
-        for (l, lane) in self.lanes.iter_mut().enumerate() {
-            lane.write(l, block, out);
+        for (number, lanes) in self.lanes.chunks_mut(DRAWN).enumerate() {
+            take_apart(out, number * DRAWN, drawn);
+            for (lane, samples) in lanes.iter_mut().zip(&*drawn) {
+                lane.write(block, samples);
+            }
         }
     }
 }
@@ -329,18 +312,24 @@ impl Lane<'_> {
 impl Filters {
     fn of(texture: &TextureModel) -> Self {
         if texture.warping() == 0.0 {
-            return Self::Plain(VoiceBank::new(Form::Lattice, LANES));
+            let bank = VoiceBank::new(Form::Lattice, LANES);
+            let deviation = CacheLines([0.0; LANES]);
+            Self::Plain { bank, deviation }
+        } else {
+            Self::Warped(WarpedBank::new(LANES))
         }
-        let order = texture.ar_order();
-        let mut mix = Box::new(CacheLines([[0.0; LANES]; MIX]));
-        // Lanes without a voice get the flat spectrum.
-        for (k, row) in mix.0[..order].iter_mut().enumerate() {
-            *row = [PI * (k + 1) as f64 / (order + 1) as f64; LANES];
-        }
-        mix.0[order] = [1.0; LANES];
-        let bank = WarpedBank::new(LANES);
-        Self::Warped { bank, mix }
     }
+}
+
+/// Flat spectra of polynomials of these orders, of gain 1 and without power: those of lanes without a voice.
+fn flat(orders: [usize; 2]) -> [Row; MIX] {
+    let mut mix = [[0.0; LANES]; MIX];
+    let even = |order: usize| (1..=order).map(move |k| PI * k as f64 / (order + 1) as f64);
+    let numbers = orders.into_iter().flat_map(even).chain([1.0]);
+    for (row, number) in mix.iter_mut().zip(numbers) {
+        *row = [number; LANES];
+    }
+    mix
 }
 
 /// Puts the samples of [`DRAWN`] voices into the lanes from `first` on.
@@ -356,48 +345,56 @@ fn put_side_by_side(drawn: &[[f64; BLOCK]; DRAWN], first: usize, rows: &mut [Row
     }
 }
 
-/// Converts interpolated warped models to coefficients and excitation deviations, like
-/// [`Interpolator::interpolate_at`].
-struct Convert<'a> {
-    mix: &'a [Row; MIX],
-    order: usize,
-    warping: f64,
-}
-
-/// Coefficients, and deviations of the excitation.
-type Converted = (CacheLines<[Row; MAX_ORDER]>, CacheLines<Row>);
-
-impl WithSimd for Convert<'_> {
-    type Output = Result<Converted, (usize, PredictionError)>;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
-        let Self { mix, order, warping } = self;
-        let mut all = CacheLines([[0.0; LANES]; MAX_ORDER]);
-        let mut deviation = CacheLines([0.0; LANES]);
-        // A vector of lanes at a time.
-        let mut lsf = CacheLines([[0.0; WIDTH]; MAX_ORDER]);
-        let mut ar = CacheLines([[0.0; WIDTH]; MAX_ORDER]);
-        let (lsf, ar) = (&mut lsf.0[..order], &mut ar.0[..order]);
-        for part in 0..LANES / WIDTH {
-            for (lsf, row) in lsf.iter_mut().zip(mix) {
-                *lsf = row.as_chunks::<WIDTH>().0[part];
-            }
-            lsf_to_ar_lanes(lsf, ar);
-            let gains = match power_gains(ar, warping) {
-                Ok(gains) => gains,
-                Err((lane, error)) => return Err((part * WIDTH + lane, error)),
-            };
-            for (row, ar) in all.0.iter_mut().zip(&*ar) {
-                row.as_chunks_mut::<WIDTH>().0[part] = *ar;
-            }
-            let level = &mix[order + 1].as_chunks::<WIDTH>().0[part];
-            let deviation = &mut deviation.0.as_chunks_mut::<WIDTH>().0[part];
-            for l in 0..WIDTH {
-                deviation[l] = (level[l] * level[l] / gains[l]).sqrt();
+/// Takes the samples of [`DRAWN`] voices out of the lanes from `first` on; made as [`put_side_by_side`].
+fn take_apart(rows: &[Row; BLOCK], first: usize, voices: &mut [[f64; BLOCK]; DRAWN]) {
+    for (n, row) in rows.iter().enumerate() {
+        if let Some(lanes) = row[first..].first_chunk::<DRAWN>() {
+            for l in 0..DRAWN {
+                voices[l][n] = lanes[l];
             }
         }
-        Ok((all, deviation))
+    }
+}
+
+/// Moves each voice to its speed and force at an update, from a frame of the block on: its coefficients, gain and level.
+struct Move<'a, 'v> {
+    lanes: &'a mut [Lane<'v>],
+    interpolators: &'a [Interpolator],
+    orders: [usize; 2],
+    mix: &'a mut [Row; MIX],
+    coefficients: &'a mut [Row; MIX],
+    number: usize,
+    frame: usize,
+}
+
+impl WithSimd for Move<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let [p, q] = self.orders;
+        for (l, lane) in self.lanes.iter_mut().enumerate() {
+            let points = lane.points;
+            let here = points
+                .speed_m_s
+                .get(self.number)
+                .zip(points.force_n.get(self.number));
+            // What has ended changes no more.
+            let Some((&speed_m_s, &force_n)) = here else {
+                continue;
+            };
+            let interpolator = &self.interpolators[lane.interpolator];
+            let spot = interpolator.locate_from(&mut lane.last_triangle, speed_m_s, force_n);
+            interpolator.mix_into(&spot, l, &mut self.mix[..p + q + 2]);
+            // All models at rest are silent; rounding could leave weight on a model that is not.
+            if spot.speed_m_s == 0.0 || spot.force_n == 0.0 {
+                self.mix[p + q + 1][l] = 0.0;
+            }
+            lane.move_lines(&spot, self.frame);
+        }
+        for of in [0..p, p..p + q] {
+            lsf_to_ar_lanes(&self.mix[of.clone()], &mut self.coefficients[of]);
+        }
     }
 }
 
@@ -427,11 +424,11 @@ impl WithSimd for Scale<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let deviation = *self.deviation;
+    fn with_simd<S: Simd>(self, simd: S) {
+        let deviation = S::as_simd_f64s(self.deviation).0;
         for frame in self.excitation {
-            for l in 0..LANES {
-                frame[l] *= deviation[l];
+            for (e, deviation) in S::as_mut_simd_f64s(frame).0.iter_mut().zip(deviation) {
+                *e = simd.mul_f64s(*e, *deviation);
             }
         }
     }

@@ -1,26 +1,24 @@
-//! The stages of all lanes at once, with the operations of [`Stages`](crate::arma::warped::Stages).
+//! The stages of all lanes at once: what [`Stages`](crate::arma::warped::Stages) is to one voice.
 
 use super::{LANES, Lanes, WarpedGroup};
-use crate::arma::{MAX_ORDER, mul_add};
-use crate::elementwise::CacheLines;
+use crate::arma::MAX_ORDER;
+use crate::elementwise::{CacheLines, mul_add};
 use crate::prediction::step_down_lanes;
 use crate::warped::MAX_WARPING;
 use pulp::{Simd, WithSimd};
 
 /// Lanes of the widest vector.
 const WIDTH: usize = 8;
-/// Vectors of a group.
-const PARTS: usize = LANES / WIDTH;
 
-/// Sums that the product of the cosines is split into.
-const SUMS: usize = 8;
+/// Lowest product of all `c_m^2`: below it the scales of signals leave the range of numbers.
+const LEAST_SHARE: f64 = 1e-200;
 
 /// Gives a group new coefficients; whether it has taken them.
 pub(super) struct SetAll<'a> {
     pub group: &'a mut WarpedGroup,
     pub ar: &'a [Lanes],
     pub warping: f64,
-    pub gain: &'a Lanes,
+    pub power: &'a Lanes,
 }
 
 impl WithSimd for SetAll<'_> {
@@ -32,103 +30,89 @@ impl WithSimd for SetAll<'_> {
             group,
             ar,
             warping,
-            gain,
+            power,
         } = self;
         let order = ar.len();
         if !(1..=MAX_ORDER).contains(&order) || !(0.0..=MAX_WARPING).contains(&warping) {
             return false;
         }
-        // A vector of lanes at a time; nothing is kept before all are found to be sound.
-        let mut solved = CacheLines([[[0.0; WIDTH]; MAX_ORDER]; 2 * PARTS]);
-        let mut out_scale = [0.0; LANES];
-        let s = (1.0 - warping * warping).sqrt();
-        for (part, both) in solved.0.as_chunks_mut::<2>().0.iter_mut().enumerate() {
-            let [sine, cosine] = both;
-            let (sine, cosine) = (&mut sine[..order], &mut cosine[..order]);
-            for (sine, ar) in sine.iter_mut().zip(ar) {
-                *sine = ar.as_chunks::<WIDTH>().0[part];
-            }
-            if !step_down_lanes(sine) {
-                return false;
-            }
-            let product = turn(sine, cosine);
-            let gain = &gain.as_chunks::<WIDTH>().0[part];
-            let out_scale = &mut out_scale.as_chunks_mut::<WIDTH>().0[part];
-            for l in 0..WIDTH {
-                out_scale[l] = gain[l] / product[l] / s * s;
-            }
-        }
-        if !out_scale.iter().all(|scale| scale.is_finite()) {
+        let mut reflection = CacheLines([[0.0; LANES]; MAX_ORDER]);
+        let k = &mut reflection.0[..order];
+        k.copy_from_slice(ar);
+        if !step_down_lanes(k) {
             return false;
         }
-        group.out_scale = out_scale;
-        for (part, [sine, cosine]) in solved.0.as_chunks::<2>().0.iter().enumerate() {
-            group.solve(part, &sine[..order], &cosine[..order], warping);
+        let mut share = [1.0; LANES];
+        for k in &*k {
+            for l in 0..LANES {
+                share[l] *= (1.0 - k[l]) * (1.0 + k[l]);
+            }
         }
-        group.rest_from(order, warping);
+        // Nothing is kept before all are found to be sound.
+        let are_sound = share.iter().all(|share| *share >= LEAST_SHARE);
+        if !are_sound || !power.iter().all(|power| power.is_finite()) {
+            return false;
+        }
+        if (order, warping) != (group.order, group.warping) {
+            group.begin(order, warping);
+        }
+        for part in 0..LANES / WIDTH {
+            group.solve(part, k, share.as_chunks().0[part], power.as_chunks().0[part]);
+        }
         true
     }
 }
 
-/// The cosines of angles, and their product.
-#[inline(always)]
-fn turn(sine: &[[f64; WIDTH]], cosine: &mut [[f64; WIDTH]]) -> [f64; WIDTH] {
-    let mut products = CacheLines([[1.0; WIDTH]; SUMS]);
-    let products = &mut products.0;
-    for (m, (cosine, k)) in cosine.iter_mut().zip(sine).enumerate() {
-        for l in 0..WIDTH {
-            cosine[l] = ((1.0 - k[l]) * (1.0 + k[l])).sqrt();
-            products[m % SUMS][l] *= cosine[l];
-        }
-    }
-    let mut product = [1.0; WIDTH];
-    for part in products {
-        for l in 0..WIDTH {
-            product[l] *= part[l];
-        }
-    }
-    product
-}
-
 impl WarpedGroup {
-    /// See [`Stages`](crate::arma::warped::Stages): the same quotients, stage by stage, of one vector of lanes.
+    /// See [`Stages`](crate::arma::warped::Stages): the same quotients `alpha_{m-1} = a / b` and `delta_m = b / next b`, stage by stage, of
+    /// one vector of lanes, so that `p_{m-1} = c_1 ... c_{m-1} / b`. `share` is the product of all `c_m^2`.
+    ///
+    /// The power of the output of white excitation follows from the step: it is orthogonal, so that all states have variance 1, and
+    /// `f_0 = b_0 = (next x_1 - l x_1) / s` has `1 - 2 l g` where `q_1` brings `g q_1` to `f_0`.
     #[inline(always)]
-    fn solve(&mut self, part: usize, sine: &[[f64; WIDTH]], cosine: &[[f64; WIDTH]], warping: f64) {
+    fn solve(&mut self, part: usize, k: &[Lanes], share: [f64; WIDTH], power: [f64; WIDTH]) {
+        let warping = self.warping;
         let turn = 1.0 - warping * warping;
-        let (mut above, mut below) = ([1.0_f64; WIDTH], [1.0_f64; WIDTH]);
-        for (m, (k, c)) in sine.iter().zip(cosine).enumerate().take(MAX_ORDER) {
-            let pass = &mut self.pass[m].as_chunks_mut::<WIDTH>().0[part];
-            let carried = &mut self.carried[m].as_chunks_mut::<WIDTH>().0[part];
-            let turned = &mut self.turned[m].as_chunks_mut::<WIDTH>().0[part];
-            let share = &mut self.share[m].as_chunks_mut::<WIDTH>().0[part];
+        let mut cosines = [0.0; WIDTH];
+        let mut inverse_cosines = [0.0; WIDTH];
+        for l in 0..WIDTH {
+            cosines[l] = share[l].sqrt();
+            inverse_cosines[l] = 1.0 / cosines[l];
+        }
+        // `below` is the product of the `c^2` of the stages below.
+        let (mut a, mut b, mut below) = ([1.0_f64; WIDTH], [1.0_f64; WIDTH], [1.0_f64; WIDTH]);
+        let (mut brought, mut onwards) = ([0.0_f64; WIDTH], 1.0);
+        for (m, k) in k.iter().enumerate().take(MAX_ORDER) {
+            let state = &mut self.state[m].as_chunks_mut::<WIDTH>().0[part];
+            let scale = &mut self.scale[m].as_chunks_mut::<WIDTH>().0[part];
+            // Copies, so that nothing can overlap and all is made into vectors.
+            let (k, mut y, mut p) = (k.as_chunks::<WIDTH>().0[part], *state, *scale);
+            let (mut turned, mut share) = ([0.0; WIDTH], [0.0; WIDTH]);
             for l in 0..WIDTH {
-                let (a, b) = (above[l], below[l]);
-                above[l] = mul_add(k[l], b, -(warping * a));
-                below[l] = mul_add(-(warping * k[l]), a, b);
-                let inverse = 1.0 / (b * below[l]);
-                let delta = b * b * inverse;
-                pass[l] = c[l] * delta;
-                carried[l] = -warping * (c[l] * delta);
-                turned[l] = -(k[l] * delta);
-                share[l] = turn * (a * below[l] * inverse);
+                let next_a = mul_add(k[l], b[l], -(warping * a[l]));
+                let next_b = mul_add(-(warping * k[l]), a[l], b[l]);
+                // One division for all quotients.
+                let root = below[l].sqrt();
+                let inverse = 1.0 / (root * (b[l] * next_b));
+                let inverse_root = inverse * (b[l] * next_b);
+                turned[l] = -(k[l] * below[l]) * (inverse * root) * inverse_cosines[l];
+                share[l] = (turn * cosines[l]) * (a[l] * b[l]) * (inverse_root * inverse_root);
+                y[l] *= p[l] * (b[l] * inverse_root);
+                p[l] = below[l] * (inverse * next_b);
+                brought[l] = mul_add(turned[l], onwards, brought[l]);
+                below[l] *= (1.0 - k[l]) * (1.0 + k[l]);
+                (a[l], b[l]) = (next_a, next_b);
             }
+            (*state, *scale) = (y, p);
+            self.turned[m].as_chunks_mut().0[part] = turned;
+            self.share[m].as_chunks_mut().0[part] = share;
+            onwards *= -warping;
         }
-    }
-
-    /// Stages from `order` on pass on and turn nothing.
-    #[inline(always)]
-    fn rest_from(&mut self, order: usize, warping: f64) {
-        if self.order == [order; LANES] && self.warping == [warping; LANES] {
-            return;
+        let mut drive = [0.0; WIDTH];
+        for l in 0..WIDTH {
+            let gain = 1.0 - 2.0 * warping * (cosines[l] * brought[l]);
+            drive[l] = (power[l].max(0.0) * share[l] / gain).sqrt() / b[l];
         }
-        let before = self.order.into_iter().fold(0, usize::max);
-        for m in order..before {
-            self.pass[m] = [1.0; LANES];
-            self.carried[m] = [-warping; LANES];
-            (self.turned[m], self.share[m]) = ([0.0; LANES], [0.0; LANES]);
-        }
-        for lane in 0..LANES {
-            self.begin(lane, order, warping);
-        }
+        self.drive[0].as_chunks_mut().0[part] = drive;
     }
 }
