@@ -136,7 +136,7 @@ impl<T: Device + Clone + 'static> CloneDevice for T {
 /// A kind of device.
 pub trait DeviceKind: 'static {
     /// Settings of the kind.
-    type Settings: Settings;
+    type Settings: Settings + Clone + Send + Sync;
     /// Channels and documentation.
     const SPEC: DeviceSpec;
     /// Builds the body in its initial state. `cx.path` is the endpoint's name, `cx.rate` its clock's.
@@ -157,7 +157,13 @@ pub struct DeviceEntry {
     is_host: bool,
 }
 
-pub(crate) type DeviceBuild = crate::node::Read<BuildContext, Box<dyn Device>>;
+pub(crate) type DeviceBuild = crate::node::Read<BuildContext, BuiltDevice>;
+
+/// A body and the settings that it was built with.
+pub(crate) struct BuiltDevice {
+    pub body: Box<dyn Device>,
+    pub settings: Arc<dyn Any + Send + Sync>,
+}
 
 impl DeviceEntry {
     /// Erases the types of a device kind.
@@ -167,7 +173,12 @@ impl DeviceEntry {
             settings: K::Settings::specs,
             build: |fields, reading| {
                 let settings = K::Settings::take_from(fields, reading)?;
-                Some(Box::new(|cx| K::build(settings, cx)))
+                Some(Box::new(|cx| {
+                    Ok(BuiltDevice {
+                        settings: Arc::new(settings.clone()),
+                        body: K::build(settings, cx)?,
+                    })
+                }))
             },
             is_host: false,
         }

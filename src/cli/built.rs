@@ -2,7 +2,7 @@
 
 use super::Failure;
 use crate::engine::graph::Graph;
-use crate::nodes::soundcard::SoundcardError;
+use crate::live::soundcard::SoundcardError;
 
 /// A class of hardware and the cargo feature that supports it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

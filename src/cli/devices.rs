@@ -3,8 +3,8 @@
 use super::built::{Hardware, MIDI, POINTERS, SERIAL, SOUNDCARDS};
 use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
-use crate::nodes::network::inputs::midi_ports;
-use crate::nodes::soundcard::{Ability, Listed, SoundcardError, list};
+use crate::live::midi::midi_ports;
+use crate::live::soundcard::{Ability, Listed, SoundcardError, list};
 use crate::signal::files;
 use serde_json::{Value, json};
 use std::fmt::Write;

@@ -3,7 +3,7 @@
 use super::super::keys::Editor;
 use super::super::{eprint, screen, stderr};
 use crate::engine::settings::closest;
-use crate::nodes::network::SetRequest;
+use crate::live::osc::SetRequest;
 use crate::signal::files::{self, Refusal};
 use std::io::Read;
 use std::sync::Arc;

@@ -2,8 +2,10 @@
 
 use super::super::Failure;
 use super::message;
-use crate::engine::run::{Histogram, Live, Timer, TimerThread};
-use crate::nodes::soundcard::{CardCounts, CardDriver, CardNote, OpenedStream, Request};
+use crate::engine::run::{Histogram, Live};
+use crate::live::BackendEvent;
+use crate::live::soundcard::{CardCounts, CardDriver, OpenedStream, Request};
+use crate::live::timer::{Timer, TimerThread};
 use serde_json::{Value, json};
 
 /// A started driver.
@@ -41,7 +43,7 @@ impl Driver {
     }
 
     /// Polls the driver; returns notes for the user.
-    pub fn poll(&mut self) -> Vec<CardNote> {
+    pub fn poll(&mut self) -> Vec<BackendEvent> {
         match self {
             Self::Timer(_) => Vec::new(),
             Self::Card(card, _) => card.poll(),

@@ -5,7 +5,8 @@ use super::driver::{self, Driver};
 use super::message;
 use crate::engine::graph::Graph;
 use crate::engine::run::{Histogram, Live, RingReport};
-use crate::nodes::soundcard::{CardNote, CardRequests, Inputs, played};
+use crate::live::BackendEvent;
+use crate::live::soundcard::{CardRequests, Inputs, played};
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -122,9 +123,9 @@ impl Drivers {
     }
 
     /// Polls all drivers; returns notes for the user.
-    pub fn poll(&mut self) -> Vec<CardNote> {
+    pub fn poll(&mut self) -> Vec<BackendEvent> {
         let drivers = self.list.iter_mut();
-        let mut said: Vec<CardNote> = drivers.flat_map(|(_, driver)| driver.poll()).collect();
+        let mut said: Vec<BackendEvent> = drivers.flat_map(|(_, driver)| driver.poll()).collect();
         said.extend(self.inputs.poll());
         said
     }

@@ -1,7 +1,8 @@
 //! Facts and warnings of a finished live run.
 
 use crate::engine::run::{Histogram, LiveOutcome, Meters};
-use crate::nodes::network::{Connections, Counts};
+use crate::live::Connections;
+use crate::nodes::network::link::Counts;
 use serde_json::{Value, json};
 
 pub fn facts_of(ended: &LiveOutcome) -> Vec<(&'static str, &'static str, Value)> {
@@ -40,7 +41,7 @@ pub fn facts_of(ended: &LiveOutcome) -> Vec<(&'static str, &'static str, Value)>
 
 /// Packet counts of each network device.
 pub fn packets(network: &Connections) -> Option<(&'static str, &'static str, Value)> {
-    let counted = |(device, counts): (&str, Counts)| {
+    let counted = |(device, counts, unclaimed_addresses): (String, Counts, Vec<(String, u64)>)| {
         let Counts {
             accepted,
             missing,
@@ -53,7 +54,7 @@ pub fn packets(network: &Connections) -> Option<(&'static str, &'static str, Val
             refused_zeros,
             unclaimed,
         } = counts;
-        let received = network.unclaimed(device).into_iter();
+        let received = unclaimed_addresses.into_iter();
         let received: serde_json::Map<String, Value> =
             received.map(|(address, times)| (address, json!(times))).collect();
         let counts = json!({
@@ -61,9 +62,9 @@ pub fn packets(network: &Connections) -> Option<(&'static str, &'static str, Val
             "not_numbers": not_numbers, "too_large": too_large, "strangers": strangers, "jumps": jumps,
             "refused_zeros": refused_zeros, "unclaimed": unclaimed, "unclaimed_addresses": received,
         });
-        (device.to_owned(), counts)
+        (device, counts)
     };
-    let devices: serde_json::Map<String, Value> = network.counts().map(counted).collect();
+    let devices: serde_json::Map<String, Value> = network.packets().map(counted).collect();
     (!devices.is_empty()).then_some(("packets", "Packets", Value::Object(devices)))
 }
 

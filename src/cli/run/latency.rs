@@ -3,7 +3,7 @@
 use super::driver::{ms, quantiles_ms};
 use crate::engine::graph::{Graph, PathLatency};
 use crate::engine::run::Histogram;
-use crate::nodes::soundcard::played;
+use crate::live::soundcard::played;
 use serde_json::{Map, Value, json};
 
 /// Heading of the latencies.

@@ -14,8 +14,8 @@ use super::watch::FileWatch;
 use super::{Arguments, RunSetup, lasts_a_frame, message, stop_on_interrupt};
 use crate::engine::registry::Registry;
 use crate::engine::run::{LiveOptions, RingReport, Session};
-use crate::nodes::network::{Connections, OscControl};
-use crate::nodes::soundcard;
+use crate::live::osc::OscControl;
+use crate::live::{Connections, soundcard};
 use serde_json::json;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -43,7 +43,7 @@ fn run_with(
         ..arguments.clone()
     };
     let first = loading::load(Job::first(&arguments), loader.registry());
-    let (graph, parameters) = (first.result.map_err(Failure::Graph)?.graph, first.parameters);
+    let (mut graph, parameters) = (first.result.map_err(Failure::Graph)?.graph, first.parameters);
     warn(&graph);
     // Changes of the files from here on are noticed.
     let watch = arguments.watch.then(|| FileWatch::of(&graph));
@@ -51,7 +51,7 @@ fn run_with(
     built::refuse_missing(&graph, arguments.graph.endpoints())?;
     let card_requests = soundcard::card_requests(&graph).map_err(message)?;
     let mut network = Connections::default();
-    network.connect(&graph).map_err(message)?;
+    network.connect(&mut graph).map_err(message)?;
     let (sender, requests) = sync_channel(MAX_QUEUED);
     let osc = listen_for_settings(&arguments, &sender)?;
     let mut setup = RunSetup::begin(&arguments, &graph)?;
@@ -196,8 +196,12 @@ fn introduce(arguments: &Arguments, driver: &Drivers, network: &Connections, osc
     for listened in driver.listened() {
         eprint(&format!("listening to {listened}\n"));
     }
-    for (device, place) in network.places() {
-        eprint(&format!("listening for `{device}` at {place}\n"));
+    for link in network.status() {
+        eprint(&format!(
+            "listening for `{}` at {}\n",
+            link.names.concat(),
+            link.place
+        ));
     }
     if let Some(osc) = osc {
         eprint(&format!("settings by Open Sound Control at {}\n", osc.address()));

@@ -9,7 +9,7 @@ use crate::engine::diagnostic::Diagnostics;
 use crate::engine::document::{Document, LoadOptions};
 use crate::engine::graph::{CheckOptions, Graph, check};
 use crate::engine::registry::Registry;
-use crate::nodes::soundcard::{CardRequests, card_requests};
+use crate::live::soundcard::{CardRequests, card_requests};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

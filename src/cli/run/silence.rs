@@ -3,7 +3,7 @@
 
 use crate::engine::run::{ActuatorStatus, InputStatus};
 use crate::engine::silence::InputState;
-use crate::nodes::network::Connections;
+use crate::live::Connections;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
@@ -186,9 +186,8 @@ fn is_due(input: &InputStatus, lasts: Duration) -> bool {
 
 /// `` `stylus` at 127.0.0.1:9751 ``
 fn name(input: &InputStatus, network: &Connections) -> String {
-    let mut places = network.places();
-    match places.find(|(device, _)| *device == input.device) {
-        Some((device, place)) => format!("`{device}` at {place}"),
+    match network.place(&input.device) {
+        Some(place) => format!("`{}` at {place}", input.device),
         None => format!("`{}`", input.device),
     }
 }

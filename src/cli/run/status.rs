@@ -6,7 +6,7 @@ use super::silence::{SilenceMonitor, received};
 use crate::engine::node::FileProgress;
 use crate::engine::run::{ActuatorLevel, InputStatus, Meters, RingReport, Session};
 use crate::engine::silence::InputState;
-use crate::nodes::network::Connections;
+use crate::live::Connections;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -153,12 +153,12 @@ impl Status {
         }
         let before = std::mem::take(&mut self.inputs);
         self.inputs = network
-            .counts()
-            .map(|(device, counts)| {
-                let known = before.iter().find(|(name, ..)| name == device);
+            .packets()
+            .map(|(device, counts, _)| {
+                let known = before.iter().find(|(name, ..)| *name == device);
                 let come = known.map_or(0, |(_, before, _)| counts.accepted.saturating_sub(*before));
                 (
-                    device.to_owned(),
+                    device,
                     counts.accepted,
                     come as f64 / lasts.as_secs_f64().max(1e-3),
                 )
@@ -176,18 +176,17 @@ impl Status {
             .map_or(0.0, |lasts| lasts.as_secs_f64());
         match input.state {
             InputState::Never => {
-                let mut places = facts.network.places();
-                let place = places.find(|(device, _)| *device == input.device);
-                let place = place.map_or_else(String::new, |(_, place)| format!(" at {place}"));
+                let place = facts.network.place(&input.device);
+                let place = place.map_or_else(String::new, |place| format!(" at {place}"));
                 let received = received(&input.device, facts.network);
                 format!("nothing heard yet{place}{received}")
             }
             InputState::Silent => format!("silent for {:.1} s", silent_s + input.timeout_s),
             InputState::Jumped => format!("{rate}, jumped: its actuators and force are at zero"),
             InputState::Heard => {
-                let mut counts = facts.network.counts();
-                let counts = counts.find(|(device, _)| *device == input.device);
-                match counts.map_or(0, |(_, counts)| counts.refused_zeros) {
+                let mut counts = facts.network.packets();
+                let counts = counts.find(|(device, ..)| *device == input.device);
+                match counts.map_or(0, |(_, counts, _)| counts.refused_zeros) {
                     0 => rate,
                     refused => format!("{rate}, force not steady: taring failed {refused} times"),
                 }

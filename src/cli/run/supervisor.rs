@@ -22,8 +22,8 @@ use crate::engine::diagnostic::{Diagnostics, render};
 use crate::engine::graph::Graph;
 use crate::engine::run::Session;
 use crate::engine::settings::closest;
-use crate::nodes::network::{Connections, SetRequest};
-use crate::nodes::soundcard::CardNote;
+use crate::live::osc::SetRequest;
+use crate::live::{BackendEvent, Connections};
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -187,8 +187,8 @@ impl Supervisor {
             self.report_panics();
             for note in driver.poll() {
                 match note {
-                    CardNote::Changed(note) => notes.turn(note),
-                    CardNote::Failed(note) => notes.complaint(note),
+                    BackendEvent::Changed(note) => notes.turn(note),
+                    BackendEvent::Failed(note) => notes.complaint(note),
                 }
             }
             let inputs = self.session.live_inputs();

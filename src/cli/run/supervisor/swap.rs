@@ -132,7 +132,7 @@ impl Supervisor {
         loading: &Loading,
         (verbosity, change): (Verbosity, &PendingChange),
     ) -> Option<SwappedGraph> {
-        let graph = ready.graph;
+        let mut graph = ready.graph;
         if verbosity == Verbosity::All {
             show(&warnings(&graph), verbosity);
         }
@@ -146,7 +146,7 @@ impl Supervisor {
             true => Err("limits and devices can only be changed in the file or from the terminal".to_owned()),
             false => Ok(()),
         };
-        let changed = unfit.and(guarded).and_then(|()| self.change(&graph));
+        let changed = unfit.and(guarded).and_then(|()| self.change(&mut graph));
         let Difference { changed, set } = match changed {
             Ok(difference) => difference,
             Err(why) => {
@@ -178,8 +178,8 @@ impl Supervisor {
     }
 
     /// Connects the network devices of a graph and hands the graph to the drivers.
-    fn change(&mut self, graph: &Graph) -> Result<Difference, String> {
-        let connected = self.network.connect(graph).map_err(|error| error.to_string())?;
+    fn change(&mut self, graph: &mut Graph) -> Result<Difference, String> {
+        self.network.connect(graph).map_err(|error| error.to_string())?;
         let before: HashMap<String, f64> = self
             .session
             .settings()
@@ -191,14 +191,14 @@ impl Supervisor {
                 let now = now.map(|live| (live.name(), live.value));
                 let set = now.filter(|(name, value)| before.get(name).is_some_and(|then| then != value));
                 let set = set.collect();
-                self.network.follow(graph);
+                self.network.keep(graph);
                 self.endpoints.add(graph);
                 self.changes += 1;
                 self.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
                 Ok(Difference { changed, set })
             }
             Err(error) => {
-                self.network.let_go(connected);
+                self.network.undo();
                 Err(error.to_string())
             }
         }
