@@ -85,6 +85,10 @@ pub struct Connected {
 
 impl Connected {
     /// A working connection of a device.
+    #[cfg_attr(
+        not(feature = "udp"),
+        allow(dead_code, reason = "it is for the backends that are built")
+    )]
     pub(crate) fn link(name: &str, place: String) -> Self {
         Self {
             names: vec![name.to_owned()],
@@ -231,8 +235,8 @@ pub const BACKENDS: [BackendEntry; 7] = [
     crate::evdev::BACKEND,
     crate::udp::BACKEND,
     crate::osc::BACKEND,
-    crate::midi::BACKEND,
     crate::serial::BACKEND,
+    crate::midi::BACKEND,
     crate::timer::BACKEND,
 ];
 

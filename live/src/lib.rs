@@ -7,6 +7,10 @@
 mod backend;
 mod connections;
 pub mod evdev;
+#[cfg_attr(
+    not(feature = "osc"),
+    allow(dead_code, reason = "it is for the backends that are built")
+)]
 mod hub;
 pub mod midi;
 pub mod osc;
@@ -14,6 +18,8 @@ pub mod serial;
 #[cfg(test)]
 mod silence;
 pub mod soundcard;
+#[cfg(feature = "supervisor")]
+pub mod supervisor;
 pub mod timer;
 pub mod udp;
 
@@ -32,6 +38,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
 /// Tells a thread to end and waits for it.
+#[cfg_attr(
+    not(feature = "osc"),
+    allow(dead_code, reason = "it is for the backends that are built")
+)]
 fn end(stop: &AtomicBool, thread: &mut Option<JoinHandle<()>>) {
     stop.store(true, Ordering::Relaxed);
     if let Some(thread) = thread.take() {

@@ -15,8 +15,7 @@ use std::sync::Arc;
 /// The link of a network device.
 fn link(graph: &Graph, device: &str) -> Arc<Link> {
     let known = graph.devices().iter().find(|known| known.name == device);
-    let body = known.unwrap().device().as_any().downcast_ref::<Remote>();
-    Arc::clone(body.unwrap().link())
+    Arc::clone(known.unwrap().body::<Remote>().unwrap().link())
 }
 
 /// Publishes an update of a device, as its thread would: the tip at rest, pressed with a force (N).

@@ -2,11 +2,11 @@
 
 #[cfg(feature = "timer")]
 mod drivers;
-#[cfg(feature = "timer")]
+#[cfg(any(feature = "timer", target_os = "macos", windows))]
 mod thread;
 
 use crate::backend::BackendEntry;
-#[cfg(feature = "timer")]
+#[cfg(any(feature = "timer", target_os = "macos", windows))]
 pub use thread::{Timer, TimerNotes, TimerThread};
 
 /// A timer for each driver clock without a soundcard.

@@ -448,6 +448,11 @@ impl GraphDevice {
         self.device.as_ref()
     }
 
+    /// Its body in its initial state, if it has this type.
+    pub fn body<D: Device + 'static>(&self) -> Option<&D> {
+        self.device.as_any().downcast_ref()
+    }
+
     /// Its settings, if it is of this kind.
     pub fn settings<K: DeviceKind>(&self) -> Option<&K::Settings> {
         self.settings.downcast_ref()

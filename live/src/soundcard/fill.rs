@@ -1,8 +1,8 @@
 //! The playback callback of a soundcard: real-time code, independent of the sound system.
 
 use super::shared::{Active, Detached, Due, Shared};
+use haptograph_engine::device::Playback;
 use haptograph_engine::run::{Driven, Wake};
-use haptograph_nodes::soundcard::{Card, CardOutput};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
@@ -35,9 +35,8 @@ impl<D: Driven> PlaybackCallback<D> {
         for part in data.chunks_mut(live.block() * channels) {
             live.run_frames(part.len() / channels);
             for device in live.devices_mut() {
-                let card = device.as_any_mut().downcast_mut::<Card>();
-                if let Some(output) = card.and_then(|card| card.output.as_mut()) {
-                    clipped += place(output, part, channels, &convert);
+                if let Some(playback) = device.playback() {
+                    clipped += place(playback, part, channels, &convert);
                 }
             }
         }
@@ -59,13 +58,13 @@ impl<D: Driven> PlaybackCallback<D> {
 /// Copies the samples of a card into its channels, aligned to the end of the part: a card that came with a swap has no
 /// samples before it. Returns the number of samples beyond full scale.
 fn place<T: Copy>(
-    output: &mut CardOutput,
+    playback: &mut Playback,
     part: &mut [T],
     channels: usize,
     convert: &impl Fn(f64) -> T,
 ) -> u64 {
     let frames = part.len() / channels;
-    let (samples, mapped) = output.waiting(frames);
+    let (samples, mapped) = playback.waiting(frames);
     let count = samples.len();
     let skipped = frames - count;
     let mut clipped = 0;
@@ -78,7 +77,7 @@ fn place<T: Copy>(
             }
         }
     }
-    output.taken(count);
+    playback.taken(count);
     clipped
 }
 
@@ -142,9 +141,8 @@ mod tests {
         let (mut live, _session) = open(&graph(), 1.0);
         // No limit lets a graph ask for more than a card states: a card that has a quarter of it.
         for device in live.devices_mut() {
-            let card = device.as_any_mut().downcast_mut::<Card>().unwrap();
-            let output = card.output.as_mut().unwrap();
-            output.full_scale = output.full_scale.min(2.0);
+            let playback = device.playback().unwrap();
+            playback.full_scale = playback.full_scale.min(2.0);
         }
         let (mut callback, shared) = callback_of(live);
         for frames in [1, 64, 170, 5000, 7] {

@@ -62,8 +62,11 @@ fn output(graph: &Graph) -> Result<Option<Request>, SoundcardError> {
         {
             return Err(SoundcardError::Differ((*first).to_owned(), name(), what));
         }
-        for channel in &output.channels {
-            if let Some((other, _)) = found.iter().find(|(_, other)| other.channels.contains(channel)) {
+        for channel in output.playback.channels() {
+            if let Some((other, _)) = found
+                .iter()
+                .find(|(_, other)| other.playback.channels().contains(channel))
+            {
                 return Err(SoundcardError::Shared((*other).to_owned(), name(), *channel));
             }
         }
@@ -75,7 +78,7 @@ fn output(graph: &Graph) -> Result<Option<Request>, SoundcardError> {
 
 fn cards(graph: &Graph) -> impl Iterator<Item = (&GraphDevice, &Card)> {
     let devices = graph.devices().iter();
-    devices.filter_map(|device| Some((device, device.device().as_any().downcast_ref::<Card>()?)))
+    devices.filter_map(|device| Some((device, device.body::<Card>()?)))
 }
 
 /// The outputs of a graph's soundcard endpoints.
@@ -85,11 +88,11 @@ pub fn played(graph: &Graph) -> Vec<Played> {
     driven
         .filter_map(|sink| {
             let device = graph.devices().get(nodes[sink].device()?)?;
-            let card = device.device().as_any().downcast_ref::<Card>()?;
+            let card = device.body::<Card>()?;
             Some(Played {
                 endpoint: device.name.clone(),
                 sink,
-                full_scale: card.output.as_ref()?.full_scale,
+                full_scale: card.output.as_ref()?.playback.full_scale,
             })
         })
         .collect()

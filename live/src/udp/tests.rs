@@ -228,8 +228,7 @@ fn other_settings_at_the_same_address_hold_from_the_edit_on() {
     connections.connect(&mut after).unwrap();
     connections.keep(&after);
     // The two share a link.
-    let body = after.devices()[0].device().as_any().downcast_ref::<Remote>();
-    let link = Arc::clone(body.unwrap().link());
+    let link = Arc::clone(after.devices()[0].body::<Remote>().unwrap().link());
     let device = UdpSocket::bind("127.0.0.1:0").unwrap();
     let (start, mut heard) = (Instant::now(), None);
     while heard.is_none() && start.elapsed() < Duration::from_secs(30) {

@@ -404,6 +404,29 @@ mod tests {
     }
 
     #[test]
+    fn a_zero_that_was_taken_outlives_an_edit() {
+        let zero = ZeroSettings {
+            window_s: 0.1,
+            within_n: 10.0,
+            steady_n: 0.2,
+        };
+        let rate = Rate::new(1000, 1).unwrap();
+        let link = Arc::new(Link::default());
+        link.zero.put(&[0.0, 0.0, -8.0, 0.0, 0.0, 0.0]);
+        for (is_attached, expected_n) in [(true, 9.5), (false, 0.0)] {
+            let mut edited = Remote {
+                conditioner: Some(Conditioner::new(zero, None, rate).unwrap()),
+                ..remote(false)
+            };
+            if is_attached {
+                edited.attach(&link);
+            }
+            (0..30).for_each(|_| news(&mut edited, 0.0));
+            assert!((force(&mut edited) - expected_n).abs() < 1e-9);
+        }
+    }
+
+    #[test]
     fn what_it_is_driven_by_is_what_was_delivered() {
         let mut remote = remote(false);
         remote.write(0, &[2.0, 0.0, 0.0]);

@@ -1,6 +1,6 @@
 //! A soundcard as a device of graphs: the output and the input of an endpoint.
 
-use haptograph_engine::device::{Device, DeviceLatency};
+use haptograph_engine::device::{Device, DeviceLatency, Playback};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::plan::MAX_BLOCK;
 use haptograph_engine::run::{AgeMeter, AsyncResamplerReader, RingSpec, least_ring_latency_s};
@@ -83,7 +83,7 @@ impl Device for Card {
 
     fn write(&mut self, _: usize, frame: &[f64]) {
         if let (Some(output), Some(given)) = (&mut self.output, frame.first()) {
-            output.play(*given);
+            output.playback.play(*given);
         }
     }
 
@@ -102,7 +102,11 @@ impl Device for Card {
     }
 
     fn max_output_bound(&self, _: usize) -> Option<f64> {
-        self.output.as_ref().map(|output| output.full_scale)
+        self.output.as_ref().map(|output| output.playback.full_scale)
+    }
+
+    fn playback(&mut self) -> Option<&mut Playback> {
+        self.output.as_mut().map(|output| &mut output.playback)
     }
 
     fn ages(&self) -> Option<Arc<AgeMeter>> {
@@ -119,18 +123,13 @@ impl Device for Card {
     }
 }
 
-/// The output of an endpoint, buffered until the card's driver takes it.
+/// The output of an endpoint.
 #[derive(Debug, Clone)]
 pub struct CardOutput {
     /// The stream that it needs.
     pub stream: Request,
-    /// Its channels, counted from 1.
-    pub channels: Vec<u32>,
-    /// Value of a full-scale sample, in the unit of the sink.
-    pub full_scale: f64,
-    /// Samples relative to full scale; the first `waiting` are new.
-    samples: Box<[f64]>,
-    waiting: usize,
+    /// Its channels, its full scale, and the samples for the card's driver.
+    pub playback: Playback,
 }
 
 impl CardOutput {
@@ -166,32 +165,9 @@ impl CardOutput {
                 format,
                 channels: most as u16,
             },
-            channels,
-            full_scale,
             // After a block that panicked: the engine's ramp replaces it.
-            samples: vec![0.0; 2 * MAX_BLOCK].into_boxed_slice(),
-            waiting: 0,
+            playback: Playback::new(full_scale, channels, 2 * MAX_BLOCK),
         })
-    }
-
-    fn play(&mut self, given: f64) {
-        if self.waiting == self.samples.len() {
-            // In an offline run nothing takes the samples.
-            self.waiting = 0;
-        }
-        self.samples[self.waiting] = given * (1.0 / self.full_scale);
-        self.waiting += 1;
-    }
-
-    /// The oldest untaken samples, at most `count`, relative to full scale, and their channels.
-    pub fn waiting(&self, most: usize) -> (&[f64], &[u32]) {
-        (&self.samples[..self.waiting.min(most)], &self.channels)
-    }
-
-    /// Drops the oldest samples.
-    pub fn taken(&mut self, count: usize) {
-        self.samples.copy_within(count..self.waiting, 0);
-        self.waiting -= count;
     }
 }
 

@@ -1,11 +1,11 @@
 //! Settings that can only be changed in the file or from the terminal, not by network.
 
-use crate::engine::graph::Graph;
-use crate::engine::node::Limit;
+use haptograph_engine::graph::Graph;
+use haptograph_engine::node::Limit;
 
 /// The protected settings: the limits of all actuators, and the settings of all output devices.
 #[derive(Debug, PartialEq)]
-pub struct ProtectedSettings {
+pub(super) struct ProtectedSettings {
     /// Path, unit and limit of each sink.
     limits: Vec<(String, String, Limit)>,
     driven: Vec<(String, u64)>,

@@ -1,14 +1,9 @@
 //! Measured latencies of a live run, from sources to actuators.
 
-use super::driver::{ms, quantiles_ms};
-use crate::engine::graph::{Graph, PathLatency};
-use crate::engine::run::Histogram;
-use crate::live::soundcard::played;
-use serde_json::{Map, Value, json};
-
-/// Heading of the latencies.
-pub const BY_WHOSE_CLOCK: &str =
-    "latencies by the clock of this computer, without those of converters, amplifiers and mechanics";
+use super::report::{LatencyPart, LatencyReport, QuantilesMs, TransportMs, ms};
+use crate::soundcard::played;
+use haptograph_engine::graph::{Graph, PathLatency};
+use haptograph_engine::run::Histogram;
 
 /// The latency from a source that reads a device to a sink that drives one.
 #[derive(Debug)]
@@ -30,7 +25,7 @@ enum Part {
 
 /// The latencies of all source-sink pairs of a graph; `output_latency` is the one stated by the system for
 /// the soundcard.
-pub fn measured(graph: &Graph, output_latency: Option<&Histogram>) -> Vec<Measured> {
+pub(super) fn measured(graph: &Graph, output_latency: Option<&Histogram>) -> Vec<Measured> {
     let cards: Vec<_> = played(graph).iter().map(|played| played.sink).collect();
     let pairs = graph.latencies().into_iter().filter_map(|planned| {
         let [source, sink] = planned.ends.map(|node| {
@@ -76,11 +71,11 @@ impl Part {
         }
     }
 
-    fn to_json(&self) -> Value {
+    fn report(&self) -> LatencyPart {
         match self {
-            Self::Simulated => json!("simulated"),
-            Self::Known(histogram) => quantiles_ms(histogram),
-            Self::Unknown => Value::Null,
+            Self::Simulated => LatencyPart::Simulated("simulated".to_owned()),
+            Self::Known(histogram) => LatencyPart::Measured(QuantilesMs::of(histogram)),
+            Self::Unknown => LatencyPart::Unknown,
         }
     }
 }
@@ -95,8 +90,8 @@ impl Measured {
         )
     }
 
-    /// One line for the terminal.
-    pub fn shown(&self) -> String {
+    /// One line of text.
+    fn shown(&self) -> String {
         let PathLatency { source, sink, .. } = &self.planned;
         let all = [0.5, 0.99, 1.0].map(|fraction| self.transport_ms(fraction));
         let transport = match all {
@@ -114,23 +109,30 @@ impl Measured {
             1e3 * self.planned.group_delay_s
         )
     }
+
+    /// Its name and its numbers.
+    pub(super) fn report(&self) -> (String, LatencyReport) {
+        let round = |seconds: f64| (seconds * 1e6).round() / 1e3;
+        let at = |fraction: f64| self.transport_ms(fraction).map(|ms| (ms * 1e3).round() / 1e3);
+        let planned = &self.planned;
+        let report = LatencyReport {
+            transport: TransportMs {
+                p50: at(0.5),
+                p99: at(0.99),
+                max: at(1.0),
+            },
+            age_when_read: self.age.report(),
+            held_by_the_graph: round(planned.held_s),
+            until_played: self.leaving.report(),
+            computed_transport: round(planned.transport_s),
+            group_delay: round(planned.group_delay_s),
+        };
+        (format!("{} to {}", planned.source, planned.sink), report)
+    }
 }
 
-/// All latencies as JSON.
-pub fn to_json(all: &[Measured]) -> Value {
-    let round = |seconds: f64| (seconds * 1e6).round() / 1e3;
-    let each = all.iter().map(|measured| {
-        let at = |fraction: f64| measured.transport_ms(fraction).map(|ms| (ms * 1e3).round() / 1e3);
-        let planned = &measured.planned;
-        let facts = json!({
-            "transport": { "p50": at(0.5), "p99": at(0.99), "max": at(1.0) },
-            "age_when_read": measured.age.to_json(),
-            "held_by_the_graph": round(planned.held_s),
-            "until_played": measured.leaving.to_json(),
-            "computed_transport": round(planned.transport_s),
-            "group_delay": round(planned.group_delay_s),
-        });
-        (format!("{} to {}", planned.source, planned.sink), facts)
-    });
-    Value::Object(each.collect::<Map<_, _>>())
+impl std::fmt::Display for Measured {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.shown())
+    }
 }

@@ -8,7 +8,7 @@ const SYNTAX: [char; 6] = ['"', '\\', '(', '[', '{', '\''];
 
 /// Why a value from the network is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
+pub(super) enum Refusal {
     #[error("a value from the network must be a number, a boolean or plain text")]
     NotPlain,
     #[error("a file named from the network must be in the graph's folder, without `..`")]
@@ -19,7 +19,7 @@ pub enum Refusal {
 
 /// Checks a value that arrived by network. `graph` is the graph's file. Relative paths start at the current
 /// folder, as for typed values.
-pub fn refusal(value: &str, graph: &Path) -> Option<Refusal> {
+pub(super) fn refusal(value: &str, graph: &Path) -> Option<Refusal> {
     if value.contains(SYNTAX) {
         return Some(Refusal::NotPlain);
     }
@@ -47,14 +47,14 @@ mod tests {
 
     #[test]
     fn numbers_and_words_are_taken_and_no_paths_out() {
-        let graph = Path::new("graphs/texturepad.ron");
+        let graph = Path::new("src/lib.rs");
         for value in [
             "0.5",
             "-3",
             "true",
             "soft",
             "inf",
-            "graphs/surfaces/t2-canvas.ron",
+            "src/supervisor/swap.rs",
             "nobody.ron",
             "",
         ] {
@@ -63,10 +63,10 @@ mod tests {
         for (value, why) in [
             ("/dev/zero", Refusal::Outside),
             ("/dev/stdin", Refusal::Outside),
-            ("graphs/../Cargo.toml", Refusal::Outside),
-            ("graphs/surfaces/../../Cargo.toml", Refusal::Outside),
+            ("src/../Cargo.toml", Refusal::Outside),
+            ("src/supervisor/../../Cargo.toml", Refusal::Outside),
             ("Cargo.toml", Refusal::Outside),
-            ("graphs/surfaces", Refusal::NoFile),
+            ("src/supervisor", Refusal::NoFile),
             ("\"/dev/zero\"", Refusal::NotPlain),
             ("r\"/dev/zero\"", Refusal::NotPlain),
             ("Param(\"wish\")", Refusal::NotPlain),

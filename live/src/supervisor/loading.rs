@@ -1,15 +1,12 @@
 //! Loading of a graph while another one runs, on a thread of its own that may be slow, hang or panic. The
 //! caller polls the result and abandons it after a time limit.
 
-use super::super::GraphArguments;
 use super::protected::ProtectedSettings;
 use super::watch::{FileWatch, stamp};
-use super::{Arguments, refuse_own_files};
-use crate::engine::diagnostic::Diagnostics;
-use crate::engine::document::{Document, LoadOptions};
-use crate::engine::graph::{CheckOptions, Graph, check};
-use crate::engine::registry::Registry;
-use crate::live::soundcard::{CardRequests, card_requests};
+use haptograph_engine::diagnostic::Diagnostics;
+use haptograph_engine::document::{Document, LoadOptions};
+use haptograph_engine::graph::{CheckOptions, Graph, check};
+use haptograph_engine::registry::Registry;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,35 +14,44 @@ use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::time::{Duration, Instant, SystemTime};
 
 /// Time limit of a load.
-pub const BUDGET: Duration = Duration::from_secs(10);
+pub(super) const BUDGET: Duration = Duration::from_secs(10);
 /// Maximum number of abandoned threads that still hang; beyond it nothing is loaded.
 const MAX_HANGING: usize = 4;
 /// A file written this shortly before it was read may change again without a newer time stamp.
 const SETTLED: Duration = Duration::from_secs(1);
 
 /// Parameters set by name, each with the default that the file had at that time.
-pub type ParameterDefaults = Vec<(String, Option<String>)>;
+pub(super) type ParameterDefaults = Vec<(String, Option<String>)>;
+
+/// A graph file, and the values that override its defaults.
+#[derive(Debug, Clone)]
+pub struct GraphSource {
+    /// The file.
+    pub path: PathBuf,
+    /// Values of its parameters, by name.
+    pub set: Vec<(String, String)>,
+    /// The set of endpoints to bind the devices to; none: `live` if the graph has it, else `simulated`.
+    pub endpoints: Option<String>,
+    /// The seed of all random streams, in place of the graph's own.
+    pub seed: Option<u64>,
+}
 
 /// What to load, and with which parameters.
 #[derive(Clone)]
 pub struct Job {
-    pub arguments: GraphArguments,
-    pub seed: Option<u64>,
-    pub record: bool,
+    pub(super) source: GraphSource,
     /// Set after a save: parameters whose defaults have changed in the file are no longer overridden by typed
     /// values.
-    pub saved: Option<SavedOverrides>,
+    pub(super) saved: Option<SavedOverrides>,
     /// The document from the previous load.
-    pub known: Option<KnownDocument>,
+    pub(super) known: Option<KnownDocument>,
 }
 
 impl Job {
-    /// The job for the graph of the command line.
-    pub fn first(arguments: &Arguments) -> Self {
+    /// The first job for a graph.
+    pub(super) fn first(source: &GraphSource) -> Self {
         Self {
-            arguments: arguments.graph.clone(),
-            seed: arguments.seed,
-            record: arguments.record,
+            source: source.clone(),
             saved: None,
             known: None,
         }
@@ -54,36 +60,34 @@ impl Job {
 
 /// Parameters that a save may reset.
 #[derive(Clone)]
-pub struct SavedOverrides {
+pub(super) struct SavedOverrides {
     pub given: Vec<(String, String)>,
     pub typed: ParameterDefaults,
 }
 
 /// A document with the time stamps of its files, kept only if a later change would alter them.
 #[derive(Clone)]
-pub struct KnownDocument {
+pub(super) struct KnownDocument {
     document: Arc<Document>,
     stamps: Vec<(PathBuf, (SystemTime, u64))>,
 }
 
 /// Result of a load.
 pub struct LoadOutcome {
-    pub result: Result<LoadedGraph, Diagnostics>,
+    pub(super) result: Result<LoadedGraph, Diagnostics>,
     /// The parameters used for the load, and those of them that were typed.
-    pub set: Vec<(String, String)>,
-    pub typed: Option<ParameterDefaults>,
+    pub(super) set: Vec<(String, String)>,
+    pub(super) typed: Option<ParameterDefaults>,
     /// The parameters of the file, with their defaults.
-    pub parameters: ParameterDefaults,
-    pub known: Option<KnownDocument>,
+    pub(super) parameters: ParameterDefaults,
+    pub(super) known: Option<KnownDocument>,
 }
 
 /// A checked graph with the data that a swap needs.
-pub struct LoadedGraph {
+pub(super) struct LoadedGraph {
     pub graph: Graph,
     pub watch: FileWatch,
     pub protected: ProtectedSettings,
-    pub card_requests: Result<CardRequests, String>,
-    pub own_files: Result<(), String>,
     pub texts: Vec<String>,
 }
 
@@ -91,7 +95,7 @@ pub struct LoadedGraph {
 pub type LoadFn = fn(Job, &Registry) -> LoadOutcome;
 
 /// Loads graphs, one at a time.
-pub struct Loader {
+pub(super) struct Loader {
     load: LoadFn,
     /// The node and device kinds that graphs can use.
     registry: Arc<Registry>,
@@ -100,23 +104,19 @@ pub struct Loader {
 }
 
 /// A load in progress.
-pub struct Loading {
+pub(super) struct Loading {
     began: Instant,
     result: Receiver<std::thread::Result<LoadOutcome>>,
 }
 
 impl Loader {
+    /// Loads by a function.
     pub fn new(load: LoadFn, registry: &Registry) -> Self {
         Self {
             load,
             registry: Arc::new(registry.clone()),
             working: Arc::default(),
         }
-    }
-
-    /// The node and device kinds that graphs can use.
-    pub fn registry(&self) -> &Registry {
-        &self.registry
     }
 
     /// Starts a load.
@@ -154,20 +154,23 @@ impl Loading {
         }
     }
 
+    /// Time since it began.
     pub fn elapsed(&self) -> Duration {
         self.began.elapsed()
     }
 }
 
 /// Loads and checks a graph and derives the data that a swap needs.
+///
+/// Slow: it reads files.
 pub fn load(mut job: Job, registry: &Registry) -> LoadOutcome {
-    let document = read(&job.arguments.graph, job.known.take());
+    let document = read(&job.source.path, job.known.take());
     let (document, known) = match document {
         Ok(read) => read,
         Err(wrong) => {
             return LoadOutcome {
                 result: Err(wrong),
-                set: job.arguments.set,
+                set: job.source.set,
                 typed: None,
                 parameters: Vec::new(),
                 known: None,
@@ -181,21 +184,28 @@ pub fn load(mut job: Job, registry: &Registry) -> LoadOutcome {
     let typed = job
         .saved
         .take()
-        .map(|saved| saved.reset(&mut job.arguments.set, &parameters));
+        .map(|saved| saved.reset(&mut job.source.set, &parameters));
     let options = CheckOptions {
-        set: job.arguments.set.clone(),
-        endpoints: job.arguments.endpoints().to_owned(),
-        seed: job.seed,
+        set: job.source.set.clone(),
+        endpoints: endpoints(&job.source, &document),
+        seed: job.source.seed,
         ..CheckOptions::default()
     };
     let graph = check(&document, registry, &options);
     LoadOutcome {
-        result: graph.map(|graph| LoadedGraph::of(graph, job.record)),
-        set: job.arguments.set,
+        result: graph.map(LoadedGraph::of),
+        set: job.source.set,
         typed,
         parameters,
         known,
     }
+}
+
+/// The set of endpoints of a graph.
+fn endpoints(source: &GraphSource, document: &Document) -> String {
+    let live = || document.endpoints().find(|set| *set == "live");
+    let set = source.endpoints.as_deref().or_else(live);
+    set.unwrap_or("simulated").to_owned()
 }
 
 /// Reads the document, or reuses the known one if its files are unchanged; also returns what the next load
@@ -239,12 +249,10 @@ impl SavedOverrides {
 }
 
 impl LoadedGraph {
-    fn of(graph: Graph, record: bool) -> Self {
+    fn of(graph: Graph) -> Self {
         Self {
             watch: FileWatch::of(&graph),
             protected: ProtectedSettings::of(&graph),
-            card_requests: card_requests(&graph).map_err(|error| error.to_string()),
-            own_files: refuse_own_files(&graph, record),
             texts: texts(&graph),
             graph,
         }
@@ -252,7 +260,7 @@ impl LoadedGraph {
 }
 
 /// The texts of a graph's files, without those given on the command line.
-pub fn texts(graph: &Graph) -> Vec<String> {
+pub(super) fn texts(graph: &Graph) -> Vec<String> {
     let files = graph.sources().iter().filter(|source| source.is_file);
     files.map(|source| source.text.to_string()).collect()
 }

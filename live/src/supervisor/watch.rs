@@ -1,12 +1,12 @@
 //! Watches the files of a graph by polling times and lengths, which works with every editor and file system
 //! and costs little.
 
-use crate::engine::graph::Graph;
+use haptograph_engine::graph::Graph;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 /// The files of a graph: its own, included ones, and those named by settings.
-pub struct FileWatch {
+pub(super) struct FileWatch {
     files: Vec<(PathBuf, Stamp)>,
     /// A change was seen at the last poll; it is reported when the next poll finds no further one, since the
     /// file is then complete.
@@ -14,9 +14,10 @@ pub struct FileWatch {
 }
 
 /// Time and length; `None` while the file is missing, since some editors write a new file and rename it.
-pub type Stamp = Option<(SystemTime, u64)>;
+pub(super) type Stamp = Option<(SystemTime, u64)>;
 
 impl FileWatch {
+    /// From the present state of the files on.
     pub fn of(graph: &Graph) -> Self {
         let sources = graph.sources().iter().filter(|source| source.is_file);
         let sources = sources.map(|source| source.path.clone());
@@ -70,7 +71,7 @@ impl FileWatch {
 }
 
 /// Modification time and length of a file; `None` if it does not exist.
-pub fn stamp(path: &Path) -> Stamp {
+pub(super) fn stamp(path: &Path) -> Stamp {
     let facts = std::fs::metadata(path).ok()?;
     Some((facts.modified().ok()?, facts.len()))
 }
@@ -78,17 +79,18 @@ pub fn stamp(path: &Path) -> Stamp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::document::Document;
-    use crate::engine::graph::{CheckOptions, check};
+    use haptograph_engine::document::Document;
+    use haptograph_engine::graph::{CheckOptions, check};
 
     #[test]
     fn a_change_is_seen_once_and_only_when_it_is_whole() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("g.ron");
-        let text = include_str!("../new/starter.ron");
+        let text = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 1000) },
+            nodes: { "one": Constant(clock: "servo", value: 1, quantity: "number") })"#;
         std::fs::write(&path, text).unwrap();
         let document = Document::load(&path, &Default::default()).unwrap();
-        let graph = check(&document, &crate::nodes::registry(), &CheckOptions::default()).unwrap();
+        let graph = check(&document, &haptograph_nodes::registry(), &CheckOptions::default()).unwrap();
         let mut watch = FileWatch::of(&graph);
         assert!(!watch.has_changed());
         std::fs::remove_file(&path).unwrap();

@@ -1,18 +1,20 @@
 //! Swap of the running graph for a saved or changed one.
 
-use super::super::super::{eprint, warnings};
-use super::super::drivers::Drivers;
-use super::super::history::History;
-use super::super::loading::{LoadOutcome, LoadedGraph, Loading};
-use super::super::watch::FileWatch;
-use super::{CHANGES, PendingChange, Supervisor, Verbosity, show};
-use crate::engine::graph::Graph;
-use crate::engine::run::{Change, Changed};
-use serde_json::json;
+use super::history::History;
+use super::loading::{LoadOutcome, LoadedGraph, Loading};
+use super::requests::{PendingChange, Verbosity};
+use super::watch::FileWatch;
+use super::{DeviceUse, Event, Origin, Request, SavedGraph, Supervisor};
+use haptograph_engine::diagnostic::Diagnostics;
+use haptograph_engine::graph::Graph;
+use haptograph_engine::run::{Change, Changed};
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
+
+/// Subfolder of the run's folder for graphs saved during the run.
+pub const CHANGES: &str = "changes";
 
 /// A graph that was swapped in.
 struct SwappedGraph {
@@ -36,7 +38,6 @@ impl Supervisor {
     /// Swaps a loaded graph in, if possible.
     pub(super) fn swap_loaded(
         &mut self,
-        driver: &Drivers,
         change: PendingChange,
         loaded: LoadOutcome,
         loading: &Loading,
@@ -44,24 +45,27 @@ impl Supervisor {
     ) {
         self.known = loaded.known;
         let swapped = match loaded.result {
-            Ok(ready) => self.swap_in(driver, ready, loading, (verbosity, &change)),
+            Ok(ready) => self.swap_in(ready, loading, (verbosity, &change)),
             Err(wrong) => {
-                show(&wrong, verbosity);
-                verbosity.refusal("the running graph is unchanged\n");
+                if verbosity >= Verbosity::Refusals {
+                    self.events.push(Event::Findings(wrong));
+                }
+                self.refuse(verbosity, "the running graph is unchanged".to_owned());
                 None
             }
         };
         let Some(swapped) = swapped else {
             return self.reject(change);
         };
-        self.arguments.set = loaded.set;
+        self.source.set = loaded.set;
         self.typed = loaded.typed.unwrap_or_else(|| std::mem::take(&mut self.typed));
         self.parameters = loaded.parameters;
         match change {
-            PendingChange::Set { name, value, origin } => {
-                let default = self.parameters.iter().find(|(known, _)| *known == name);
+            PendingChange::Set(request) => {
+                let name = &request.name;
+                let default = self.parameters.iter().find(|(known, _)| known == name);
                 let default = default.and_then(|(_, text)| text.clone());
-                self.typed.retain(|(known, _)| *known != name);
+                self.typed.retain(|(known, _)| known != name);
                 self.typed.push((name.clone(), default));
                 // A file saved just before still triggers the watch, which may find that this graph already
                 // runs.
@@ -71,7 +75,7 @@ impl Supervisor {
                 if let Some(watch) = &mut self.watch {
                     watch.also(swapped.watch);
                 }
-                self.note(true, name, &value, origin);
+                self.note(true, request);
             }
             PendingChange::Saved => {
                 if swapped.change != Change::Settings(0) {
@@ -90,11 +94,11 @@ impl Supervisor {
     /// Copies the files of a saved graph into the run's folder for later reference.
     fn keep(&mut self, swapped: &SwappedGraph) {
         // Bounded: a fader may change the graph a hundred times per second.
-        if self.saved.len() >= History::MAX {
+        let Some(folder) = self.folder.as_ref().filter(|_| self.saved.len() < History::MAX) else {
             return;
-        }
+        };
         let place = Path::new(CHANGES).join((self.saved.len() + 1).to_string());
-        let folder = self.folder.join(&place);
+        let folder = folder.join(&place);
         let written = fs::create_dir_all(&folder).and_then(|()| {
             let sources = swapped.graph.sources().iter();
             for (number, source) in sources.filter(|source| source.is_file).enumerate() {
@@ -108,49 +112,50 @@ impl Supervisor {
             Ok(())
         });
         if let Err(error) = written {
-            eprint(&format!(
-                "cannot copy the saved graph to {}: {error}\n",
-                place.display()
-            ));
+            let place = place.display();
+            let text = format!("cannot copy the saved graph to {place}: {error}");
+            self.events.push(Event::NotKept(text));
         }
-        let at_s = (self.start.elapsed().as_secs_f64() * 100.0).round() / 100.0;
-        let set: Vec<String> = swapped
-            .set
-            .iter()
-            .map(|(name, value)| format!("{name}={value}"))
-            .collect();
-        self.saved.push(json!({
-            "at_s": at_s, "what": swapped.change.to_string(), "set": set, "graph": place.to_string_lossy(),
-        }));
+        let set = swapped.set.iter();
+        self.saved.push(SavedGraph {
+            at_s: (self.start.elapsed().as_secs_f64() * 100.0).round() / 100.0,
+            what: swapped.change.to_string(),
+            set: set.map(|(name, value)| format!("{name}={value}")).collect(),
+            graph: place.to_string_lossy().into_owned(),
+        });
     }
 
     /// Swaps a graph in; on failure nothing changes.
     fn swap_in(
         &mut self,
-        driver: &Drivers,
         ready: LoadedGraph,
         loading: &Loading,
         (verbosity, change): (Verbosity, &PendingChange),
     ) -> Option<SwappedGraph> {
         let mut graph = ready.graph;
-        if verbosity == Verbosity::All {
-            show(&warnings(&graph), verbosity);
+        if verbosity == Verbosity::All && !graph.warnings().is_empty() {
+            self.events.push(Event::Findings(Diagnostics {
+                sources: graph.sources().clone(),
+                list: graph.warnings().to_vec(),
+            }));
         }
-        let unfit = ready
-            .card_requests
-            .and_then(|requests| match driver.mismatch(&requests) {
-                Some(what) => Err(format!("it needs {what}; start a new run for it")),
-                None => ready.own_files,
-            });
-        let guarded = match verbosity < Verbosity::All && ready.protected != self.protected {
+        let is_from_afar = matches!(
+            change,
+            PendingChange::Set(Request {
+                origin: Origin::Osc,
+                ..
+            })
+        );
+        let guarded = match is_from_afar && ready.protected != self.protected {
             true => Err("limits and devices can only be changed in the file or from the terminal".to_owned()),
             false => Ok(()),
         };
-        let changed = unfit.and(guarded).and_then(|()| self.change(&mut graph));
+        let accepted = (self.accept)(&graph).and(guarded);
+        let changed = accepted.and_then(|()| self.change(&mut graph));
         let Difference { changed, set } = match changed {
             Ok(difference) => difference,
             Err(why) => {
-                verbosity.refusal(&format!("the running graph is unchanged: {why}\n"));
+                self.refuse(verbosity, format!("the running graph is unchanged: {why}"));
                 return None;
             }
         };
@@ -161,11 +166,11 @@ impl Supervisor {
             } else {
                 "set"
             };
-            eprint(&describe(&changed, &set, by, loading.elapsed()));
+            let text = describe(&changed, &set, by, loading.elapsed());
+            self.events.push(Event::Changed(text));
         }
-        for change in ready.protected.changes(&self.protected) {
-            eprint(&format!("{change}\n"));
-        }
+        let limits = ready.protected.changes(&self.protected);
+        self.events.extend(limits.into_iter().map(Event::Limit));
         self.protected = ready.protected;
         let before = std::mem::replace(&mut self.texts, ready.texts);
         Some(SwappedGraph {
@@ -179,26 +184,34 @@ impl Supervisor {
 
     /// Connects the network devices of a graph and hands the graph to the drivers.
     fn change(&mut self, graph: &mut Graph) -> Result<Difference, String> {
-        self.network.connect(graph).map_err(|error| error.to_string())?;
+        self.drivers.connect(graph).map_err(|error| error.to_string())?;
         let before: HashMap<String, f64> = self
             .session
             .settings()
             .map(|live| (live.name(), live.value))
             .collect();
-        match self.session.change(graph, &self.folder) {
+        let changed = match &self.folder {
+            Some(folder) => self.session.change(graph, folder),
+            None => self.session.change_without_files(graph),
+        };
+        match changed {
             Ok(changed) => {
                 let now = graph.live_settings().into_iter();
                 let now = now.map(|live| (live.name(), live.value));
                 let set = now.filter(|(name, value)| before.get(name).is_some_and(|then| then != value));
                 let set = set.collect();
-                self.network.keep(graph);
-                self.endpoints.add(graph);
+                self.drivers.keep(graph);
+                for device in DeviceUse::of(graph) {
+                    if !self.devices.contains(&device) {
+                        self.devices.push(device);
+                    }
+                }
                 self.changes += 1;
                 self.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
                 Ok(Difference { changed, set })
             }
             Err(error) => {
-                self.network.undo();
+                self.drivers.undo();
                 Err(error.to_string())
             }
         }
@@ -225,11 +238,11 @@ fn describe(changed: &Changed, set: &[(String, f64)], by: &str, took: Duration) 
         Change::Settings(0) => "",
         _ => "taken over in ",
     };
-    text + &format!(" ({does}{:.0} ms)\n", took.as_secs_f64() * 1e3)
+    text + &format!(" ({does}{:.0} ms)", took.as_secs_f64() * 1e3)
 }
 
 /// The first few settings as `name=value`.
-pub fn settings_text(set: &[(String, f64)]) -> String {
+pub(super) fn settings_text(set: &[(String, f64)]) -> String {
     const SHOWN: usize = 4;
     let first = set.iter().take(SHOWN);
     let first: Vec<String> = first.map(|(name, value)| format!("{name}={value}")).collect();

@@ -1,10 +1,10 @@
 //! Messages about silent live inputs, with the actuators that depend on each and the values delivered to
 //! them.
 
-use crate::engine::run::{ActuatorStatus, InputStatus};
-use crate::engine::silence::InputState;
-use crate::live::Connections;
-use serde_json::{Value, json};
+use super::report::{SilenceReport, SilencedActuator};
+use crate::connections::Connections;
+use haptograph_engine::run::{ActuatorStatus, InputStatus};
+use haptograph_engine::silence::InputState;
 use std::time::{Duration, Instant};
 
 /// Initial wait for an input before a message.
@@ -18,10 +18,10 @@ const MAX_EVENTS: usize = 1000;
 
 /// Monitors the live inputs of a run.
 #[derive(Debug)]
-pub struct SilenceMonitor {
+pub(super) struct SilenceMonitor {
     start: Instant,
     known: Vec<Known>,
-    events: Vec<Value>,
+    events: Vec<SilenceReport>,
 }
 
 /// An input and its state at the last poll.
@@ -99,7 +99,7 @@ impl SilenceMonitor {
             InputState::Never => format!(
                 "{} has sent nothing yet{}: {}",
                 name(input, network),
-                received(&input.device, network),
+                received(&network.unclaimed(&input.device)),
                 delivered(input)
             ),
             _ => {
@@ -114,12 +114,10 @@ impl SilenceMonitor {
         })
     }
 
-    /// Part of the status line: the silent inputs.
-    pub fn status(&self) -> String {
+    /// The inputs whose silence was reported and lasts.
+    pub fn silent(&self) -> impl Iterator<Item = &str> {
         let silent = self.known.iter().filter(|known| known.was_said);
-        silent
-            .map(|known| format!(", `{}` is silent", known.device))
-            .collect()
+        silent.map(|known| &*known.device)
     }
 
     /// Duration of an input's silence, beyond its timeout.
@@ -138,7 +136,7 @@ impl SilenceMonitor {
                 return Some(format!(
                     "{} sent nothing in this run{}: {}",
                     name(input, network),
-                    received(&input.device, network),
+                    received(&network.unclaimed(&input.device)),
                     delivered(input)
                 ));
             }
@@ -167,7 +165,7 @@ impl SilenceMonitor {
     }
 
     /// The reported silences, for `run.json`.
-    pub fn into_events(self) -> Vec<Value> {
+    pub fn into_events(self) -> Vec<SilenceReport> {
         self.events
     }
 }
@@ -215,12 +213,12 @@ fn delivered(input: &InputStatus) -> String {
     }
 }
 
-/// Messages received at the port of an input under unknown addresses.
-pub fn received(device: &str, network: &Connections) -> String {
-    let each = network.unclaimed(device).into_iter();
-    let each: Vec<String> = each
+/// Messages received at the port of an input under unknown addresses, in words; empty if there are none.
+pub fn received(unclaimed: &[(String, u64)]) -> String {
+    let each: Vec<String> = unclaimed
+        .iter()
         .map(|(address, times)| {
-            let plural = if times == 1 { "" } else { "s" };
+            let plural = if *times == 1 { "" } else { "s" };
             format!("{address} ({times} message{plural})")
         })
         .collect();
@@ -244,20 +242,20 @@ fn returned(input: &InputStatus, is_again: bool) -> String {
     format!("`{}` is heard{again}{colon}{each}", input.device)
 }
 
-fn event(input: &InputStatus, at: Duration) -> Value {
-    let actuators = input.actuators.iter().map(|actuator| {
-        json!({
-            "actuator": actuator.path, "delivered": actuator.delivered, "unit": actuator.unit,
-            "at_zero": actuator.at_zero,
-        })
+fn event(input: &InputStatus, at: Duration) -> SilenceReport {
+    let actuators = input.actuators.iter().map(|actuator| SilencedActuator {
+        actuator: actuator.path.clone(),
+        delivered: actuator.delivered,
+        unit: actuator.unit.clone(),
+        at_zero: actuator.at_zero,
     });
-    json!({
-        "input": input.device,
-        "at_s": (at.as_secs_f64() * 1e3).round() / 1e3,
-        "never_heard": input.state == InputState::Never,
-        "on_silence": if input.holds { "Hold" } else { "Zero" },
-        "actuators": actuators.collect::<Vec<_>>(),
-    })
+    SilenceReport {
+        input: input.device.clone(),
+        at_s: (at.as_secs_f64() * 1e3).round() / 1e3,
+        never_heard: input.state == InputState::Never,
+        on_silence: if input.holds { "Hold" } else { "Zero" }.to_owned(),
+        actuators: actuators.collect(),
+    }
 }
 
 #[cfg(test)]
@@ -320,10 +318,7 @@ mod tests {
             "{warning}"
         );
         let events = monitor.into_events();
-        let zero: Vec<bool> = events
-            .iter()
-            .map(|event| event["actuators"][0]["at_zero"] == true)
-            .collect();
+        let zero: Vec<bool> = events.iter().map(|event| event.actuators[0].at_zero).collect();
         assert_eq!(zero, [false, true, false]);
     }
 
@@ -335,7 +330,7 @@ mod tests {
         let never = [input(InputState::Never, 0.0, true)];
         let mut said = |s: u64| monitor.poll(start + Duration::from_secs(s), &never, &network);
         assert!(said(0).is_empty() && said(2).is_empty() && said(4).len() == 1 && said(9).is_empty());
-        assert_eq!(monitor.status(), ", `stylus` is silent");
+        assert_eq!(monitor.silent().collect::<Vec<_>>(), ["stylus"]);
         let end = start + Duration::from_secs(9);
         assert_eq!(monitor.warnings(end, &never, &network).len(), 1);
         let first = monitor.poll(end, &[input(InputState::Heard, 0.0, false)], &network);

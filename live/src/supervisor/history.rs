@@ -1,30 +1,28 @@
 //! Notes about soundcards and devices, and the history of settings, of a live run.
 
-use super::super::eprint;
-use super::supervisor::settings_text;
-use crate::engine::run::Change;
-use serde_json::{Value, json};
+use super::swap::settings_text;
+use crate::backend::BackendEvent;
+use haptograph_engine::run::Change;
 
 /// Counted notes about soundcards and devices.
 #[derive(Debug, Default)]
-pub struct Notes {
+pub(super) struct Notes {
     list: Vec<(String, u64)>,
 }
 
 impl Notes {
-    /// Adds a note about a device that was lost or found; it is printed each time.
-    pub fn turn(&mut self, note: String) {
-        eprint(&format!("note: {note}\n"));
-        self.count(note);
-    }
-
-    /// Adds a complaint; it is printed once, since a failing card repeats it thousands of times.
-    pub fn complaint(&mut self, note: String) {
-        if self.list.iter().any(|(known, _)| *known == note) {
-            self.count(note);
-        } else {
-            self.turn(note);
-        }
+    /// Adds an event. Returns its note if it is to be shown: that of a device that was lost or found each time, an error
+    /// once, since a failing card repeats it thousands of times.
+    pub fn add(&mut self, event: BackendEvent) -> Option<String> {
+        let (note, is_shown) = match event {
+            BackendEvent::Changed(note) => (note, true),
+            BackendEvent::Failed(note) => {
+                let is_new = !self.list.iter().any(|(known, _)| *known == note);
+                (note, is_new)
+            }
+        };
+        self.count(note.clone());
+        is_shown.then_some(note)
     }
 
     fn count(&mut self, note: String) {
@@ -34,6 +32,7 @@ impl Notes {
         }
     }
 
+    /// All notes, each with how often it came.
     pub fn counted(self) -> Vec<String> {
         let counted = self.list.into_iter().map(|(note, times)| match times {
             1 => note,
@@ -45,7 +44,7 @@ impl Notes {
 
 /// The settings changed during the run.
 #[derive(Debug, Default)]
-pub struct History {
+pub(super) struct History {
     list: Vec<String>,
     more: u64,
 }
@@ -54,6 +53,7 @@ impl History {
     /// Maximum number of entries.
     pub const MAX: usize = 200;
 
+    /// Adds a setting.
     pub fn note(&mut self, at_s: f64, name: &str, value: &str, by: &str) {
         self.push(format!("{at_s:.2} s {name}={value} ({by})"));
     }
@@ -91,11 +91,12 @@ impl History {
         }
     }
 
-    pub fn into_json(mut self) -> Value {
+    /// All entries.
+    pub fn into_list(mut self) -> Vec<String> {
         if self.more > 0 {
             self.list.push(format!("and {} more", self.more));
         }
-        json!(self.list)
+        self.list
     }
 }
 
@@ -106,12 +107,13 @@ mod tests {
     #[test]
     fn turns_and_complaints_are_counted_by_their_words() {
         let mut notes = Notes::default();
-        for _ in 0..2 {
-            notes.complaint("broken pipe".to_owned());
-            notes.turn("gone".to_owned());
-            notes.turn("back".to_owned());
+        let failed = |note: &str| BackendEvent::Failed(note.to_owned());
+        let changed = |note: &str| BackendEvent::Changed(note.to_owned());
+        for is_first in [true, false] {
+            assert_eq!(notes.add(failed("broken pipe")).is_some(), is_first);
+            assert!(notes.add(changed("gone")).is_some() && notes.add(changed("back")).is_some());
         }
-        notes.turn("gone".to_owned());
+        notes.add(changed("gone"));
         assert_eq!(
             notes.counted(),
             ["broken pipe (2 times)", "gone (3 times)", "back (2 times)"]
