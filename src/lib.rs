@@ -1,12 +1,13 @@
 //! haptograph: a dataflow signal-processing graph engine that renders the feel of real surfaces.
 //!
-//! Facade of the workspace: it re-exports the engine, the nodes, the reports, the signal library and the
+//! Facade of the workspace: it re-exports the engine, the nodes, live runs, the reports, the signal library and the
 //! surfaces, and holds the command line.
 
 pub mod cli;
 pub mod recorder;
 
 pub use haptograph_engine as engine;
+pub use haptograph_live as live;
 pub use haptograph_nodes as nodes;
 pub use haptograph_report as report;
 pub use haptograph_signal as signal;

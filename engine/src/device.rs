@@ -92,6 +92,10 @@ pub trait Device: CloneDevice + Send + Sync {
         let _ = channel;
         None
     }
+    /// Its samples, if the clock of its hardware drives the run.
+    fn playback(&mut self) -> Option<&mut Playback> {
+        None
+    }
     /// Meter of the age of sensed values when they are read, if it has one.
     fn ages(&self) -> Option<Arc<AgeMeter>> {
         None
@@ -99,6 +103,56 @@ pub trait Device: CloneDevice + Send + Sync {
     /// State of a device that can fall silent. The device sets its cell in [`advance`](Self::advance).
     fn live_input(&self) -> Option<LiveInput> {
         None
+    }
+}
+
+/// Samples that wait for the driver whose clock is that of a device's hardware.
+#[derive(Debug, Clone)]
+pub struct Playback {
+    /// Value of a full-scale sample, in the unit of the sink.
+    pub full_scale: f64,
+    /// Counted from 1.
+    channels: Box<[u32]>,
+    /// Relative to full scale; the first `waiting` are new.
+    samples: Box<[f64]>,
+    waiting: usize,
+}
+
+impl Playback {
+    /// Room for so many samples, which go to these channels of the hardware, counted from 1.
+    pub fn new(full_scale: f64, channels: Vec<u32>, room: usize) -> Self {
+        Self {
+            full_scale,
+            channels: channels.into_boxed_slice(),
+            samples: vec![0.0; room].into_boxed_slice(),
+            waiting: 0,
+        }
+    }
+
+    /// The channels, counted from 1.
+    pub fn channels(&self) -> &[u32] {
+        &self.channels
+    }
+
+    /// Adds a sample in the unit of the sink.
+    pub fn play(&mut self, given: f64) {
+        if self.waiting == self.samples.len() {
+            // In an offline run nothing takes the samples.
+            self.waiting = 0;
+        }
+        self.samples[self.waiting] = given * (1.0 / self.full_scale);
+        self.waiting += 1;
+    }
+
+    /// The oldest untaken samples, at most `most`, relative to full scale, and their channels.
+    pub fn waiting(&self, most: usize) -> (&[f64], &[u32]) {
+        (&self.samples[..self.waiting.min(most)], &self.channels)
+    }
+
+    /// Drops the oldest samples.
+    pub fn taken(&mut self, count: usize) {
+        self.samples.copy_within(count..self.waiting, 0);
+        self.waiting -= count;
     }
 }
 
@@ -136,7 +190,7 @@ impl<T: Device + Clone + 'static> CloneDevice for T {
 /// A kind of device.
 pub trait DeviceKind: 'static {
     /// Settings of the kind.
-    type Settings: Settings;
+    type Settings: Settings + Clone + Send + Sync;
     /// Channels and documentation.
     const SPEC: DeviceSpec;
     /// Builds the body in its initial state. `cx.path` is the endpoint's name, `cx.rate` its clock's.
@@ -157,7 +211,13 @@ pub struct DeviceEntry {
     is_host: bool,
 }
 
-pub(crate) type DeviceBuild = crate::node::Read<BuildContext, Box<dyn Device>>;
+pub(crate) type DeviceBuild = crate::node::Read<BuildContext, BuiltDevice>;
+
+/// A body and the settings that it was built with.
+pub(crate) struct BuiltDevice {
+    pub body: Box<dyn Device>,
+    pub settings: Arc<dyn Any + Send + Sync>,
+}
 
 impl DeviceEntry {
     /// Erases the types of a device kind.
@@ -167,7 +227,12 @@ impl DeviceEntry {
             settings: K::Settings::specs,
             build: |fields, reading| {
                 let settings = K::Settings::take_from(fields, reading)?;
-                Some(Box::new(|cx| K::build(settings, cx)))
+                Some(Box::new(|cx| {
+                    Ok(BuiltDevice {
+                        settings: Arc::new(settings.clone()),
+                        body: K::build(settings, cx)?,
+                    })
+                }))
             },
             is_host: false,
         }

@@ -136,7 +136,7 @@ const LAYERS: [&[&str]; 7] = [
     &["signal"],
     &["engine", "surfaces"],
     &["nodes"],
-    &["report"],
+    &["live", "report"],
     &["studio"],
     &[".", "bindings/c", "studio/wasm"],
     &["bindings/python", "benches/instructions"],

@@ -12,8 +12,6 @@ pub mod friction;
 pub mod math;
 pub mod network;
 pub mod sensing;
-#[cfg(test)]
-mod silence;
 pub mod simulated;
 pub mod sinks;
 pub mod soundcard;
@@ -22,12 +20,6 @@ pub mod tapping;
 pub mod texture;
 mod units;
 pub mod wav;
-
-/// Counts allocations, which real-time code must not make.
-#[cfg(test)]
-#[expect(unsafe_code, reason = "an allocator that counts")]
-#[path = "../tests/realtime/mod.rs"]
-mod realtime;
 
 pub(crate) use haptograph_signal::vector;
 

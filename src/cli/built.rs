@@ -2,55 +2,13 @@
 
 use super::Failure;
 use crate::engine::graph::Graph;
-use crate::nodes::soundcard::SoundcardError;
+use crate::live::soundcard::{self, SoundcardError};
+use crate::live::{BACKENDS, BackendEntry, midi};
 
-/// A class of hardware and the cargo feature that supports it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Hardware {
-    pub what: &'static str,
-    /// Cargo feature.
-    pub feature: &'static str,
-    /// True if this build includes the feature.
-    pub is_built: bool,
-    /// Common prefix of the names of its device kinds.
-    kinds: &'static str,
-}
-
-pub const SOUNDCARDS: Hardware = Hardware {
-    what: "soundcards",
-    feature: "soundcard",
-    is_built: cfg!(any(feature = "soundcard", target_os = "macos", windows)),
-    kinds: "Soundcard",
-};
-pub const POINTERS: Hardware = Hardware {
-    what: "tablets and mice",
-    feature: "evdev",
-    is_built: cfg!(all(feature = "evdev", target_os = "linux")),
-    kinds: "EvdevDevice",
-};
-pub const SERIAL: Hardware = Hardware {
-    what: "serial ports",
-    feature: "serial",
-    is_built: cfg!(all(feature = "serial", unix)),
-    kinds: "SerialInput",
-};
-pub const MIDI: Hardware = Hardware {
-    what: "MIDI ports",
-    feature: "midi",
-    is_built: cfg!(feature = "midi"),
-    kinds: "MidiInput",
-};
-
-/// Classes of hardware that a graph's devices need and this build lacks, with the endpoints that need them.
-fn missing(graph: &Graph) -> Vec<(Hardware, Vec<&str>)> {
-    let lacking = [SOUNDCARDS, POINTERS, SERIAL, MIDI]
-        .into_iter()
-        .filter(|hardware| !hardware.is_built);
-    let with_needs = lacking.map(|hardware| {
-        let devices = graph.devices().iter();
-        let needing = devices.filter(|device| device.entry.spec.name.starts_with(hardware.kinds));
-        (hardware, needing.map(|device| device.name.as_str()).collect())
-    });
+/// Backends that this build lacks and that devices of a graph need, with the endpoints that need them.
+fn missing(graph: &Graph) -> Vec<(BackendEntry, Vec<&str>)> {
+    let lacking = BACKENDS.into_iter().filter(|backend| !backend.is_built);
+    let with_needs = lacking.map(|backend| (backend, backend.endpoints(graph).collect()));
     with_needs
         .filter(|(_, endpoints): &(_, Vec<&str>)| !endpoints.is_empty())
         .collect()
@@ -64,13 +22,11 @@ pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
     }
     let needs: Vec<String> = missing
         .iter()
-        .map(|(hardware, endpoints)| format!("{} (`{}`)", hardware.what, endpoints.join("`, `")))
+        .map(|(backend, endpoints)| format!("{} (`{}`)", backend.what, endpoints.join("`, `")))
         .collect();
-    let features: Vec<&str> = missing.iter().map(|(hardware, _)| hardware.feature).collect();
-    let headers = match missing
-        .iter()
-        .any(|(hardware, _)| [SOUNDCARDS, MIDI].contains(hardware))
-    {
+    let features: Vec<&str> = missing.iter().map(|(backend, _)| backend.feature).collect();
+    let of_alsa = [soundcard::BACKEND.feature, midi::BACKEND.feature];
+    let headers = match features.iter().any(|feature| of_alsa.contains(feature)) {
         true => {
             "; on Linux it needs `sudo apt install libasound2-dev pkg-config` (Fedora: `sudo dnf install alsa-lib-devel`)"
         }

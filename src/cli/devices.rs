@@ -1,10 +1,10 @@
 //! `haptograph devices`: the hardware of this machine that a graph can use.
 
-use super::built::{Hardware, MIDI, POINTERS, SERIAL, SOUNDCARDS};
 use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
-use crate::nodes::network::inputs::midi_ports;
-use crate::nodes::soundcard::{Ability, Listed, SoundcardError, list};
+use crate::live::midi::{self, midi_ports};
+use crate::live::soundcard::{self, Ability, Listed, SoundcardError, list};
+use crate::live::{BackendEntry, evdev, serial};
 use crate::signal::files;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -27,42 +27,39 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         found => found.map_err(|error| Failure::Message(error.to_string()))?,
     };
     let pointers = paths("/dev/input/by-id", "-event-mouse");
-    let (serial, midi) = (paths("/dev/serial/by-id", ""), midi_ports());
+    let (serial_ports, ports) = (paths("/dev/serial/by-id", ""), midi_ports());
     if arguments.json {
         let soundcards: Vec<Value> = found.iter().map(as_json).collect();
-        let all = [SOUNDCARDS, POINTERS, SERIAL, MIDI];
-        let missing: Vec<&str> = all
-            .iter()
-            .filter(|hardware| !hardware.is_built)
-            .map(|hardware| hardware.feature)
-            .collect();
+        let all = [soundcard::BACKEND, evdev::BACKEND, serial::BACKEND, midi::BACKEND];
+        let missing = all.iter().filter(|backend| !backend.is_built);
+        let missing: Vec<&str> = missing.map(|backend| backend.feature).collect();
         return print_json(&json!({
-            "soundcards": soundcards, "pointers": pointers, "serial": serial, "midi": midi,
+            "soundcards": soundcards, "pointers": pointers, "serial": serial_ports, "midi": ports,
             "missing_features": missing,
         }));
     }
     let cards = found.iter().map(|card| shown(card, arguments.formats)).collect();
     let sections = [
         (
-            SOUNDCARDS,
+            soundcard::BACKEND,
             "`Soundcard`, `SoundcardAccelerometer` and others",
             cards,
         ),
-        (POINTERS, "`EvdevDevice`", pointers),
-        (SERIAL, "`SerialInput`", serial),
-        (MIDI, "`MidiInput`", midi),
+        (evdev::BACKEND, "`EvdevDevice`", pointers),
+        (serial::BACKEND, "`SerialInput`", serial_ports),
+        (midi::BACKEND, "`MidiInput`", ports),
     ];
     let text: String = sections
         .iter()
-        .map(|(hardware, kinds, names)| section(*hardware, kinds, names))
+        .map(|(backend, kinds, names)| section(*backend, kinds, names))
         .collect();
     print(&text)
 }
 
 /// A section of the list: the names of the devices, or one line that says why there are none.
-fn section(hardware: Hardware, kinds: &str, names: &[String]) -> String {
-    let Hardware { what, feature, .. } = hardware;
-    match (hardware.is_built, names) {
+fn section(backend: BackendEntry, kinds: &str, names: &[String]) -> String {
+    let BackendEntry { what, feature, .. } = backend;
+    match (backend.is_built, names) {
         (false, _) => format!("{what}: not in this build: --features {feature}\n"),
         (true, []) => format!("{what}: none found\n"),
         (true, names) => {

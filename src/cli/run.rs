@@ -2,27 +2,17 @@
 //! page and `run.json`.
 
 mod console;
-mod driver;
-mod drivers;
 mod endpoints;
 mod facts;
 pub mod folder;
-mod history;
-mod latency;
 mod live;
-mod loading;
-mod network_value;
 mod outputs;
 pub mod placing;
 mod plotted;
 pub mod present;
-mod protected;
 mod replay;
-mod silence;
 mod status;
 pub mod summary;
-mod supervisor;
-mod watch;
 
 use super::output::{self, Force};
 use super::terminal::is_animated;
@@ -30,6 +20,7 @@ use super::{Failure, GraphArguments, eprint, interrupt, print, stderr};
 use crate::engine::graph::{Graph, GraphDevice};
 use crate::engine::registry::Registry;
 use crate::engine::run::{ARRIVALS, FileSinks, Offline, Outcome};
+use crate::live::supervisor::CHANGES;
 use crate::report::sound::Sound;
 use folder::RunFolder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -175,7 +166,7 @@ const OWN_FILES: [&str; 10] = [
     PAGE,
     DRAWING,
     ARRIVALS,
-    supervisor::CHANGES,
+    CHANGES,
 ];
 const PAGE: &str = "report.html";
 const DRAWING: &str = "graph.svg";

@@ -5,7 +5,7 @@
 
 #![expect(clippy::print_stdout, reason = "a bench prints")]
 
-use haptograph_nodes::network::protocol::{Command, State};
+use haptograph_live::udp::protocol::{Command, State};
 use haptograph_studio::{Options, Studio};
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;

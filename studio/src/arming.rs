@@ -6,7 +6,7 @@ use super::load::Loaded;
 use super::stage::{Stage, StageError, State};
 use haptograph_engine::run::Session;
 use haptograph_engine::silence::InputState;
-use haptograph_nodes::soundcard::played;
+use haptograph_live::soundcard::played;
 
 /// The part of what the limits let through that arming begins with: -20 dB.
 pub const FIRST_GAIN: f64 = 0.1;
@@ -36,8 +36,7 @@ impl Stage {
     }
 
     /// Where a real device of the run is reached: an address, or the name that it gives itself.
-    pub fn place_of(&self, device: &str) -> Option<&str> {
-        let mut places = self.network.places();
+    pub fn place_of(&self, device: &str) -> Option<String> {
         let mut heard = self.inputs.streams();
         let is_played = || {
             played(&self.loaded.graph)
@@ -45,11 +44,11 @@ impl Stage {
                 .any(|played| played.endpoint == device)
         };
         let card = self.drive.as_ref().and_then(|drive| drive.card());
-        let place = places.find(|(known, _)| *known == device).map(|(_, place)| place);
-        let place = place.or_else(|| card.filter(|_| is_played()));
+        let place = self.network.place(device);
+        let place = place.or_else(|| card.filter(|_| is_played()).map(str::to_owned));
         place.or_else(|| {
             let heard = heard.find(|(endpoints, ..)| endpoints.iter().any(|endpoint| endpoint == device));
-            heard.map(|(_, _, got, _)| &*got.card)
+            heard.map(|(_, _, got, _)| got.card.clone())
         })
     }
 

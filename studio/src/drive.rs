@@ -2,8 +2,11 @@
 
 use haptograph_engine::device::Device;
 use haptograph_engine::host::Player;
-use haptograph_engine::run::{Driven, LiveState, Timer, Wake};
-use haptograph_nodes::soundcard::{CardDriver, CardNote, Request, SoundcardError};
+use haptograph_engine::run::{Driven, LiveState, Wake};
+use haptograph_live::BackendEvent;
+use haptograph_live::soundcard::{CardDriver, Request, SoundcardError};
+#[cfg(not(target_family = "wasm"))]
+use haptograph_live::timer::Timer;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
@@ -196,7 +199,7 @@ impl Drive {
     }
 
     /// Polls the soundcard that drives the player; returns its notes.
-    pub fn poll(&mut self) -> Vec<CardNote> {
+    pub fn poll(&mut self) -> Vec<BackendEvent> {
         let Runner::Card(card) = &mut self.runner else {
             return Vec::new();
         };
@@ -299,6 +302,7 @@ fn run(
     (rate_hz, timing): (f64, Timing),
     (pace, frame_lock): (&Pace, &Mutex<()>),
 ) -> Player {
+    #[cfg(not(target_family = "wasm"))]
     if timing.is_real_time {
         // What the system refuses costs evenness only.
         let _ = Timer::default().prepare_thread();

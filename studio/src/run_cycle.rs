@@ -11,8 +11,8 @@ use super::run_page::{self, PageSignal};
 use super::scope::{self, Port, Scope};
 use super::stage::{Stage, StageError, State, other};
 use haptograph_engine::host::{PlayOptions, Player};
-use haptograph_nodes::network::Connections;
-use haptograph_nodes::soundcard::{Inputs, card_requests};
+use haptograph_live::Connections;
+use haptograph_live::soundcard::{Inputs, card_requests};
 use serde_json::json;
 use std::sync::Arc;
 use std::time::Duration;
@@ -55,8 +55,7 @@ impl Stage {
     fn begin(&mut self, how: NextRun) -> Result<(), StageError> {
         // The queues of endpoints serve one run only.
         self.loaded = self.source.load(&self.loaded.text)?;
-        let graph = &self.loaded.graph;
-        let ports = scope::ports(graph);
+        let ports = scope::ports(&self.loaded.graph);
         self.folder = match how {
             NextRun::Record => self
                 .new_folder(&format!("{}-strokes", self.source.name()))
@@ -69,13 +68,13 @@ impl Stage {
         // A replay drives nothing real, and hears nothing that was not recorded.
         let is_live = self.host.can_drive && !matches!(how, NextRun::Replay(_));
         if is_live {
-            self.card_requests = Some(card_requests(graph).map_err(other)?);
-            self.network.connect(graph).map_err(other)?;
+            self.card_requests = Some(card_requests(&self.loaded.graph).map_err(other)?);
+            self.network.connect(&mut self.loaded.graph).map_err(other)?;
         }
+        let graph = &self.loaded.graph;
         let (mut player, session) = Player::open(graph, &options).map_err(other)?;
         if is_live {
-            let live = std::slice::from_mut(player.live_mut());
-            self.inputs = Inputs::open(graph, live).map_err(other)?;
+            self.inputs = Inputs::open(graph, [player.live_mut()]).map_err(other)?;
         }
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.pads = pads.collect::<Result<_, _>>().map_err(other)?;

@@ -15,8 +15,8 @@ use super::scope::Scope;
 use super::wire::Pointer;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::run::{ArmSwitch, Session};
-use haptograph_nodes::network::Connections;
-use haptograph_nodes::soundcard::{CardNote, CardRequests, Inputs};
+use haptograph_live::soundcard::{CardRequests, Inputs};
+use haptograph_live::{BackendEvent, Connections};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -193,7 +193,7 @@ impl Stage {
         let now_s = self.now_s();
         let notes = self.drive.as_mut().map(Drive::poll).unwrap_or_default();
         for note in notes.into_iter().chain(self.inputs.poll()) {
-            if let CardNote::Changed(note) = note {
+            if let BackendEvent::Changed(note) = note {
                 // What is plugged in anew is not what was armed.
                 self.disarm();
                 self.note = Some(note);

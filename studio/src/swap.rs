@@ -3,11 +3,11 @@
 use super::load::{Loaded, Source};
 use super::scope::{self, Scope};
 use super::stage::{Stage, StageError, other};
-use haptograph_nodes::soundcard::card_requests;
+use haptograph_live::soundcard::card_requests;
 
 impl Stage {
     /// Swaps the graph; returns a description of the change.
-    pub fn swap(&mut self, source: Source, next: Loaded) -> Result<String, StageError> {
+    pub fn swap(&mut self, source: Source, mut next: Loaded) -> Result<String, StageError> {
         if self.session.is_none() {
             (self.loaded, self.source) = (next, source);
             self.describe_actuators();
@@ -18,22 +18,19 @@ impl Stage {
         }
         let ports = scope::ports(&next.graph);
         let names: Vec<String> = ports.iter().map(|port| port.name.clone()).collect();
-        let connected = match self.host.can_drive {
-            true => Some(self.network.connect(&next.graph).map_err(other)?),
-            false => None,
-        };
+        if self.host.can_drive {
+            self.network.connect(&mut next.graph).map_err(other)?;
+        }
         self.disarm_unless_same(&next);
         let Some(session) = self.session.as_mut() else {
             return Err(other("the run is stopped"));
         };
         let changed = session.change_and_probe(&next.graph, None, &names);
         let (changed, mut probes) = changed.map_err(|error| {
-            connected
-                .into_iter()
-                .for_each(|before| self.network.let_go(before));
+            self.network.undo();
             other(error)
         })?;
-        self.network.follow(&next.graph);
+        self.network.keep(&next.graph);
         self.scopes.retain(|scope| ports.contains(&scope.port));
         for port in ports {
             if !self.scopes.iter().any(|scope| scope.port == port) {

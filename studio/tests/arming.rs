@@ -4,7 +4,7 @@
 mod common;
 
 use common::{PATIENCE, Page};
-use haptograph_nodes::network::protocol::{Command, State};
+use haptograph_live::udp::protocol::{Command, State};
 use haptograph_studio::{Options, Studio};
 use serde_json::{Value, json};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};

@@ -2,7 +2,7 @@
 
 use haptograph::engine::document::{Document, LoadOptions};
 use haptograph::engine::graph::{CheckOptions, check};
-use haptograph::nodes::network::protocol::{Command as Driven, State};
+use haptograph::live::udp::protocol::{Command as Driven, State};
 use std::f64::consts::TAU;
 use std::fs;
 use std::net::UdpSocket;

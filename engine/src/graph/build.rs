@@ -8,7 +8,7 @@ use super::clocks::Clocks;
 use super::devices::{Devices, DraftDevice};
 use super::draft::{Context, Draft, DraftNode};
 use super::memory::{self, Memory};
-use crate::device::Device;
+use crate::device::BuiltDevice;
 use crate::diagnostic::Diagnostic;
 use crate::frame::Kind;
 use crate::node::{Build, BuildContext, FileContext, Stream};
@@ -27,7 +27,7 @@ pub(super) struct Built {
     works: Vec<Option<Work>>,
     /// Paths in the settings of each node.
     files: Vec<Vec<PathBuf>>,
-    devices: Vec<Option<Box<dyn Device>>>,
+    devices: Vec<Option<BuiltDevice>>,
     simulated: Vec<bool>,
 }
 
@@ -297,7 +297,7 @@ fn streams(draft: &Draft, clocks: &Clocks, simulated: &[bool], node: usize) -> O
     wires.map(stream).collect()
 }
 
-fn body(cx: &mut Context<'_>, clocks: &Clocks, device: &DraftDevice, seed: u64) -> Option<Box<dyn Device>> {
+fn body(cx: &mut Context<'_>, clocks: &Clocks, device: &DraftDevice, seed: u64) -> Option<BuiltDevice> {
     let mut fields = device.fields.clone();
     let places = Places::of(&fields);
     let before = cx.diagnostics.len();
@@ -315,9 +315,9 @@ fn body(cx: &mut Context<'_>, clocks: &Clocks, device: &DraftDevice, seed: u64) 
                 seed: stream_seed(seed, &format!("endpoints/{}", device.name)),
                 input_widths: Vec::new(),
             };
-            places.or_report(cx, finish(&context)).map(|mut body| {
-                body.connect(&device.senses, &device.drives);
-                body
+            places.or_report(cx, finish(&context)).map(|mut built| {
+                built.body.connect(&device.senses, &device.drives);
+                built
             })
         }
         _ => None,

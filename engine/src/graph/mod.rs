@@ -26,7 +26,7 @@ pub use latency::PathLatency;
 pub use nodes::{Connection, NodeId, Nodes, TemplateOutput};
 
 use crate::bridges::BridgeEntry;
-use crate::device::{Channel, Device, DeviceEntry};
+use crate::device::{Channel, Device, DeviceEntry, DeviceKind};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
 use crate::node::{AfterData, DataEnd, FileProgress, FileSink, Limit, NodeEntry, Processor};
@@ -34,6 +34,7 @@ use crate::settings::{SettingId, SettingSpec};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::DiGraph;
+use std::any::Any;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -192,6 +193,7 @@ pub struct GraphDevice {
     /// The clock that it ticks on.
     pub clock: usize,
     pub(crate) device: Box<dyn Device>,
+    pub(crate) settings: Arc<dyn Any + Send + Sync>,
     /// Channels that nodes can read; a channel's index is its number.
     pub senses: Vec<Channel>,
     /// Place of its declaration.
@@ -420,6 +422,11 @@ impl Graph {
     pub fn devices(&self) -> &[GraphDevice] {
         &self.devices
     }
+    /// The body of a device, which whoever reaches the real one connects before the graph runs; `None` if it has another
+    /// type.
+    pub fn body_mut<D: Device + 'static>(&mut self, device: usize) -> Option<&mut D> {
+        self.devices.get_mut(device)?.device.as_any_mut().downcast_mut()
+    }
     /// The files it was read from.
     pub fn sources(&self) -> &Sources {
         &self.sources
@@ -434,6 +441,16 @@ impl GraphDevice {
     /// The device in its initial state.
     pub fn device(&self) -> &dyn Device {
         self.device.as_ref()
+    }
+
+    /// Its body in its initial state, if it has this type.
+    pub fn body<D: Device + 'static>(&self) -> Option<&D> {
+        self.device.as_any().downcast_ref()
+    }
+
+    /// Its settings, if it is of this kind.
+    pub fn settings<K: DeviceKind>(&self) -> Option<&K::Settings> {
+        self.settings.downcast_ref()
     }
 }
 

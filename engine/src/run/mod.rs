@@ -23,7 +23,6 @@ mod runner;
 mod session;
 mod silence;
 mod swap;
-mod timer;
 mod walk;
 mod window;
 
@@ -48,7 +47,6 @@ pub use runner::Runner;
 pub use session::{ChangeError, Changed, LiveOptions, LiveOutcome, Session};
 pub use silence::{ActuatorLevel, ActuatorStatus, InputStatus};
 pub use swap::{Change, NoCrossFade};
-pub use timer::{Timer, TimerNotes, TimerThread};
 
 use crate::bridges::{BridgeContext, BridgeEntry, BridgeState, HoldRuns};
 use crate::device::Device;

@@ -130,7 +130,8 @@ pub fn device_from_example(
         folder,
     };
     let (finish, _) = example.read(entry.build)?;
-    finish(&super::bare_context(rate_hz, Vec::new())).map_err(|error| error.to_string())
+    let built = finish(&super::bare_context(rate_hz, Vec::new()));
+    built.map(|built| built.body).map_err(|error| error.to_string())
 }
 
 /// A kind of frame that a port takes.

@@ -118,13 +118,8 @@ impl Zeroing {
 const ORDER: usize = 2;
 
 impl Conditioner {
-    /// A conditioner that takes a zero, unless `known` has it, and low-passes at a cut-off.
-    pub fn new(
-        zero: ZeroSettings,
-        known: Option<Wrench>,
-        cutoff_hz: Option<f64>,
-        rate: Rate,
-    ) -> Result<Self, BuildError> {
+    /// A conditioner that takes a zero and low-passes at a cut-off.
+    pub fn new(zero: ZeroSettings, cutoff_hz: Option<f64>, rate: Rate) -> Result<Self, BuildError> {
         let ticks = (zero.window_s * rate.hz()).ceil() as u64;
         let design = |cutoff_hz| butterworth_lowpass(ORDER, cutoff_hz, rate.hz());
         let filter = cutoff_hz
@@ -132,11 +127,9 @@ impl Conditioner {
             .transpose()
             .map_err(design_error("wrench_cutoff_hz"))?;
         let filter = filter.as_ref();
-        let known = known.filter(|_| ticks > 0);
-        let is_open = ticks > 0 && known.is_none();
         Ok(Self {
-            zeroing: is_open.then(|| Zeroing::new(zero, ticks)),
-            zero: known.unwrap_or([0.0; 6]),
+            zeroing: (ticks > 0).then(|| Zeroing::new(zero, ticks)),
+            zero: [0.0; 6],
             reach: if ticks > 0 { 0.0 } else { 1.0 },
             was_heard: false,
             reach_per_tick: rate.period_s() / RAMP_S,
@@ -144,6 +137,13 @@ impl Conditioner {
             filters: filter.map(|filter| std::array::from_fn(|_| SectionsState::new(filter))),
             wrench: [0.0; 6],
         })
+    }
+
+    /// Takes a zero that is known already in place of one of its own, if it takes one.
+    pub fn start_from(&mut self, known: Wrench) {
+        if self.zeroing.take().is_some() {
+            self.zero = known;
+        }
     }
 
     /// Advances one tick with a measurement, new or not. `is_heard` is false while the device is silent.
@@ -195,7 +195,9 @@ mod tests {
             within_n: 10.0,
             steady_n: 0.2,
         };
-        Conditioner::new(zero, known, cutoff_hz, Rate::new(1000, 1).unwrap()).unwrap()
+        let mut conditioner = Conditioner::new(zero, cutoff_hz, Rate::new(1000, 1).unwrap()).unwrap();
+        known.into_iter().for_each(|zero| conditioner.start_from(zero));
+        conditioner
     }
 
     /// An offset with some noise, and a force along z.
@@ -320,7 +322,7 @@ mod tests {
             within_n: 10.0,
             steady_n: 0.2,
         };
-        let refused = Conditioner::new(zero, None, Some(600.0), Rate::new(1000, 1).unwrap());
+        let refused = Conditioner::new(zero, Some(600.0), Rate::new(1000, 1).unwrap());
         assert_eq!(refused.unwrap_err().field, Some("wrench_cutoff_hz"));
     }
 }

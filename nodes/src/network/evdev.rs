@@ -1,15 +1,9 @@
 //! A tablet or mouse read through Linux's event devices, in physical units.
 
-#[cfg(all(feature = "evdev", target_os = "linux"))]
-mod reading;
-
-use super::link::Link;
-use super::remote::{Remote, SENSES, Watch, Way, link_at};
+use super::remote::{Remote, SENSES, Watch};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::silence::OnSilence;
-use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::Duration;
 
 haptograph_engine::settings! {
@@ -52,61 +46,14 @@ impl DeviceKind for EvdevDevice {
                 BuildError::at("path", "the path is empty").help("`ls /dev/input/by-id` lists the devices")
             );
         }
-        let input = Input {
-            link: link_at(&settings.path),
-            path: PathBuf::from(settings.path),
-            counts_per_mm: settings.counts_per_mm,
-            pressed_n: settings.pressed_n,
-        };
         let watch = Watch {
             timeout: TIMEOUT,
             fastest_m_s: settings.fastest_mm_s * 1e-3,
             holds: settings.on_silence == OnSilence::Hold,
         };
-        Ok(Box::new(Remote::new(Way::Input(Arc::new(input)), watch, cx)))
+        Ok(Box::new(Remote::new(watch, cx)))
     }
 }
 
 /// Silence after which the device counts as gone. Its thread reports it as present ten times as often.
-pub(super) const TIMEOUT: Duration = Duration::from_millis(50);
-
-/// An event device with its scale.
-#[derive(Debug)]
-pub(super) struct Input {
-    pub link: Arc<Link>,
-    pub path: PathBuf,
-    pub counts_per_mm: Option<f64>,
-    pub pressed_n: f64,
-}
-
-/// Whether device and scale are the same.
-impl PartialEq for Input {
-    fn eq(&self, other: &Self) -> bool {
-        (&self.path, self.counts_per_mm, self.pressed_n)
-            == (&other.path, other.counts_per_mm, other.pressed_n)
-    }
-}
-
-/// The error of a device of unknown scale.
-pub(super) fn unknown_scale() -> std::io::Error {
-    std::io::Error::new(
-        std::io::ErrorKind::InvalidInput,
-        "it does not report its counts per millimetre; give `counts_per_mm`",
-    )
-}
-
-#[cfg(all(feature = "evdev", target_os = "linux"))]
-pub(super) use reading::begin;
-
-/// Fails with build instructions.
-#[cfg(not(all(feature = "evdev", target_os = "linux")))]
-pub(super) fn begin(
-    _: &str,
-    _: &Arc<Input>,
-    _: std::sync::mpsc::Receiver<Arc<Input>>,
-    _: &Arc<std::sync::atomic::AtomicBool>,
-) -> std::io::Result<(std::thread::JoinHandle<()>, bool)> {
-    Err(std::io::Error::other(
-        "this program was built without evdev; on Linux, `cargo build --release --features evdev`",
-    ))
-}
+const TIMEOUT: Duration = Duration::from_millis(50);

@@ -1,18 +1,13 @@
 //! Inputs of one number each: a fader, a key, a sensor on a serial line. Whatever they receive, a graph gets numbers in
 //! the range of its settings.
-//!
-//! Inputs at one place (an address, a port) share a listening thread, the hub.
 
-mod hub;
 mod midi;
 mod osc;
 mod serial;
 
-pub use midi::{MidiInput, MidiInputSettings, MidiMessage, midi_ports};
+pub use midi::{MidiInput, MidiInputSettings, MidiMessage};
 pub use osc::{OscInput, OscInputSettings};
-pub use serial::{SerialInput, SerialInputSettings};
-
-pub(super) use hub::{Hub, Place, Route, Selector};
+pub use serial::{SERIAL_RATES, SerialInput, SerialInputSettings};
 
 use super::link::{Link, Reader};
 use haptograph_engine::device::{Channel, Device};
@@ -94,12 +89,9 @@ impl Mapping {
     }
 }
 
-/// The ticking side of an input.
+/// The body of an input. It is silent until it is [attached](Self::attach) to a link that someone publishes to.
 #[derive(Debug, Clone)]
-pub(super) struct NumberInput {
-    /// Its place and its route there.
-    pub place: Place,
-    pub route: Route,
+pub struct NumberInput {
     reader: Reader,
     mapping: Mapping,
     timeout: Duration,
@@ -108,28 +100,30 @@ pub(super) struct NumberInput {
 }
 
 impl NumberInput {
-    fn device(
-        place: Place,
-        selector: Selector,
-        mapping: Mapping,
-        (timeout, on_silence): (Duration, OnSilence),
-        cx: &BuildContext,
-    ) -> Box<dyn Device> {
-        // Silence depends on the timeout: inputs with another timeout have their own links.
-        let link = super::remote::link_at(&format!("{place} {selector} {timeout:?}"));
-        Box::new(Self {
-            reader: Reader::new(&link, cx.rate, timeout),
-            place,
-            route: Route { selector, link },
+    fn new(mapping: Mapping, timeout: Duration, on_silence: OnSilence, cx: &BuildContext) -> Self {
+        Self {
+            reader: Reader::new(&Arc::new(Link::default()), cx.rate, timeout),
             value: mapping.to[0],
             mapping,
             timeout,
             holds: on_silence == OnSilence::Hold,
-        })
+        }
     }
 
-    fn link(&self) -> &Arc<Link> {
-        &self.route.link
+    /// The link that it reads.
+    pub fn link(&self) -> &Arc<Link> {
+        &self.reader.link
+    }
+
+    /// Reads another link from now on, that of the input as it is connected.
+    pub fn attach(&mut self, link: &Arc<Link>) {
+        self.reader.link = Arc::clone(link);
+    }
+
+    /// Silence after which the input counts as gone. Inputs that differ in it cannot share a link, which says whether it is
+    /// silent.
+    pub fn timeout(&self) -> Duration {
+        self.timeout
     }
 }
 
@@ -182,20 +176,8 @@ mod tests {
             seed: 1,
             input_widths: Vec::new(),
         };
-        let link = Arc::new(Link::new());
-        let timeout = Duration::from_millis(20);
-        NumberInput {
-            reader: Reader::new(&link, cx.rate, timeout),
-            place: Place::Midi("none".to_owned()),
-            route: Route {
-                selector: Selector::Column(1),
-                link,
-            },
-            mapping: Mapping::new([0.0, 10.0], [100.0, 200.0]).unwrap(),
-            timeout,
-            holds: on_silence == OnSilence::Hold,
-            value: 100.0,
-        }
+        let mapping = Mapping::new([0.0, 10.0], [100.0, 200.0]).unwrap();
+        NumberInput::new(mapping, Duration::from_millis(20), on_silence, &cx)
     }
 
     fn read(input: &mut NumberInput) -> (f64, InputState) {
@@ -209,7 +191,7 @@ mod tests {
     fn a_number_holds_while_its_sender_is_silent() {
         let mut knob = input(OnSilence::Zero);
         assert_eq!(read(&mut knob), (100.0, InputState::Never));
-        knob.route.link.tell_number(5.0);
+        knob.link().publish_number(5.0);
         assert_eq!(read(&mut knob), (150.0, InputState::Heard));
         (0..30).for_each(|_| knob.advance());
         assert_eq!(read(&mut knob), (150.0, InputState::Silent));

@@ -1,4 +1,5 @@
-//! State shared by a network thread and a ticking thread: the latest update each way, lock-free and wait-free.
+//! State shared by a device's body, which ticks, and whoever reaches the device: the latest update each way, lock-free and
+//! wait-free.
 
 use haptograph_engine::run::AgeMeter;
 use haptograph_engine::silence::{InputCell, InputState};
@@ -9,7 +10,7 @@ use std::time::{Duration, Instant};
 
 /// The latest update of N numbers: one thread writes, others read. A read during a write returns none.
 #[derive(Debug)]
-pub(super) struct Latest<const N: usize> {
+pub struct Latest<const N: usize> {
     /// Version, odd during a write.
     version: AtomicU64,
     words: [AtomicU64; N],
@@ -18,14 +19,16 @@ pub(super) struct Latest<const N: usize> {
 /// Attempts of a read that meets a write.
 const TRIES: usize = 4;
 
-impl<const N: usize> Latest<N> {
-    pub fn new() -> Self {
+impl<const N: usize> Default for Latest<N> {
+    fn default() -> Self {
         Self {
             version: AtomicU64::new(0),
             words: std::array::from_fn(|_| AtomicU64::new(0)),
         }
     }
+}
 
+impl<const N: usize> Latest<N> {
     /// Writes new numbers. Only one thread may call it.
     pub fn put(&self, values: &[f64; N]) {
         let version = self.version.load(Ordering::Relaxed);
@@ -50,9 +53,9 @@ impl<const N: usize> Latest<N> {
 }
 
 /// Size of a state: position (m), orientation (rotation vector, rad), force (N), torque (N m).
-pub(super) const SENSED: usize = 12;
+pub const SENSED: usize = 12;
 /// Size of a command: force (N), current of the actuator and of the brake (A).
-pub(super) const DRIVEN: usize = 5;
+pub const DRIVEN: usize = 5;
 
 /// Counts of a device's packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -67,7 +70,7 @@ pub struct Counts {
     pub malformed: u64,
     /// A number is NaN or infinite.
     pub not_numbers: u64,
-    /// A number is beyond [`LARGEST`](super::protocol::LARGEST).
+    /// A number is beyond what a device may send.
     pub too_large: u64,
     /// From a sender other than the device.
     pub strangers: u64,
@@ -80,9 +83,11 @@ pub struct Counts {
 }
 
 /// Both ways of a device, and what was counted.
-#[derive(Debug)]
-pub(super) struct Link {
+#[derive(Debug, Default)]
+pub struct Link {
+    /// What the device measured last.
     pub sensed: Latest<SENSED>,
+    /// What its actuators were given last.
     pub driven: Latest<DRIVEN>,
     /// The zero of force and torque that was taken, if one was: it outlives the devices of edits.
     pub zero: Latest<6>,
@@ -95,31 +100,41 @@ pub(super) struct Link {
     counts: [AtomicU64; 10],
 }
 
-/// Which of the counts.
+/// One of the [`Counts`].
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Count {
+pub enum Count {
+    /// Accepted.
     Accepted,
+    /// Lost on the way.
     Missing,
+    /// Older than one that was accepted.
     Outdated,
+    /// Of wrong size, version or content.
     Malformed,
+    /// With NaN or infinity.
     NotNumbers,
+    /// With a number beyond reason.
     TooLarge,
+    /// From another sender.
     Strangers,
+    /// Accepted, though the tip had moved too fast.
     Jumps,
+    /// Zeros that were not taken.
     RefusedZeros,
+    /// To an OSC address that no device listens to.
     Unclaimed,
 }
 
 /// OSC addresses that no device listens to, and how many messages came to each. No real-time thread looks at them.
 #[derive(Debug, Default)]
-pub(super) struct Unclaimed(Mutex<Vec<(String, u64)>>);
+pub struct Unclaimed(Mutex<Vec<(String, u64)>>);
 
 impl Unclaimed {
     /// Addresses that are kept, the first that came, and their longest, bytes.
     const MOST: usize = 16;
     const LONGEST: usize = 100;
 
-    /// A message came to this address.
+    /// Counts a message to this address.
     pub fn add(&self, address: &str) {
         let mut list = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, times)) = list.iter_mut().find(|(known, _)| known == address) {
@@ -141,36 +156,26 @@ impl Link {
         self.driven.look().map_or(0, |(version, _)| version)
     }
 
-    pub fn new() -> Self {
-        Self {
-            sensed: Latest::new(),
-            driven: Latest::new(),
-            zero: Latest::new(),
-            ages: Arc::default(),
-            input: Arc::default(),
-            unclaimed: Unclaimed::default(),
-            counts: std::array::from_fn(|_| AtomicU64::new(0)),
-        }
-    }
-
-    /// News of what is sensed: known from now on.
-    pub fn tell(&self, sensed: &[f64; SENSED]) {
+    /// Publishes an update of what the device measures.
+    pub fn publish(&self, sensed: &[f64; SENSED]) {
         self.sensed.put(sensed);
         self.count(Count::Accepted, 1);
         self.ages.news(Instant::now());
     }
 
-    /// News of an input that senses one number.
-    pub fn tell_number(&self, number: f64) {
+    /// Publishes an update of an input of one number.
+    pub fn publish_number(&self, number: f64) {
         let mut sensed = [0.0; SENSED];
         sensed[0] = number;
-        self.tell(&sensed);
+        self.publish(&sensed);
     }
 
+    /// Adds to a count.
     pub fn count(&self, what: Count, times: u64) {
         self.counts[what as usize].fetch_add(times, Ordering::Relaxed);
     }
 
+    /// All counts.
     pub fn counts(&self) -> Counts {
         let [
             accepted,
@@ -198,8 +203,8 @@ impl Link {
         }
     }
 
-    /// A message came to an OSC address that no device listens to.
-    pub fn leave(&self, address: &str) {
+    /// Counts a message to an OSC address that no device listens to.
+    pub fn count_unclaimed(&self, address: &str) {
         self.count(Count::Unclaimed, 1);
         self.unclaimed.add(address);
     }
@@ -319,7 +324,7 @@ mod tests {
 
     #[test]
     fn a_look_never_sees_half_of_a_put() {
-        let latest = Arc::new(Latest::<8>::new());
+        let latest = Arc::new(Latest::<8>::default());
         let writer = Arc::clone(&latest);
         let putting = std::thread::spawn(move || (1..=100_000).for_each(|k| writer.put(&[f64::from(k); 8])));
         let mut newest = 0;

@@ -2,9 +2,7 @@
 //! outputs of actuators while it is silent.
 
 use super::conditioner::{Conditioner, ZeroNews, ZeroSettings};
-use super::evdev::Input;
 use super::link::{Count, DRIVEN, Link, Reader, SENSED};
-use super::socket::{Codec, Plug};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError};
@@ -12,7 +10,7 @@ use haptograph_engine::run::AgeMeter;
 use haptograph_engine::silence::{InputState, LiveInput, OnSilence};
 use haptograph_signal::quantity::Quantity;
 use std::net::SocketAddr;
-use std::sync::{Arc, LazyLock, Mutex, PoisonError, Weak};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Fade time of measured forces when the device is silent or jumps, and when it is back, s.
@@ -122,16 +120,10 @@ impl DeviceKind for UdpDevice {
     };
 
     fn build(settings: UdpDeviceSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
-        let only = settings.only.map(|only| address("only", &only)).transpose()?;
-        let plug = Plug {
-            link: link_at(&place_of(&settings.listen, &cx.path)),
-            listen: address("listen", &settings.listen)?,
-            only,
-            timeout: Duration::from_secs_f64(settings.timeout_ms * 1e-3),
-            codec: Codec::Protocol,
-        };
+        settings.listen()?;
+        settings.only()?;
         let watch = Watch {
-            timeout: plug.timeout,
+            timeout: settings.timeout(),
             fastest_m_s: settings.fastest_mm_s * 1e-3,
             holds: settings.on_silence == OnSilence::Hold,
         };
@@ -140,14 +132,34 @@ impl DeviceKind for UdpDevice {
             within_n: settings.zero_within_n,
             steady_n: settings.zero_steady_n,
         };
-        let known = plug.link.zero.look().filter(|(puts, _)| *puts > 0);
-        let known = known.map(|(_, zero)| zero);
-        let conditioner = Conditioner::new(zero, known, settings.wrench_cutoff_hz, cx.rate)?;
-        let remote = Remote::new(Way::Socket(plug), watch, cx);
+        let conditioner = Conditioner::new(zero, settings.wrench_cutoff_hz, cx.rate)?;
         Ok(Box::new(Remote {
             conditioner: Some(conditioner),
-            ..remote
+            ..Remote::new(watch, cx)
         }))
+    }
+}
+
+impl UdpDeviceSettings {
+    /// Address to listen at.
+    ///
+    /// # Errors
+    /// [`BuildError`] if it is not an address; a checked graph has one.
+    pub fn listen(&self) -> Result<SocketAddr, BuildError> {
+        address("listen", &self.listen)
+    }
+
+    /// The only sender to accept packets from, if any.
+    ///
+    /// # Errors
+    /// [`BuildError`] if it is not an address; a checked graph has one.
+    pub fn only(&self) -> Result<Option<SocketAddr>, BuildError> {
+        self.only.as_deref().map(|only| address("only", only)).transpose()
+    }
+
+    /// Silence after which the device counts as gone.
+    pub fn timeout(&self) -> Duration {
+        Duration::from_secs_f64(self.timeout_ms * 1e-3)
     }
 }
 
@@ -157,36 +169,6 @@ pub(super) fn address(field: &'static str, text: &str) -> Result<SocketAddr, Bui
         BuildError::at(field, format!("`{text}` is not an IP address with a port"))
             .help("write numbers: \"127.0.0.1:9750\", or \"[::1]:9750\"")
     })
-}
-
-/// Key of a device: its listening address; for port 0, which is any free port, also its name.
-pub(super) fn place_of(listen: &str, device: &str) -> String {
-    match listen.parse::<SocketAddr>() {
-        Ok(address) if address.port() == 0 => format!("{listen} of {device}"),
-        _ => listen.to_owned(),
-    }
-}
-
-/// The link of a place. A graph reloaded during a run finds the links of the old graph.
-pub(super) fn link_at(place: &str) -> Arc<Link> {
-    type Links = Vec<(String, Weak<Link>)>;
-    static LINKS: LazyLock<Mutex<Links>> = LazyLock::new(Mutex::default);
-    let mut links = LINKS.lock().unwrap_or_else(PoisonError::into_inner);
-    links.retain(|(_, link)| link.strong_count() > 0);
-    let known = links.iter().find(|(at, _)| at == place);
-    if let Some(link) = known.and_then(|(_, link)| link.upgrade()) {
-        return link;
-    }
-    let link = Arc::new(Link::new());
-    links.push((place.to_owned(), Arc::downgrade(&link)));
-    link
-}
-
-/// How a device is reached.
-#[derive(Debug, Clone)]
-pub(super) enum Way {
-    Socket(Plug),
-    Input(Arc<Input>),
 }
 
 /// When a device counts as silent or as jumping, and the effect of silence.
@@ -199,10 +181,10 @@ pub(super) struct Watch {
     pub holds: bool,
 }
 
-/// A device that another program owns.
+/// The body of a device that another program owns. It is silent until it is [attached](Self::attach) to a link that someone
+/// publishes to.
 #[derive(Debug, Clone)]
-pub(super) struct Remote {
-    pub way: Way,
+pub struct Remote {
     reader: Reader,
     /// Conditioner of its force and torque, if any.
     conditioner: Option<Conditioner>,
@@ -218,14 +200,9 @@ pub(super) struct Remote {
 }
 
 impl Remote {
-    pub fn new(way: Way, watch: Watch, cx: &BuildContext) -> Self {
-        let link = match &way {
-            Way::Socket(plug) => &plug.link,
-            Way::Input(input) => &input.link,
-        };
+    pub(super) fn new(watch: Watch, cx: &BuildContext) -> Self {
         Self {
-            reader: Reader::new(link, cx.rate, watch.timeout),
-            way,
+            reader: Reader::new(&Arc::new(Link::default()), cx.rate, watch.timeout),
             conditioner: None,
             period_s: cx.rate.period_s(),
             watch,
@@ -233,6 +210,19 @@ impl Remote {
             held: 0,
             reach: 0.0,
             driven: [0.0; DRIVEN],
+        }
+    }
+
+    /// The link that it reads and writes.
+    pub fn link(&self) -> &Arc<Link> {
+        &self.reader.link
+    }
+
+    /// Reads and writes another link from now on, that of the device as it is connected. A zero that was taken there stays.
+    pub fn attach(&mut self, link: &Arc<Link>) {
+        self.reader.link = Arc::clone(link);
+        if let (Some(conditioner), Some((1.., zero))) = (&mut self.conditioner, link.zero.look()) {
+            conditioner.start_from(zero);
         }
     }
 
@@ -340,13 +330,6 @@ mod tests {
     use haptograph_signal::time::Rate;
 
     fn remote(holds: bool) -> Remote {
-        let plug = Plug {
-            link: Arc::new(Link::new()),
-            listen: "127.0.0.1:0".parse().unwrap(),
-            only: None,
-            timeout: Duration::from_millis(20),
-            codec: Codec::Protocol,
-        };
         let cx = BuildContext {
             path: "arm".to_owned(),
             rate: Rate::new(1000, 1).unwrap(),
@@ -355,11 +338,11 @@ mod tests {
             input_widths: Vec::new(),
         };
         let watch = Watch {
-            timeout: plug.timeout,
+            timeout: Duration::from_millis(20),
             fastest_m_s: 5.0,
             holds,
         };
-        let mut remote = Remote::new(Way::Socket(plug), watch, &cx);
+        let mut remote = Remote::new(watch, &cx);
         remote.advance();
         remote
     }
@@ -367,7 +350,7 @@ mod tests {
     fn news(remote: &mut Remote, x_m: f64) {
         let mut sensed = [0.0; SENSED];
         (sensed[0], sensed[8]) = (x_m, 1.5);
-        remote.reader.link.tell(&sensed);
+        remote.link().publish(&sensed);
         remote.advance();
     }
 
@@ -404,7 +387,7 @@ mod tests {
         // An edit makes another device of the same address.
         let another = |ms: u64| {
             let mut another = remote(false);
-            another.reader.link = Arc::clone(&first.reader.link);
+            another.attach(first.link());
             another.poll(told + Duration::from_millis(ms));
             another.advance();
             another
@@ -418,6 +401,29 @@ mod tests {
         late.reader.woke = Some(Instant::now());
         news(&mut late, 0.02);
         assert_eq!(state(&late), InputState::Heard);
+    }
+
+    #[test]
+    fn a_zero_that_was_taken_outlives_an_edit() {
+        let zero = ZeroSettings {
+            window_s: 0.1,
+            within_n: 10.0,
+            steady_n: 0.2,
+        };
+        let rate = Rate::new(1000, 1).unwrap();
+        let link = Arc::new(Link::default());
+        link.zero.put(&[0.0, 0.0, -8.0, 0.0, 0.0, 0.0]);
+        for (is_attached, expected_n) in [(true, 9.5), (false, 0.0)] {
+            let mut edited = Remote {
+                conditioner: Some(Conditioner::new(zero, None, rate).unwrap()),
+                ..remote(false)
+            };
+            if is_attached {
+                edited.attach(&link);
+            }
+            (0..30).for_each(|_| news(&mut edited, 0.0));
+            assert!((force(&mut edited) - expected_n).abs() < 1e-9);
+        }
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! A soundcard as a device of graphs: the output and the input of an endpoint.
 
-use super::Request;
-use haptograph_engine::device::{Device, DeviceLatency};
+use haptograph_engine::device::{Device, DeviceLatency, Playback};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::plan::MAX_BLOCK;
 use haptograph_engine::run::{AgeMeter, AsyncResamplerReader, RingSpec, least_ring_latency_s};
@@ -29,11 +28,46 @@ haptograph_engine::choices! {
     }
 }
 
+/// A requested stream to or from a card.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Request {
+    /// Name of the card; none: the default card.
+    pub device: Option<String>,
+    /// Rate, Hz.
+    pub rate_hz: u32,
+    /// Frames of a buffer.
+    pub buffer_frames: u32,
+    /// Sample format.
+    pub format: CardFormat,
+    /// Minimum number of channels.
+    pub channels: u16,
+}
+
+impl Request {
+    /// Duration of a buffer, s.
+    pub fn buffer_s(&self) -> f64 {
+        f64::from(self.buffer_frames) / f64::from(self.rate_hz)
+    }
+
+    /// The first difference, other than channels, that keeps two requests from sharing a stream.
+    pub fn differs_from(&self, other: &Self) -> Option<&'static str> {
+        match () {
+            () if self.device != other.device => Some("`device`"),
+            () if self.rate_hz != other.rate_hz => Some("their rates"),
+            () if self.buffer_frames != other.buffer_frames => Some("`buffer_frames`"),
+            () if self.format != other.format => Some("`format`"),
+            () => None,
+        }
+    }
+}
+
 /// An endpoint on a card.
 #[derive(Debug, Clone)]
-pub(crate) struct Card {
-    pub output: Option<Output>,
-    pub input: Option<Input>,
+pub struct Card {
+    /// What it plays.
+    pub output: Option<CardOutput>,
+    /// What it hears.
+    pub input: Option<CardInput>,
 }
 
 impl Device for Card {
@@ -49,7 +83,7 @@ impl Device for Card {
 
     fn write(&mut self, _: usize, frame: &[f64]) {
         if let (Some(output), Some(given)) = (&mut self.output, frame.first()) {
-            output.play(*given);
+            output.playback.play(*given);
         }
     }
 
@@ -68,7 +102,11 @@ impl Device for Card {
     }
 
     fn max_output_bound(&self, _: usize) -> Option<f64> {
-        self.output.as_ref().map(|output| output.full_scale)
+        self.output.as_ref().map(|output| output.playback.full_scale)
+    }
+
+    fn playback(&mut self) -> Option<&mut Playback> {
+        self.output.as_mut().map(|output| &mut output.playback)
     }
 
     fn ages(&self) -> Option<Arc<AgeMeter>> {
@@ -85,20 +123,17 @@ impl Device for Card {
     }
 }
 
-/// The output of an endpoint, buffered until the card's driver takes it.
+/// The output of an endpoint.
 #[derive(Debug, Clone)]
-pub(crate) struct Output {
+pub struct CardOutput {
+    /// The stream that it needs.
     pub stream: Request,
-    /// Counted from 1.
-    pub channels: Vec<u32>,
-    pub full_scale: f64,
-    /// Samples relative to full scale; the first `waiting` are new.
-    samples: Box<[f64]>,
-    waiting: usize,
+    /// Its channels, its full scale, and the samples for the card's driver.
+    pub playback: Playback,
 }
 
-impl Output {
-    pub fn new(
+impl CardOutput {
+    pub(super) fn new(
         full_scale: f64,
         device: Option<String>,
         channels: Vec<u32>,
@@ -130,55 +165,30 @@ impl Output {
                 format,
                 channels: most as u16,
             },
-            channels,
-            full_scale,
             // After a block that panicked: the engine's ramp replaces it.
-            samples: vec![0.0; 2 * MAX_BLOCK].into_boxed_slice(),
-            waiting: 0,
+            playback: Playback::new(full_scale, channels, 2 * MAX_BLOCK),
         })
-    }
-
-    fn play(&mut self, given: f64) {
-        if self.waiting == self.samples.len() {
-            // In an offline run nothing takes the samples.
-            self.waiting = 0;
-        }
-        self.samples[self.waiting] = given * (1.0 / self.full_scale);
-        self.waiting += 1;
-    }
-
-    /// The oldest untaken samples, at most `count`, relative to full scale, and their channels.
-    #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
-    pub fn waiting(&self, most: usize) -> (&[f64], &[u32]) {
-        (&self.samples[..self.waiting.min(most)], &self.channels)
-    }
-
-    /// Drops the oldest samples.
-    #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
-    pub fn taken(&mut self, count: usize) {
-        self.samples.copy_within(count..self.waiting, 0);
-        self.waiting -= count;
     }
 }
 
 /// The input of an endpoint, fed by the card's stream.
 #[derive(Debug, Clone)]
-#[cfg_attr(
-    not(any(test, feature = "soundcard", target_os = "macos", windows)),
-    allow(dead_code, reason = "read by what listens to a card")
-)]
-pub(crate) struct Input {
+pub struct CardInput {
+    /// Name of the endpoint.
     pub endpoint: String,
+    /// The stream that it needs.
     pub stream: Request,
-    /// Counted from 1.
+    /// Its channel, counted from 1.
     pub channel: u32,
+    /// Value of a full-scale sample, in the unit of the sensor.
     pub full_scale: f64,
     /// From the card's clock to that of the graph.
     pub ring: RingSpec,
-    pub(super) reader: Reader,
+    reader: Reader,
     /// The last sample, in the unit of the sensor.
     latest: f64,
-    pub(super) ages: Arc<AgeMeter>,
+    /// Age of the samples when they are read.
+    pub ages: Arc<AgeMeter>,
     /// Whether samples arrive.
     cell: Arc<InputCell>,
     /// Whether dependent actuators continue while the input is silent.
@@ -187,7 +197,7 @@ pub(crate) struct Input {
 
 /// The reader of a ring, held by the running device only; copies hold none.
 #[derive(Default)]
-pub(super) struct Reader(pub Option<Box<Mutex<AsyncResamplerReader>>>);
+struct Reader(Option<Box<Mutex<AsyncResamplerReader>>>);
 
 impl Clone for Reader {
     fn clone(&self) -> Self {
@@ -208,8 +218,8 @@ impl Reader {
     }
 }
 
-impl Input {
-    pub fn new(
+impl CardInput {
+    pub(super) fn new(
         full_scale: f64,
         (device, buffer_frames, format): (Option<String>, u32, CardFormat),
         channel: u32,
@@ -266,6 +276,16 @@ impl Input {
             cell: Arc::default(),
             holds,
         })
+    }
+
+    /// Reads the samples of a stream from now on. Copies of the device read none.
+    pub fn attach(&mut self, reader: AsyncResamplerReader) {
+        self.reader = Reader(Some(Box::new(Mutex::new(reader))));
+    }
+
+    /// Whether it reads the samples of a stream.
+    pub fn is_attached(&self) -> bool {
+        self.reader.0.is_some()
     }
 
     fn poll(&mut self, now: Instant) {

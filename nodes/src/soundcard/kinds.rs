@@ -1,7 +1,7 @@
 //! The kinds of soundcard endpoints, by the hardware on the card: their settings, their channels, and the nodes
 //! for them.
 
-use super::card::{Card, CardFormat, Input, Output};
+use super::card::{Card, CardFormat, CardInput, CardOutput};
 use crate::actuators::limit::VoltageLimitSettings;
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
@@ -30,8 +30,8 @@ macro_rules! output_settings {
         }
 
         impl $name {
-            fn output(self, cx: &BuildContext) -> Result<Output, BuildError> {
-                Output::new(self.$full_scale, self.device, self.channels, self.buffer_frames, self.format, cx)
+            fn output(self, cx: &BuildContext) -> Result<CardOutput, BuildError> {
+                CardOutput::new(self.$full_scale, self.device, self.channels, self.buffer_frames, self.format, cx)
             }
         }
     };
@@ -64,12 +64,12 @@ macro_rules! input_settings {
         }
 
         impl $name {
-            fn input(self, cx: &BuildContext) -> Result<Input, BuildError> {
+            fn input(self, cx: &BuildContext) -> Result<CardInput, BuildError> {
                 let rate_hz = self.rate_hz;
                 let stream = (self.device, self.buffer_frames, self.format);
                 let latency_s = self.latency_ms.map(|ms| 1e-3 * ms);
                 let holds = self.on_silence == OnSilence::Hold;
-                Input::new(self.$full_scale, stream, self.channel, rate_hz, latency_s, holds, cx)
+                CardInput::new(self.$full_scale, stream, self.channel, rate_hz, latency_s, holds, cx)
             }
         }
     };

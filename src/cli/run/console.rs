@@ -1,16 +1,15 @@
-//! Commands command while a graph runs, and settings by Open Sound Control.
+//! Commands typed while a graph runs.
 
 use super::super::keys::Editor;
 use super::super::{eprint, screen, stderr};
 use crate::engine::settings::closest;
-use crate::nodes::network::SetRequest;
 use crate::signal::files::{self, Refusal};
 use std::io::Read;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
 
-/// A command command.
+/// A typed command.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ConsoleCommand {
     /// Sets a parameter of the graph or a live setting.
@@ -72,23 +71,16 @@ impl ConsoleCommand {
     }
 }
 
-/// A request to the running graph, by origin.
-#[derive(Debug)]
-pub enum RunRequest {
-    Console(ConsoleCommand),
-    Osc(SetRequest),
-}
-
 /// Reads commands from standard input on a thread of its own, which blocks while the queue is full. The end
 /// of the input ends only this thread. With `keys` the program echoes each key itself.
-pub fn read_commands(requests: SyncSender<RunRequest>, stop: Arc<AtomicBool>, keys: bool) {
+pub fn read_commands(commands: SyncSender<ConsoleCommand>, stop: Arc<AtomicBool>, keys: bool) {
     let mut send = move |command: ConsoleCommand| {
         // A stop bypasses the queue.
         if command == ConsoleCommand::Stop {
             stop.store(true, Ordering::Relaxed);
             return true;
         }
-        requests.send(RunRequest::Console(command)).is_ok()
+        commands.send(command).is_ok()
     };
     std::thread::spawn(move || match keys {
         true => read_keys(&mut send),

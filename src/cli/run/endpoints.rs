@@ -1,37 +1,19 @@
 //! The devices of a run by role, simulated or real, for the terminal, `run.json` and the page.
 
-use crate::engine::graph::{Graph, GraphDevice};
+use crate::engine::graph::Graph;
+use crate::live::supervisor::DeviceUse;
 use crate::report::page::Simulation;
 use serde_json::{Value, json};
 
 /// Direction of a device; a device with both directions has an endpoint for each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Role {
-    Input,
-    Output,
-}
-
-impl Role {
-    fn as_str(self) -> &'static str {
-        match self {
-            Self::Input => "input",
-            Self::Output => "output",
-        }
-    }
-}
-
-#[derive(Debug, Clone, PartialEq)]
-struct Endpoint {
-    name: String,
-    kind: &'static str,
-    role: Role,
-    is_simulated: bool,
+fn role(endpoint: &DeviceUse) -> &'static str {
+    if endpoint.is_driven { "output" } else { "input" }
 }
 
 /// The endpoints of a run.
 #[derive(Debug, Clone)]
 pub struct Endpoints {
-    list: Vec<Endpoint>,
+    list: Vec<DeviceUse>,
     /// True for a live run. Other runs do not reach real devices.
     is_live: bool,
 }
@@ -39,35 +21,17 @@ pub struct Endpoints {
 impl Endpoints {
     /// The endpoints of a graph.
     pub fn of(graph: &Graph, is_live: bool) -> Self {
-        let endpoint = |device: &GraphDevice, role| Endpoint {
-            name: device.name.clone(),
-            kind: device.entry.spec.name,
-            role,
-            is_simulated: device.entry.spec.simulated,
-        };
-        let inputs = graph.read_devices().map(|device| endpoint(device, Role::Input));
-        let outputs = graph
-            .driven_devices()
-            .map(|device| endpoint(device, Role::Output));
-        let list = inputs.chain(outputs).collect();
-        let mut endpoints = Self { list, is_live };
-        endpoints.sort();
-        endpoints
+        Self::sorted(DeviceUse::of(graph), is_live)
     }
 
-    fn sort(&mut self) {
-        self.list
-            .sort_by(|a, b| (a.role.as_str(), &a.name, a.kind).cmp(&(b.role.as_str(), &b.name, b.kind)));
+    /// The endpoints of a live run.
+    pub fn live(devices: Vec<DeviceUse>) -> Self {
+        Self::sorted(devices, true)
     }
 
-    /// Adds the endpoints of a graph that was swapped in.
-    pub fn add(&mut self, graph: &Graph) {
-        for endpoint in Self::of(graph, self.is_live).list {
-            if !self.list.contains(&endpoint) {
-                self.list.push(endpoint);
-            }
-        }
-        self.sort();
+    fn sorted(mut list: Vec<DeviceUse>, is_live: bool) -> Self {
+        list.sort_by(|a, b| (role(a), &a.name, a.kind).cmp(&(role(b), &b.name, b.kind)));
+        Self { list, is_live }
     }
 
     /// The facts about devices for `run.json`.
@@ -83,7 +47,7 @@ impl Endpoints {
         ]
     }
 
-    fn which(&self, simulated: bool) -> impl Iterator<Item = &Endpoint> {
+    fn which(&self, simulated: bool) -> impl Iterator<Item = &DeviceUse> {
         self.list
             .iter()
             .filter(move |endpoint| endpoint.is_simulated == simulated)
@@ -107,7 +71,7 @@ impl Endpoints {
     pub fn to_json(&self) -> Value {
         let each = self.list.iter().map(|endpoint| {
             json!({
-                "name": endpoint.name, "kind": endpoint.kind, "role": endpoint.role.as_str(),
+                "name": endpoint.name, "kind": endpoint.kind, "role": role(endpoint),
                 "simulated": endpoint.is_simulated, "reached": endpoint.is_simulated || self.is_live,
             })
         });
@@ -154,10 +118,10 @@ impl Endpoints {
     }
 }
 
-fn names<'e>(endpoints: impl Iterator<Item = &'e Endpoint>, more: impl Fn(&Endpoint) -> String) -> String {
+fn names<'e>(endpoints: impl Iterator<Item = &'e DeviceUse>, more: impl Fn(&DeviceUse) -> String) -> String {
     let each = endpoints.map(|endpoint| {
         let more = more(endpoint);
-        format!("{} `{}`{more}", endpoint.role.as_str(), endpoint.name)
+        format!("{} `{}`{more}", role(endpoint), endpoint.name)
     });
     each.collect::<Vec<_>>().join(", ")
 }
@@ -216,9 +180,9 @@ mod tests {
             (&json!("SimulatedHaptuator"), &json!(true), &json!(true))
         );
         assert!(matches!(mixed.simulation(), Simulation::Some(_)));
-        let mut grown = endpoints(tablet, coil, true);
-        grown.add(&graph(osc, coil));
-        grown.add(&graph(osc, coil));
+        let mut grown = DeviceUse::of(&graph(tablet, coil));
+        grown.push(DeviceUse::of(&graph(osc, coil))[0].clone());
+        let grown = Endpoints::live(grown);
         let kinds: Vec<&str> = grown.list.iter().map(|endpoint| endpoint.kind).collect();
         assert_eq!(kinds, ["OscDevice", "SimulatedTablet", "SimulatedHaptuator"]);
         assert!(grown.any_real() && grown.any_simulated());

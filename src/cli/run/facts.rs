@@ -1,114 +1,96 @@
-//! Facts and warnings of a finished live run.
+//! The report of a live run as facts for `run.json` and the page.
 
-use crate::engine::run::{Histogram, LiveOutcome, Meters};
-use crate::nodes::network::{Connections, Counts};
-use serde_json::{Value, json};
+use crate::live::supervisor::RunReport;
+use crate::report::facts::Fact;
+use serde_json::Value;
 
-pub fn facts_of(ended: &LiveOutcome) -> Vec<(&'static str, &'static str, Value)> {
-    let meters = &ended.meters;
-    let mut facts = vec![
-        ("live", "Live", json!(true)),
-        ("late_us", "Lateness (us)", quantiles(&meters.lateness)),
-        ("work_us", "Execution time (us)", quantiles(&meters.work)),
-        ("wakes", "Wake-ups", json!(meters.wakes)),
-        ("overruns", "Overruns", json!(meters.overruns)),
-        ("stalls", "Stalls of the machine", json!(meters.stalls)),
-        ("lost_wakes", "Wake-ups lost in stalls", json!(meters.lost_wakes)),
-        (
-            "lost_numbers",
-            "Values lost on the way to files",
-            json!(ended.lost_numbers),
-        ),
-        (
-            "lost_callbacks",
-            "Callbacks missing from the replay record",
-            json!(ended.lost_arrivals),
-        ),
-    ];
-    if let [_, _, ..] = ended.drivers[..] {
-        let each = ended.drivers.iter().map(|(name, meters)| {
-            let kept = json!({
-                "late_us": quantiles(&meters.lateness), "work_us": quantiles(&meters.work), "wakes": meters.wakes,
-                "overruns": meters.overruns, "stalls": meters.stalls, "lost_wakes": meters.lost_wakes,
-            });
-            (name.clone(), kept)
-        });
-        facts.push(("drivers", "Each driver", Value::Object(each.collect())));
-    }
-    facts
-}
+/// The fields of the report in the order of the page, with their names there.
+const NAMES: [(&str, &str); 26] = [
+    ("driver", "Driver"),
+    ("xruns", "Xruns"),
+    ("clipped_samples", "Samples beyond full scale"),
+    ("vanished", "Times the soundcard was gone"),
+    ("output_latency_ms", "Output latency that the system stated (ms)"),
+    ("inputs", "Inputs of soundcards"),
+    ("latencies_ms", "Latencies, measured (ms)"),
+    ("changes", "Changed while running"),
+    ("swaps", "Graphs swapped in"),
+    ("saved_while_running", "Graphs saved while running"),
+    (
+        "unrested",
+        "Sinks whose actuators began as warm as their limits allow",
+    ),
+    ("packets", "Packets"),
+    ("silences", "Live inputs that fell silent"),
+    ("set_while_running", "Set while running"),
+    ("osc_malformed", "OSC packets that set nothing"),
+    ("live", "Live"),
+    ("late_us", "Lateness (us)"),
+    ("work_us", "Execution time (us)"),
+    ("wakes", "Wake-ups"),
+    ("overruns", "Overruns"),
+    ("stalls", "Stalls of the machine"),
+    ("lost_wakes", "Wake-ups lost in stalls"),
+    ("lost_numbers", "Values lost on the way to files"),
+    ("lost_callbacks", "Callbacks missing from the replay record"),
+    ("drivers", "Each driver"),
+    ("panics", "Panics"),
+];
 
-/// Packet counts of each network device.
-pub fn packets(network: &Connections) -> Option<(&'static str, &'static str, Value)> {
-    let counted = |(device, counts): (&str, Counts)| {
-        let Counts {
-            accepted,
-            missing,
-            outdated,
-            malformed,
-            not_numbers,
-            too_large,
-            strangers,
-            jumps,
-            refused_zeros,
-            unclaimed,
-        } = counts;
-        let received = network.unclaimed(device).into_iter();
-        let received: serde_json::Map<String, Value> =
-            received.map(|(address, times)| (address, json!(times))).collect();
-        let counts = json!({
-            "accepted": accepted, "missing": missing, "outdated": outdated, "malformed": malformed,
-            "not_numbers": not_numbers, "too_large": too_large, "strangers": strangers, "jumps": jumps,
-            "refused_zeros": refused_zeros, "unclaimed": unclaimed, "unclaimed_addresses": received,
-        });
-        (device.to_owned(), counts)
+/// The facts of a report.
+pub fn facts_of(report: &RunReport) -> Vec<Fact> {
+    let fields = serde_json::to_value(report).unwrap_or_default();
+    let fact = |(key, name): (&'static str, &'static str)| {
+        let value: &Value = fields.get(key)?;
+        Some((key, name, value.clone()))
     };
-    let devices: serde_json::Map<String, Value> = network.counts().map(counted).collect();
-    (!devices.is_empty()).then_some(("packets", "Packets", Value::Object(devices)))
+    NAMES.into_iter().filter_map(fact).collect()
 }
 
-fn quantiles(histogram: &Histogram) -> Value {
-    let us = |ns: u64| (ns as f64 / 100.0).round() / 10.0;
-    let at = |fraction: f64| us(histogram.quantile_ns(fraction));
-    json!({ "p50": at(0.5), "p99": at(0.99), "p99.9": at(0.999), "max": us(histogram.max_ns()) })
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::live::supervisor::{
+        CardReport, InputReport, PacketReport, QuantilesMs, TimingReport, XrunReport,
+    };
 
-pub fn warnings_of(ended: &LiveOutcome) -> Vec<String> {
-    let Meters {
-        overruns,
-        stalls,
-        lost_wakes,
-        ..
-    } = ended.meters;
-    let mut list = Vec::new();
-    if ended.panicked {
-        list.push("a node panicked; the actuators were ramped to zero and the run ended".to_owned());
+    #[test]
+    fn every_field_of_a_report_has_a_name() {
+        let xruns = XrunReport {
+            count: 1,
+            longest_ms: 2.0,
+            last_at_ms: 3.0,
+        };
+        let latency_ms = QuantilesMs {
+            p50: 1.0,
+            p99: 2.0,
+            max: 3.0,
+        };
+        let report = RunReport {
+            card: Some(CardReport {
+                xruns: xruns.clone(),
+                clipped_samples: 0,
+                vanished: 0,
+                output_latency_ms: latency_ms.clone(),
+            }),
+            inputs: [(
+                "tool".to_owned(),
+                InputReport {
+                    stream: String::new(),
+                    xruns,
+                    clipped_samples: 0,
+                    vanished: 0,
+                    input_latency_ms: latency_ms,
+                },
+            )]
+            .into(),
+            packets: [("pen".to_owned(), PacketReport::default())].into(),
+            osc_malformed: Some(0),
+            drivers: [("audio".to_owned(), TimingReport::default())].into(),
+            ..RunReport::default()
+        };
+        let value = serde_json::to_value(&report).unwrap();
+        assert_eq!(facts_of(&report).len(), value.as_object().unwrap().len());
+        assert_eq!(serde_json::from_value::<RunReport>(value).unwrap(), report);
     }
-    for device in &ended.lost_devices {
-        list.push(format!(
-            "`{device}` panicked during its ramp to zero and keeps its last value: switch it off"
-        ));
-    }
-    if overruns > 0 {
-        list.push(format!("{overruns} ticks took longer than their period"));
-    }
-    if stalls > 0 {
-        list.push(format!(
-            "the machine stalled {stalls} times and lost {lost_wakes} wake-ups; the run continued from there"
-        ));
-    }
-    if ended.lost_numbers > 0 {
-        list.push(format!(
-            "{} values were lost on the way to the files, which have gaps",
-            ended.lost_numbers
-        ));
-    }
-    if ended.lost_arrivals > 0 {
-        list.push(format!(
-            "a replay will end {} callbacks early: the disk was too slow for its record",
-            ended.lost_arrivals
-        ));
-    }
-    list.extend(ended.failed.iter().map(ToString::to_string));
-    list
 }

@@ -2,175 +2,90 @@
 //! as an offline run.
 
 use super::super::keys::RawMode;
+use super::super::terminal::is_coloured;
 use super::super::{Failure, built, eprint, panic_hook, screen, stderr, warn};
-use super::console::{self, HELP, RunRequest};
-use super::drivers::Drivers;
-use super::facts::{facts_of, packets, warnings_of};
-use super::latency;
-use super::loading::{self, Job, Loader};
+use super::console::{self, ConsoleCommand, HELP, HELP_LINES};
+use super::endpoints::Endpoints;
+use super::facts::facts_of;
+use super::status::StatusDisplay;
 use super::summary::Summary;
-use super::supervisor::{MAX_QUEUED, Supervisor};
-use super::watch::FileWatch;
-use super::{Arguments, RunSetup, lasts_a_frame, message, stop_on_interrupt};
+use super::{Arguments, RunSetup, lasts_a_frame, message, refuse_own_files, stop_on_interrupt};
+use crate::engine::diagnostic::render;
 use crate::engine::registry::Registry;
-use crate::engine::run::{LiveOptions, RingReport, Session};
-use crate::nodes::network::{Connections, OscControl};
-use crate::nodes::soundcard;
-use serde_json::json;
+use crate::live::supervisor::{
+    self, Ended, Event, GraphSource, LoadFn, MAX_QUEUED, Origin, PreparedRun, Request, RunOptions, Supervisor,
+};
+use crate::live::{Connected, Role};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::mpsc::{SyncSender, sync_channel};
-use std::time::Instant;
+use std::sync::mpsc::{Receiver, sync_channel};
+
+/// Heading of the latencies.
+const BY_WHOSE_CLOCK: &str =
+    "latencies by the clock of this computer, without those of converters, amplifiers and mechanics";
 
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
-    run_with(
-        arguments,
-        stop_on_interrupt,
-        (Loader::new(loading::load, registry), || ()),
-    )
+    run_with(arguments, registry, stop_on_interrupt, (supervisor::load, || ()))
 }
 
-/// Runs until the flag of `stopping` is set. Graphs are loaded by `loader`, and `each` is called in every
-/// round of the supervisor; tests replace both.
+/// Runs until the flag of `stopping` is set. Changed graphs are loaded by `load`, and `each` is called in every
+/// round; tests replace both.
 fn run_with(
     arguments: &Arguments,
+    registry: &Registry,
     stopping: impl FnOnce() -> Result<Arc<AtomicBool>, Failure>,
-    (loader, each): (Loader, fn()),
+    (load, each): (LoadFn, fn()),
 ) -> Result<(), Failure> {
     let arguments = Arguments {
         graph: arguments.graph.for_live()?,
         ..arguments.clone()
     };
-    let first = loading::load(Job::first(&arguments), loader.registry());
-    let (graph, parameters) = (first.result.map_err(Failure::Graph)?.graph, first.parameters);
-    warn(&graph);
-    // Changes of the files from here on are noticed.
-    let watch = arguments.watch.then(|| FileWatch::of(&graph));
-    lasts_a_frame(&graph, arguments.duration_s)?;
-    built::refuse_missing(&graph, arguments.graph.endpoints())?;
-    let card_requests = soundcard::card_requests(&graph).map_err(message)?;
-    let mut network = Connections::default();
-    network.connect(&graph).map_err(message)?;
-    let (sender, requests) = sync_channel(MAX_QUEUED);
-    let osc = listen_for_settings(&arguments, &sender)?;
+    let run = PreparedRun::load(options(&arguments, load), registry).map_err(Failure::Graph)?;
+    warn(run.graph());
+    lasts_a_frame(run.graph(), arguments.duration_s)?;
+    built::refuse_missing(run.graph(), arguments.graph.endpoints())?;
+    let run = run.connect().map_err(message)?;
+    let graph = Arc::clone(run.graph());
     let mut setup = RunSetup::begin(&arguments, &graph)?;
     let stop = stopping()?;
-    let options = LiveOptions {
-        block: usize::from(arguments.block),
-        seconds: arguments.duration_s,
-        rested: arguments.rested,
-        stop: Arc::clone(&stop),
-        ..LiveOptions::default()
-    };
-    let folder = Some(setup.completion.folder.path());
-    let (lives, session) = Session::open_all(setup.file_sinks, &options, folder).map_err(message)?;
-    let unrested: Vec<String> = lives
-        .iter()
-        .flat_map(|live| live.run().unrested().map(str::to_owned))
-        .collect();
-    let start = Instant::now();
     let live_guard = panic_hook::LiveGuard::begin();
-    let mut driver = Drivers::start(&graph, card_requests, lives, &stop)?;
+    let folder = Some(setup.completion.folder.path());
+    let started = run.start(setup.file_sinks, folder, Arc::clone(&stop));
+    let mut supervisor = started.map_err(message)?;
     setup.completion.folder.begin();
-    let mut notes = driver.notes();
-    notes.iter().for_each(|note| eprint(&format!("note: {note}\n")));
-    introduce(&arguments, &driver, &network, osc.as_ref());
-    print_warm_starts(&unrested);
+    introduce(&arguments, &supervisor);
     let keys = RawMode::begin();
-    console::read_commands(sender.clone(), Arc::clone(&stop), keys.is_some());
-    let folder = setup.completion.folder.path();
-    let mut supervisor = Supervisor::begin(
-        &arguments,
-        &graph,
-        folder,
-        (session, network),
-        (watch, parameters, loader),
-        keys.is_some(),
-    );
-    let supervision = AssertUnwindSafe(|| supervisor.run(&mut driver, &requests, (&stop, each)));
-    let panicked = match catch_unwind(supervision) {
-        Ok(said) => {
-            notes.extend(said);
-            false
-        }
-        Err(_) => {
-            driver.stop();
-            notes.push("haptograph panicked; the run was stopped".to_owned());
-            true
-        }
+    let (sender, commands) = sync_channel(MAX_QUEUED);
+    console::read_commands(sender, stop, keys.is_some());
+    let mut terminal = Terminal {
+        commands,
+        status: StatusDisplay::new(&graph, keys.is_some()),
+        panics: Vec::new(),
     };
-    supervisor.report_panics();
+    let supervision = AssertUnwindSafe(|| terminal.supervise(&mut supervisor, each));
+    let panicked = catch_unwind(supervision).is_err();
+    if panicked {
+        supervisor.stop_now();
+    }
+    terminal.report_panics();
     screen::type_in(None);
     stderr::remove_block();
     drop(keys);
-    // This sender kept the channel open, so that a receive waits even without other senders.
-    drop(sender);
-    let mut facts = driver.facts();
-    notes.extend(driver.warnings());
-    notes.extend(supervisor.silence.warnings(
-        Instant::now(),
-        &supervisor.session.live_inputs(),
-        &supervisor.network,
-    ));
-    let heard: Vec<RingReport> = driver.rings().collect();
-    let output_latency = driver.output_latency();
-    let latencies_at = facts.len();
-    let lives = driver.join()?;
+    let mut ended = supervisor.finish().map_err(message)?;
     // All devices are idle from here on.
     drop(live_guard);
-    facts.extend(changed(&supervisor));
-    facts.push((
-        "unrested",
-        "Sinks whose actuators began as warm as their limits allow",
-        json!(unrested),
-    ));
-    facts.extend(packets(&supervisor.network));
-    facts.push((
-        "silences",
-        "Live inputs that fell silent",
-        json!(supervisor.silence.into_events()),
-    ));
-    facts.push((
-        "set_while_running",
-        "Set while running",
-        supervisor.history.into_json(),
-    ));
-    facts.extend(osc.map(|osc| {
-        (
-            "osc_malformed",
-            "OSC packets that set nothing",
-            json!(osc.malformed()),
-        )
-    }));
-    drop(supervisor.network);
-    let mut ended = supervisor.session.finish_all(lives);
-    ended.outcome.rings.extend(heard);
-    let took_s = start.elapsed().as_secs_f64();
-    // Computed after the files are complete, since it takes long for a large graph.
-    let latencies = latency::measured(&graph, output_latency.as_ref());
-    facts.insert(
-        latencies_at,
-        (
-            "latencies_ms",
-            "Latencies, measured (ms)",
-            latency::to_json(&latencies),
-        ),
-    );
-    eprint(&format!("{}\n", ended.meters));
-    if !latencies.is_empty() {
-        eprint(&format!("{}:\n", latency::BY_WHOSE_CLOCK));
+    if panicked {
+        ended
+            .warnings
+            .push("haptograph panicked; the run was stopped".to_owned());
     }
-    for latency in &latencies {
-        eprint(&format!("{}\n", latency.shown()));
-    }
-    let panicked = panicked || ended.panicked || !supervisor.panics.is_empty();
-    let mut summary = Summary::of(&arguments, &graph, &ended.outcome, took_s);
-    summary.set_endpoints(supervisor.endpoints);
-    facts.extend(facts_of(&ended));
-    facts.push(("panics", "Panics", json!(supervisor.panics)));
-    notes.extend(warnings_of(&ended));
-    summary.add(facts, notes);
+    let panicked = panicked || ended.outcome.panicked || !terminal.panics.is_empty();
+    ended.report.panics = terminal.panics;
+    print_timing(&ended);
+    let mut summary = Summary::of(&arguments, &graph, &ended.outcome.outcome, ended.took_s);
+    summary.set_endpoints(Endpoints::live(ended.devices));
+    summary.add(facts_of(&ended.report), ended.warnings);
     let completed = setup.completion.complete(&arguments, &graph, &summary);
     match completed {
         Ok(_) | Err(Failure::Interrupted) if panicked => Err(Failure::Message(
@@ -181,8 +96,97 @@ fn run_with(
     }
 }
 
-/// Prints what runs and which inputs are open.
-fn introduce(arguments: &Arguments, driver: &Drivers, network: &Connections, osc: Option<&OscControl>) {
+/// What the arguments ask for.
+fn options(arguments: &Arguments, load: LoadFn) -> RunOptions {
+    let record = arguments.record;
+    RunOptions {
+        source: GraphSource {
+            set: arguments.graph.set.clone(),
+            endpoints: Some(arguments.graph.endpoints().to_owned()),
+            seed: arguments.seed,
+            path: arguments.graph.graph.clone(),
+        },
+        watch: arguments.watch,
+        seconds: arguments.duration_s,
+        block: usize::from(arguments.block),
+        rested: arguments.rested,
+        osc: arguments.osc,
+        accept: Arc::new(move |graph| refuse_own_files(graph, record)),
+        load,
+    }
+}
+
+/// The person at the terminal: commands, status, messages.
+struct Terminal {
+    commands: Receiver<ConsoleCommand>,
+    status: StatusDisplay,
+    /// Panics reported so far.
+    panics: Vec<String>,
+}
+
+impl Terminal {
+    /// Serves a run to its end, and calls `each` in every round.
+    fn supervise(&mut self, supervisor: &mut Supervisor, each: fn()) {
+        while !supervisor.is_finished() {
+            each();
+            supervisor.wait();
+            self.report_panics();
+            for command in self.commands.try_iter().take(supervisor.room()) {
+                obey(command, supervisor);
+            }
+            supervisor.poll().iter().for_each(print_event);
+            self.status.show(|| supervisor.status());
+        }
+    }
+
+    /// Reports panics since the last call.
+    fn report_panics(&mut self) {
+        for text in panic_hook::take_unreported() {
+            eprint(&text);
+            self.panics.push(text);
+        }
+    }
+}
+
+fn obey(command: ConsoleCommand, supervisor: &mut Supervisor) {
+    match command {
+        ConsoleCommand::Set { name, value } => supervisor.request(Request {
+            name,
+            value,
+            origin: Origin::Keyboard,
+        }),
+        ConsoleCommand::List => {
+            for (name, value) in supervisor.settings() {
+                eprint(&format!("{name} = {}\n", value.as_deref().unwrap_or("?")));
+            }
+        }
+        ConsoleCommand::History => eprint(&supervisor.history()),
+        ConsoleCommand::Help => eprint(HELP_LINES),
+        // The reading thread has already set the stop flag.
+        ConsoleCommand::Stop => {}
+        ConsoleCommand::Unknown(line) => {
+            let help = ConsoleCommand::suggestion(&line).map_or_else(
+                || format!("type {HELP}"),
+                |near| format!("did you mean `{near}`?"),
+            );
+            eprint(&format!("unknown command `{line}`; {help}\n"));
+        }
+    }
+}
+
+fn print_event(event: &Event) {
+    match event {
+        Event::Findings(findings) if findings.list.is_empty() => {}
+        Event::Findings(findings) => eprint(&render(findings, is_coloured(&std::io::stderr()))),
+        event => eprint(&format!("{event}\n")),
+    }
+}
+
+/// Prints what the system refused, what runs, which inputs are open, and which sinks start with warm actuators.
+fn introduce(arguments: &Arguments, supervisor: &Supervisor) {
+    for note in supervisor.refused_at_start() {
+        eprint(&format!("note: {note}\n"));
+    }
     let ends = match arguments.duration_s {
         Some(seconds) => format!("for {seconds} s"),
         None => "until ctrl-C".to_owned(),
@@ -191,21 +195,23 @@ fn introduce(arguments: &Arguments, driver: &Drivers, network: &Connections, osc
         "running {} with its {} endpoints {ends}, driven by {}; type {HELP}\n",
         arguments.graph.name(),
         arguments.graph.endpoints(),
-        driver.description()
+        supervisor.description()
     ));
-    for listened in driver.listened() {
-        eprint(&format!("listening to {listened}\n"));
+    for Connected {
+        names, role, place, ..
+    } in supervisor.connections()
+    {
+        let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+        match role {
+            Role::Driver => {}
+            Role::Input => eprint(&format!("listening to {} by {place}\n", names.join(" and "))),
+            Role::Link => eprint(&format!("listening for {} at {place}\n", names.concat())),
+        }
     }
-    for (device, place) in network.places() {
-        eprint(&format!("listening for `{device}` at {place}\n"));
+    if let Some(address) = supervisor.osc_address() {
+        eprint(&format!("settings by Open Sound Control at {address}\n"));
     }
-    if let Some(osc) = osc {
-        eprint(&format!("settings by Open Sound Control at {}\n", osc.address()));
-    }
-}
-
-/// Prints which sinks start with warm actuators.
-fn print_warm_starts(unrested: &[String]) {
+    let unrested = supervisor.unrested();
     if !unrested.is_empty() {
         eprint(&format!(
             "the actuators of `{}` start as warm as their limits allow, since their temperature is unknown; \
@@ -215,39 +221,21 @@ fn print_warm_starts(unrested: &[String]) {
     }
 }
 
-/// Facts about graphs that were swapped in.
-fn changed(supervisor: &Supervisor) -> [(&'static str, &'static str, serde_json::Value); 3] {
-    [
-        ("changes", "Changed while running", json!(supervisor.changes)),
-        ("swaps", "Graphs swapped in", json!(supervisor.swaps)),
-        (
-            "saved_while_running",
-            "Graphs saved while running",
-            json!(supervisor.saved),
-        ),
-    ]
-}
-
-fn listen_for_settings(
-    arguments: &Arguments,
-    sender: &SyncSender<RunRequest>,
-) -> Result<Option<OscControl>, Failure> {
-    let Some(address) = arguments.osc else {
-        return Ok(None);
-    };
-    let sender = sender.clone();
-    OscControl::listen(address, move |setting| {
-        // A full queue drops the value: faders repeat theirs. A closed queue belongs to a finished run.
-        let _ = sender.try_send(RunRequest::Osc(setting));
-    })
-    .map(Some)
-    .map_err(|error| Failure::Message(format!("cannot listen for settings at {address}: {error}")))
+/// Prints the timing of the run and its latencies.
+fn print_timing(ended: &Ended) {
+    eprint(&format!("{}\n", ended.outcome.meters));
+    if !ended.latencies.is_empty() {
+        eprint(&format!("{BY_WHOSE_CLOCK}:\n"));
+    }
+    for latency in &ended.latencies {
+        eprint(&format!("{latency}\n"));
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::run::loading::{LoadFn, LoadOutcome};
+    use crate::live::supervisor::{Job, LoadOutcome};
     use clap::Parser;
     use std::fs;
     use std::sync::atomic::{AtomicU32, Ordering};
@@ -319,8 +307,8 @@ mod tests {
             }
             stops.store(true, Ordering::Relaxed);
         });
-        let around = (Loader::new(work, &crate::nodes::registry()), each);
-        let result = run_with(&Line::parse_from(line).run, || Ok(stop), around);
+        let registry = crate::nodes::registry();
+        let result = run_with(&Line::parse_from(line).run, &registry, || Ok(stop), (work, each));
         saver.join().unwrap();
         let given = fs::read_to_string(at("out/given.csv")).unwrap();
         let cells = given.lines().skip(1).map(|line| line.rsplit(',').next().unwrap());
@@ -358,7 +346,7 @@ mod tests {
 
     #[test]
     fn a_panic_of_what_looks_after_the_run_stops_the_actuators_and_keeps_the_files() {
-        let ended = run_with_saves((loading::load, panic_later), || false);
+        let ended = run_with_saves((supervisor::load, panic_later), || false);
         assert!(ROUNDS.load(Ordering::Relaxed) > 10);
         let Err(Failure::Message(said)) = &ended.result else {
             panic!("it succeeded");

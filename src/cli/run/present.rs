@@ -2,7 +2,7 @@
 
 use super::super::built::cannot_play;
 use super::super::{Failure, eprint};
-use crate::nodes::soundcard::{play_once, ready_to_play};
+use crate::live::soundcard::{play_once, ready_to_play};
 use crate::report::sound::{self, Sound};
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -1,12 +1,12 @@
 //! Status display of a live run: a line per second, or a block of lines on a terminal.
 
 use super::super::{eprint, screen, stderr};
-use super::drivers::Drivers;
-use super::silence::{SilenceMonitor, received};
+use crate::engine::graph::Graph;
 use crate::engine::node::FileProgress;
-use crate::engine::run::{ActuatorLevel, InputStatus, Meters, RingReport, Session};
+use crate::engine::run::{ActuatorLevel, Meters, RingReport};
 use crate::engine::silence::InputState;
-use crate::nodes::network::Connections;
+use crate::live::supervisor::{InputNow, Status, received};
+use crate::live::{Counts, Role};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -18,22 +18,11 @@ const RATE: Duration = Duration::from_secs(1);
 /// Width of a level bar, columns.
 const BAR: usize = 24;
 
-/// The data shown in the status.
-pub struct Facts<'a> {
-    pub session: &'a mut Session,
-    pub drivers: &'a Drivers,
-    pub network: &'a Connections,
-    pub silence: &'a SilenceMonitor,
-    /// The last setting, and its origin.
-    pub set: Option<String>,
-}
-
 /// Progress of file sinks, by the paths of the sinks.
-pub type Progress = Vec<(String, Arc<dyn FileProgress>)>;
+type Progress = Vec<(String, Arc<dyn FileProgress>)>;
 
 /// State of the display.
-pub struct Status {
-    start: Instant,
+pub struct StatusDisplay {
     /// True on a terminal that can show a block.
     block: bool,
     shown: Instant,
@@ -43,157 +32,156 @@ pub struct Status {
     counted: Instant,
 }
 
-impl Status {
-    /// Starts the display.
-    pub fn new(start: Instant, progress: Progress, block: bool) -> Self {
+impl StatusDisplay {
+    /// Starts the display for a run of a graph.
+    pub fn new(graph: &Graph, block: bool) -> Self {
+        let now = Instant::now();
+        let progress = graph.file_progress();
         Self {
-            start,
             block,
-            shown: start,
-            progress,
+            shown: now,
+            progress: progress
+                .map(|(sink, progress)| (sink.to_owned(), progress))
+                .collect(),
             inputs: Vec::new(),
-            counted: start,
+            counted: now,
         }
     }
 
     /// Displays the status when it is due.
-    pub fn show(&mut self, facts: Facts<'_>) {
+    pub fn show(&mut self, status: impl FnOnce() -> Status) {
         let every = if self.block { BLOCK } else { LINE };
         if self.shown.elapsed() < every {
-            // Polls the session all the same, to collect the drivers' reports.
-            facts.session.poll();
             return;
         }
         self.shown += every;
         match self.block {
-            true => stderr::show_block(self.lines(facts)),
-            false => eprint(&self.line(facts)),
+            true => stderr::show_block(self.lines(&status())),
+            false => eprint(&self.line(&status())),
         }
     }
 
     /// The status line.
-    fn line(&self, facts: Facts<'_>) -> String {
-        let seconds = self.start.elapsed().as_secs_f64();
-        let drivers = facts.session.poll();
-        let mut parts: Vec<String> = match &drivers[..] {
+    fn line(&self, status: &Status) -> String {
+        let mut parts: Vec<String> = match &status.drivers[..] {
             [(_, meters)] => vec![lateness(meters).join("; ")],
             several => several
                 .iter()
                 .map(|(name, meters)| format!("{name}: {}", lateness(meters).join("; ")))
                 .collect(),
         };
-        let verdict = verdict(drivers.iter().map(|(_, meters)| *meters));
-        parts.extend(
-            facts
-                .session
-                .rings()
-                .chain(facts.drivers.rings())
-                .map(|ring| ring_line(&ring)),
-        );
+        let verdict = verdict(status.drivers.iter().map(|(_, meters)| meters));
+        parts.extend(status.rings.iter().map(ring_line));
         parts.extend(
             self.progress
                 .iter()
                 .filter_map(|(sink, progress)| Some(format!("{sink}: {}", progress.lines().first()?))),
         );
-        let (status, silent) = (facts.drivers.status(), facts.silence.status());
+        let silent = status.silent.iter();
+        let silent: String = silent.map(|device| format!(", `{device}` is silent")).collect();
         format!(
-            "{seconds:.0} s: {}{status}{silent}; {verdict}\n",
-            parts.join("; ")
+            "{:.0} s: {}{}{silent}; {verdict}\n",
+            status.seconds,
+            parts.join("; "),
+            xruns(status)
         )
     }
 
     /// The status block.
-    fn lines(&mut self, facts: Facts<'_>) -> Vec<String> {
-        let now = Instant::now();
-        let seconds = self.start.elapsed().as_secs_f64();
+    fn lines(&mut self, status: &Status) -> Vec<String> {
         let mut lines = Vec::new();
-        let (width, status) = (screen::width().saturating_sub(1), facts.drivers.status());
-        for (name, meters) in facts.session.poll() {
+        let (width, xruns) = (screen::width().saturating_sub(1), xruns(status));
+        for (name, meters) in &status.drivers {
             let mut parts = lateness(meters);
-            parts.extend(status.strip_prefix(", ").map(str::to_owned));
-            let head = format!("{seconds:7.1} s  {name}  ");
+            parts.extend(xruns.strip_prefix(", ").map(str::to_owned));
+            let head = format!("{:7.1} s  {name}  ", status.seconds);
             lines.push(fitting(&head, parts, &verdict([meters].into_iter()), width));
         }
-        let rings = facts.session.rings().chain(facts.drivers.rings());
-        lines.extend(rings.map(|ring| format!("           {}", ring_line(&ring))));
-        let levels = facts.session.actuator_levels();
-        let inputs = facts.session.live_inputs();
-        self.count(now, facts.network);
+        let rings = status.rings.iter();
+        lines.extend(rings.map(|ring| format!("           {}", ring_line(ring))));
+        let (levels, inputs) = (&status.actuators, &status.inputs);
+        self.count(inputs);
         let names = levels
             .iter()
             .map(|level| &level.path)
-            .chain(inputs.iter().map(|input| &input.device));
+            .chain(inputs.iter().map(|input| &input.status.device));
         let width = names.map(|name| name.chars().count()).max().unwrap_or(0);
         lines.extend(
             levels
                 .iter()
                 .map(|level| format!("{:<width$}  {}", level.path, shown_level(level))),
         );
-        lines.extend(inputs.iter().map(|input| {
-            format!(
-                "{:<width$}  {}",
-                input.device,
-                self.shown_input(input, &facts, now)
-            )
-        }));
+        lines.extend(
+            inputs
+                .iter()
+                .map(|input| format!("{:<width$}  {}", input.status.device, self.shown_input(input))),
+        );
         for (sink, progress) in &self.progress {
             let mut shown = progress.lines().into_iter();
             lines.extend(shown.next().map(|first| format!("{sink}  {first}")));
             lines.extend(shown);
         }
-        lines.extend(facts.set.map(|set| format!("set last: {set}")));
+        let set = status.last_set.iter();
+        lines.extend(set.map(|set| format!("set last: {set}")));
         lines
     }
 
     /// Updates the packet counts and rates.
-    fn count(&mut self, now: Instant, network: &Connections) {
+    fn count(&mut self, inputs: &[InputNow]) {
+        let now = Instant::now();
         let lasts = now.saturating_duration_since(self.counted);
         if !self.inputs.is_empty() && lasts < RATE {
             return;
         }
         let before = std::mem::take(&mut self.inputs);
-        self.inputs = network
-            .counts()
-            .map(|(device, counts)| {
-                let known = before.iter().find(|(name, ..)| name == device);
-                let come = known.map_or(0, |(_, before, _)| counts.accepted.saturating_sub(*before));
-                (
-                    device.to_owned(),
-                    counts.accepted,
-                    come as f64 / lasts.as_secs_f64().max(1e-3),
-                )
-            })
-            .collect();
+        let rate = |input: &InputNow| {
+            let (device, accepted) = (&input.status.device, input.packets.as_ref()?.accepted);
+            let known = before.iter().find(|(name, ..)| name == device);
+            let come = known.map_or(0, |(_, before, _)| accepted.saturating_sub(*before));
+            let hz = come as f64 / lasts.as_secs_f64().max(1e-3);
+            Some((device.clone(), accepted, hz))
+        };
+        self.inputs = inputs.iter().filter_map(rate).collect();
         self.counted = now;
     }
 
-    fn shown_input(&self, input: &InputStatus, facts: &Facts<'_>, now: Instant) -> String {
-        let rate = self.inputs.iter().find(|(name, ..)| *name == input.device);
+    fn shown_input(&self, input: &InputNow) -> String {
+        let rate = self.inputs.iter().find(|(name, ..)| *name == input.status.device);
         let rate = rate.map_or_else(|| "heard".to_owned(), |(_, _, hz)| format!("{hz:.0} a second"));
-        let silent_s = facts
-            .silence
-            .silent_for(&input.device, now)
-            .map_or(0.0, |lasts| lasts.as_secs_f64());
-        match input.state {
+        match input.status.state {
             InputState::Never => {
-                let mut places = facts.network.places();
-                let place = places.find(|(device, _)| *device == input.device);
-                let place = place.map_or_else(String::new, |(_, place)| format!(" at {place}"));
-                let received = received(&input.device, facts.network);
-                format!("nothing heard yet{place}{received}")
+                let place = input.place.iter();
+                let place: String = place.map(|place| format!(" at {place}")).collect();
+                format!("nothing heard yet{place}{}", received(&input.unclaimed))
             }
-            InputState::Silent => format!("silent for {:.1} s", silent_s + input.timeout_s),
+            InputState::Silent => {
+                format!("silent for {:.1} s", input.silent_s + input.status.timeout_s)
+            }
             InputState::Jumped => format!("{rate}, jumped: its actuators and force are at zero"),
             InputState::Heard => {
-                let mut counts = facts.network.counts();
-                let counts = counts.find(|(device, _)| *device == input.device);
-                match counts.map_or(0, |(_, counts)| counts.refused_zeros) {
+                let refused = input.packets.as_ref().map_or(0, |packets| packets.refused_zeros);
+                match refused {
                     0 => rate,
                     refused => format!("{rate}, force not steady: taring failed {refused} times"),
                 }
             }
         }
     }
+}
+
+/// Under- and overruns of the soundcards, for the end of a line; empty without soundcards.
+fn xruns(status: &Status) -> String {
+    let streams = status.streams.iter();
+    let each = streams.filter_map(|(connected, counts)| match (counts, connected.role) {
+        (Counts::Stream(counts), Role::Input) => Some(format!(
+            ", {} xruns at {}",
+            counts.xruns,
+            connected.names.join(" and ")
+        )),
+        (Counts::Stream(counts), _) => Some(format!(", {} xruns", counts.xruns)),
+        (Counts::None | Counts::Packets(..), _) => None,
+    });
+    each.collect()
 }
 
 fn ring_line(ring: &RingReport) -> String {

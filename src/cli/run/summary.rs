@@ -1,10 +1,10 @@
 //! Summary of a run: as JSON, as text, and on its page.
 
-use super::super::built::SOUNDCARDS;
 use super::endpoints::Endpoints;
 use super::{Arguments, PlottedSignals, has_end};
 use crate::engine::graph::Graph;
 use crate::engine::run::Outcome;
+use crate::live::soundcard;
 use crate::report::drawing;
 use crate::report::facts::{self, Fact, Facts};
 use crate::report::headlines::Headline;
@@ -93,7 +93,7 @@ impl Summary {
         let simulated = self.endpoints.in_brackets();
         let heard = match sound {
             Some(sound) => {
-                let played = match SOUNDCARDS.is_built {
+                let played = match soundcard::BACKEND.is_built {
                     true => "or with --play",
                     false => "(--play needs a build with soundcards)",
                 };

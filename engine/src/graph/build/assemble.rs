@@ -31,15 +31,16 @@ pub(in crate::graph) fn assemble(
     // Only devices that nodes are bound to are part of the graph.
     let mut kept: Vec<Option<usize>> = Vec::new();
     let mut graph_devices = Vec::new();
-    for (device, body) in devices.into_iter().flat_map(|devices| devices.list).zip(bodies) {
-        kept.push(match (device.bound, device.clock, body) {
-            (true, Some(clock), Some(body)) => {
+    for (device, built) in devices.into_iter().flat_map(|devices| devices.list).zip(bodies) {
+        kept.push(match (device.bound, device.clock, built) {
+            (true, Some(clock), Some(built)) => {
                 graph_devices.push(GraphDevice {
                     entry: device.entry,
                     clock,
                     fingerprint: fingerprint::of_device(&cx, &clocks, &device),
                     name: device.name,
-                    device: body,
+                    device: built.body,
+                    settings: built.settings,
                     senses: device.senses,
                     span: device.span,
                 });

@@ -107,6 +107,14 @@ impl Session {
             .map(|(changed, _)| changed)
     }
 
+    /// As [`change`](Self::change), of a run without files.
+    ///
+    /// # Errors
+    /// [`ChangeError`]; the running graph continues.
+    pub fn change_without_files(&mut self, graph: &Graph) -> Result<Changed, ChangeError> {
+        self.change_with(graph, None, None).map(|(changed, _)| changed)
+    }
+
     /// As [`change`](Self::change). If `probes` are given, the caller reads those outputs from now on.
     /// Returns the streams of new probes in the order of their rings.
     pub(crate) fn change_with(

@@ -15,6 +15,7 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use std::sync::Arc;
 
 pub const HOLD: Bridge = Bridge::Between(BridgeEntry::of::<Hold>());
 pub const LINEAR: Bridge = Bridge::Between(BridgeEntry::of::<Linear>());
@@ -438,6 +439,7 @@ impl World {
             name: "body".into(),
             entry: DeviceEntry::of::<NoBody>(),
             clock,
+            settings: Arc::new(()),
             device: Box::new(Body {
                 position: 0.0,
                 drive: 0.0,
@@ -577,6 +579,7 @@ pub fn with_drives(drives: Vec<TestDrive>) -> Graph {
             entry: DeviceEntry::of::<NoBody>(),
             clock: drive.driver,
             device: drive.device,
+            settings: Arc::new(()),
             span: Span::default(),
             fingerprint: drive.device_fingerprint,
         });

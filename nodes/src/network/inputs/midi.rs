@@ -1,41 +1,10 @@
 //! Numbers by MIDI: controllers, keys and pitch wheels.
 
-#[cfg(any(test, feature = "midi"))]
-mod event;
-#[cfg(feature = "midi")]
-mod port;
-
-use super::{Mapping, NumberInput, Place, Selector, VALUE};
+use super::{Mapping, NumberInput, VALUE};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::silence::OnSilence;
-use std::fmt;
 use std::time::Duration;
-
-#[cfg(feature = "midi")]
-pub(super) use port::listen;
-
-/// Fails with build instructions.
-#[cfg(not(feature = "midi"))]
-pub(super) fn listen(
-    _: &str,
-    _: super::hub::Routes,
-    _: std::sync::Arc<std::sync::atomic::AtomicBool>,
-) -> std::io::Result<std::thread::JoinHandle<()>> {
-    Err(std::io::Error::other(
-        "this program was built without MIDI; `cargo build --release --features midi`, on Linux after `sudo apt install \
-         libasound2-dev pkg-config`",
-    ))
-}
-
-/// Names of the MIDI ports of this machine; empty in a build without MIDI.
-pub fn midi_ports() -> Vec<String> {
-    #[cfg(feature = "midi")]
-    let names = port::names().unwrap_or_default();
-    #[cfg(not(feature = "midi"))]
-    let names = Vec::new();
-    names
-}
 
 haptograph_engine::settings! {
     /// A controller: a fader, a knob, a pedal.
@@ -109,65 +78,12 @@ impl DeviceKind for MidiInput {
                 BuildError::at("port", "the name is empty").help("`haptograph devices` lists the ports")
             );
         }
-        let selector = MidiSelector {
-            message: Message::from(&settings.message),
-            channel: settings.channel,
-        };
         let mapping = Mapping::new([0.0, 1.0], settings.to)?;
-        let silence = (TIMEOUT, settings.on_silence);
-        Ok(NumberInput::device(
-            Place::Midi(settings.port),
-            Selector::Midi(selector),
+        Ok(Box::new(NumberInput::new(
             mapping,
-            silence,
+            TIMEOUT,
+            settings.on_silence,
             cx,
-        ))
-    }
-}
-
-/// A message without its value.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Message {
-    Control(u32),
-    Note(u32),
-    PitchBend,
-}
-
-impl From<&MidiMessage> for Message {
-    fn from(message: &MidiMessage) -> Self {
-        match message {
-            MidiMessage::Control(control) => Self::Control(control.number),
-            MidiMessage::Note(note) => Self::Note(note.number),
-            MidiMessage::PitchBend => Self::PitchBend,
-        }
-    }
-}
-
-/// Selects a message of a device.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::network) struct MidiSelector {
-    message: Message,
-    channel: Option<u32>,
-}
-
-#[cfg(feature = "midi")]
-impl MidiSelector {
-    /// Whether it is a key, which is held and released.
-    fn is_key(&self) -> bool {
-        matches!(self.message, Message::Note(_))
-    }
-}
-
-impl fmt::Display for MidiSelector {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.message {
-            Message::Control(number) => write!(f, "control {number}")?,
-            Message::Note(number) => write!(f, "note {number}")?,
-            Message::PitchBend => f.write_str("pitch bend")?,
-        }
-        match self.channel {
-            Some(channel) => write!(f, " channel {channel}"),
-            None => Ok(()),
-        }
+        )))
     }
 }

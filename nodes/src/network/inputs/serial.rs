@@ -1,35 +1,13 @@
 //! Numbers on a serial line: lines of them, as an Arduino prints them.
 
-#[cfg(any(test, all(feature = "serial", unix)))]
-mod lines;
-#[cfg(all(feature = "serial", unix))]
-mod port;
-
-use super::{Mapping, NumberInput, Place, Selector, VALUE};
+use super::{Mapping, NumberInput, VALUE};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::silence::OnSilence;
-use std::path::PathBuf;
 use std::time::Duration;
 
-#[cfg(all(feature = "serial", unix))]
-pub(super) use port::listen;
-
-/// Fails with build instructions.
-#[cfg(not(all(feature = "serial", unix)))]
-pub(super) fn listen(
-    _: &std::path::Path,
-    _: u32,
-    _: super::hub::Routes,
-    _: std::sync::Arc<std::sync::atomic::AtomicBool>,
-) -> std::io::Result<std::thread::JoinHandle<()>> {
-    Err(std::io::Error::other(
-        "this program was built without serial ports; on Linux and macOS, `cargo build --release --features serial`",
-    ))
-}
-
 /// Standard rates of serial lines, bit/s.
-const RATES: [u32; 8] = [2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200, 230_400];
+pub const SERIAL_RATES: [u32; 8] = [2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200, 230_400];
 
 haptograph_engine::settings! {
     /// A column of the numbers that come in lines on a serial port.
@@ -76,26 +54,18 @@ impl DeviceKind for SerialInput {
                 BuildError::at("port", "the path is empty").help("`ls /dev/serial/by-id` lists the ports")
             );
         }
-        if !RATES.contains(&settings.baud) {
+        if !SERIAL_RATES.contains(&settings.baud) {
             let message = format!("{} bit/s is not a rate of serial lines", settings.baud);
-            let rates = RATES.map(|rate| rate.to_string()).join(", ");
+            let rates = SERIAL_RATES.map(|rate| rate.to_string()).join(", ");
             return Err(BuildError::at("baud", message).help(format!("choose one of {rates}")));
         }
-        let place = Place::Serial {
-            path: PathBuf::from(settings.port),
-            baud: settings.baud,
-        };
         let mapping = Mapping::new(settings.from, settings.to)?;
-        let silence = (
-            Duration::from_secs_f64(settings.timeout_ms * 1e-3),
-            settings.on_silence,
-        );
-        Ok(NumberInput::device(
-            place,
-            Selector::Column(settings.column as usize),
+        let timeout = Duration::from_secs_f64(settings.timeout_ms * 1e-3);
+        Ok(Box::new(NumberInput::new(
             mapping,
-            silence,
+            timeout,
+            settings.on_silence,
             cx,
-        ))
+        )))
     }
 }

@@ -1,0 +1,283 @@
+//! How real devices are reached: one trait, and one table of who implements it.
+
+use crate::soundcard::{CardCounts, SoundcardError};
+use haptograph_engine::graph::Graph;
+use haptograph_engine::run::{Live, RingReport};
+use haptograph_nodes::network::link::Counts as PacketCounts;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// The real-time sides of a live run that no driver has taken yet, each with its driver clock.
+pub type Lives = Vec<(usize, Live)>;
+
+/// Reaches the real devices of some kinds in a live run.
+///
+/// 1. [`open`](Self::open) connects the devices of a graph. Another graph may be opened during the run.
+/// 2. [`drive`](Self::drive) takes the drivers whose clocks its devices are, and starts them, once.
+/// 3. [`keep`](Self::keep) or [`undo`](Self::undo) follows each open: the graph runs, or it does not after all.
+/// 4. [`poll`](Self::poll), [`status`](Self::status) and [`counts`](Self::counts) serve the supervisor.
+/// 5. [`close`](Self::close) waits for the drivers and returns what they drove. Dropping it disconnects the devices.
+pub trait Backend: Send {
+    /// Connects the devices of a graph that are not connected yet, and attaches their bodies.
+    ///
+    /// # Errors
+    /// [`BackendError`] if a device cannot be reached, or not beside those that are connected.
+    fn open(&mut self, graph: &mut Graph) -> Result<(), BackendError>;
+
+    /// Disconnects what the last [`open`](Self::open) connected.
+    fn undo(&mut self) {}
+
+    /// Takes over the names and settings of the graph that was opened last.
+    fn keep(&mut self, graph: &Graph) {
+        let _ = graph;
+    }
+
+    /// Takes the drivers that it is the clock of, and starts them.
+    ///
+    /// # Errors
+    /// [`BackendError`] if a driver cannot be started.
+    fn drive(&mut self, graph: &Graph, lives: &mut Lives) -> Result<(), BackendError> {
+        let _ = (graph, lives);
+        Ok(())
+    }
+
+    /// What has happened since the last call.
+    fn poll(&mut self) -> Vec<BackendEvent> {
+        Vec::new()
+    }
+
+    /// Its connections and drivers.
+    fn status(&self) -> Vec<Connected>;
+
+    /// What each of its connections counted, in the order of [`status`](Self::status).
+    fn counts(&self) -> Vec<Counts>;
+
+    /// Rings from the clocks of its devices to the graph's.
+    fn rings(&self) -> Vec<RingReport> {
+        Vec::new()
+    }
+
+    /// Ends its drivers, which were told to stop, and returns what they drove.
+    ///
+    /// # Errors
+    /// [`BackendError::Lost`] if a driver's thread panicked.
+    fn close(&mut self) -> Result<Lives, BackendError> {
+        Ok(Lives::new())
+    }
+}
+
+/// A connection to a device, or a driver.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Connected {
+    /// Names of the endpoints; of a driver, its clock.
+    pub names: Vec<String>,
+    /// What it does.
+    pub role: Role,
+    /// The clock that it drives.
+    pub clock: Option<usize>,
+    /// Address, path, port, stream or timer.
+    pub place: String,
+    /// Whether it works.
+    pub state: State,
+    /// What the system refused at its start, and how to allow it.
+    pub refused: Vec<String>,
+}
+
+impl Connected {
+    /// A working connection of a device.
+    #[cfg_attr(
+        not(feature = "udp"),
+        allow(dead_code, reason = "it is for the backends that are built")
+    )]
+    pub(crate) fn link(name: &str, place: String) -> Self {
+        Self {
+            names: vec![name.to_owned()],
+            role: Role::Link,
+            clock: None,
+            place,
+            state: State::Running,
+            refused: Vec::new(),
+        }
+    }
+}
+
+/// What a connection does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// It drives a part of the graph.
+    Driver,
+    /// It brings the samples of a sensor.
+    Input,
+    /// It exchanges the latest values with a device.
+    Link,
+}
+
+/// State of a connection or driver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    /// It works.
+    Running,
+    /// Its device is gone and may come back.
+    Waiting,
+    /// The run is over, and every actuator of the driver is at zero.
+    Finished,
+}
+
+/// What a connection counted.
+#[derive(Debug, Clone)]
+pub enum Counts {
+    /// Nothing: a timer.
+    None,
+    /// Packets or events of a device, and the OSC addresses of messages that no device listens to.
+    Packets(PacketCounts, Vec<(String, u64)>),
+    /// Samples of a soundcard's stream.
+    Stream(Box<CardCounts>),
+}
+
+/// A message about a device during a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum BackendEvent {
+    /// The device vanished or came back.
+    Changed(String),
+    /// An error of the system, which may repeat many times.
+    Failed(String),
+}
+
+/// Error of a device, a live input or a driver.
+#[derive(Debug, thiserror::Error)]
+pub enum BackendError {
+    /// The address cannot be bound.
+    #[error("device `{device}` cannot listen at {address}: {error}")]
+    Bind {
+        /// Name of the endpoint.
+        device: String,
+        /// The address.
+        address: SocketAddr,
+        /// Error of the system.
+        error: std::io::Error,
+    },
+    /// The event device cannot be read.
+    #[error("device `{device}` cannot be read from {}: {error}", path.display())]
+    Input {
+        /// Name of the endpoint.
+        device: String,
+        /// The event device.
+        path: PathBuf,
+        /// The error.
+        error: std::io::Error,
+    },
+    /// An input cannot be opened.
+    #[error("input `{device}` cannot be opened at {place}: {error}")]
+    Place {
+        /// Name of the endpoint.
+        device: String,
+        /// An address, a serial port or a MIDI port.
+        place: String,
+        /// The error.
+        error: std::io::Error,
+    },
+    /// Inputs at one serial port differ in `baud`.
+    #[error("input `{0}` reads {1} at another rate than other inputs: give all of them the same `baud`")]
+    Differ(String, String),
+    /// Two endpoints listen at the same address.
+    #[error("devices `{0}` and `{1}` both listen at {2}; give each a port of its own")]
+    Shared(String, String, SocketAddr),
+    /// The program was built without the backend of the device.
+    #[error(
+        "device `{device}` cannot be reached: this program was built without {what}; build it with the feature `{feature}`"
+    )]
+    NotBuilt {
+        /// Name of the endpoint.
+        device: String,
+        /// What is missing.
+        what: &'static str,
+        /// The cargo feature.
+        feature: &'static str,
+    },
+    /// A soundcard cannot be used.
+    #[error(transparent)]
+    Soundcard(#[from] SoundcardError),
+    /// The graph needs streams that the run has not.
+    #[error("it needs {0}; start a new run for it")]
+    Stream(&'static str),
+    /// No thread can be started.
+    #[error(transparent)]
+    Thread(std::io::Error),
+    /// Nothing drives a clock.
+    #[error("nothing drives the clock `{0}`: this program was built without the feature `timer`")]
+    NoDriver(String),
+    /// A driver's thread panicked.
+    #[error("the driver thread ended early")]
+    Lost,
+}
+
+/// A backend of the table.
+#[derive(Debug, Clone, Copy)]
+pub struct BackendEntry {
+    /// The hardware, in the plural.
+    pub what: &'static str,
+    /// The cargo feature.
+    pub feature: &'static str,
+    /// Device kinds that it reaches.
+    pub kinds: &'static [&'static str],
+    /// Whether this program was built with it.
+    pub is_built: bool,
+    /// Whether it can drive a graph.
+    pub drives: bool,
+    /// Makes it, without connections; `None` if this program was built without it.
+    pub(crate) new: Option<fn() -> Box<dyn Backend>>,
+}
+
+/// All backends. Those that drive come in the order in which they take drivers: a missing soundcard is found before a timer
+/// moves anything.
+pub const BACKENDS: [BackendEntry; 7] = [
+    crate::soundcard::BACKEND,
+    crate::evdev::BACKEND,
+    crate::udp::BACKEND,
+    crate::osc::BACKEND,
+    crate::serial::BACKEND,
+    crate::midi::BACKEND,
+    crate::timer::BACKEND,
+];
+
+impl BackendEntry {
+    /// The endpoints of a graph that it reaches.
+    pub fn endpoints<'g>(&self, graph: &'g Graph) -> impl Iterator<Item = &'g str> + use<'g> {
+        let kinds = self.kinds;
+        let devices = graph.devices().iter();
+        let own = devices.filter(move |device| kinds.contains(&device.entry.spec.name));
+        own.map(|device| &*device.name)
+    }
+
+    /// The backend; in a program that was built without it, one that refuses its devices.
+    pub(crate) fn make(&self) -> Box<dyn Backend> {
+        match self.new {
+            Some(new) => new(),
+            None => Box::new(Missing(*self)),
+        }
+    }
+}
+
+/// In place of a backend that is not built.
+struct Missing(BackendEntry);
+
+impl Backend for Missing {
+    fn open(&mut self, graph: &mut Graph) -> Result<(), BackendError> {
+        match self.0.endpoints(graph).next() {
+            Some(device) => Err(BackendError::NotBuilt {
+                device: device.to_owned(),
+                what: self.0.what,
+                feature: self.0.feature,
+            }),
+            None => Ok(()),
+        }
+    }
+
+    fn status(&self) -> Vec<Connected> {
+        Vec::new()
+    }
+
+    fn counts(&self) -> Vec<Counts> {
+        Vec::new()
+    }
+}

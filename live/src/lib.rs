@@ -1,0 +1,51 @@
+//! Live runs of haptograph: drivers, real devices, and their supervision.
+//!
+//! A graph names its devices; `haptograph-nodes` declares their ports and their bodies, which tick. Here is who reaches the real
+//! ones: a [`Backend`] for each sort of hardware, one folder and one feature each, in one table, [`BACKENDS`]. The core, which
+//! is what no feature adds to, has no threads, no files and no operating system, and builds for WebAssembly.
+
+mod backend;
+mod connections;
+pub mod evdev;
+#[cfg_attr(
+    not(feature = "osc"),
+    allow(dead_code, reason = "it is for the backends that are built")
+)]
+mod hub;
+pub mod midi;
+pub mod osc;
+pub mod serial;
+#[cfg(test)]
+mod silence;
+pub mod soundcard;
+#[cfg(feature = "supervisor")]
+pub mod supervisor;
+pub mod timer;
+pub mod udp;
+
+/// Counts allocations, which real-time code must not make.
+#[cfg(test)]
+#[expect(unsafe_code, reason = "an allocator that counts")]
+#[path = "../../nodes/tests/realtime/mod.rs"]
+mod realtime;
+
+pub use backend::{
+    BACKENDS, Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Lives, Role, State,
+};
+pub use connections::Connections;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+
+/// Tells a thread to end and waits for it.
+#[cfg_attr(
+    not(feature = "osc"),
+    allow(dead_code, reason = "it is for the backends that are built")
+)]
+fn end(stop: &AtomicBool, thread: &mut Option<JoinHandle<()>>) {
+    stop.store(true, Ordering::Relaxed);
+    if let Some(thread) = thread.take() {
+        // A panic does not matter here: the thread's resources are released either way.
+        let _ = thread.join();
+    }
+}

@@ -1,0 +1,154 @@
+//! Soundcards: they drive a live run by their clock, and listen to sensors.
+//!
+//! Access to a real card needs cpal, which on Linux needs the headers of ALSA: it is the feature `soundcard`, always on
+//! where no system package is needed (macOS, Windows). Which streams a graph requests is known in every build.
+
+mod backend;
+#[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
+mod fill;
+#[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
+mod listen;
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+mod play;
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+mod reconnecting;
+mod request;
+#[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
+mod shared;
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+mod streams;
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+mod system;
+#[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
+mod without;
+
+#[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
+pub use without::{CardDriver, Inputs, list, play_once, ready_to_play};
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+pub use {
+    play::{play_once, ready_to_play},
+    streams::{CardDriver, Inputs},
+    system::list,
+};
+
+pub use haptograph_nodes::soundcard::{CardFormat, Request};
+pub use request::{CardRequests, Heard, Played, card_requests, played};
+
+use crate::backend::BackendEntry;
+use haptograph_engine::run::Histogram;
+
+/// Soundcards. Without them their device kinds can still be checked and run offline.
+pub const BACKEND: BackendEntry = BackendEntry {
+    what: "soundcards",
+    feature: "soundcard",
+    kinds: &[
+        "Soundcard",
+        "SoundcardVoltage",
+        "SoundcardAccelerometer",
+        "SoundcardInput",
+        "SoundcardHaptuator",
+    ],
+    is_built: cfg!(any(feature = "soundcard", target_os = "macos", windows)),
+    drives: true,
+    new: Some(|| Box::new(backend::Soundcards::default())),
+};
+
+/// Error of a soundcard.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SoundcardError {
+    /// The program was built without soundcards.
+    #[error(
+        "this haptograph was built without soundcards; install the headers with `sudo apt install libasound2-dev \
+         pkg-config` (Fedora: `sudo dnf install alsa-lib-devel`), then build with `cargo build --release --features \
+         soundcard`"
+    )]
+    NotBuilt,
+    /// The device ticks on a derived clock.
+    #[error("soundcard `{0}` ticks on a derived clock: put it on a driver clock and bridge to it")]
+    Derived(String),
+    /// Two endpoints request the card with different settings.
+    #[error(
+        "devices `{0}` and `{1}` request soundcards that differ in {2}: one soundcard drives a graph, so give both the same"
+    )]
+    Differ(String, String, &'static str),
+    /// Two endpoints drive the same channel.
+    #[error("devices `{0}` and `{1}` both drive channel {2} of the soundcard: give each its own")]
+    Shared(String, String, u32),
+    /// No card matches.
+    #[error("there is no soundcard `{wanted}` that {does}; there are: {found}")]
+    Unknown {
+        /// The requested name.
+        wanted: String,
+        /// Whether it should play or listen.
+        does: &'static str,
+        /// The cards that exist.
+        found: String,
+    },
+    /// The card does not support the requested stream.
+    #[error("{card} does not support {wanted}; it supports: {found}")]
+    Unsupported {
+        /// Name of the card.
+        card: String,
+        /// The requested stream.
+        wanted: String,
+        /// The streams that it supports.
+        found: String,
+    },
+    /// An error of the sound system.
+    #[error("the soundcard cannot be opened: {0}")]
+    System(String),
+}
+
+/// A soundcard of this machine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Listed {
+    /// Name for the setting `device`.
+    pub name: String,
+    /// Long name.
+    pub about: String,
+    /// Playback, if the card supports it.
+    pub plays: Option<Ability>,
+    /// Capture, if the card supports it.
+    pub listens: Option<Ability>,
+}
+
+/// What a card supports in one direction.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ability {
+    /// Whether it is the system's default.
+    pub default: bool,
+    /// Supported streams, one per line.
+    pub formats: Vec<String>,
+}
+
+/// A stream as the card opened it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OpenedStream {
+    /// Name of the card.
+    pub card: String,
+    /// Rate, Hz.
+    pub rate_hz: u32,
+    /// Channels of the stream.
+    pub channels: u16,
+    /// Sample format.
+    pub format: String,
+    /// Frames of a callback, if the system states them.
+    pub buffer_frames: Option<u32>,
+}
+
+/// Counts of a stream.
+#[derive(Debug, Clone, Default)]
+pub struct CardCounts {
+    /// Under- and overruns that the system reported.
+    pub xruns: u64,
+    /// Longest delay of a callback after an xrun, ns.
+    pub xrun_delay_max_ns: u64,
+    /// Time of the last xrun since the start, ns.
+    pub xrun_last_ns: u64,
+    /// Samples at or beyond full scale.
+    pub clipped: u64,
+    /// Times that the card vanished.
+    pub vanished: u64,
+    /// Times between callback and converter, as the system states them.
+    pub latency: Histogram,
+}

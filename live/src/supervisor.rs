@@ -1,0 +1,296 @@
+//! Supervision of a live run: settings, saved files, swaps, silences and the report. It prints nothing: what happens is
+//! [`Event`]s, what is asked for is [`Request`]s.
+
+mod drivers;
+mod event;
+mod history;
+mod latency;
+mod loading;
+mod network_value;
+mod protected;
+pub mod replay;
+mod report;
+mod requests;
+mod silence;
+mod start;
+mod status;
+mod swap;
+mod watch;
+
+pub use event::{DeviceUse, Event, Origin, Request};
+pub use latency::Measured;
+pub use loading::{GraphSource, Job, LoadFn, LoadOutcome, load};
+pub use report::{
+    CardReport, InputReport, LatencyPart, LatencyReport, PacketReport, QuantilesMs, QuantilesUs, RunReport,
+    SavedGraph, SilenceReport, SilencedActuator, TimingReport, TransportMs, XrunReport,
+};
+pub use silence::received;
+pub use start::{Accept, ConnectedRun, PreparedRun, RunOptions, StartError};
+pub use status::{InputNow, Status};
+pub use swap::CHANGES;
+
+use crate::backend::{BackendError, Connected};
+use crate::osc::OscControl;
+use drivers::Drivers;
+use haptograph_engine::graph::Graph;
+use haptograph_engine::run::{LiveOutcome, RingReport, Session};
+use history::{History, Notes};
+use loading::{Loader, Loading, ParameterDefaults};
+use protected::ProtectedSettings;
+use requests::PendingChange;
+use silence::SilenceMonitor;
+use std::collections::VecDeque;
+use std::fmt;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender};
+use std::time::{Duration, Instant};
+use watch::FileWatch;
+
+/// Polling period.
+const PERIOD: Duration = Duration::from_millis(50);
+/// Polling period while a graph loads.
+const LOADING_PERIOD: Duration = Duration::from_millis(5);
+
+/// Maximum number of queued requests.
+pub const MAX_QUEUED: usize = 1024;
+/// Maximum number of requests handled between two checks of the stop flag.
+const MAX_HANDLED: usize = 64;
+
+/// A supervised live run.
+///
+/// Call [`wait`](Self::wait) and [`poll`](Self::poll) until [`is_finished`](Self::is_finished), then [`finish`](Self::finish). Dropping it stops the actuators and leaves the files as they are.
+pub struct Supervisor {
+    /// The graph that ran first.
+    graph: Arc<Graph>,
+    /// What runs, with the present parameters.
+    source: GraphSource,
+    /// The parameters that the run began with.
+    given: Vec<(String, String)>,
+    /// The parameters set since.
+    typed: ParameterDefaults,
+    /// The parameters of the running graph, with their defaults.
+    parameters: ParameterDefaults,
+    accept: Accept,
+    folder: Option<PathBuf>,
+    watch: Option<FileWatch>,
+    session: Session,
+    drivers: Drivers,
+    stop: Arc<AtomicBool>,
+    silence: SilenceMonitor,
+    notes: Notes,
+    refused_at_start: Vec<String>,
+    unrested: Vec<String>,
+    start: Instant,
+    /// Number of changed graphs, and of those that differed in more than live settings.
+    changes: u32,
+    swaps: u32,
+    devices: Vec<DeviceUse>,
+    saved: Vec<SavedGraph>,
+    history: History,
+    /// Names whose OSC messages were refused; each is reported once.
+    refused: Vec<String>,
+    protected: ProtectedSettings,
+    /// Texts of the running graph's files.
+    texts: Vec<String>,
+    loader: Loader,
+    loading: Option<(PendingChange, Loading)>,
+    waiting: VecDeque<PendingChange>,
+    known: Option<loading::KnownDocument>,
+    osc: Option<OscControl>,
+    /// Keeps the inbox open.
+    sender: SyncSender<Request>,
+    inbox: Receiver<Request>,
+    requests: Vec<Request>,
+    events: Vec<Event>,
+}
+
+/// A run that has ended.
+#[derive(Debug)]
+pub struct Ended {
+    /// The outcome, as of any run.
+    pub outcome: LiveOutcome,
+    /// The report.
+    pub report: RunReport,
+    /// Warnings and notes, one sentence each.
+    pub warnings: Vec<String>,
+    /// Measured latencies.
+    pub latencies: Vec<Measured>,
+    /// The devices of all graphs that ran.
+    pub devices: Vec<DeviceUse>,
+    /// Duration by the clock of the computer, s.
+    pub took_s: f64,
+}
+
+impl Supervisor {
+    /// Queues a request for the next [`poll`](Self::poll).
+    pub fn request(&mut self, request: Request) {
+        self.requests.push(request);
+    }
+
+    /// Queues another value of a parameter or live setting, by the embedding program.
+    pub fn set(&mut self, name: &str, value: impl fmt::Display) {
+        self.request(Request {
+            name: name.to_owned(),
+            value: value.to_string(),
+            origin: Origin::Program,
+        });
+    }
+
+    /// Sends requests from another thread. A full queue drops a request that is tried, and holds up one that is sent.
+    pub fn sender(&self) -> SyncSender<Request> {
+        self.sender.clone()
+    }
+
+    /// Maximum number of requests for the next [`poll`](Self::poll), so that a stop is not held up.
+    pub fn room(&self) -> usize {
+        MAX_HANDLED.min(MAX_QUEUED.saturating_sub(self.waiting.len()))
+    }
+
+    /// Ramps the actuators to zero and ends the run.
+    pub fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// Stops all drivers and waits until none drives any device: after a panic of the caller.
+    pub fn stop_now(&self) {
+        self.drivers.stop();
+    }
+
+    /// Whether the run is over: every actuator is at zero, or nothing drives it any more.
+    pub fn is_finished(&self) -> bool {
+        self.drivers.is_finished(self.stop.load(Ordering::Relaxed))
+    }
+
+    /// Waits until the next [`poll`](Self::poll) is due: for a request, at most 50 ms.
+    pub fn wait(&mut self) {
+        let longest = match self.loading.is_some() {
+            true => LOADING_PERIOD,
+            false => PERIOD,
+        };
+        if self.requests.is_empty() {
+            self.requests.extend(self.inbox.recv_timeout(longest));
+        }
+    }
+
+    /// Does what is due, without waiting: looks after devices and files, handles requests, and loads and swaps graphs.
+    pub fn poll(&mut self) -> Vec<Event> {
+        for event in self.drivers.poll() {
+            self.events.extend(self.notes.add(event).map(Event::Device));
+        }
+        let inputs = self.session.live_inputs();
+        // The final warnings summarise these notes, one line per input.
+        let silences = self.silence.poll(Instant::now(), &inputs, &self.drivers);
+        self.events.extend(silences.into_iter().map(Event::Silence));
+        self.events
+            .extend(self.session.failing_files().map(Event::FileFailed));
+        self.session.poll();
+        if self.drivers.is_partly_finished() {
+            self.stop();
+        }
+        let stopping = self.stop.load(Ordering::Relaxed);
+        self.handle_requests();
+        if self.watch.as_mut().is_some_and(FileWatch::has_changed)
+            && !self
+                .waiting
+                .iter()
+                .any(|change| matches!(change, PendingChange::Saved))
+        {
+            self.waiting.push_back(PendingChange::Saved);
+        }
+        if !stopping {
+            self.load_next();
+        }
+        std::mem::take(&mut self.events)
+    }
+
+    /// Completes the files and returns what the run did. A run that is not [finished](Self::is_finished) is stopped first.
+    ///
+    /// # Errors
+    /// [`BackendError::Lost`] if a driver's thread panicked.
+    pub fn finish(mut self) -> Result<Ended, BackendError> {
+        if !self.is_finished() {
+            self.stop_now();
+        }
+        let mut warnings = self.refused_at_start;
+        warnings.extend(self.notes.counted());
+        warnings.extend(drivers::warnings(&self.drivers));
+        let inputs = self.session.live_inputs();
+        warnings.extend(self.silence.warnings(Instant::now(), &inputs, &self.drivers));
+        let mut report = RunReport {
+            changes: self.changes,
+            swaps: self.swaps,
+            saved_while_running: self.saved,
+            unrested: self.unrested,
+            silences: self.silence.into_events(),
+            set_while_running: self.history.into_list(),
+            osc_malformed: self.osc.as_ref().map(OscControl::malformed),
+            ..RunReport::default()
+        };
+        let heard: Vec<RingReport> = self.drivers.rings().collect();
+        let output_latency = drivers::output_latency(&self.drivers);
+        report.add_connections(&self.drivers);
+        let lives = self.drivers.join()?;
+        // Disconnects the devices, after a last zero to each.
+        drop(self.drivers);
+        let mut outcome = self.session.finish_all(lives);
+        outcome.outcome.rings.extend(heard);
+        let took_s = self.start.elapsed().as_secs_f64();
+        // Computed after the files are complete, since it takes long for a large graph.
+        let latencies = latency::measured(&self.graph, output_latency.as_ref());
+        report.add_outcome(&outcome, &latencies);
+        warnings.extend(report::warnings_of(&outcome));
+        Ok(Ended {
+            outcome,
+            report,
+            warnings,
+            latencies,
+            devices: self.devices,
+            took_s,
+        })
+    }
+
+    /// What drives the run, in words.
+    pub fn description(&self) -> String {
+        drivers::description(&self.drivers)
+    }
+
+    /// All connections to devices, and drivers.
+    pub fn connections(&self) -> Vec<Connected> {
+        self.drivers.status()
+    }
+
+    /// What the system refused at the start, and how to allow it, one sentence each.
+    pub fn refused_at_start(&self) -> &[String] {
+        &self.refused_at_start
+    }
+
+    /// Sinks whose actuators began as warm as their limits allow, since their temperature is unknown.
+    pub fn unrested(&self) -> &[String] {
+        &self.unrested
+    }
+
+    /// Where settings are received by Open Sound Control.
+    pub fn osc_address(&self) -> Option<SocketAddr> {
+        self.osc.as_ref().map(OscControl::address)
+    }
+
+    /// The parameters and live settings with their values.
+    pub fn settings(&self) -> Vec<(String, Option<String>)> {
+        let parameter = |(name, default): &(String, Option<String>)| {
+            let set = self.source.set.iter().find(|(known, _)| known == name);
+            let value = set.map(|(_, value)| value.clone()).or(default.clone());
+            (name.clone(), value)
+        };
+        let live = self.session.settings();
+        let live = live.map(|live| (live.name(), Some(live.value.to_string())));
+        self.parameters.iter().map(parameter).chain(live).collect()
+    }
+
+    /// What was set, when and by whom, one line each.
+    pub fn history(&self) -> String {
+        self.history.lines()
+    }
+}

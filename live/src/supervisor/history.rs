@@ -1,0 +1,122 @@
+//! Notes about soundcards and devices, and the history of settings, of a live run.
+
+use super::swap::settings_text;
+use crate::backend::BackendEvent;
+use haptograph_engine::run::Change;
+
+/// Counted notes about soundcards and devices.
+#[derive(Debug, Default)]
+pub(super) struct Notes {
+    list: Vec<(String, u64)>,
+}
+
+impl Notes {
+    /// Adds an event. Returns its note if it is to be shown: that of a device that was lost or found each time, an error
+    /// once, since a failing card repeats it thousands of times.
+    pub fn add(&mut self, event: BackendEvent) -> Option<String> {
+        let (note, is_shown) = match event {
+            BackendEvent::Changed(note) => (note, true),
+            BackendEvent::Failed(note) => {
+                let is_new = !self.list.iter().any(|(known, _)| *known == note);
+                (note, is_new)
+            }
+        };
+        self.count(note.clone());
+        is_shown.then_some(note)
+    }
+
+    fn count(&mut self, note: String) {
+        match self.list.iter_mut().find(|(known, _)| *known == note) {
+            Some((_, times)) => *times += 1,
+            None => self.list.push((note, 1)),
+        }
+    }
+
+    /// All notes, each with how often it came.
+    pub fn counted(self) -> Vec<String> {
+        let counted = self.list.into_iter().map(|(note, times)| match times {
+            1 => note,
+            _ => format!("{note} ({times} times)"),
+        });
+        counted.collect()
+    }
+}
+
+/// The settings changed during the run.
+#[derive(Debug, Default)]
+pub(super) struct History {
+    list: Vec<String>,
+    more: u64,
+}
+
+impl History {
+    /// Maximum number of entries.
+    pub const MAX: usize = 200;
+
+    /// Adds a setting.
+    pub fn note(&mut self, at_s: f64, name: &str, value: &str, by: &str) {
+        self.push(format!("{at_s:.2} s {name}={value} ({by})"));
+    }
+
+    /// Adds the effect of a saved file.
+    pub fn saved(&mut self, at_s: f64, change: Change, set: &[(String, f64)]) {
+        let what = match change {
+            Change::Settings(_) => settings_text(set),
+            change => change.to_string(),
+        };
+        self.push(format!("{at_s:.2} s {what} (saved)"));
+    }
+
+    fn push(&mut self, line: String) {
+        match self.list.len() < Self::MAX {
+            true => self.list.push(line),
+            false => self.more += 1,
+        }
+    }
+
+    /// The last entry.
+    pub fn last(&self) -> Option<&str> {
+        self.list.last().map(String::as_str)
+    }
+
+    /// All entries, one per line.
+    pub fn lines(&self) -> String {
+        let more = match self.more {
+            0 => String::new(),
+            more => format!("and {more} more\n"),
+        };
+        match &self.list[..] {
+            [] => "nothing has been set yet\n".to_owned(),
+            list => list.join("\n") + "\n" + &more,
+        }
+    }
+
+    /// All entries.
+    pub fn into_list(mut self) -> Vec<String> {
+        if self.more > 0 {
+            self.list.push(format!("and {} more", self.more));
+        }
+        self.list
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_and_complaints_are_counted_by_their_words() {
+        let mut notes = Notes::default();
+        let failed = |note: &str| BackendEvent::Failed(note.to_owned());
+        let changed = |note: &str| BackendEvent::Changed(note.to_owned());
+        for is_first in [true, false] {
+            assert_eq!(notes.add(failed("broken pipe")).is_some(), is_first);
+            assert!(notes.add(changed("gone")).is_some() && notes.add(changed("back")).is_some());
+        }
+        notes.add(changed("gone"));
+        assert_eq!(
+            notes.counted(),
+            ["broken pipe (2 times)", "gone (3 times)", "back (2 times)"]
+        );
+    }
+}

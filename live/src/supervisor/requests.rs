@@ -1,0 +1,199 @@
+//! Requests to a live run: settings at once, parameters by another graph.
+
+use super::history::History;
+use super::loading::{self, Job, SavedOverrides};
+use super::{Event, Origin, Request, Supervisor, network_value};
+use haptograph_engine::settings::closest;
+
+/// Which events of a change are of interest. A fader is moved a hundred times per second.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Verbosity {
+    Silent,
+    /// Only the reasons of refusals.
+    Refusals,
+    All,
+}
+
+/// A change that needs the graph to be loaded again.
+#[derive(Debug)]
+pub(super) enum PendingChange {
+    Set(Request),
+    /// A file of the graph was saved.
+    Saved,
+}
+
+impl Supervisor {
+    /// Tells why a request is refused.
+    pub(super) fn refuse(&mut self, verbosity: Verbosity, why: String) {
+        if verbosity >= Verbosity::Refusals {
+            self.events.push(Event::Refused(why));
+        }
+    }
+
+    /// Handles requests: those that need a loaded graph are queued, all others are done at once.
+    pub(super) fn handle_requests(&mut self) {
+        let mut settings: Vec<Request> = Vec::new();
+        let arrived: Vec<Request> = self.inbox.try_iter().take(self.room()).collect();
+        for request in std::mem::take(&mut self.requests).into_iter().chain(arrived) {
+            match request.origin {
+                Origin::Keyboard | Origin::Program => self.request_change(request),
+                Origin::Osc => {
+                    // Only the latest value of a fader counts.
+                    settings.retain(|known| known.name != request.name);
+                    settings.push(request);
+                }
+            }
+        }
+        for request in settings {
+            self.request_change(request);
+        }
+    }
+
+    /// Sets a live setting of a node at once. A parameter is queued until the graph is loaded with it.
+    fn request_change(&mut self, request: Request) {
+        let Request { name, value, origin } = &request;
+        let verbosity = self.verbosity(name, *origin);
+        if name.contains('.') {
+            let was_set = self.set_directly(name, value, verbosity);
+            return self.note(was_set, request);
+        }
+        if !self.parameters.iter().any(|(known, _)| known == name) {
+            let names = self.parameters.iter().map(|(known, _)| known.as_str());
+            let help = choices(name, &names.collect::<Vec<_>>(), "its parameters are");
+            self.refuse(verbosity, format!("the graph has no parameter `{name}`{help}"));
+            return self.note(false, request);
+        }
+        if *origin == Origin::Osc {
+            if let Some(refusal) = network_value::refusal(value, &self.source.path) {
+                self.refuse(verbosity, format!("`{name}` was not changed: {refusal}"));
+                return self.note(false, request);
+            }
+            let same = |change: &PendingChange| matches!(change, PendingChange::Set(known) if known.origin == Origin::Osc && known.name == *name);
+            self.waiting.retain(|change| !same(change));
+        }
+        self.waiting.push_back(PendingChange::Set(request));
+    }
+
+    /// Which events of a request are of interest.
+    fn verbosity(&self, name: &str, origin: Origin) -> Verbosity {
+        let full = self.refused.len() >= History::MAX;
+        match origin {
+            Origin::Keyboard | Origin::Program => Verbosity::All,
+            Origin::Osc if full || self.refused.iter().any(|known| known == name) => Verbosity::Silent,
+            Origin::Osc => Verbosity::Refusals,
+        }
+    }
+
+    /// Records the outcome of a request.
+    pub(super) fn note(&mut self, was_set: bool, request: Request) {
+        let Request { name, value, origin } = request;
+        if was_set {
+            let at_s = self.start.elapsed().as_secs_f64();
+            self.history.note(at_s, &name, &value, origin.as_str());
+        } else if self.verbosity(&name, origin) == Verbosity::Refusals {
+            self.refused.push(name);
+        }
+    }
+
+    /// Polls the loader; when it is free, starts the next queued change.
+    pub(super) fn load_next(&mut self) {
+        if let Some((change, loading)) = self.loading.take() {
+            let verbosity = match &change {
+                PendingChange::Set(request) => self.verbosity(&request.name, request.origin),
+                PendingChange::Saved => Verbosity::All,
+            };
+            match loading.poll() {
+                Some(loaded) => self.swap_loaded(change, loaded, &loading, verbosity),
+                None if loading.elapsed() < loading::BUDGET => {
+                    self.loading = Some((change, loading));
+                    return;
+                }
+                None => {
+                    let budget_s = loading::BUDGET.as_secs();
+                    self.refuse(
+                        verbosity,
+                        format!(
+                            "the running graph is unchanged: the new one did not load within {budget_s} s"
+                        ),
+                    );
+                    self.reject(change);
+                }
+            }
+        }
+        if let Some(change) = self.waiting.pop_front() {
+            let job = self.job(&change);
+            match self.loader.begin(job) {
+                Ok(loading) => self.loading = Some((change, loading)),
+                Err(why) => {
+                    self.refuse(Verbosity::All, format!("the running graph is unchanged: {why}"));
+                    self.reject(change);
+                }
+            }
+        }
+    }
+
+    pub(super) fn reject(&mut self, change: PendingChange) {
+        if let PendingChange::Set(request) = change {
+            self.note(false, request);
+        }
+    }
+
+    fn job(&mut self, change: &PendingChange) -> Job {
+        let mut source = self.source.clone();
+        let saved = match change {
+            PendingChange::Set(Request { name, value, .. }) => {
+                source.set.retain(|(known, _)| known != name);
+                source.set.push((name.clone(), value.clone()));
+                None
+            }
+            PendingChange::Saved => Some(SavedOverrides {
+                given: self.given.clone(),
+                typed: self.typed.clone(),
+            }),
+        };
+        Job {
+            source,
+            saved,
+            known: self.known.take(),
+        }
+    }
+
+    fn set_directly(&mut self, name: &str, value: &str, verbosity: Verbosity) -> bool {
+        let Ok(number) = value.parse::<f64>() else {
+            self.refuse(verbosity, format!("`{value}` is not a number"));
+            return false;
+        };
+        match self.session.set_by_name(name, number) {
+            Ok(()) => {
+                if verbosity == Verbosity::All {
+                    self.events.push(Event::Set(name.to_owned(), number));
+                }
+                true
+            }
+            Err(error) => {
+                let names: Vec<String> = self.session.settings().map(|live| live.name()).collect();
+                let names: Vec<&str> = names.iter().map(String::as_str).collect();
+                let help = match names.contains(&name) {
+                    true => String::new(),
+                    false => choices(name, &names, "the live settings are"),
+                };
+                self.refuse(verbosity, format!("`{name}` was not changed: {error}{help}"));
+                false
+            }
+        }
+    }
+}
+
+/// Advice about an unknown name.
+fn choices(name: &str, known: &[&str], are: &str) -> String {
+    const SHOWN: usize = 12;
+    match (closest(name, known.iter().copied()), known.len()) {
+        (Some(near), _) => format!("; did you mean `{near}`?"),
+        (None, 0) => "; `list` shows what can be set".to_owned(),
+        (None, 1..=SHOWN) => format!("; {are} {}", known.join(", ")),
+        (None, _) => format!(
+            "; {are} {} and others, which `list` shows",
+            known[..SHOWN].join(", ")
+        ),
+    }
+}

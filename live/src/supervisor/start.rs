@@ -1,0 +1,273 @@
+//! The start of a live run: load, connect, start.
+
+use super::drivers::Drivers;
+use super::loading::{self, GraphSource, Job, LoadFn, LoadedGraph, Loader, ParameterDefaults};
+use super::silence::SilenceMonitor;
+use super::{DeviceUse, History, MAX_QUEUED, Notes, Origin, Request, Supervisor};
+use crate::backend::BackendError;
+use crate::connections::Connections;
+use crate::osc::OscControl;
+use haptograph_engine::diagnostic::Diagnostics;
+use haptograph_engine::graph::Graph;
+use haptograph_engine::registry::Registry;
+use haptograph_engine::run::{FileSinks, LiveOptions, Session};
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Instant;
+
+/// Refuses graphs that the embedding program cannot run, with the reason.
+pub type Accept = Arc<dyn Fn(&Graph) -> Result<(), String> + Send + Sync>;
+
+/// What runs live, and how.
+#[derive(Clone)]
+pub struct RunOptions {
+    /// The graph.
+    pub source: GraphSource,
+    /// Whether changes of its files are applied while it runs.
+    pub watch: bool,
+    /// Duration, s; `None` runs until it is stopped.
+    pub seconds: Option<f64>,
+    /// Largest block in driver frames; 0 means the default.
+    pub block: usize,
+    /// Whether the actuators are known to be cold. Otherwise real actuators start without heat reserve.
+    pub rested: bool,
+    /// Where settings are received by Open Sound Control, if at all.
+    pub osc: Option<SocketAddr>,
+    /// Refuses changed graphs, before they run.
+    pub accept: Accept,
+    /// Loads changed graphs.
+    pub load: LoadFn,
+}
+
+impl RunOptions {
+    /// A graph as it is, with its live endpoints, until it is stopped.
+    pub fn of(graph: impl Into<PathBuf>) -> Self {
+        Self {
+            source: GraphSource {
+                path: graph.into(),
+                set: Vec::new(),
+                endpoints: None,
+                seed: None,
+            },
+            watch: false,
+            seconds: None,
+            block: 0,
+            rested: false,
+            osc: None,
+            accept: Arc::new(|_| Ok(())),
+            load: loading::load,
+        }
+    }
+}
+
+/// Why a live run cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The graph has errors.
+    #[error("{0}")]
+    Graph(Diagnostics),
+    /// A device cannot be reached, or a driver not started.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+    /// The address for settings cannot be bound.
+    #[error("cannot listen for settings at {0}: {1}")]
+    Osc(SocketAddr, std::io::Error),
+    /// A file or thread cannot be made.
+    #[error(transparent)]
+    System(#[from] std::io::Error),
+    /// A file of the graph cannot be written.
+    #[error("{0}")]
+    File(String),
+}
+
+/// A graph that is loaded for a live run.
+pub struct PreparedRun {
+    options: RunOptions,
+    loaded: LoadedGraph,
+    parameters: ParameterDefaults,
+    loader: Loader,
+}
+
+impl PreparedRun {
+    /// Loads and checks the graph.
+    ///
+    /// # Errors
+    /// [`Diagnostics`] with every error in the file and in the files it includes.
+    pub fn load(options: RunOptions, registry: &Registry) -> Result<Self, Diagnostics> {
+        let first = loading::load(Job::first(&options.source), registry);
+        Ok(Self {
+            loaded: first.result?,
+            parameters: first.parameters,
+            loader: Loader::new(options.load, registry),
+            options,
+        })
+    }
+
+    /// The graph.
+    pub fn graph(&self) -> &Graph {
+        &self.loaded.graph
+    }
+
+    /// Connects the devices of the graph, and receives settings if the options say so.
+    ///
+    /// # Errors
+    /// [`StartError`] if a device cannot be reached.
+    pub fn connect(mut self) -> Result<ConnectedRun, StartError> {
+        let mut connections = Connections::with_drivers();
+        connections.connect(&mut self.loaded.graph)?;
+        let (sender, inbox) = sync_channel(MAX_QUEUED);
+        let osc = listen_for_settings(self.options.osc, &sender)?;
+        let LoadedGraph {
+            graph,
+            watch,
+            protected,
+            texts,
+        } = self.loaded;
+        Ok(ConnectedRun {
+            watch: self.options.watch.then_some(watch),
+            graph: Arc::new(graph),
+            protected,
+            texts,
+            connections,
+            osc,
+            sender,
+            inbox,
+            parameters: self.parameters,
+            loader: self.loader,
+            options: self.options,
+        })
+    }
+}
+
+/// Receives settings, on a thread of its own.
+fn listen_for_settings(
+    address: Option<SocketAddr>,
+    sender: &SyncSender<Request>,
+) -> Result<Option<OscControl>, StartError> {
+    let Some(address) = address else {
+        return Ok(None);
+    };
+    let sender = sender.clone();
+    let listening = OscControl::listen(address, move |setting| {
+        // A full queue drops the value: faders repeat theirs. A closed queue belongs to a finished run.
+        let _ = sender.try_send(Request {
+            name: setting.name,
+            value: setting.value,
+            origin: Origin::Osc,
+        });
+    });
+    listening
+        .map(Some)
+        .map_err(|error| StartError::Osc(address, error))
+}
+
+/// A graph whose devices are connected.
+pub struct ConnectedRun {
+    options: RunOptions,
+    graph: Arc<Graph>,
+    watch: Option<super::FileWatch>,
+    protected: super::ProtectedSettings,
+    texts: Vec<String>,
+    parameters: ParameterDefaults,
+    loader: Loader,
+    connections: Connections,
+    osc: Option<OscControl>,
+    sender: SyncSender<Request>,
+    inbox: Receiver<Request>,
+}
+
+impl ConnectedRun {
+    /// The graph.
+    pub fn graph(&self) -> &Arc<Graph> {
+        &self.graph
+    }
+
+    /// Starts the drivers: the actuators move from here on. The run writes its record for a replay and the files of graphs
+    /// that are saved meanwhile into `folder`; `stop` ends it.
+    ///
+    /// # Errors
+    /// [`StartError`] if a file cannot be made or a driver not started.
+    pub fn start(
+        self,
+        sinks: FileSinks<'_>,
+        folder: Option<&Path>,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Supervisor, StartError> {
+        let options = LiveOptions {
+            block: self.options.block,
+            seconds: self.options.seconds,
+            rested: self.options.rested,
+            stop: Arc::clone(&stop),
+            ..LiveOptions::default()
+        };
+        let (lives, session) = Session::open_all(sinks, &options, folder)?;
+        let unrested = lives
+            .iter()
+            .flat_map(|live| live.run().unrested().map(str::to_owned))
+            .collect();
+        let start = Instant::now();
+        let drivers = Drivers::start(self.connections, &self.graph, lives, &stop)?;
+        Ok(Supervisor {
+            refused_at_start: drivers.notes(),
+            devices: DeviceUse::of(&self.graph),
+            graph: self.graph,
+            given: self.options.source.set.clone(),
+            source: self.options.source,
+            typed: Vec::new(),
+            parameters: self.parameters,
+            accept: self.options.accept,
+            folder: folder.map(Path::to_owned),
+            watch: self.watch,
+            session,
+            drivers,
+            stop,
+            silence: SilenceMonitor::new(Instant::now()),
+            notes: Notes::default(),
+            unrested,
+            start,
+            changes: 0,
+            swaps: 0,
+            saved: Vec::new(),
+            history: History::default(),
+            refused: Vec::new(),
+            protected: self.protected,
+            texts: self.texts,
+            loader: self.loader,
+            loading: None,
+            waiting: VecDeque::new(),
+            known: None,
+            osc: self.osc,
+            sender: self.sender,
+            inbox: self.inbox,
+            requests: Vec::new(),
+            events: Vec::new(),
+        })
+    }
+}
+
+impl Supervisor {
+    /// Loads a graph, connects its devices and starts it. The files of its sinks go to `folder`, if there is one.
+    ///
+    /// # Errors
+    /// [`StartError`] if the graph has errors, a device cannot be reached, or a file cannot be written.
+    pub fn start(
+        options: RunOptions,
+        registry: &Registry,
+        folder: Option<&Path>,
+    ) -> Result<Self, StartError> {
+        let run = PreparedRun::load(options, registry).map_err(StartError::Graph)?;
+        let run = run.connect()?;
+        let graph = Arc::clone(run.graph());
+        let mut sinks = FileSinks::new(&graph);
+        if let Some(folder) = folder {
+            sinks
+                .open_files(folder)
+                .map_err(|error| StartError::File(error.to_string()))?;
+        }
+        run.start(sinks, folder, Arc::default())
+    }
+}

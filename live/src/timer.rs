@@ -1,0 +1,23 @@
+//! Timers: they drive what no soundcard drives.
+
+#[cfg(feature = "timer")]
+mod drivers;
+#[cfg(any(feature = "timer", target_os = "macos", windows))]
+mod thread;
+
+use crate::backend::BackendEntry;
+#[cfg(any(feature = "timer", target_os = "macos", windows))]
+pub use thread::{Timer, TimerNotes, TimerThread};
+
+/// A timer for each driver clock without a soundcard.
+pub const BACKEND: BackendEntry = BackendEntry {
+    what: "timers",
+    feature: "timer",
+    kinds: &[],
+    is_built: cfg!(feature = "timer"),
+    drives: true,
+    #[cfg(feature = "timer")]
+    new: Some(|| Box::new(drivers::Timers::default())),
+    #[cfg(not(feature = "timer"))]
+    new: None,
+};

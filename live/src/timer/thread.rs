@@ -1,0 +1,163 @@
+//! The timer driver: a thread that wakes at absolute deadlines and runs the driver frames that are due.
+//!
+//! Deadlines are computed from the start, so that they do not drift. The thread sleeps until shortly before a deadline
+//! and spins for the rest. After a stall of the machine the lost frames are counted and time continues from there: to
+//! catch up in a burst would run a force loop through many ticks with the same hand position.
+
+use haptograph_engine::run::{Live, Wake};
+use std::sync::mpsc::channel;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Settings of the timer driver.
+#[derive(Debug, Clone, Copy)]
+pub struct Timer {
+    /// Wake-ups per second; a faster driver runs several frames at a time.
+    pub wakes_hz: f64,
+    /// Time before a deadline at which sleeping ends and spinning begins.
+    pub spin: Duration,
+    /// A delay beyond this is a stall of the machine: its frames are skipped.
+    pub stall: Duration,
+}
+
+impl Default for Timer {
+    fn default() -> Self {
+        let (spin, stall) = (Duration::from_micros(200), Duration::from_millis(20));
+        Self {
+            wakes_hz: 1000.0,
+            spin,
+            stall,
+        }
+    }
+}
+
+/// Real-time privileges of the timer's thread.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct TimerNotes {
+    /// The refused privileges and how to grant them, one sentence each.
+    pub refused: Vec<String>,
+}
+
+/// A thread that drives a live run.
+pub struct TimerThread {
+    /// Real-time privileges of the thread.
+    pub notes: TimerNotes,
+    thread: JoinHandle<Live>,
+}
+
+impl TimerThread {
+    /// Whether the run is over.
+    pub fn is_finished(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    /// Waits for the end of the run; `None` if the thread panicked.
+    pub fn join(self) -> Option<Live> {
+        self.thread.join().ok()
+    }
+}
+
+impl Timer {
+    /// Starts a real-time thread that runs until the run is over.
+    ///
+    /// # Errors
+    /// System errors if no thread can be started.
+    pub fn start(self, mut live: Live) -> std::io::Result<TimerThread> {
+        let (notes_in, notes) = channel();
+        let thread = std::thread::Builder::new()
+            .name("haptograph-timer".into())
+            .spawn(move || {
+                // The receiver may be gone.
+                let _ = notes_in.send(self.prepare_thread());
+                self.run(&mut live);
+                live
+            })?;
+        let notes = notes.recv().unwrap_or_default();
+        Ok(TimerThread { notes, thread })
+    }
+
+    /// Requests real-time scheduling and locked memory for the calling thread.
+    pub fn prepare_thread(&self) -> TimerNotes {
+        let mut notes = TimerNotes::default();
+        #[cfg(not(target_os = "linux"))]
+        notes.refused.push(
+            "no real-time scheduling (haptograph supports it on Linux only): expect jitter while the machine is busy"
+                .to_owned(),
+        );
+        #[cfg(target_os = "linux")]
+        {
+            use nix::sys::mman::{MlockAllFlags, mlockall};
+            use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit};
+            use thread_priority::{
+                RealtimeThreadSchedulePolicy, ThreadPriority, ThreadSchedulePolicy,
+                set_thread_priority_and_policy, thread_native_id,
+            };
+            let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+            let priority = ThreadPriority::try_from(60_u8).unwrap_or(ThreadPriority::Max);
+            if let Err(error) = set_thread_priority_and_policy(thread_native_id(), priority, fifo) {
+                notes.refused.push(format!(
+                    "no real-time scheduling ({error:?}): expect jitter; allow it with `rtprio 95` for your user in \
+                     /etc/security/limits.d/"
+                ));
+            }
+            // With a finite limit, locking future memory would make later allocations fail.
+            let unlimited = getrlimit(Resource::RLIMIT_MEMLOCK).is_ok_and(|(soft, _)| soft == RLIM_INFINITY);
+            let flags = match unlimited {
+                true => MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE,
+                false => MlockAllFlags::MCL_CURRENT,
+            };
+            if let Err(error) = mlockall(flags) {
+                notes.refused.push(format!(
+                    "memory is not locked ({error}): page faults may cause jitter; allow it with `memlock unlimited` \
+                     in /etc/security/limits.d/"
+                ));
+            }
+        }
+        notes
+    }
+
+    /// Runs on the calling thread until the run is over and every actuator is at zero.
+    pub fn run(&self, live: &mut Live) {
+        let rate_hz = live.run().rate_hz();
+        let mut start = Instant::now();
+        let period = Duration::from_secs_f64(1.0 / self.wakes_hz);
+        let (mut wake, mut done, mut lost) = (0_u64, 0_u64, 0_u32);
+        while !live.is_idle() {
+            wake += 1;
+            let deadline = start + Duration::from_secs_f64(wake as f64 / self.wakes_hz);
+            let due = (wake as f64 / self.wakes_hz * rate_hz).floor() as u64;
+            self.wait_until(deadline);
+            let began = Instant::now();
+            let late = began.saturating_duration_since(deadline);
+            if late > self.stall {
+                // Skip the time of the stall.
+                start += late;
+                lost = (late.as_secs_f64() * self.wakes_hz) as u32;
+            }
+            let frames = due.saturating_sub(done);
+            live.callback(frames as usize, |_, _| {});
+            done = due;
+            let work = began.elapsed();
+            live.report(Wake {
+                late_ns: late.as_nanos() as u64,
+                work_ns: work.as_nanos() as u64,
+                frames: frames as u32,
+                lost,
+                overrun: work > period,
+            });
+            lost = 0;
+        }
+    }
+
+    fn wait_until(&self, deadline: Instant) {
+        let sleep = deadline
+            .saturating_duration_since(Instant::now())
+            .saturating_sub(self.spin);
+        if !sleep.is_zero() {
+            std::thread::sleep(sleep);
+        }
+        while Instant::now() < deadline {
+            std::hint::spin_loop();
+        }
+    }
+}

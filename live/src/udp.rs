@@ -1,0 +1,28 @@
+//! Devices of other programs over UDP, by haptograph's own protocol or by Open Sound Control.
+
+#[cfg(feature = "udp")]
+mod conversation;
+pub mod protocol;
+#[cfg(feature = "udp")]
+mod sockets;
+
+use crate::backend::BackendEntry;
+#[cfg(feature = "osc")]
+pub(crate) use protocol::are_within_reason;
+
+/// Longest wait of a thread before it checks for a stop or a new command.
+#[cfg(feature = "udp")]
+pub(crate) const WAIT: std::time::Duration = std::time::Duration::from_millis(5);
+
+/// Devices with a socket of their own.
+pub const BACKEND: BackendEntry = BackendEntry {
+    what: "devices over UDP",
+    feature: "udp",
+    kinds: &["UdpDevice", "OscDevice"],
+    is_built: cfg!(feature = "udp"),
+    drives: false,
+    #[cfg(feature = "udp")]
+    new: Some(|| Box::new(sockets::Sockets::default())),
+    #[cfg(not(feature = "udp"))]
+    new: None,
+};

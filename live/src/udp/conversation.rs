@@ -1,0 +1,255 @@
+//! The thread that communicates with a device: accepts valid, new states, and answers with commands.
+
+use super::WAIT;
+use super::protocol::{Command, PacketError, State};
+#[cfg(feature = "osc")]
+use crate::osc::{Addresses, Teller, decode, each_message};
+use haptograph_nodes::network::link::{Count, DRIVEN, Link, SENSED};
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+
+/// Socket settings of a device: addresses, timeout and protocol.
+#[derive(Debug, Clone)]
+pub(super) struct Plug {
+    pub link: Arc<Link>,
+    pub listen: SocketAddr,
+    pub only: Option<SocketAddr>,
+    /// Silence after which the device counts as gone.
+    pub timeout: Duration,
+    pub codec: Codec,
+}
+
+impl Plug {
+    /// Whether a conversation can continue with the other settings unchanged.
+    pub fn says_the_same(&self, other: &Self) -> bool {
+        (self.only, self.timeout, &self.codec) == (other.only, other.timeout, &other.codec)
+    }
+}
+
+/// Protocol of a device.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Codec {
+    /// The device protocol.
+    Protocol,
+    /// Open Sound Control.
+    #[cfg(feature = "osc")]
+    Osc(Arc<Addresses>),
+}
+
+#[cfg(feature = "osc")]
+impl Codec {
+    fn teller(&self) -> Option<Teller> {
+        match self {
+            Self::Protocol => None,
+            Self::Osc(addresses) => addresses.teller(),
+        }
+    }
+}
+
+/// Size of the largest datagram.
+const MAX_BYTES: usize = 65_536;
+
+/// A device at a socket.
+pub(super) struct Conversation<'a> {
+    plug: Plug,
+    socket: &'a UdpSocket,
+    device: Option<SocketAddr>,
+    /// Time of the last packet.
+    heard: Option<Instant>,
+    /// Sequence number and timestamp of its latest state.
+    latest: (u32, u64),
+    sensed: [f64; SENSED],
+    driven: [f64; DRIVEN],
+    /// Version of the command, and when it was first seen.
+    driven_version: (u64, Option<Instant>),
+    told: u32,
+    #[cfg(feature = "osc")]
+    teller: Option<Teller>,
+}
+
+impl<'a> Conversation<'a> {
+    /// A conversation in which a command counts that is newer than `version`.
+    pub fn new(plug: Plug, socket: &'a UdpSocket, version: u64) -> Self {
+        Self {
+            device: plug.only,
+            #[cfg(feature = "osc")]
+            teller: plug.codec.teller(),
+            plug,
+            socket,
+            heard: None,
+            latest: (0, 0),
+            sensed: [0.0; SENSED],
+            driven: [0.0; DRIVEN],
+            driven_version: (version, None),
+            told: 0,
+        }
+    }
+
+    /// Goes on until `stop`, with new settings from `edits`.
+    pub fn hold(mut self, edits: &Receiver<Plug>, stop: &AtomicBool) {
+        let mut bytes = vec![0; MAX_BYTES];
+        while !stop.load(Ordering::Relaxed) {
+            if let Some(plug) = edits.try_iter().last() {
+                self.follow(plug);
+            }
+            match self.socket.recv_from(&mut bytes) {
+                Ok((length, from)) => self.hear(&bytes[..length], from),
+                Err(error) if is_passing(&error) => {}
+                // An unknown error: do not spin.
+                Err(_) => std::thread::sleep(WAIT),
+            }
+            #[cfg(feature = "osc")]
+            self.tell();
+        }
+        self.release();
+    }
+
+    /// Sends the device a last command with zeros.
+    fn release(&mut self) {
+        self.driven = [0.0; DRIVEN];
+        #[cfg(feature = "osc")]
+        if let Some(teller) = &self.teller {
+            // Repeated, because packets may be lost.
+            (0..3).for_each(|_| teller.tell(self.socket, &self.driven));
+        }
+        if let (Codec::Protocol, Some(device)) = (&self.plug.codec, self.device) {
+            // If none arrives, the device's own watchdog acts.
+            let _ = self.socket.send_to(&self.command(false).to_bytes(), device);
+        }
+    }
+
+    /// Applies new settings. A peer that is no longer driven gets a last command; a peer that is no longer accepted is forgotten.
+    fn follow(&mut self, plug: Plug) {
+        if plug.codec != self.plug.codec || plug.only != self.plug.only {
+            self.release();
+            (self.device, self.heard) = (plug.only, None);
+            #[cfg(feature = "osc")]
+            {
+                self.teller = plug.codec.teller();
+            }
+        }
+        self.plug = plug;
+    }
+
+    fn is_silent(&self) -> bool {
+        self.heard.is_none_or(|heard| heard.elapsed() > self.plug.timeout)
+    }
+
+    fn hear(&mut self, bytes: &[u8], from: SocketAddr) {
+        let silent = self.is_silent();
+        if self.device.is_some_and(|device| device != from) && (self.plug.only.is_some() || !silent) {
+            self.plug.link.count(Count::Strangers, 1);
+            return;
+        }
+        match &self.plug.codec {
+            Codec::Protocol => match State::from_bytes(bytes) {
+                Ok(state) => self.take_state(&state, from, silent),
+                Err(PacketError::NotFinite) => self.plug.link.count(Count::NotNumbers, 1),
+                Err(PacketError::TooLarge) => self.plug.link.count(Count::TooLarge, 1),
+                Err(_) => self.plug.link.count(Count::Malformed, 1),
+            },
+            #[cfg(feature = "osc")]
+            Codec::Osc(addresses) => match addresses.understand(bytes, &mut self.sensed) {
+                Ok(true) => self.accept(from),
+                Ok(false) => {
+                    // It was understood as a packet a moment ago.
+                    if let Ok(packet) = decode(bytes) {
+                        each_message(&packet, &mut |message| {
+                            self.plug.link.count_unclaimed(&message.addr)
+                        });
+                    }
+                }
+                Err(what) => self.plug.link.count(what, 1),
+            },
+        }
+    }
+
+    fn take_state(&mut self, state: &State, from: SocketAddr, silent: bool) {
+        // After silence the device may have restarted, with any sequence number.
+        if !silent {
+            match ahead(state.sequence, self.latest.0) {
+                None => {
+                    self.plug.link.count(Count::Outdated, 1);
+                    return;
+                }
+                Some(ahead) => self.plug.link.count(Count::Missing, u64::from(ahead - 1)),
+            }
+        }
+        self.latest = (state.sequence, state.timestamp_ns);
+        let parts = [
+            state.position_m,
+            state.orientation_rad,
+            state.force_n,
+            state.torque_n_m,
+        ];
+        self.sensed.copy_from_slice(parts.as_flattened());
+        self.accept(from);
+        self.look_at_drives();
+        // The next answer makes up for a lost one.
+        let _ = self.socket.send_to(&self.command(true).to_bytes(), from);
+    }
+
+    fn accept(&mut self, from: SocketAddr) {
+        self.device = Some(from);
+        self.heard = Some(Instant::now());
+        self.plug.link.publish(&self.sensed);
+    }
+
+    /// The latest command; zeros if the ticks that compute it have stopped.
+    fn look_at_drives(&mut self) {
+        if let Some((version, driven)) = self.plug.link.driven.look() {
+            let (known, _) = self.driven_version;
+            if version != known {
+                self.driven_version = (version, Some(Instant::now()));
+            }
+            self.driven = driven;
+        }
+        let (_, since) = self.driven_version;
+        if since.is_none_or(|since| since.elapsed() > self.plug.timeout) {
+            self.driven = [0.0; DRIVEN];
+        }
+    }
+
+    fn command(&mut self, running: bool) -> Command {
+        self.told = self.told.wrapping_add(1);
+        let [x, y, z, current_a, brake_a] = self.driven;
+        Command {
+            sequence: self.told,
+            answers: self.latest.0,
+            timestamp_ns: self.latest.1,
+            force_n: [x, y, z],
+            current_a,
+            brake_a,
+            running,
+        }
+    }
+
+    /// By Open Sound Control commands are sent at their own rate.
+    #[cfg(feature = "osc")]
+    fn tell(&mut self) {
+        if self.teller.as_mut().is_some_and(Teller::is_due) {
+            self.look_at_drives();
+            if let Some(teller) = &self.teller {
+                teller.tell(self.socket, &self.driven);
+            }
+        }
+    }
+}
+
+/// How far a sequence number is ahead of another, modulo its range; none if it is not ahead.
+pub(super) fn ahead(new: u32, old: u32) -> Option<u32> {
+    let ahead = new.wrapping_sub(old);
+    (1..=u32::MAX / 2).contains(&ahead).then_some(ahead)
+}
+
+/// Errors that do not affect a socket: a timeout, or an answer that reached no receiver.
+fn is_passing(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{ConnectionRefused, ConnectionReset, Interrupted, TimedOut, WouldBlock};
+    matches!(
+        error.kind(),
+        WouldBlock | TimedOut | Interrupted | ConnectionReset | ConnectionRefused
+    )
+}

@@ -1,0 +1,183 @@
+//! Live runs by the library alone: what an embedding program asks for, is told and gets.
+#![allow(clippy::unwrap_used)]
+
+use haptograph_engine::registry::Registry;
+use haptograph_live::supervisor::{
+    Ended, Event, Origin, Request, RunOptions, RunReport, StartError, Supervisor, replay,
+};
+use haptograph_live::{BACKENDS, BackendError};
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+const GRAPH: &str = r#"Graph(format: 1, parameters: { "level": 0.5 },
+    clocks: { "servo": Driver(rate_hz: 1000) },
+    nodes: {
+        "one": Constant(clock: "servo", value: Param("level"), quantity: "current"),
+        "out": ActuatorSink(current: "one", endpoint: "coil", limit: (peak_a: 1.5, continuous_a: 1.5)),
+        "file": CsvSink(inputs: ["out.delivered"], file: "given.csv"),
+    },
+    endpoints: { "simulated": { "coil": SimulatedHaptuator() } })"#;
+
+fn registry() -> Registry {
+    haptograph_nodes::registry()
+}
+
+/// Options of a graph in a folder.
+fn options(folder: &Path, text: &str) -> RunOptions {
+    let path = folder.join("g.ron");
+    fs::write(&path, text).unwrap();
+    RunOptions {
+        rested: true,
+        ..RunOptions::of(path)
+    }
+}
+
+/// Polls until an event is found or the run is over, then stops the run. Returns all events.
+fn serve(run: &mut Supervisor, is_last: impl Fn(&Event) -> bool) -> Vec<Event> {
+    let mut events = Vec::new();
+    while !run.is_finished() {
+        run.wait();
+        let new = run.poll();
+        if new.iter().any(&is_last) {
+            run.stop();
+        }
+        events.extend(new);
+    }
+    events
+}
+
+fn ended(mut run: Supervisor, is_last: impl Fn(&Event) -> bool) -> (Ended, Vec<Event>) {
+    let events = serve(&mut run, is_last);
+    (run.finish().unwrap(), events)
+}
+
+#[test]
+fn a_setting_and_a_parameter_are_set_and_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    fs::create_dir(&out).unwrap();
+    let options = options(folder.path(), GRAPH);
+    let mut run = Supervisor::start(options, &registry(), Some(&out)).unwrap();
+    assert_eq!(run.settings()[0], ("level".to_owned(), Some("0.5".to_owned())));
+    run.set("out.gain", 0.5);
+    run.set("nonsense", 1);
+    let sender = run.sender();
+    sender
+        .send(Request {
+            name: "level".to_owned(),
+            value: "1.0".to_owned(),
+            origin: Origin::Program,
+        })
+        .unwrap();
+    let (ended, events) = ended(run, |event| matches!(event, Event::Changed(_)));
+    let is_set =
+        |event: &Event| matches!(event, Event::Set(name, value) if name == "out.gain" && *value == 0.5);
+    assert!(events.iter().any(is_set), "{events:?}");
+    assert!(events.iter().any(|event| matches!(event, Event::Refused(_))));
+    let report = &ended.report;
+    assert!(report.live && report.driver.contains("timer") && report.panics.is_empty());
+    assert_eq!((report.changes, report.set_while_running.len()), (1, 2));
+    assert!(report.timing.wakes > 0 && ended.outcome.outcome.stopped);
+    assert_eq!(ended.devices.len(), 1);
+    // What the actuator was given: half of 0.5 A, then of 1 A, then zero.
+    let given = fs::read_to_string(out.join("given.csv")).unwrap();
+    let given: Vec<f64> = given.lines().skip(1).map(last_cell).collect();
+    let highest = given.iter().fold(0.0, |most: f64, value| most.max(*value));
+    assert!(
+        highest <= 0.5 + 1e-9 && given.last().unwrap().abs() < 0.06,
+        "{highest}"
+    );
+    let value = serde_json::to_value(report).unwrap();
+    assert_eq!(serde_json::from_value::<RunReport>(value).unwrap(), *report);
+}
+
+fn last_cell(line: &str) -> f64 {
+    line.rsplit(',').next().unwrap().parse().unwrap()
+}
+
+#[test]
+fn a_saved_file_is_swapped_in_unless_it_is_not_accepted() {
+    for (is_accepted, text) in [
+        (true, GRAPH.replace("\"file\"", "\"other\"")),
+        (false, GRAPH.replace("\"file\"", "\"other\"")),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut options = options(folder.path(), GRAPH);
+        options.watch = true;
+        options.accept = Arc::new(move |graph| match graph.nodes().find("other") {
+            Some(_) if !is_accepted => Err("it is not wanted".to_owned()),
+            _ => Ok(()),
+        });
+        let run = Supervisor::start(options, &registry(), None).unwrap();
+        fs::write(folder.path().join("g.ron"), text + " ").unwrap();
+        let (ended, events) = ended(run, |event| {
+            matches!(event, Event::Changed(_) | Event::Refused(_))
+        });
+        let refused = |event: &Event| matches!(event, Event::Refused(why) if why.contains("not wanted"));
+        assert_eq!(events.iter().any(refused), !is_accepted, "{events:?}");
+        assert_eq!(ended.report.swaps, u32::from(is_accepted));
+        // Without a folder nothing is kept.
+        assert!(ended.report.saved_while_running.is_empty());
+    }
+}
+
+#[test]
+fn a_graph_with_errors_and_a_device_that_is_taken_do_not_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let start = |text: &str| Supervisor::start(options(folder.path(), text), &registry(), None).map(drop);
+    assert!(matches!(start("Graph("), Err(StartError::Graph(_))));
+    let taken = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let device = format!("UdpDevice(listen: \"{}\")", taken.local_addr().unwrap());
+    let refused = start(&GRAPH.replace("SimulatedHaptuator()", &device));
+    assert!(
+        matches!(refused, Err(StartError::Backend(BackendError::Bind { .. }))),
+        "{refused:?}"
+    );
+}
+
+#[test]
+fn the_report_is_what_a_replay_is_bounded_by() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut options = options(folder.path(), GRAPH);
+    options.seconds = Some(0.1);
+    let run = Supervisor::start(options, &registry(), None).unwrap();
+    let (ended, _) = ended(run, |_| false);
+    let outcome = &ended.outcome.outcome;
+    assert!(!outcome.stopped && (outcome.seconds - 0.1).abs() < 1e-9);
+    let report = serde_json::to_value(&ended.report).unwrap();
+    assert_eq!(replay::differences(&report), [""; 0]);
+}
+
+#[test]
+fn a_run_that_is_finished_early_or_dropped_stops_its_actuators() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Supervisor::start(options(folder.path(), GRAPH), &registry(), None).unwrap();
+    run.wait();
+    run.poll();
+    assert!(run.finish().unwrap().outcome.outcome.stopped);
+    let run = Supervisor::start(options(folder.path(), GRAPH), &registry(), None).unwrap();
+    assert!(!run.is_finished());
+    drop(run);
+}
+
+#[test]
+fn every_device_kind_without_a_simulation_has_one_backend() {
+    let registry = registry();
+    let real = registry
+        .devices()
+        .iter()
+        .filter(|entry| !entry.spec.simulated && !entry.is_host());
+    for entry in real {
+        let reaching = BACKENDS
+            .iter()
+            .filter(|backend| backend.kinds.contains(&entry.spec.name));
+        assert_eq!(reaching.count(), 1, "{}", entry.spec.name);
+    }
+    let kinds: Vec<&str> = BACKENDS
+        .iter()
+        .flat_map(|backend| backend.kinds)
+        .copied()
+        .collect();
+    assert!(kinds.len() >= 10 && kinds.iter().all(|kind| registry.device(kind).is_some()));
+}
