@@ -163,3 +163,40 @@ fn the_engine_stays_small() {
     );
     assert!(tree.len() <= MAX_OF_ENGINE, "{} crates: {tree:?}", tree.len());
 }
+
+#[test]
+fn a_program_that_plays_a_gain_needs_few_crates() {
+    let output = Command::new(env!("CARGO"))
+        .args([
+            "tree",
+            "--locked",
+            "--offline",
+            "-p",
+            "haptograph-nodes",
+            "--no-default-features",
+        ])
+        .args([
+            "--edges",
+            "normal",
+            "--prefix",
+            "none",
+            "--no-dedupe",
+            "--format",
+            "{p}",
+        ])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    let all = String::from_utf8(output.stdout).unwrap();
+    let names: BTreeSet<&str> = all.lines().filter_map(|line| line.split(' ').next()).collect();
+    assert!(
+        names.contains("haptograph-engine"),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    assert!(
+        names.len() <= MAX_OF_PLAIN_NODES,
+        "{} crates: {names:?}",
+        names.len()
+    );
+}

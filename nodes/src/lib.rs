@@ -3,20 +3,29 @@
 //! [`registry`] has them all. Each is declared in one place: its settings, its ports and its documentation are what
 //! graphs are checked against and what `haptograph nodes` prints.
 
+#[cfg(feature = "touch")]
 pub mod actuators;
+#[cfg(feature = "touch")]
 pub mod contact;
 mod csv_table;
 mod fallback;
 pub mod filters;
+#[cfg(feature = "touch")]
 pub mod friction;
 pub mod math;
+#[cfg(feature = "touch")]
 pub mod network;
+#[cfg(feature = "touch")]
 pub mod sensing;
+#[cfg(feature = "touch")]
 pub mod simulated;
 pub mod sinks;
+#[cfg(feature = "touch")]
 pub mod soundcard;
 pub mod sources;
+#[cfg(feature = "touch")]
 pub mod tapping;
+#[cfg(feature = "touch")]
 pub mod texture;
 mod units;
 pub mod wav;
@@ -24,6 +33,7 @@ pub mod wav;
 pub(crate) use haptograph_signal::vector;
 
 use haptograph_engine::device::DeviceEntry;
+#[cfg(feature = "touch")]
 use haptograph_engine::frame::OneKind;
 use haptograph_engine::node::NodeEntry;
 use haptograph_engine::registry::Registry;
@@ -31,17 +41,28 @@ use haptograph_engine::registry::Registry;
 /// All kinds of nodes, devices and frames that come with haptograph.
 pub fn registry() -> Registry {
     let mut all = Registry::new();
+    sources_and_sinks(&mut all);
+    plain_blocks(&mut all);
+    all.add_device(DeviceEntry::host());
+    #[cfg(feature = "touch")]
+    touching(&mut all);
+    all
+}
+
+#[cfg(feature = "touch")]
+fn touching(all: &mut Registry) {
     all.add_kind(contact::Contact::KIND)
         .add_kind(texture::frames::Weights::KIND)
         .add_kind(texture::frames::Coefficients::KIND);
-    sources_and_sinks(&mut all);
-    plain_blocks(&mut all);
-    texture(&mut all);
-    touch(&mut all);
-    recording(&mut all);
+    all.add(NodeEntry::file::<sinks::plots::TimePlot>())
+        .add(NodeEntry::file::<sinks::plots::XyPlot>())
+        .add(NodeEntry::file::<sinks::plots::PathPlot>())
+        .add(NodeEntry::file::<sinks::recording::RecordingSink>());
+    texture(all);
+    touch(all);
+    recording(all);
     all.add_parts("std/texture.ron", include_str!("std/texture.ron"))
         .add_parts("std/feel.ron", include_str!("std/feel.ron"));
-    all
 }
 
 fn sources_and_sinks(all: &mut Registry) {
@@ -61,10 +82,6 @@ fn sources_and_sinks(all: &mut Registry) {
         .add(NodeEntry::processor::<sources::phase::Adsr>())
         .add(NodeEntry::file::<sinks::wav::WavSink>())
         .add(NodeEntry::file::<sinks::csv::CsvSink>())
-        .add(NodeEntry::file::<sinks::plots::TimePlot>())
-        .add(NodeEntry::file::<sinks::plots::XyPlot>())
-        .add(NodeEntry::file::<sinks::plots::PathPlot>())
-        .add(NodeEntry::file::<sinks::recording::RecordingSink>())
         .add(NodeEntry::processor::<sinks::meter::Meter>());
 }
 
@@ -104,6 +121,7 @@ fn plain_blocks(all: &mut Registry) {
         .add(NodeEntry::processor::<filters::section::SecondOrderSection>());
 }
 
+#[cfg(feature = "touch")]
 fn texture(all: &mut Registry) {
     all.add(NodeEntry::processor::<sensing::speed_node::SpeedEstimator>())
         .add(NodeEntry::processor::<texture::locator::Saturation>())
@@ -119,7 +137,6 @@ fn texture(all: &mut Registry) {
         .add(NodeEntry::actuator::<soundcard::SoundcardSink>())
         .add(NodeEntry::source(&soundcard::SOUNDCARD_SOURCE))
         .add_device(DeviceEntry::of::<simulated::haptuator::SimulatedHaptuator>())
-        .add_device(DeviceEntry::host())
         .add_device(DeviceEntry::of::<network::UdpDevice>())
         .add_device(DeviceEntry::of::<network::OscDevice>())
         .add_device(DeviceEntry::of::<network::EvdevDevice>())
@@ -137,6 +154,7 @@ fn texture(all: &mut Registry) {
         .add_device(DeviceEntry::of::<soundcard::SoundcardHaptuator>());
 }
 
+#[cfg(feature = "touch")]
 fn touch(all: &mut Registry) {
     all.add(NodeEntry::processor::<contact::nodes::ContactPlane>())
         .add(NodeEntry::processor::<contact::nodes::ContactSphere>())
@@ -165,6 +183,7 @@ fn touch(all: &mut Registry) {
         .add_device(DeviceEntry::of::<simulated::pen::SimulatedPenAndObject>());
 }
 
+#[cfg(feature = "touch")]
 fn recording(all: &mut Registry) {
     all.add(NodeEntry::source(&simulated::recorder::RECORDING_TOOL))
         .add(NodeEntry::source(&simulated::recorder::TRACKER))

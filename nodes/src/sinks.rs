@@ -3,9 +3,12 @@
 pub mod csv;
 pub mod meter;
 mod note;
+#[cfg(feature = "touch")]
 pub mod plots;
+#[cfg(feature = "touch")]
 pub mod recording;
 mod sync;
+#[cfg(feature = "touch")]
 mod visits;
 pub mod wav;
 
