@@ -207,6 +207,26 @@ fn crates_name_those_below_them_only() {
     assert!(breaches.is_empty(), "{}", breaches.join("\n"));
 }
 
+/// What speaks to hardware or to the system's scheduler.
+const HARDWARE: [&str; 6] = ["cpal", "evdev", "midir", "rosc", "thread-priority", "serialport"];
+
+#[test]
+fn hardware_is_reached_by_one_crate() {
+    for folder in LAYERS.concat() {
+        let text = manifest(folder);
+        let named: Vec<&str> = dependencies(&text)
+            .into_iter()
+            .filter(|name| HARDWARE.contains(name))
+            .collect();
+        match folder {
+            "live" => assert!(named.len() > 4, "{named:?}"),
+            // For an example.
+            "." => assert_eq!(named, ["cpal"]),
+            _ => assert_eq!(named, [""; 0], "{folder}"),
+        }
+    }
+}
+
 #[test]
 fn every_crate_has_a_layer() {
     let text = manifest(".");

@@ -1,7 +1,7 @@
 //! How real devices are reached: one trait, and one table of who implements it.
 
 use crate::soundcard::{CardCounts, SoundcardError};
-use haptograph_engine::graph::Graph;
+use haptograph_engine::graph::{Graph, GraphDevice};
 use haptograph_engine::run::{Live, RingReport};
 use haptograph_nodes::network::link::Counts as PacketCounts;
 use std::net::SocketAddr;
@@ -241,11 +241,14 @@ pub const BACKENDS: [BackendEntry; 7] = [
 ];
 
 impl BackendEntry {
+    /// Whether it reaches a device.
+    pub fn reaches(&self, device: &GraphDevice) -> bool {
+        self.kinds.contains(&device.entry.spec.name)
+    }
+
     /// The endpoints of a graph that it reaches.
-    pub fn endpoints<'g>(&self, graph: &'g Graph) -> impl Iterator<Item = &'g str> + use<'g> {
-        let kinds = self.kinds;
-        let devices = graph.devices().iter();
-        let own = devices.filter(move |device| kinds.contains(&device.entry.spec.name));
+    pub fn endpoints(self, graph: &Graph) -> impl Iterator<Item = &str> {
+        let own = graph.devices().iter().filter(move |device| self.reaches(device));
         own.map(|device| &*device.name)
     }
 

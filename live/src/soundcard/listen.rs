@@ -1,5 +1,6 @@
 //! The capture callback of a soundcard: real-time code, independent of the sound system.
 
+use super::BACKEND;
 use super::shared::{Active, Detached, Due, Shared};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{AgeMeter, AsyncResamplerWriter, Live, async_resampler};
@@ -21,7 +22,7 @@ pub(super) fn heard<'l>(
     let own = move |(driver, live): (usize, &'l mut Live)| {
         let devices = graph.devices().iter().zip(live.devices_mut());
         devices
-            .filter(move |(known, _)| graph.clocks()[known.clock].driver == driver)
+            .filter(move |(known, _)| BACKEND.reaches(known) && graph.clocks()[known.clock].driver == driver)
             .map(|(_, device)| device)
     };
     graph

@@ -1,6 +1,6 @@
 //! The soundcard streams that a graph requests.
 
-use super::SoundcardError;
+use super::{BACKEND, SoundcardError};
 use haptograph_engine::graph::{Graph, GraphDevice, NodeId};
 use haptograph_nodes::soundcard::{Card, CardOutput, Request};
 
@@ -77,8 +77,8 @@ fn output(graph: &Graph) -> Result<Option<Request>, SoundcardError> {
 }
 
 fn cards(graph: &Graph) -> impl Iterator<Item = (&GraphDevice, &Card)> {
-    let devices = graph.devices().iter();
-    devices.filter_map(|device| Some((device, device.body::<Card>()?)))
+    let own = graph.devices().iter().filter(|device| BACKEND.reaches(device));
+    own.filter_map(|device| Some((device, device.body::<Card>()?)))
 }
 
 /// The outputs of a graph's soundcard endpoints.
