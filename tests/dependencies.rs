@@ -9,6 +9,8 @@ use std::process::Command;
 
 /// Names in the engine's own tree, itself included: what an embedding program has to build.
 const MAX_OF_ENGINE: usize = 47;
+/// The same with the nodes that are there without the feature `touch`: what plays a `Gain`.
+const MAX_OF_PLAIN_NODES: usize = 60;
 
 /// The crates of the workspace and all that they need on this machine.
 fn metadata() -> Value {
