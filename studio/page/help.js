@@ -5,13 +5,6 @@ import { prose } from "./prose.js";
 import { placeOf } from "./ron.js";
 import { bare } from "./surfaces.js";
 
-const BRIDGES = [
-    ["Hold", "The latest value"],
-    ["Linear", "A line from value to value"],
-    ["Average", "The mean since the last tick"],
-    ["Resample", "Band-limited"],
-];
-
 // The completion source of the editor.
 export function completions(studio) {
     return (context) => {
@@ -84,7 +77,8 @@ function values(studio, place) {
             detail: name,
             type: "keyword",
         }));
-        return [...BRIDGES.map(([label, detail]) => ({ label, apply: `${label}("`, detail, type: "keyword" })), ...parameters];
+        const bridge = ({ name, gives }) => ({ label: name, apply: `${name}("`, detail: gives, type: "keyword" });
+        return [...studio.hello.bridges.map(bridge), ...parameters];
     }
     return studio.hello.kinds.map(({ name, group, doc }) => ({
         label: name,

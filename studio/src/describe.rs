@@ -48,6 +48,8 @@ pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
         let spec = entry.spec;
         json!({ "name": spec.name, "group": "devices", "doc": spec.doc, "inputs": [], "outputs": [], "settings": settings })
     });
+    let bridges = registry.bridges().iter();
+    let bridges = bridges.map(|entry| json!({ "name": entry.spec.name, "gives": entry.spec.gives }));
     let is_here = reach == Reach::Machine;
     json!({
         "type": "hello", "version": VERSION, "haptograph": env!("CARGO_PKG_VERSION"), "host": host.name,
@@ -57,6 +59,7 @@ pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
             "surfaces": host.can_learn && is_here, "parameters": true, "arm": host.can_drive && is_here,
         },
         "kinds": nodes.chain(devices).collect::<Vec<_>>(),
+        "bridges": bridges.collect::<Vec<_>>(),
     })
 }
 
