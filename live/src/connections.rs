@@ -22,7 +22,7 @@ impl Default for Connections {
 
 impl Connections {
     /// All backends, those that drive the graph included.
-    pub fn with_drivers() -> Self {
+    pub(crate) fn with_drivers() -> Self {
         Self {
             backends: BACKENDS.iter().map(|entry| entry.make()).collect(),
         }
@@ -60,7 +60,7 @@ impl Connections {
     ///
     /// # Errors
     /// [`BackendError`] if one cannot be started, or a clock has none.
-    pub fn drive(&mut self, graph: &Graph, mut lives: Lives) -> Result<(), BackendError> {
+    pub(crate) fn drive(&mut self, graph: &Graph, mut lives: Lives) -> Result<(), BackendError> {
         for backend in &mut self.backends {
             backend.drive(graph, &mut lives)?;
         }
@@ -127,7 +127,7 @@ impl Connections {
     ///
     /// # Errors
     /// [`BackendError::Lost`] if a driver's thread panicked.
-    pub fn close(&mut self) -> Result<Lives, BackendError> {
+    pub(crate) fn close(&mut self) -> Result<Lives, BackendError> {
         let mut lives = Lives::new();
         for backend in &mut self.backends {
             lives.extend(backend.close()?);

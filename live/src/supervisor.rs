@@ -76,8 +76,9 @@ pub struct Supervisor {
     accept: Accept,
     folder: Option<PathBuf>,
     watch: Option<FileWatch>,
-    session: Session,
+    /// Before the session, so that a drop ends them first.
     drivers: Drivers,
+    session: Session,
     stop: Arc<AtomicBool>,
     silence: SilenceMonitor,
     notes: Notes,
@@ -126,7 +127,13 @@ pub struct Ended {
 
 impl Supervisor {
     /// Queues a request for the next [`poll`](Self::poll).
+    ///
+    /// Of a program's requests for one name the latest counts.
     pub fn request(&mut self, request: Request) {
+        if request.origin == Origin::Program {
+            let same = |known: &Request| known.origin == Origin::Program && known.name == request.name;
+            self.requests.retain(|known| !same(known));
+        }
         self.requests.push(request);
     }
 
@@ -155,7 +162,7 @@ impl Supervisor {
     }
 
     /// Stops all drivers and waits until none drives any device: after a panic of the caller.
-    pub fn stop_now(&self) {
+    pub fn stop_now(&mut self) {
         self.drivers.stop();
     }
 

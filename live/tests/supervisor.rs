@@ -122,6 +122,29 @@ fn a_saved_file_is_swapped_in_unless_it_is_not_accepted() {
 }
 
 #[test]
+fn a_saved_file_that_gains_live_endpoints_moves_nothing_real() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut options = options(folder.path(), GRAPH);
+    options.watch = true;
+    let run = Supervisor::start(options, &registry(), None).unwrap();
+    let live = r#"endpoints: { "live": { "coil": UdpDevice(listen: "127.0.0.1:0") }, "simulated""#;
+    let text = GRAPH.replace(r#"endpoints: { "simulated""#, live);
+    fs::write(folder.path().join("g.ron"), text.replace("0.5 }", "0.25 }")).unwrap();
+    let (ended, events) = ended(run, |event| {
+        matches!(event, Event::Changed(_) | Event::Set(..) | Event::Refused(_))
+    });
+    assert!(
+        !events.iter().any(|event| matches!(event, Event::Refused(_))),
+        "{events:?}"
+    );
+    assert!(
+        !ended.devices.is_empty() && ended.devices.iter().all(|device| device.is_simulated),
+        "{:?}",
+        ended.devices
+    );
+}
+
+#[test]
 fn a_graph_with_errors_and_a_device_that_is_taken_do_not_start() {
     let folder = tempfile::tempdir().unwrap();
     let start = |text: &str| Supervisor::start(options(folder.path(), text), &registry(), None).map(drop);
@@ -136,7 +159,7 @@ fn a_graph_with_errors_and_a_device_that_is_taken_do_not_start() {
 }
 
 #[test]
-fn the_report_is_what_a_replay_is_bounded_by() {
+fn a_run_of_a_given_time_ends_there_and_can_be_replayed() {
     let folder = tempfile::tempdir().unwrap();
     let mut options = options(folder.path(), GRAPH);
     options.seconds = Some(0.1);

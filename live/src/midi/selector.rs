@@ -1,6 +1,8 @@
 //! What an input selects among the messages of a MIDI device.
 
-use haptograph_nodes::network::inputs::{MidiInputSettings, MidiMessage};
+#[cfg(feature = "midi")]
+use haptograph_nodes::network::inputs::MidiInputSettings;
+use haptograph_nodes::network::inputs::MidiMessage;
 use std::fmt;
 
 /// A message without its value.

@@ -89,11 +89,13 @@ impl Drivers {
     }
 
     /// Stops all drivers and waits until none drives any device.
-    pub fn stop(&self) {
+    pub fn stop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         let since = Instant::now();
         while !self.is_finished(true) && since.elapsed() < STOP_TIMEOUT {
             std::thread::sleep(POLL_PERIOD);
+            // A soundcard is found to be at rest here.
+            self.connections.poll();
         }
     }
 }

@@ -30,7 +30,8 @@ pub struct GraphSource {
     pub path: PathBuf,
     /// Values of its parameters, by name.
     pub set: Vec<(String, String)>,
-    /// The set of endpoints to bind the devices to; none: `live` if the graph has it, else `simulated`.
+    /// The set of endpoints to bind the devices to, for the whole run; none: `live` if the graph has it when it is first
+    /// loaded, else `simulated`.
     pub endpoints: Option<String>,
     /// The seed of all random streams, in place of the graph's own.
     pub seed: Option<u64>,
@@ -75,6 +76,8 @@ pub(super) struct KnownDocument {
 /// Result of a load.
 pub struct LoadOutcome {
     pub(super) result: Result<LoadedGraph, Diagnostics>,
+    /// The set of endpoints that it is bound to.
+    pub(super) endpoints: Option<String>,
     /// The parameters used for the load, and those of them that were typed.
     pub(super) set: Vec<(String, String)>,
     pub(super) typed: Option<ParameterDefaults>,
@@ -170,6 +173,7 @@ pub fn load(mut job: Job, registry: &Registry) -> LoadOutcome {
         Err(wrong) => {
             return LoadOutcome {
                 result: Err(wrong),
+                endpoints: job.source.endpoints,
                 set: job.source.set,
                 typed: None,
                 parameters: Vec::new(),
@@ -185,15 +189,17 @@ pub fn load(mut job: Job, registry: &Registry) -> LoadOutcome {
         .saved
         .take()
         .map(|saved| saved.reset(&mut job.source.set, &parameters));
+    let endpoints = endpoints(&job.source, &document);
     let options = CheckOptions {
         set: job.source.set.clone(),
-        endpoints: endpoints(&job.source, &document),
+        endpoints: endpoints.clone(),
         seed: job.source.seed,
         ..CheckOptions::default()
     };
     let graph = check(&document, registry, &options);
     LoadOutcome {
         result: graph.map(LoadedGraph::of),
+        endpoints: Some(endpoints),
         set: job.source.set,
         typed,
         parameters,

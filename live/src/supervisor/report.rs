@@ -300,6 +300,9 @@ impl RunReport {
                 .collect();
         }
         self.latencies_ms = latencies.iter().map(Measured::report).collect();
+        if ended.panicked {
+            self.panics = vec!["a real-time thread panicked".to_owned()];
+        }
     }
 }
 

@@ -63,12 +63,15 @@ impl Supervisor {
             self.refuse(verbosity, format!("the graph has no parameter `{name}`{help}"));
             return self.note(false, request);
         }
-        if *origin == Origin::Osc {
-            if let Some(refusal) = network_value::refusal(value, &self.source.path) {
-                self.refuse(verbosity, format!("`{name}` was not changed: {refusal}"));
-                return self.note(false, request);
-            }
-            let same = |change: &PendingChange| matches!(change, PendingChange::Set(known) if known.origin == Origin::Osc && known.name == *name);
+        if *origin == Origin::Osc
+            && let Some(refusal) = network_value::refusal(value, &self.source.path)
+        {
+            self.refuse(verbosity, format!("`{name}` was not changed: {refusal}"));
+            return self.note(false, request);
+        }
+        // Of what nobody types only the latest value counts.
+        if *origin != Origin::Keyboard {
+            let same = |change: &PendingChange| matches!(change, PendingChange::Set(known) if known.origin == *origin && known.name == *name);
             self.waiting.retain(|change| !same(change));
         }
         self.waiting.push_back(PendingChange::Set(request));
@@ -189,11 +192,12 @@ fn choices(name: &str, known: &[&str], are: &str) -> String {
     const SHOWN: usize = 12;
     match (closest(name, known.iter().copied()), known.len()) {
         (Some(near), _) => format!("; did you mean `{near}`?"),
-        (None, 0) => "; `list` shows what can be set".to_owned(),
+        (None, 0) => String::new(),
         (None, 1..=SHOWN) => format!("; {are} {}", known.join(", ")),
         (None, _) => format!(
-            "; {are} {} and others, which `list` shows",
-            known[..SHOWN].join(", ")
+            "; {are} {} and {} others",
+            known[..SHOWN].join(", "),
+            known.len() - SHOWN
         ),
     }
 }

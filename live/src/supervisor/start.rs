@@ -97,8 +97,10 @@ impl PreparedRun {
     ///
     /// # Errors
     /// [`Diagnostics`] with every error in the file and in the files it includes.
-    pub fn load(options: RunOptions, registry: &Registry) -> Result<Self, Diagnostics> {
+    pub fn load(mut options: RunOptions, registry: &Registry) -> Result<Self, Diagnostics> {
         let first = loading::load(Job::first(&options.source), registry);
+        // For the whole run: a saved file that gains a set must not move real devices.
+        options.source.endpoints = first.endpoints;
         Ok(Self {
             loaded: first.result?,
             parameters: first.parameters,

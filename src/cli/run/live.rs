@@ -81,7 +81,9 @@ fn run_with(
             .push("haptograph panicked; the run was stopped".to_owned());
     }
     let panicked = panicked || ended.outcome.panicked || !terminal.panics.is_empty();
-    ended.report.panics = terminal.panics;
+    if !terminal.panics.is_empty() {
+        ended.report.panics = terminal.panics;
+    }
     print_timing(&ended);
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome.outcome, ended.took_s);
     summary.set_endpoints(Endpoints::live(ended.devices));
