@@ -110,12 +110,16 @@ impl Kind {
     pub const ENGINE: [Self; 4] = [Self::SCALAR, Self::VECTOR, Self::WRENCH, Self::EVENT];
 
     /// Makes a kind, to be registered by [`Registry::add_kind`](crate::registry::Registry::add_kind). In a constant a
-    /// kind without components is a compile error.
+    /// wrong number of components is a compile error.
     ///
     /// # Panics
-    /// If it has no components.
+    /// If it has no components, or is linear and has more than a wrench: nodes that take linear frames keep state for those.
     pub const fn new(spec: &'static KindSpec) -> Self {
         assert!(!spec.components.is_empty(), "a frame has at least one component");
+        assert!(
+            !spec.is_linear || spec.components.len() <= Self::WRENCH.width(),
+            "a linear frame has at most six components"
+        );
         Self(spec)
     }
 
@@ -186,7 +190,7 @@ pub type Vector = [f64; 3];
 /// A frame of force x y z (N), then torque x y z (N m).
 pub type Wrench = [f64; 6];
 
-/// Stands for scalars, 3-vectors and wrenches in the handle of a port that takes all of them, component by component.
+/// Stands for all linear kinds in the handle of a port that takes all of them, component by component.
 #[derive(Clone, Copy, Debug)]
 pub enum Linear {}
 

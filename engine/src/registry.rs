@@ -96,7 +96,7 @@ impl Registry {
     }
 
     /// The ports whose kind of frames is not registered: the kind of node or device, the port, and the kind.
-    pub(crate) fn strangers(&self) -> impl Iterator<Item = (&'static str, &'static str, Kind)> {
+    pub(crate) fn unregistered_kinds(&self) -> impl Iterator<Item = (&'static str, &'static str, Kind)> {
         let of_node = |entry: &NodeEntry| {
             let inputs = entry.spec.inputs.iter().map(|port| (port.name, port.kind));
             let outputs = entry.spec.outputs.iter().map(|port| (port.name, port.kind));

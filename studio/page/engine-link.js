@@ -1,8 +1,9 @@
 // In place of a WebSocket: the way to an engine in the audio thread. Edits are checked here, beside it, by a second
-// engine, so that the one that plays is only told what is right.
+// engine, so that the one that plays loads only what is right.
 import { Module } from "./module.js";
 
 const CHECKED = new Set(["check", "apply", "parameter"]);
+const EDIT_WAITS_MS = 500;
 const encoder = new TextEncoder();
 const decoder = new TextDecoder();
 
@@ -49,6 +50,8 @@ export class EngineLink {
     #forward(message, edits = false) {
         const bytes = encoder.encode(message).buffer;
         this.#port.postMessage({ bytes, text: true, edits }, [bytes]);
+        // Where nothing plays any more, nothing else may come that has it loaded.
+        if (edits) setTimeout(() => this.#port.postMessage({ bytes: new ArrayBuffer(0), text: false }), EDIT_WAITS_MS);
     }
 
     #deliver({ bytes, text }) {
@@ -59,7 +62,11 @@ export class EngineLink {
 
     async #follow(message) {
         const checker = await this.#checker.catch(() => null); // a check says why there is none
-        checker?.follow(encoder.encode(message));
+        try {
+            checker?.follow(encoder.encode(message));
+        } catch {
+            // The next check says so.
+        }
     }
 
     #fail(why) {

@@ -21,7 +21,7 @@ class Engine extends AudioWorkletProcessor {
         this.gain = 1;
         this.edit_ms = null; // how long the latest edit kept the sound
         this.since_s = this.report_s = this.peak = this.busy_ms = 0;
-        this.told_ms = Date.now();
+        this.told_ms = this.ran_ms = Date.now();
         this.port.onmessage = ({ data }) => this.join(data.link);
         this.attempt(() => {
             const module = new Module(wasm);
@@ -33,8 +33,12 @@ class Engine extends AudioWorkletProcessor {
 
     join(link) {
         this.link = link;
-        const plays = () => Date.now() - this.told_ms < QUIET_MS;
-        link.onmessage = ({ data }) => (data.edits && plays() ? this.edits.push(data) : this.hear(data));
+        link.onmessage = ({ data }) => {
+            // A stop waits for no edit; nothing asks for silence where nothing plays.
+            if (Date.now() - this.ran_ms > QUIET_MS) this.edits.splice(0).forEach((waiting) => this.hear(waiting));
+            else if (data.edits) return this.edits.push(data);
+            if (data.text || data.bytes.byteLength) this.hear(data);
+        };
         this.tell();
         if (this.failure) link.postMessage({ failed: this.failure });
     }
@@ -64,6 +68,7 @@ class Engine extends AudioWorkletProcessor {
             this.hear(this.edits.shift());
             this.edit_ms = Date.now() - begun_ms;
         }
+        this.ran_ms = Date.now();
         if (!this.module) return false;
         this.attempt(() => this.render(out));
         this.fade(out);
@@ -130,7 +135,9 @@ class Engine extends AudioWorkletProcessor {
 
     tell() {
         if (!this.link || !this.module) return;
-        for (const message of this.module.messages()) this.link.postMessage(message, [message.bytes]);
+        this.attempt(() => {
+            for (const message of this.module.messages()) this.link.postMessage(message, [message.bytes]);
+        });
     }
 }
 registerProcessor("engine", Engine);

@@ -109,7 +109,7 @@ for (const colorScheme of ["light", "dark"])
         const port = await page.evaluate(() => studio.graph.maps[0].force_port);
         const hand = await finger(page);
         let most = 0;
-        await stroke(page, 0, 900, async () => (most = Math.max(most, await latest(page, port))), hand);
+        await stroke(page, 0, 900, async () => (most = Math.max(most, (await latest(page, port)) || 0)), hand); // there may be none yet
         const force_n = await page.evaluate(() => studio.pad.hands.force_n);
         assert(Math.abs(most / force_n - 1) < 0.1, `a finger presses with ${most} N, the slider says ${force_n} N`);
         await demo(page, true);

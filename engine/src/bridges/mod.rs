@@ -35,7 +35,17 @@ pub trait BridgeType: Send + Sync + 'static {
     /// Name, documentation, and what it connects.
     const SPEC: BridgeSpec;
 
-    /// Makes the state of a bridge that no frame has crossed yet. May allocate.
+    /// Whether it can connect clocks of these rates.
+    ///
+    /// # Errors
+    /// Why not and what to do, for the help of a message.
+    fn check(from: Rate, to: Rate) -> Result<(), String> {
+        let _ = (from, to);
+        Ok(())
+    }
+
+    /// Makes the state of a bridge that no frame has crossed yet, between clocks that [`check`](Self::check) has accepted. May
+    /// allocate.
     fn new(cx: &BridgeContext) -> Self;
 
     /// Delay between clocks of these rates.
@@ -118,6 +128,7 @@ pub struct BridgeContext {
 pub struct BridgeEntry {
     /// Name, documentation, and what it connects.
     pub spec: &'static BridgeSpec,
+    check: fn(Rate, Rate) -> Result<(), String>,
     latency: fn(Rate, Rate) -> Latency,
     build: fn(&BridgeContext) -> Box<dyn BridgeState>,
 }
@@ -135,6 +146,7 @@ impl BridgeEntry {
     pub const fn of<B: BridgeType>() -> Self {
         Self {
             spec: &const { B::SPEC },
+            check: B::check,
             latency: B::latency,
             build: |cx| Box::new(B::new(cx)),
         }
@@ -147,6 +159,10 @@ impl BridgeEntry {
             Carries::Linear if kind.is_linear() => true,
             Carries::Linear | Carries::Named => kind.spec().bridges.contains(&self.spec.name),
         }
+    }
+
+    pub(crate) fn check(self, from: Rate, to: Rate) -> Result<(), String> {
+        (self.check)(from, to)
     }
 
     pub(crate) fn latency(self, from: Rate, to: Rate) -> Latency {

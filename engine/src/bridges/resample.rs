@@ -28,10 +28,14 @@ impl BridgeType for Resample {
         carries: Carries::Linear,
     };
 
+    fn check(from: Rate, to: Rate) -> Result<(), String> {
+        resampler(from, to).map(drop).map_err(|error| error.to_string())
+    }
+
     fn new(cx: &BridgeContext) -> Self {
         let components = 0..cx.kind.width();
         Self {
-            // Rates of one driver can be resampled.
+            // The check accepts only rates that can be resampled.
             resamplers: components
                 .filter_map(|_| resampler(cx.from, cx.to).ok())
                 .collect(),
@@ -46,6 +50,9 @@ impl BridgeType for Resample {
 
     fn cross(&mut self, _: &Ends, x: &[f64], y: &mut [f64]) {
         let width = self.resamplers.len();
+        if width == 0 {
+            y.fill(0.0);
+        }
         if let [resampler] = &mut self.resamplers[..] {
             resampler.process(x, y);
             return;

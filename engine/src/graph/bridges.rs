@@ -219,6 +219,10 @@ fn crossing(
             choices(),
         ),
         Bridge::Between(between) => {
+            if let Err(problem) = between.check(source.rate, target.rate) {
+                let message = format!("`{}` cannot connect these rates", between.spec.name);
+                return error("E0406", form, message, ends, problem);
+            }
             let kind = from.outputs[wire.output].kind;
             let help = match kind.is_some_and(|kind| !kind.spec().bridges.is_empty()) {
                 true => choices(),
@@ -284,7 +288,7 @@ fn choices(
                 "their drivers differ; bridge it: Ring(from: \"{output}\", latency_ms: ...), a ring and a resampler that \
                  follows both clocks"
             ),
-            _ => "their drivers differ, and a ring carries sampled numbers, 3-vectors and wrenches only: send what it is \
+            _ => "their drivers differ, and a ring carries sampled frames of linear kinds only: send what it is \
                   computed from"
                 .to_owned(),
         };

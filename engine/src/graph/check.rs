@@ -79,7 +79,7 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
         registry,
         sources: document.sources.clone(),
         diagnostics: twice(registry)
-            .chain(strangers(registry))
+            .chain(unregistered_kinds(registry))
             .chain(unlimited(registry))
             .chain(document.findings.clone())
             .collect(),
@@ -142,8 +142,8 @@ fn twice(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
 }
 
 /// Reports ports whose kind of frames is not registered.
-fn strangers(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
-    registry.strangers().map(|(entry, port, kind)| {
+fn unregistered_kinds(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
+    registry.unregistered_kinds().map(|(entry, port, kind)| {
         let name = kind.spec().name;
         let (message, help) = match registry.kind(name) {
             None => (

@@ -320,7 +320,7 @@ pub(crate) struct DelayPlan {
 pub struct RingSpec {
     /// Name for display: `force.output to drive.current`.
     pub name: String,
-    /// Components of a frame, at most those of a wrench.
+    /// Components of a frame.
     pub width: usize,
     /// Rate of the writer.
     pub from: Rate,

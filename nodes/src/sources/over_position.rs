@@ -91,7 +91,7 @@ impl NodeKind for WavOverPosition {
 
     fn build(settings: WavOverPositionSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let width = cx.width(Self::POSITION);
-        if width == Kind::WRENCH.width() {
+        if !matches!(width, 1 | 3) {
             return Err(
                 BuildError::at("position", "a position has one or three components")
                     .help("connect the component of the signal that is a length"),
