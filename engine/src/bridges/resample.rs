@@ -75,3 +75,32 @@ impl BridgeType for Resample {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_of_too_fine_a_ratio_are_refused_and_write_silence() {
+        let (odd, even) = (Rate::new(100_001, 10).unwrap(), Rate::from_hz(48_000).unwrap());
+        assert!(Resample::check(odd, even).is_err());
+        assert!(Resample::check(Rate::from_hz(10_000).unwrap(), even).is_ok());
+        let mut bridge = Resample {
+            resamplers: Vec::new(),
+            gathered: Vec::new(),
+            resampled: Vec::new(),
+        };
+        let window = crate::bridges::Ticks {
+            first: 0,
+            count: 0,
+            period: 1,
+        };
+        let ends = Ends {
+            from: window,
+            to: window,
+        };
+        let mut out = [1.0; 4];
+        bridge.cross(&ends, &[1.0; 2], &mut out);
+        assert_eq!(out, [0.0; 4]);
+    }
+}
