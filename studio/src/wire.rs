@@ -24,6 +24,17 @@ pub enum Message {
     Binary(Vec<u8>),
 }
 
+impl Message {
+    /// Length, bytes.
+    #[cfg(not(target_family = "wasm"))]
+    pub fn length(&self) -> usize {
+        match self {
+            Self::Text(text) => text.len(),
+            Self::Binary(bytes) => bytes.len(),
+        }
+    }
+}
+
 /// A JSON message of the page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
@@ -191,6 +202,17 @@ const MAX_MM: f64 = MAX_M * 1e3;
 const HEAD: usize = 8;
 const POINTER: usize = 28;
 
+/// Checks that no text but one with a recording is long.
+///
+/// # Errors
+/// [`WireError::Long`].
+pub fn check_length(text: &str) -> Result<(), WireError> {
+    match text.len() > MAX_BYTES && !LONG.iter().any(|long| text.starts_with(long)) {
+        true => Err(WireError::Long(text.len())),
+        false => Ok(()),
+    }
+}
+
 /// Parses a text message; `None` if its type is unknown.
 pub fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError> {
     #[derive(Deserialize)]
@@ -217,9 +239,7 @@ pub fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError> {
         "hold",
         "disarm",
     ];
-    if text.len() > MAX_BYTES && !LONG.iter().any(|long| text.starts_with(long)) {
-        return Err(WireError::Long(text.len()));
-    }
+    check_length(text)?;
     let wrong = |error: serde_json::Error| WireError::Json(error.to_string());
     let kind: Kind = serde_json::from_str(text).map_err(wrong)?;
     if !KINDS.contains(&&*kind.r#type) {

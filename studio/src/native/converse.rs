@@ -7,12 +7,13 @@ use crate::publish::text;
 use crate::run_page::REPORT;
 use crate::stage::{Stage, StageError};
 use crate::talk::{self, Incoming, Response, Work};
-use crate::wire::{Message, WireError};
+use crate::wire::{self, MAX_BYTES, MAX_LEARNED_BYTES, Message, WireError};
 use axum::extract::ws::{self, WebSocket};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use haptograph_engine::run::ArmSwitch;
 use serde_json::Value;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tokio::sync::Mutex as AsyncMutex;
@@ -23,6 +24,8 @@ use tokio::sync::mpsc::{Receiver, Sender, channel};
 const MAX_REFUSED: u32 = 100;
 /// Maximum number of queued messages to a page that does not read, and from a page that the stage does not keep up with.
 const MAX_QUEUED: usize = 512;
+/// Maximum length of the queued messages from a page, beyond the longest that it may send, bytes.
+const MAX_QUEUED_BYTES: usize = 8 << 20;
 /// Maximum number of queued requests of a page.
 const MAX_REQUESTS: usize = 32;
 /// Maximum time in which a page takes a message.
@@ -79,6 +82,22 @@ enum Received {
     Long(Message),
 }
 
+/// The sending half of the queue of a page's messages, bounded in number and in length.
+struct Inbox {
+    queue: Sender<(usize, Received)>,
+    /// Length of the queued messages, bytes.
+    queued: Arc<AtomicUsize>,
+    max_bytes: usize,
+}
+
+impl Inbox {
+    /// Queues a message; false if there is no room.
+    fn put(&self, length: usize, message: Received) -> bool {
+        let queued = self.queued.fetch_add(length, Relaxed) + length;
+        queued <= self.max_bytes && self.queue.try_send((length, message)).is_ok()
+    }
+}
+
 /// Serves a page until either end closes. What reads the socket waits for nothing else, so that a STOP takes effect at
 /// once: neither for the stage, which another thread may hold, nor for a page that does not read.
 pub async fn run(socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, exclusive: ExclusiveWork) {
@@ -91,7 +110,13 @@ pub async fn run(socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, excl
         return;
     };
     let (answers, answered) = channel(MAX_REQUESTS);
-    let (received, messages) = channel(MAX_QUEUED);
+    let (queue, messages) = channel(MAX_QUEUED);
+    let queued = Arc::<AtomicUsize>::default();
+    let inbox = Inbox {
+        queue,
+        queued: Arc::clone(&queued),
+        max_bytes: longest(reach) + MAX_QUEUED_BYTES,
+    };
     let connection = Connection {
         stage,
         page,
@@ -99,22 +124,30 @@ pub async fn run(socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, excl
         answers,
     };
     let (sink, stream) = socket.split();
-    tokio::spawn(act_in_order(connection.clone(), messages));
+    tokio::spawn(act_in_order(connection.clone(), messages, queued));
     tokio::select! {
-        () = read(stream, &switch, received) => {}
+        () = read(stream, &switch, inbox) => {}
         () = write(sink, first, out, answered) => {}
     }
     with_stage(&connection.stage, move |stage| stage.leave(page)).await;
 }
 
 /// Reads messages until the page closes, or sends more than the stage keeps up with.
-async fn read(mut stream: SplitStream<WebSocket>, switch: &ArmSwitch, received: Sender<Received>) {
+async fn read(mut stream: SplitStream<WebSocket>, switch: &ArmSwitch, inbox: Inbox) {
     while let Some(Ok(message)) = stream.next().await {
         if let Some(message) = unframed(message)
-            && received.try_send(receive(switch, message)).is_err()
+            && !inbox.put(message.length(), receive(switch, message))
         {
             break;
         }
+    }
+}
+
+/// Length of the longest message that a page may send, bytes: pages of the network send no recordings.
+pub fn longest(reach: Reach) -> usize {
+    match reach {
+        Reach::Machine => MAX_LEARNED_BYTES,
+        Reach::Network => MAX_BYTES,
     }
 }
 
@@ -149,7 +182,10 @@ async fn write(
 /// Parses a message unless that takes a while. A STOP disarms here: it does not wait for the stage.
 fn receive(switch: &ArmSwitch, message: Message) -> Received {
     match &message {
-        Message::Text(text) if text.len() > LONG_BYTES => Received::Long(message),
+        Message::Text(text) if text.len() > LONG_BYTES => match wire::check_length(text) {
+            Ok(()) => Received::Long(message),
+            Err(error) => Received::Parsed(Err(error)),
+        },
         _ => {
             let incoming = talk::read(&message);
             if talk::disarms(&incoming) {
@@ -161,11 +197,15 @@ fn receive(switch: &ArmSwitch, message: Message) -> Received {
 }
 
 /// Handles the messages of a page in order. Requests that take long are queued once more.
-async fn act_in_order(connection: Connection, mut messages: Receiver<Received>) {
+async fn act_in_order(
+    connection: Connection,
+    mut messages: Receiver<(usize, Received)>,
+    queued: Arc<AtomicUsize>,
+) {
     let (queue, requests) = channel(MAX_REQUESTS);
     tokio::spawn(work_in_order(connection.clone(), requests));
     let mut refused = 0;
-    while let Some(received) = messages.recv().await {
+    while let Some((length, received)) = messages.recv().await {
         let incoming = match received {
             Received::Parsed(incoming) => incoming,
             Received::Long(message) => blocking(move || talk::read(&message))
@@ -182,7 +222,9 @@ async fn act_in_order(connection: Connection, mut messages: Receiver<Received>) 
             stage.page_of(page, |page| page.send(text(&answer)));
             (Response::None, answer["type"] == "refused")
         });
-        let Some((response, is_refused)) = acted.await else {
+        let acted = acted.await;
+        queued.fetch_sub(length, Relaxed);
+        let Some((response, is_refused)) = acted else {
             continue;
         };
         refused += u32::from(is_refused);
@@ -312,7 +354,7 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
 fn learned(stage: &Mutex<Stage>, name: &str, csv: &str) -> Result<(String, Option<String>), StageError> {
     let graph = lock(stage).source.folder().to_owned();
     let learned = learn::surface(name, csv.as_bytes(), &describe::surface_folder(&graph));
-    let learn::Learned { path, report } = learned.map_err(StageError::Other)?;
+    let (path, report) = learned.map_err(StageError::Other)?;
     // Draws the swatch before the stage is locked.
     let _ = describe::surface(&path, &graph);
     let name = format!(
@@ -331,12 +373,11 @@ fn learned(stage: &Mutex<Stage>, name: &str, csv: &str) -> Result<(String, Optio
 
 #[cfg(test)]
 mod tests {
-    use super::lock;
+    use super::*;
     use crate::native::{Options, Studio};
     use std::path::Path;
-    use std::time::{Duration, Instant};
     use tungstenite::client::IntoClientRequest;
-    use tungstenite::{Message, connect};
+    use tungstenite::connect;
 
     fn request(studio: &Studio) -> tungstenite::handshake::client::Request {
         let address = studio.address();
@@ -364,7 +405,7 @@ mod tests {
         let stage = lock(&studio.stage);
         stage.switch.arm(0.1);
         // What waits for the stage: a message of the page, and another page.
-        let text = |text: &str| Message::text(text.to_owned());
+        let text = |text: &str| tungstenite::Message::text(text.to_owned());
         page.send(text(r#"{"type":"set","name":"out.gain","value":0.5}"#))
             .expect("sent");
         let another = request(&studio);
@@ -378,5 +419,29 @@ mod tests {
         assert!(!stage.switch.is_armed());
         drop(stage);
         assert!(another.join().expect("no panic"));
+    }
+
+    #[test]
+    fn what_a_page_has_queued_is_bounded_in_bytes() {
+        let (queue, mut messages) = channel(MAX_QUEUED);
+        let queued = Arc::<AtomicUsize>::default();
+        let inbox = Inbox {
+            queue,
+            queued: Arc::clone(&queued),
+            max_bytes: longest(Reach::Network) + MAX_QUEUED_BYTES,
+        };
+        let switch = ArmSwitch::default();
+        let text = |length: usize| Message::Text(format!(r#"{{"type":"{}"}}"#, "x".repeat(length)));
+        let put = |message: Message| inbox.put(message.length(), receive(&switch, message));
+        let taken = (0..100).take_while(|_| put(text(MAX_BYTES - 100))).count();
+        assert_eq!(taken, 9, "of 1 MiB each");
+        // A text that is too long is refused before it is queued, and what is handled makes room.
+        assert!(matches!(
+            receive(&switch, text(MAX_BYTES)),
+            Received::Parsed(Err(WireError::Long(_)))
+        ));
+        let (length, _) = messages.try_recv().expect("it is queued");
+        queued.fetch_sub(2 * length, Relaxed);
+        assert!(put(text(100)));
     }
 }

@@ -9,7 +9,7 @@ use crate::load::Source;
 use crate::pages::Reach;
 use crate::run_page::REPORT;
 use crate::stage::{Host, Stage, StageError};
-use crate::wire::{MAX_BYTES, MAX_LEARNED_BYTES, SUBPROTOCOL};
+use crate::wire::SUBPROTOCOL;
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Path, Query, Request, State};
@@ -402,11 +402,12 @@ async fn live(
     if !is_let_in(&shared, &query) || !has_origin {
         return StatusCode::FORBIDDEN.into_response();
     }
-    // Pages of the network leave capacity for those of this machine, and cannot send recordings.
-    let (max_pages, max_bytes) = match shared.reach {
-        Reach::Machine => (MAX_PAGES, MAX_LEARNED_BYTES),
-        Reach::Network => (MAX_PAGES / 2, MAX_BYTES),
+    // Pages of the network leave capacity for those of this machine.
+    let max_pages = match shared.reach {
+        Reach::Machine => MAX_PAGES,
+        Reach::Network => MAX_PAGES / 2,
     };
+    let max_bytes = converse::longest(shared.reach);
     let pages = with_stage(&shared.stage, |stage| stage.pages.len()).await;
     if pages.is_none_or(|pages| pages >= max_pages) {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages").into_response();
