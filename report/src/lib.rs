@@ -17,6 +17,7 @@ pub mod page;
 mod player;
 pub mod plot;
 pub mod plot_request;
+pub mod plotted;
 mod raster;
 pub mod record;
 pub mod reference;

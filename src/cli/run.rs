@@ -8,7 +8,6 @@ pub mod folder;
 mod live;
 mod outputs;
 pub mod placing;
-mod plotted;
 pub mod present;
 mod replay;
 mod status;
@@ -19,12 +18,12 @@ use super::terminal::is_animated;
 use super::{Failure, GraphArguments, eprint, interrupt, print, stderr};
 use crate::engine::graph::{Graph, GraphDevice};
 use crate::engine::registry::Registry;
-use crate::engine::run::{ARRIVALS, FileSinks, Offline, Outcome};
+use crate::engine::run::{ARRIVALS, FileSinks, Offline, Outcome, Probe};
 use crate::live::supervisor::CHANGES;
+use crate::report::plotted::PlottedSignals;
 use crate::report::sound::Sound;
 use folder::RunFolder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-pub use plotted::PlottedSignals;
 use present::Present;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -232,7 +231,7 @@ impl<'a> RunSetup<'a> {
         if arguments.record {
             outputs::record_all(graph, &folder, &mut file_sinks)?;
         }
-        let plotted = PlottedSignals::of(graph, &mut file_sinks);
+        let plotted = plotted_signals(graph, &mut file_sinks);
         let completion = Completion {
             target,
             folder,
@@ -244,6 +243,17 @@ impl<'a> RunSetup<'a> {
             completion,
         })
     }
+}
+
+/// Records the signals of a run's page.
+pub fn plotted_signals(graph: &Graph, file_sinks: &mut FileSinks<'_>) -> PlottedSignals {
+    PlottedSignals::of(graph, |watch, writer| {
+        file_sinks.probe(Probe {
+            node: watch.node,
+            output: watch.output,
+            writer,
+        });
+    })
 }
 
 impl Completion {

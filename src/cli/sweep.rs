@@ -4,8 +4,8 @@
 use super::output::Force;
 use super::run::folder::RunFolder;
 use super::run::present::Present;
-use super::run::summary::{self, Summary};
-use super::run::{self, PlottedSignals, message, timed};
+use super::run::summary::Summary;
+use super::run::{self, message, timed};
 use super::terminal::is_coloured;
 use super::{Failure, GraphArguments, eprint, print, warnings};
 use crate::engine::diagnostic::render;
@@ -13,7 +13,8 @@ use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
 use crate::engine::run::{FileSinks, Offline};
 use crate::report::plot_request::RunTraces;
-use crate::report::record::{Record, friction};
+use crate::report::plotted::{PlottedSignals, surfaces};
+use crate::report::record::friction;
 use crate::report::sweep::{SweepPage, SweptRun};
 use clap::ArgGroup;
 use serde_json::json;
@@ -201,7 +202,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         fs::create_dir(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
         let mut file_sinks = FileSinks::new(&graph);
         file_sinks.open_files(&place).map_err(message)?;
-        let mut plotted = PlottedSignals::of(&graph, &mut file_sinks);
+        let mut plotted = run::plotted_signals(&graph, &mut file_sinks);
         let offline = Offline::new(file_sinks, usize::from(run_arguments.block));
         let (outcome, took_s) = timed(offline, arguments.duration_s, &stop)?;
         let mut summary = Summary::of(&run_arguments, &graph, &outcome, took_s);
@@ -290,7 +291,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
     let Some(first) = done.first() else {
         return String::new();
     };
-    let surfaces = summary::surfaces(&first.graph);
+    let surfaces = surfaces(&first.graph);
     let textures = surfaces
         .iter()
         .filter_map(|(name, surface)| Some((name.clone(), surface.texture.as_ref()?)));
@@ -305,7 +306,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
             None => run.label.clone(),
         },
         page: Some(format!("{:02}/report.html", number + 1)),
-        signals: run.plotted.records.iter().map(Record::content).collect(),
+        signals: run.plotted.signals(),
         drawn: run
             .plotted
             .requests

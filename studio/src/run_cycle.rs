@@ -7,7 +7,7 @@ use super::pads::Pad;
 use super::publish::send_samples;
 use super::record::Recording;
 use super::replay::Replay;
-use super::run_page::{self, PageSignal};
+use super::run_page::{self, PageSignals};
 use super::scope::{self, Port, Scope};
 use super::stage::{Stage, StageError, State, other};
 use haptograph_engine::host::{PlayOptions, Player};
@@ -78,7 +78,11 @@ impl Stage {
         }
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.pads = pads.collect::<Result<_, _>>().map_err(other)?;
-        let scope = |port: Port| player.any_probe(&port.name).map(|frames| Scope::of(port, frames));
+        let scope = |port: Port| {
+            player
+                .any_probe(&port.name)
+                .map(|frames| Scope::from_start(port, frames))
+        };
         let scopes = ports.into_iter().map(scope);
         self.scopes = scopes.collect::<Result<_, _>>().map_err(other)?;
         self.costs = Costs::default();
@@ -129,10 +133,8 @@ impl Stage {
             NextRun::Record => {
                 self.recorder = Some(Recording::begin(&self.source, &self.loaded.text, self.rate_hz));
                 // Without a folder there is no page.
-                self.page_signals = match self.folder {
-                    Some(_) => PageSignal::of(&self.loaded.graph),
-                    None => Vec::new(),
-                };
+                let has_page = self.folder.is_some();
+                self.page_signals = has_page.then(|| PageSignals::of(&self.loaded.graph));
             }
             NextRun::Replay(recording) => self.replay = Some(Replay::of(*recording)),
             NextRun::None | NextRun::Live => {}
@@ -170,7 +172,7 @@ impl Stage {
         self.look_at_scopes(now_s);
         send_samples(self);
         let kept = std::mem::take(&mut self.page_signals);
-        if let (Some(folder), Some(ended), true) = (&self.folder, &ended, self.recorder.is_some()) {
+        if let (Some(folder), Some(ended), Some(kept)) = (&self.folder, &ended, kept) {
             let (graph, outcome) = (&self.loaded.graph, &ended.outcome);
             let written = run_page::write(folder, &self.source, graph, outcome, &kept);
             self.page_error = written.err().map(|error| error.to_string());

@@ -9,43 +9,36 @@ use haptograph_engine::run::Outcome;
 use haptograph_report::drawing;
 use haptograph_report::facts::{self, Facts};
 use haptograph_report::page::{Page, Simulation};
-use haptograph_report::record::{Record, Recorder, friction, recorder, watched};
+use haptograph_report::plotted::{PlottedSignals, surfaces};
+use haptograph_report::record::{WatchedOutput, friction};
 use serde_json::json;
 use std::path::Path;
 
 /// File name of the page.
 pub const REPORT: &str = "report.html";
 
-/// A signal recorded for the page.
-#[derive(Debug)]
-pub struct PageSignal {
-    port: String,
-    recorder: Recorder,
-    record: Record,
+/// The signals recorded for the page, with their ports and writers.
+pub struct PageSignals {
+    plotted: PlottedSignals,
+    writers: Vec<(String, Box<dyn FrameWriter>)>,
 }
 
-impl PageSignal {
-    /// The signals that a run's page shows.
-    pub fn of(graph: &Graph) -> Vec<Self> {
-        let watched = watched(graph).into_iter();
-        let watched = watched.filter(|watch| watch.stream.kind.is_linear());
-        let kept = watched.map(|watch| {
-            let port = watch.stream.name.clone();
-            let (recorder, record) = recorder(watch.stream);
-            Self {
-                port,
-                recorder,
-                record,
-            }
-        });
-        kept.collect()
+impl PageSignals {
+    /// The signals that a run's page shows and plays.
+    pub fn of(graph: &Graph) -> Self {
+        let mut writers = Vec::new();
+        let attach = |watch: &WatchedOutput, writer| writers.push((watch.stream.name.clone(), writer));
+        let plotted = PlottedSignals::of(graph, attach);
+        Self { plotted, writers }
     }
 
     /// Adds the new frames of the scopes.
     pub fn take(&mut self, scopes: &[Scope]) {
-        if let Some(scope) = scopes.iter().find(|scope| scope.port.name == self.port) {
-            // The recorder writes to memory and cannot fail.
-            let _ = self.recorder.write(0, scope.fresh());
+        for (port, writer) in &mut self.writers {
+            if let Some(scope) = scopes.iter().find(|scope| scope.port.name == *port) {
+                // The writers write to memory and cannot fail.
+                let _ = writer.write(0, scope.fresh());
+            }
         }
     }
 }
@@ -56,7 +49,7 @@ pub fn write(
     source: &Source,
     graph: &Graph,
     outcome: &Outcome,
-    signals: &[PageSignal],
+    signals: &PageSignals,
 ) -> std::io::Result<()> {
     let set = source.set.iter();
     let set = set.map(|(name, value)| (name.as_str(), value.as_str()));
@@ -66,12 +59,17 @@ pub fn write(
         json!({ "name": device.name, "kind": spec.name, "simulated": spec.simulated })
     });
     run.extend([("devices", "Devices", devices.collect())]);
-    let page = page(source, graph, outcome, &run, signals);
+    let page = page(source, graph, outcome, &run, &signals.plotted);
     haptograph_signal::files::write_atomically(&folder.join(facts::FILE), run.to_json().as_bytes())?;
     haptograph_signal::files::write_atomically(&folder.join(REPORT), page.as_bytes())
 }
 
-fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, signals: &[PageSignal]) -> String {
+fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, plotted: &PlottedSignals) -> String {
+    let sound = plotted.sound();
+    let surfaces = surfaces(graph);
+    let textures = surfaces
+        .iter()
+        .filter_map(|(path, surface)| Some((path.clone(), surface.texture.as_ref()?)));
     let own = [(
         super::record::STROKES,
         "the moves and turns, to be replayed in the studio",
@@ -100,10 +98,10 @@ fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, signals:
             .collect(),
         warnings: run.warnings.clone(),
         files: facts::files_beside(graph, &own),
-        sound: None,
-        requests: Vec::new(),
-        signals: signals.iter().map(|signal| signal.record.content()).collect(),
-        textures: Vec::new(),
+        sound: sound.as_ref(),
+        requests: plotted.plots(),
+        signals: plotted.signals(),
+        textures: textures.collect(),
         drawing: drawing::svg(graph, ""),
     }
     .to_html()

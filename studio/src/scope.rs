@@ -55,7 +55,8 @@ pub struct Scope {
     pub port: Port,
     pub level: Level,
     frames: AnyOutput,
-    /// Time of the run at the first frame, s; `None` before it.
+    /// Time of the run at the first frame, s; `None` before it. An estimate, to within a block, if the scope was added to a
+    /// run or lost frames.
     begin_s: Option<f64>,
     /// Number of frames before the fresh ones.
     count: u64,
@@ -72,6 +73,14 @@ pub struct Scope {
 }
 
 impl Scope {
+    /// A scope that begins with the first frame of the run, so that its frames have exact times.
+    pub fn from_start(port: Port, frames: AnyOutput) -> Self {
+        Self {
+            begin_s: Some(0.0),
+            ..Self::of(port, frames)
+        }
+    }
+
     /// A scope that begins with the next frame of a port.
     pub fn of(port: Port, frames: AnyOutput) -> Self {
         let (lanes, rate_hz) = (port.kind.width(), port.rate_hz);

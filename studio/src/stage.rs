@@ -10,7 +10,7 @@ use super::pages::Page;
 use super::record::{Move, Recording};
 use super::replay::Replay;
 use super::run_cycle::NextRun;
-use super::run_page::PageSignal;
+use super::run_page::PageSignals;
 use super::scope::Scope;
 use super::wire::Pointer;
 use haptograph_engine::diagnostic::Diagnostics;
@@ -112,7 +112,7 @@ pub struct Stage {
     pub folder: Option<PathBuf>,
     pub recorder: Option<Recording>,
     /// Signals recorded for the page in that folder.
-    pub page_signals: Vec<PageSignal>,
+    pub page_signals: Option<PageSignals>,
     /// Error of writing that page.
     pub page_error: Option<String>,
     pub replay: Option<Replay>,
@@ -162,7 +162,7 @@ impl Stage {
             out: None,
             folder: None,
             recorder: None,
-            page_signals: Vec::new(),
+            page_signals: None,
             page_error: None,
             replay: None,
             next_run: NextRun::None,
@@ -220,8 +220,8 @@ impl Stage {
         for scope in &mut self.scopes {
             scope.look(now_s);
         }
-        for signal in &mut self.page_signals {
-            signal.take(&self.scopes);
+        if let Some(signals) = &mut self.page_signals {
+            signals.take(&self.scopes);
         }
         for actuator in &mut self.actuators {
             let port = format!("{}.delivered", actuator.name);

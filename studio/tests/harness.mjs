@@ -191,7 +191,7 @@ export async function drop(page, name, type, text) {
 }
 
 // Keeps every sample of a port: of the run that goes on, and of the one before in `studio.lastRun`, as { first, values }
-// with the number of its first frame.
+// with the number of its first frame; up to where a page that could not keep up lost some.
 export const gather = (page, port) =>
     page.evaluate((name) => {
         const trace = studio.taps.watch(name, true);
@@ -203,8 +203,10 @@ export const gather = (page, port) =>
         });
         studio.connection.on("samples", ({ place, time_s, interval_s, values }) => {
             if (place !== studio.taps.traces.indexOf(trace)) return;
-            if (run.values.length === 0) run.first = Math.round(time_s / interval_s);
-            for (const value of values) run.values.push(value);
+            const frame = Math.round(time_s / interval_s);
+            if (run.values.length === 0) run.first = frame;
+            run.hasGap ||= frame !== run.first + run.values.length;
+            if (!run.hasGap) for (const value of values) run.values.push(value);
         });
     }, port);
 
@@ -235,11 +237,12 @@ export async function replay(page) {
 export function assertSame({ frames }, one, other) {
     const first = Math.max(one.first, other.first);
     const of = (run) => run.values.slice(first - run.first, frames - run.first);
-    const [a, b] = [of(one), of(other)];
+    const count = Math.min(of(one).length, of(other).length);
+    const [a, b] = [one, other].map((run) => of(run).slice(0, count));
     const power = a.reduce((sum, value) => sum + value * value, 0);
-    assert(a.length > 0.9 * frames && power > 1e-3, `${a.length} samples of ${frames} frames, power ${power}`);
+    assert(count > 0.9 * frames && power > 1e-3, `${count} samples of ${frames} frames, power ${power}`);
     const at = a.findIndex((value, i) => value !== b[i]);
-    assert.equal(at, -1, `sample ${at} of ${a.length} differs: ${a[at]} and ${b[at]}`);
+    assert.equal(at, -1, `sample ${at} of ${count} differs: ${a[at]} and ${b[at]}`);
 }
 
 // Runs all scenarios on one page; how many failed. A stroke takes the time that it takes: where a machine was busy for a

@@ -1,7 +1,7 @@
 //! Summary of a run: as JSON, as text, and on its page.
 
 use super::endpoints::Endpoints;
-use super::{Arguments, PlottedSignals, has_end};
+use super::{Arguments, has_end};
 use crate::engine::graph::Graph;
 use crate::engine::run::Outcome;
 use crate::live::soundcard;
@@ -9,9 +9,9 @@ use crate::report::drawing;
 use crate::report::facts::{self, Fact, Facts};
 use crate::report::headlines::Headline;
 use crate::report::page::{Page, Simulation};
-use crate::report::record::{Record, friction};
+use crate::report::plotted::{PlottedSignals, surfaces};
+use crate::report::record::friction;
 use crate::report::sound::{Sound, audible};
-use crate::surfaces::{Surface, files};
 use serde_json::json;
 use std::path::Path;
 
@@ -142,34 +142,13 @@ impl Summary {
             friction: friction(graph),
             files: facts::files_beside(graph, &[("graph.svg", "the drawing of the graph")]),
             sound,
-            requests: plotted
-                .requests
-                .iter()
-                .map(|(request, traces)| (request, traces.as_slice()))
-                .collect(),
-            signals: plotted.records.iter().map(Record::content).collect(),
+            requests: plotted.plots(),
+            signals: plotted.signals(),
             textures: textures.collect(),
             drawing: drawing::svg(graph, ""),
         }
         .to_html()
     }
-}
-
-/// The surfaces of nodes with a position on a map, by the name of that signal.
-pub fn surfaces(graph: &Graph) -> Vec<(String, Surface)> {
-    let mut found = Vec::new();
-    for node in graph.nodes().iter() {
-        // The graph was built from these files; one that has become unreadable is not drawn.
-        let Some(surface) = node.files.iter().find_map(|path| files::load(path).ok()) else {
-            continue;
-        };
-        found.extend(
-            node.outputs
-                .iter()
-                .map(|port| (format!("{}.{}", node.path, port.name), surface.clone())),
-        );
-    }
-    found
 }
 
 /// Warning about a run that was stopped before its end.
