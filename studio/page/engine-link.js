@@ -9,10 +9,13 @@ const decoder = new TextDecoder();
 
 export class EngineLink {
     #port;
+    #wasm;
     #checker = new Promise(() => {});
+    #learns = false;
 
     constructor({ port, wasm, files, opened }) {
         this.#port = port;
+        this.#wasm = wasm;
         this.readyState = WebSocket.OPEN;
         this.bufferedAmount = 0;
         this.onmessage = this.onclose = () => {};
@@ -26,9 +29,34 @@ export class EngineLink {
     }
 
     send(message) {
-        if (typeof message !== "string") this.#port.postMessage({ bytes: message, text: false }, [message]);
-        else if (CHECKED.has(JSON.parse(message).type)) this.#check(message);
+        if (typeof message !== "string") return this.#port.postMessage({ bytes: message, text: false }, [message]);
+        const read = JSON.parse(message);
+        if (read.type === "learn") this.#learn(read);
+        else if (CHECKED.has(read.type)) this.#check(message);
         else this.#forward(message);
+    }
+
+    // In a worker of its own, so that neither the page nor the sound waits.
+    async #learn({ request, name, csv }) {
+        const reply = (more) => {
+            const whole = { type: "reply", request, ok: false, error: null, diagnostics: [], change: null, ...more };
+            this.onmessage({ data: JSON.stringify(whole) });
+        };
+        if (this.#learns) return reply({ error: "another recording is being learned; retry when it is done" });
+        this.#learns = true;
+        try {
+            const learned = await learnBeside(this.#wasm, name, csv);
+            const surface = { name: encoder.encode(learned.name), text: encoder.encode(learned.surface) };
+            const path = (await this.#checker).addSurface(surface);
+            if (!path) throw new Error("a thousand surfaces with this name exist; reload the page");
+            this.#port.postMessage({ surface, edits: true });
+            this.#flushLater();
+            reply({ ok: true, change: decoder.decode(path), learned });
+        } catch (error) {
+            reply({ error: error.message });
+        } finally {
+            this.#learns = false;
+        }
     }
 
     async #check(message) {
@@ -50,8 +78,12 @@ export class EngineLink {
     #forward(message, edits = false) {
         const bytes = encoder.encode(message).buffer;
         this.#port.postMessage({ bytes, text: true, edits }, [bytes]);
-        // Where nothing plays any more, nothing else may come that has it loaded.
-        if (edits) setTimeout(() => this.#port.postMessage({ bytes: new ArrayBuffer(0), text: false }), EDIT_WAITS_MS);
+        if (edits) this.#flushLater();
+    }
+
+    // Where nothing plays any more, nothing else may come that has an edit loaded.
+    #flushLater() {
+        setTimeout(() => this.#port.postMessage({ bytes: new ArrayBuffer(0), text: false }), EDIT_WAITS_MS);
     }
 
     #deliver({ bytes, text }) {
@@ -73,4 +105,14 @@ export class EngineLink {
         this.readyState = WebSocket.CLOSED;
         this.onclose({ reason: typeof why === "string" ? why : decoder.decode(why) });
     }
+}
+
+function learnBeside(wasm, name, csv) {
+    return new Promise((done, failed) => {
+        const worker = new Worker(new URL("learn-worker.js", import.meta.url), { type: "module" });
+        worker.onmessage = ({ data: { learned, error } }) => (learned ? done(learned) : failed(new Error(error)));
+        worker.onerror = ({ message }) => failed(new Error(`the engine that learns failed: ${message}; reload the page`));
+        const bytes = encoder.encode(csv);
+        worker.postMessage({ wasm, path: encoder.encode(name), bytes }, [bytes.buffer]);
+    });
 }

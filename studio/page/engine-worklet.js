@@ -37,14 +37,14 @@ class Engine extends AudioWorkletProcessor {
             // A stop waits for no edit; nothing asks for silence where nothing plays.
             if (Date.now() - this.ran_ms > QUIET_MS) this.edits.splice(0).forEach((waiting) => this.hear(waiting));
             else if (data.edits) return this.edits.push(data);
-            if (data.text || data.bytes.byteLength) this.hear(data);
+            if (data.text || data.surface || data.bytes.byteLength) this.hear(data);
         };
         this.tell();
         if (this.failure) link.postMessage({ failed: this.failure });
     }
 
     hear(message) {
-        this.attempt(() => this.module.hear(message));
+        this.attempt(() => (message.surface ? this.module.addSurface(message.surface) : this.module.hear(message)));
         this.tell();
     }
 

@@ -39,6 +39,23 @@ export class Module {
         return this.#calls.haptograph_check() ? this.#message() : null;
     }
 
+    // Learns the surface of a recording, { path, bytes }; what the module makes of it, as JSON. Throws what is wrong with it,
+    // as bytes.
+    learn(recording) {
+        this.put(recording);
+        this.#fill(recording.path);
+        const isLearned = this.#calls.haptograph_learn();
+        if (!isLearned) throw this.#message();
+        return this.#message();
+    }
+
+    // Puts a new surface beside the graph's others, { name, text }; its path as a parameter, where the module checks edits.
+    // Null where it cannot be named.
+    addSurface({ name, text }) {
+        this.#fill(name, text);
+        return this.#calls.haptograph_surface(name.length) ? this.#message() : null;
+    }
+
     // Checks against what the engine's message says that it runs.
     follow(message) {
         this.#fill(message);

@@ -150,6 +150,17 @@ async function learn(studio, file) {
     const says = chosen.ok ? "it is on the pad: stroke it" : `its swatch is below${chosen.error ? `: ${chosen.error}` : ""}`;
     end("good", `${file.name} was learned; ${says}.`);
     if (reply.report) text.after(reportLink(reply.report));
+    if (reply.learned) text.after(...keepLinks(reply.learned));
+}
+
+// A page has no folder: what was learned is kept by downloading it.
+function keepLinks({ name, surface, report }) {
+    const link = (label, file, type, content) =>
+        make("a", { class: "report", href: URL.createObjectURL(new Blob([content], { type })), download: file, text: label });
+    return [
+        link("Save the surface", `${name}.ron`, "text/plain", surface),
+        link("Save the report", `${name}-learned.html`, "text/html", report),
+    ];
 }
 
 // The page that a folder of the studio's holds, in a tab of its own.

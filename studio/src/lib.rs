@@ -15,6 +15,7 @@ mod channels;
 mod describe;
 mod drive;
 mod envelope;
+mod learn;
 mod levels;
 mod load;
 #[cfg(not(target_family = "wasm"))]

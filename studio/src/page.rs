@@ -1,6 +1,8 @@
 //! The engine in a page: [`Engine`] for its audio thread, and [`Checker`] for edits, in a worker.
 
+use super::describe;
 use super::drive::DrivenBy;
+use super::learn;
 use super::load::Source;
 use super::pages::{Line, LineError, Reach};
 use super::publish::Publisher;
@@ -8,9 +10,10 @@ use super::stage::{Host, Stage, StageError};
 use super::talk::{self, Response, Work};
 use super::wire::{self, ClientMessage};
 use haptograph_engine::registry::Registry;
+use haptograph_signal::files::is_file;
 use serde::Deserialize;
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
@@ -21,7 +24,8 @@ pub(crate) const HOST: Host = Host {
     name: "page",
     driven_by: DrivenBy::Caller,
     can_save: false,
-    can_learn: false,
+    // The page does it, beside the engine.
+    can_learn: true,
     can_drive: false,
 };
 /// Buffer size for the samples played in one call without allocation.
@@ -45,6 +49,10 @@ impl Opened {
 
 fn no_disk() -> StageError {
     StageError::Other("an engine in a page has no disk".to_owned())
+}
+
+fn elsewhere() -> StageError {
+    StageError::Other("an audio thread does not learn: the page does, beside it".to_owned())
 }
 
 impl Line for Sender<Message> {
@@ -99,7 +107,7 @@ impl Engine {
             Response::None => return,
             Response::Answer(answer) => answer,
             Response::Work { request, work } => self.work(request, work),
-            Response::Learn { request, .. } => talk::reply(request, Err(no_disk())),
+            Response::Learn { request, .. } => talk::reply(request, Err(elsewhere())),
         };
         self.say(super::publish::text(&answer));
     }
@@ -117,6 +125,16 @@ impl Engine {
         let loaded = loaded.map_err(StageError::Graph);
         let put = loaded.and_then(|loaded| talk::put(&mut self.stage, source, loaded));
         talk::reply(request, put)
+    }
+
+    /// The file for a new surface of this name, beside the others of the graph; `None` if a thousand exist.
+    pub fn surface_file(&self, name: &str) -> Option<PathBuf> {
+        free_file(&self.stage.source, name)
+    }
+
+    /// Queues the graph's description anew, with the surfaces that are in its folder now.
+    pub fn tell_graph(&mut self) {
+        talk::tell_graph(&mut self.stage);
     }
 
     /// Runs `frames` frames of the driver; returns the samples to play at [`sound_hz`](Self::sound_hz), where
@@ -193,6 +211,14 @@ impl Checker {
         Some(super::publish::text(&answer))
     }
 
+    /// The file for a new surface of this name, beside the others of the graph, and its path as a parameter; `None` if a
+    /// thousand exist.
+    pub fn surface_file(&self, name: &str) -> Option<(PathBuf, String)> {
+        let path = free_file(&self.source, name)?;
+        let parameter = describe::from_graph(&path, self.source.folder());
+        Some((path, parameter))
+    }
+
     /// Checks against another graph from now on: the engine's message of type `graph`. Others are ignored.
     pub fn follow(&mut self, message: &str) {
         if let Ok(Running::Graph { text, parameters }) = serde_json::from_str(message) {
@@ -201,6 +227,21 @@ impl Checker {
             self.source.set = changed.map(|each| (each.name, each.value)).collect();
         }
     }
+}
+
+fn free_file(source: &Source, name: &str) -> Option<PathBuf> {
+    let folder = describe::surface_folder(source.folder());
+    learn::paths(&folder, &learn::stem(name)).find(|path| !is_file(path))
+}
+
+/// Learns the surface of a recording in a file: its name, the text of its file, and the report as HTML.
+///
+/// # Errors
+/// What is wrong with the recording, as readable text.
+pub fn learn_recording(recording: &Path) -> Result<[String; 3], String> {
+    let stem = learn::stem(&recording.to_string_lossy());
+    let learned = learn::learn_table(&stem, recording)?;
+    Ok([stem, learned.text(), learned.page()])
 }
 
 /// What a checker needs of the engine's messages.

@@ -7,7 +7,8 @@
 
 #![expect(unsafe_code, reason = "names that the page calls by")]
 
-use haptograph_studio::page::{Checker, Engine, Message, Opened};
+use haptograph_studio::page::{Checker, Engine, Message, Opened, learn_recording};
+use serde_json::json;
 use std::cell::RefCell;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -130,6 +131,55 @@ pub extern "C" fn haptograph_follow() {
             checker.follow(&said);
         }
     });
+}
+
+/// Learns the surface of a recording, a file whose path the room holds: 1 and the message is `{ "name", "surface",
+/// "report" }`, the texts of its file and of the page about it; 0 and the message is why not.
+#[unsafe(no_mangle)]
+pub extern "C" fn haptograph_learn() -> u32 {
+    keep_panics();
+    with(|state| {
+        let path = String::from_utf8_lossy(&state.room).into_owned();
+        let (message, is_learned) = match learn_recording(Path::new(&path)) {
+            Ok([name, surface, report]) => {
+                let learned = json!({ "name": name, "surface": surface, "report": report });
+                (learned.to_string(), 1)
+            }
+            Err(why) => (why, 0),
+        };
+        state.message = message.into_bytes();
+        is_learned
+    })
+}
+
+/// Puts a new surface beside the graph's others: the room holds its name, of so many bytes, then its text. A checker's
+/// message is its path as a parameter; an engine describes its graph anew. 0 where a thousand of that name exist.
+#[unsafe(no_mangle)]
+pub extern "C" fn haptograph_surface(name_length: usize) -> u32 {
+    with(|state| {
+        let (name, text) = state.room.split_at(name_length.min(state.room.len()));
+        let name = String::from_utf8_lossy(name);
+        let checked = state
+            .checker
+            .as_ref()
+            .and_then(|checker| checker.surface_file(&name));
+        let runs = state
+            .engine
+            .as_ref()
+            .and_then(|engine| engine.surface_file(&name));
+        if let Some(path) = checked.as_ref().map(|(path, _)| path).or(runs.as_ref()) {
+            put(path, text);
+        } else {
+            return 0;
+        }
+        if let Some((_, parameter)) = checked {
+            state.message = parameter.into_bytes();
+        }
+        if let Some(engine) = &mut state.engine {
+            engine.tell_graph();
+        }
+        1
+    })
 }
 
 /// Runs so many frames of the driver; how many samples are played.

@@ -1,0 +1,95 @@
+//! Learns a surface from a recording, as the page's drop of a table asks for it.
+
+use haptograph_surfaces::Surface;
+use haptograph_surfaces::files::native;
+use haptograph_surfaces::learning::{LearnSettings, LearningReport, learn};
+use haptograph_surfaces::recording::{ImportSettings, load_with};
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+/// Maximum length of a surface's name.
+const MAX_LETTERS: usize = 60;
+
+/// A learned surface.
+#[derive(Debug)]
+pub struct Learned {
+    surface: Surface,
+    report: LearningReport,
+}
+
+impl Learned {
+    /// The text of its file.
+    pub fn text(&self) -> String {
+        native::write(&self.surface)
+    }
+
+    /// The report of the learning, as HTML.
+    pub fn page(&self) -> String {
+        haptograph_report::learning::page(&self.surface, &self.report)
+    }
+}
+
+/// Learns the table in a file; the surface is named `stem`.
+///
+/// # Errors
+/// What is wrong with the table, without the file's folder, or that it holds no drag.
+pub fn learn_table(stem: &str, table: &Path) -> Result<Learned, String> {
+    let folder = table.parent().unwrap_or(Path::new("")).to_string_lossy();
+    let shown = |error: &dyn Display| match &*folder {
+        "" => error.to_string(),
+        folder => error.to_string().replace(folder, ""),
+    };
+    let (recording, _) =
+        load_with(&[table.to_owned()], &ImportSettings::default()).map_err(|error| shown(&error))?;
+    let (surface, report) =
+        learn(stem, &[recording], &LearnSettings::default(), &|_| ()).map_err(|error| shown(&error))?;
+    match surface.texture {
+        Some(_) => Ok(Learned { surface, report }),
+        None => Err("cannot learn a texture: the recording holds no drag with force and speed".to_owned()),
+    }
+}
+
+/// Why no file is free.
+pub const FULL: &str = "a thousand surfaces with this name exist; remove or rename some";
+
+/// The files that a surface may get, in the order in which they are tried.
+pub fn paths(folder: &Path, stem: &str) -> impl Iterator<Item = PathBuf> {
+    (0..1000).map(move |number| match number {
+        0 => folder.join(format!("{stem}.ron")),
+        number => folder.join(format!("{stem}-{number}.ron")),
+    })
+}
+
+/// Letters, digits and hyphens of a file's name without its extension.
+pub fn stem(name: &str) -> String {
+    let name = name.rsplit(['/', '\\']).next().unwrap_or_default();
+    let name = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    let kept = name
+        .chars()
+        .map(|c| if c.is_ascii_alphanumeric() { c } else { '-' });
+    let kept: String = kept.take(MAX_LETTERS).collect();
+    let kept = kept.trim_matches('-');
+    if kept.is_empty() {
+        "recording".to_owned()
+    } else {
+        kept.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_become_names_of_files_and_nothing_more() {
+        for (name, kept) in [
+            ("take 3.csv", "take-3"),
+            ("../../etc/passwd", "passwd"),
+            ("C:\\x\\..\\..", "recording"),
+            ("", "recording"),
+            ("...", "recording"),
+        ] {
+            assert_eq!(stem(name), kept, "{name}");
+        }
+    }
+}
