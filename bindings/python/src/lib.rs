@@ -25,7 +25,7 @@ mod _native {
     #[pymodule_export]
     use crate::recordings::{Recording, figures, read, recording};
     #[pymodule_export]
-    use crate::surfaces::{Surface, compare, learn, render, update_samples};
+    use crate::surfaces::{Surface, compare, learn, render, resample, update_samples};
 
     #[pymodule_init]
     fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {

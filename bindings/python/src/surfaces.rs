@@ -6,6 +6,8 @@ use crate::work::{apart, apart_within};
 use haptograph::report::figures::triangulation;
 use haptograph::report::learning::page;
 use haptograph::report::plot::{Axis, Plot};
+use haptograph::signal::resample::{Quality, resample_whole};
+use haptograph::signal::time::Rate;
 use haptograph::surfaces::evaluate::{
     SynthesisSettings, Trajectory, UpdatePoints, VoiceInto, synthesis, synthesise_into, synthesise_with,
 };
@@ -301,6 +303,24 @@ impl Surface {
 pub fn update_samples(py: Python<'_>, rate: f64, update: f64, samples: usize) -> Bound<'_, PyArray1<i64>> {
     let places = synthesis::update_samples(rate, update, samples);
     PyArray1::from_iter(py, places.map(|place| place as i64))
+}
+
+/// So many samples of a vibration at a higher rate.
+#[pyfunction]
+pub fn resample<'py>(
+    py: Python<'py>,
+    values: PyReadonlyArray1<'py, f64>,
+    own: f64,
+    wanted: f64,
+    samples: usize,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let values = values.as_slice()?.to_vec();
+    let mut made = apart(py, (None, false), move |_| {
+        let rate = |hz: f64| Rate::parse(&hz.to_string()).map_err(Failure::of);
+        resample_whole(&values, rate(own)?, rate(wanted)?, Quality::FINE).map_err(Failure::of)
+    })?;
+    made.resize(samples, 0.0);
+    Ok(PyArray1::from_vec(py, made))
 }
 
 /// Many vibrations at once into the rows of `out`: a row each of surfaces, forces and speeds at [`update_samples`], and seeds,

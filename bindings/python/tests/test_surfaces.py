@@ -1,6 +1,7 @@
 """Surfaces: learned, asked and rendered."""
 
 import _thread
+import pickle
 import threading
 import time
 
@@ -94,6 +95,40 @@ def test_a_lower_rate_is_that_of_the_resampled_texture(canvas):
             canvas.resampled(rate)
 
 
+def test_a_higher_rate_adds_nothing_above_the_textures_own(canvas):
+    own = canvas.rate
+    force, speed = stroke(int(2 * own), own)
+    times = np.arange(int(2 * 2.5 * own)) / (2.5 * own)
+    made = canvas.render(*(np.interp(times, np.arange(len(x)) / own, x) for x in (force, speed)), rate=2.5 * own, seed=3)
+    assert made.rate == 2.5 * own and len(made) == len(times)
+    power = np.abs(np.fft.rfft(made * np.hanning(len(made)))) ** 2
+    above = np.fft.rfftfreq(len(made), 1 / made.rate) > 0.55 * own
+    assert power[above].sum() < 1e-6 * power.sum()
+    # What is felt of it is what the texture's own rate gives.
+    slow = canvas.render(force, speed, seed=3)
+    back = np.interp(np.arange(len(slow)) / own, times, made)
+    assert abs(hg.compare(back, slow, rate=own).lsd_40_250) < 0.3
+
+
+def test_samples_know_their_rate_and_unit_until_something_changes_them(canvas, drag):
+    made = canvas.render(1.0, 0.1, seconds=1)
+    assert (made.rate, made.unit, made.quantity, made.axes) == (canvas.rate, "m/s2", "acceleration", ("time",))
+    assert made[100:].rate == made.rate and made.times[-1] == (len(made) - 1) / made.rate
+    for plain in (made * 2, made[::2], np.concatenate([made, made]), np.asarray(made), made[[1, 2]]):
+        assert type(plain) is np.ndarray
+    assert isinstance(float(made.mean()), float) and made.std() > 0
+    rows = hg.render(canvas, np.ones((2, 1000)), 0.1)
+    assert rows.axes == ("voice", "time") and rows[1].axes == ("time",) and rows[1].unit == "m/s2"
+    assert (drag.force.unit, drag.speed.unit, drag.force.rate) == ("N", "m/s", drag.rate)
+    again = pickle.loads(pickle.dumps(made))
+    assert np.array_equal(again, made) and again.rate == made.rate
+    made += 1
+    assert made.rate == canvas.rate
+    # A rate that is known is not taken for another.
+    with pytest.raises(hg.Error, match="rates differ"):
+        hg.compare(canvas.render(1.0, 0.1, seconds=2, rate=1000), drag)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -107,7 +142,8 @@ def test_a_lower_rate_is_that_of_the_resampled_texture(canvas):
         ({"force": [None], "speed": 0.1}, "finite|numbers"),
         ({"force": 1.0, "speed": 0.1, "seconds": 1e300}, "at most"),
         ({"force": 1.0, "speed": 0.1, "seconds": np.nan}, "finite"),
-        ({"force": [1.0], "speed": 0.1, "rate": 44_100}, "resample"),
+        ({"force": [1.0], "speed": 0.1, "rate": np.inf}, "finite"),
+        ({"force": [1.0], "speed": 0.1, "rate": 1e12}, "."),
         ({"force": [1.0], "speed": 0.1, "seed": -1}, "seed"),
         ({"force": [1.0], "speed": 0.1, "seed": 2**64}, "seed"),
         ({"force": [1.0], "speed": 0.1, "seed": 1.5}, "whole"),

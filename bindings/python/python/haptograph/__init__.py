@@ -17,6 +17,7 @@ from ._node import Node, Port, Setting
 from ._player import Player
 from ._recording import Recording, read
 from ._run import Outcome, Run, Signal
+from ._samples import Samples
 from ._surface import Comparison, Model, Surface, compare, learn, render
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "Recording",
     "Rendered",
     "Run",
+    "Samples",
     "Setting",
     "Signal",
     "Surface",

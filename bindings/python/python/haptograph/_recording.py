@@ -11,6 +11,7 @@ import numpy as np
 from . import _native, _show
 from ._arrays import by_name, items, line, number, path_name, string
 from ._errors import Error
+from ._samples import Samples
 
 if TYPE_CHECKING:
     import pandas
@@ -181,24 +182,25 @@ class Recording:
         return self._inner.rate
 
     @property
-    def acceleration(self) -> np.ndarray:
+    def acceleration(self) -> Samples:
         """High-passed and on one axis, m/s2, shape (samples,); a copy, as are the others."""
-        return self._inner.acceleration()
+        return Samples.of(self._inner.acceleration(), self.rate, "acceleration", "m/s2")
 
     @property
-    def force(self) -> np.ndarray:
+    def force(self) -> Samples:
         """Normal force, N, shape (samples,)."""
-        return self._inner.force()
+        return Samples.of(self._inner.force(), self.rate, "force", "N")
 
     @property
-    def speed(self) -> np.ndarray:
+    def speed(self) -> Samples:
         """Speed of the tip, m/s, shape (samples,)."""
-        return self._inner.speed()
+        return Samples.of(self._inner.speed(), self.rate, "speed", "m/s")
 
     @property
-    def tangential(self) -> np.ndarray | None:
+    def tangential(self) -> Samples | None:
         """Friction, N, shape (samples,); None where it was not recorded."""
-        return self._inner.tangential()
+        friction = self._inner.tangential()
+        return None if friction is None else Samples.of(friction, self.rate, "force", "N")
 
     @property
     def seconds(self) -> float:

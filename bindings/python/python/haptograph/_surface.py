@@ -14,6 +14,7 @@ from . import _native, _show
 from ._arrays import array, finite, items, line, number, path_name, shared, string, whole, writable
 from ._errors import Error
 from ._recording import Recording
+from ._samples import Samples
 
 _MOST_SAMPLES = 10**9
 
@@ -208,7 +209,7 @@ class Surface:
         seed: int = 1,
         update: float = 240.0,
         progress: Callable[[float], object] | None = None,
-    ) -> np.ndarray:
+    ) -> Samples:
         """The vibration of sliding over the surface.
 
         Parameters
@@ -220,9 +221,9 @@ class Surface:
         seconds : float, optional
             How long, where neither is an array.
         rate : float, optional
-            Samples a second of arrays and result: the texture's own, :attr:`rate`, or a lower one, for which the
-            texture is resampled each time. For many calls do that once, with :meth:`resampled`. A higher one is an
-            error.
+            Samples a second of arrays and result: the texture's own, :attr:`rate`, where it is not given. For a lower
+            one the texture is resampled each time: for many calls do that once, with :meth:`resampled`. At a higher one
+            the result has nothing above half of the texture's own.
         seed : int
             The same seed gives the same samples.
         update : float
@@ -232,17 +233,18 @@ class Surface:
 
         Returns
         -------
-        ndarray
+        Samples
             Acceleration, m/s2, shape (samples,).
         """
         own = self.rate
-        if rate is not None and number("rate", rate, 0, above=True) != own:
-            return self.resampled(rate).render(force, speed, seconds, seed=seed, update=update, progress=progress)
+        wanted = own if rate is None else number("rate", rate, 0, above=True)
+        if wanted < own:
+            return self.resampled(wanted).render(force, speed, seconds, seed=seed, update=update, progress=progress)
         force, speed = finite("force", array("force", force)), finite("speed", array("speed", speed))
         if force.ndim == speed.ndim == 0:
             if seconds is None:
                 raise Error("say how long: give `seconds`, or an array of forces or speeds")
-            samples = number("seconds", seconds, 0) * own
+            samples = number("seconds", seconds, 0) * wanted
             if samples > _MOST_SAMPLES:
                 raise Error(f"{seconds} s are {samples:.3g} samples: render at most {_MOST_SAMPLES:.0e} at once")
             speed = np.full(math.floor(samples + 0.5), float(speed))
@@ -254,7 +256,15 @@ class Surface:
             raise Error(f"force has shape {force.shape}, speed {speed.shape}: give as many of both") from None
         force, speed = line("force", force), line("speed", speed)
         seed, update = whole("seed", seed), number("update", update, 0, above=True)
-        return self._inner.render(force, speed, seed, update, progress)
+        count = len(force)
+        if wanted > own:
+            # The force and speed at the texture's own samples.
+            places = np.floor(np.arange(math.ceil(count * own / wanted)) * (wanted / own)).astype(np.int64)
+            force, speed = force[places], speed[places]
+        made = self._inner.render(force, speed, seed, update, progress)
+        if wanted > own:
+            made = _native.resample(made, own, wanted, count)
+        return Samples.of(made, wanted, "acceleration", "m/s2")
 
     def resampled(self, rate: float) -> Surface:
         """The same surface with its texture at a lower rate, by ``haptograph surface resample``'s best method.
@@ -355,10 +365,10 @@ def compare(
 
     Parameters
     ----------
-    a, b : array_like, Recording or Signal
+    a, b : array_like, Samples, Recording or Signal
         m/s2. Of recordings the acceleration.
     rate : float, optional
-        Samples a second, where neither says it.
+        Samples a second of arrays that do not say it; where one of both does, the other is of the same.
     window : int, optional
         Samples in a window of `nse` and `pe`; 25.6 ms where it is not given.
     progress : callable, optional
@@ -383,7 +393,7 @@ def render(
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
     out: np.ndarray | None = None,
-) -> np.ndarray:
+) -> Samples | np.ndarray:
     """Many vibrations at once, side by side in the processor's lanes and on all its cores.
 
     A row has the same bits whatever the other rows, and those of :meth:`Surface.render` but for rounding.
@@ -408,8 +418,8 @@ def render(
 
     Returns
     -------
-    ndarray
-        Acceleration, m/s2, shape (rows, samples); `out` where it is given.
+    Samples
+        Acceleration, m/s2, shape (rows, samples); `out` itself where it is given.
     """
     surfaces = [surfaces] if isinstance(surfaces, Surface) else items("surfaces", surfaces)
     if not surfaces or not all(isinstance(one, Surface) for one in surfaces):
@@ -442,9 +452,9 @@ def render(
     seeds = [whole("seeds", seed) for seed in items("seeds", seeds)]
     threads = whole("threads", (os.cpu_count() or 1) if threads is None else threads, 1, 1024)
     update = number("update", update, 0, above=True)
-    out = np.empty(force.shape) if out is None else writable("out", out, force.shape)
+    made = np.empty(force.shape) if out is None else writable("out", out, force.shape)
     read = _native.update_samples(surfaces[0].rate, update, force.shape[1])
     # Copies, checked again: another thread may have changed what was checked above.
     force, speed = finite("force", force.take(read, axis=1)), finite("speed", speed.take(read, axis=1))
-    _native.render(inner, force, speed, seeds, update, threads, progress, out)
-    return out
+    _native.render(inner, force, speed, seeds, update, threads, progress, made)
+    return Samples.of(made, surfaces[0].rate, "acceleration", "m/s2") if out is None else out
