@@ -270,6 +270,17 @@ fn what_cannot_be_meant_is_refused_before_any_work() {
 }
 
 #[test]
+fn a_drawing_is_written_as_its_name_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = texturepad_graph();
+    for (file, begins) in [("x.svg", "<svg"), ("x.dot", "digraph {"), ("x.mmd", "---\n")] {
+        succeed(folder.path(), &["draw", &graph, "-o", file]);
+        let text = fs::read_to_string(folder.path().join(file)).unwrap();
+        assert!(text.starts_with(begins), "{file}: {text}");
+    }
+}
+
+#[test]
 fn a_wrong_command_line_ends_with_2() {
     let folder = tempfile::tempdir().unwrap();
     for arguments in [
@@ -282,6 +293,7 @@ fn a_wrong_command_line_ends_with_2() {
     }
     let told = fail(folder.path(), &["draw", "x.ron", "-o", "x.png"], 2);
     assert!(told.contains("rsvg-convert x.svg -o x.png"), "{told}");
+    assert!(told.contains(".dot") && told.contains(".mmd"), "{told}");
     let told = fail(folder.path(), &["sweep", "x.ron"], 2);
     assert!(told.contains("--over") && told.contains("--case"), "{told}");
     let told = fail(folder.path(), &["run", "missing.ron"], 1);

@@ -1,8 +1,9 @@
-//! Drawing of a graph. Data flow from left to right, clocks are coloured regions, wires carry units and
-//! bridges, templates are frames, and loops through bodies run below.
+//! Drawing of a graph, as SVG: data flow from left to right, clocks are coloured regions, wires carry units and
+//! bridges, templates are frames, and loops through bodies run below. Graphviz and Mermaid get text and lay it out themselves.
 
 mod paint;
 mod sketch;
+mod text;
 
 use super::layout::{Block, Layout, Link, Route, Side, in_rows};
 use super::svg::{Rect, text_width};
@@ -18,6 +19,16 @@ pub fn standalone_svg(graph: &Graph, title: &str) -> String {
 /// The drawing of `graph` for a page with the style sheet.
 pub fn svg(graph: &Graph, title: &str) -> String {
     draw(&Sketch::of(graph), title, "")
+}
+
+/// `graph` in DOT, the language of Graphviz: `dot -Tpdf`.
+pub fn dot(graph: &Graph, title: &str) -> String {
+    text::dot(&Sketch::of(graph), title)
+}
+
+/// `graph` as a flowchart of Mermaid, which many Markdown pages show.
+pub fn mermaid(graph: &Graph, title: &str) -> String {
+    text::mermaid(&Sketch::of(graph), title)
 }
 
 fn draw(sketch: &Sketch, title: &str, style: &str) -> String {

@@ -1,20 +1,21 @@
-//! `haptograph draw`: a graph as an SVG drawing.
+//! `haptograph draw`: a graph as an SVG drawing, or as text for Graphviz or Mermaid.
 
 use super::output::{Force, Output};
 use super::{Failure, GraphArguments, print, print_json};
+use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
 use crate::report::drawing;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Draw a graph as SVG
+/// Draw a graph as SVG, DOT or Mermaid
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
     graph: GraphArguments,
-    /// The SVG file to write; default: standard output
-    #[arg(short, long, value_name = "FILE.svg", value_parser = svg_file)]
-    output: Option<PathBuf>,
+    /// The file to write: .svg, .dot (Graphviz) or .mmd (Mermaid); default: SVG to standard output
+    #[arg(short, long, value_name = "FILE.svg", value_parser = drawing_file)]
+    output: Option<DrawingFile>,
     #[command(flatten)]
     force: Force,
     /// Print the written file as JSON; without a file, the JSON holds the drawing
@@ -22,27 +23,39 @@ pub struct Arguments {
     json: bool,
 }
 
-fn svg_file(text: &str) -> Result<PathBuf, String> {
+/// A path and the function that draws what its name ends in.
+#[derive(Debug, Clone)]
+struct DrawingFile {
+    path: PathBuf,
+    draw: fn(&Graph, &str) -> String,
+}
+
+fn drawing_file(text: &str) -> Result<DrawingFile, String> {
     let path = PathBuf::from(text);
-    if path
-        .extension()
-        .is_some_and(|end| end.eq_ignore_ascii_case("svg"))
-    {
-        return Ok(path);
-    }
+    let end = path.extension().unwrap_or_default().to_ascii_lowercase();
+    let draw = match end.to_str() {
+        Some("svg") => drawing::standalone_svg,
+        Some("dot") => drawing::dot,
+        Some("mmd") => drawing::mermaid,
+        _ => return Err(no_such_drawing(&path)),
+    };
+    Ok(DrawingFile { path, draw })
+}
+
+fn no_such_drawing(path: &Path) -> String {
     let svg = path.with_extension("svg");
     let png = path.with_extension("png");
-    Err(format!(
-        "drawings are written as .svg; for a PNG, write {0} and then `rsvg-convert {0} -o {1}`",
+    format!(
+        "drawings are written as .svg, .dot or .mmd; for a PNG, write {0} and then `rsvg-convert {0} -o {1}`",
         svg.display(),
         png.display()
-    ))
+    )
 }
 
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(registry, None)?;
-    let Some(path) = &arguments.output else {
+    let Some(DrawingFile { path, draw }) = &arguments.output else {
         let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
         return match arguments.json {
             true => print_json(&json!({ "svg": picture })),
@@ -51,7 +64,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     };
     arguments.graph.refuse_inputs(&graph, path)?;
     let output = Output::claim(path, arguments.force)?;
-    let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
+    let picture = draw(&graph, &arguments.graph.name());
     let written = output.write(&picture)?;
     match arguments.json {
         true => print_json(&json!({ "written": [written] })),

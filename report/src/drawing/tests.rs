@@ -364,3 +364,72 @@ fn no_wire_crosses_a_label_or_a_box() {
         }
     }
 }
+
+/// Two nodes, a ring between two clocks, and names with whatever a label could trip over.
+fn awkward() -> Sketch {
+    let mut sketch = sketch(
+        &["audio 48 kHz", "servo 1 kHz"],
+        &[
+            "tip Noise servo - | -> output",
+            "coil ActuatorSink audio body | a{b}|c -> ",
+        ],
+        &["tip.output coil.a{b}|c - m/s²"],
+    );
+    sketch.wires[0].bridge = "ring 5 ms".to_owned();
+    sketch.clocks[1].0 = r#"ser"vo]"#.to_owned();
+    sketch.boxes[0].path = "größe <\"a\"> [#1; c\\".to_owned();
+    sketch.boxes[1].path = "pair/`{x|y}` & 触覚".to_owned();
+    sketch
+}
+
+#[test]
+fn dot_escapes_names_and_shows_clocks_ports_and_rings() {
+    let wanted = r#"digraph {
+  label="it's \"so\""; labelloc=t; rankdir=LR; fontname="sans-serif";
+  node [shape=record, fontname="sans-serif", fontsize=11];
+  edge [fontname="sans-serif", fontsize=9];
+  subgraph cluster_0 {
+    label="audio, 48 kHz"; style=rounded; color=gray;
+    n1 [label="pair/`\{x\|y\}` &amp; 触覚\nActuatorSink|{{<i0> a\{b\}\|c}}", style=bold];
+  }
+  subgraph cluster_1 {
+    label="ser\"vo], 1 kHz"; style=rounded; color=gray;
+    n0 [label="größe \<\"a\"\> [#1; c\\\nNoise|{{<o0> output}}"];
+  }
+  n0:o0:e -> n1:i0:w [label="m/s²\nring 5 ms"];
+}
+"#;
+    assert_eq!(text::dot(&awkward(), "it's \"so\""), wanted);
+}
+
+#[test]
+fn mermaid_escapes_names_and_shows_clocks_ports_and_rings() {
+    let wanted = "---
+title: 'it''s \"so\"'
+---
+flowchart LR
+  subgraph c0[\"audio, 48 kHz\"]
+    n1([\"pair/#96;#123;x#124;y#125;#96; #38; 触覚<br>ActuatorSink\"])
+  end
+  subgraph c1[\"ser#34;vo#93;, 1 kHz\"]
+    n0[\"größe #60;#34;a#34;#62; #91;#35;1#59; c#92;<br>Noise\"]
+  end
+  n0 -->|\"output → a#123;b#125;#124;c<br>m/s², ring 5 ms\"| n1
+";
+    assert_eq!(text::mermaid(&awkward(), "it's \"so\""), wanted);
+}
+
+#[test]
+fn both_texts_hold_each_node_and_each_wire_of_the_shipped_graphs() {
+    for (name, sketch) in shipped() {
+        let dot = text::dot(&sketch, &name);
+        let mermaid = text::mermaid(&sketch, &name);
+        for node in 0..sketch.boxes.len() {
+            assert_eq!(dot.matches(&format!(" n{node} [")).count(), 1, "{name}");
+        }
+        assert_eq!(dot.matches(" -> n").count(), sketch.wires.len(), "{name}");
+        assert_eq!(mermaid.matches("|\"").count(), sketch.wires.len(), "{name}");
+        assert_eq!(dot.matches("subgraph").count(), sketch.clocks.len(), "{name}");
+        assert_eq!(mermaid.matches("subgraph").count(), sketch.clocks.len(), "{name}");
+    }
+}
