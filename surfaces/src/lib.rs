@@ -18,6 +18,8 @@ pub mod lsf;
 pub mod metrics;
 pub mod model;
 #[cfg(not(target_family = "wasm"))]
+mod npy;
+#[cfg(not(target_family = "wasm"))]
 mod npz;
 pub mod provenance;
 pub mod recording;

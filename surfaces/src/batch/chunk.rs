@@ -4,7 +4,8 @@ use super::document::Samples;
 use super::hex;
 use super::plan::{Batch, Job};
 use crate::evaluate::{SynthesisError, SynthesisSettings, Trajectory, Voice, synthesise_many};
-use crate::npz::{array_header, begin, begin_array};
+use crate::npy::Header;
+use crate::npz::{begin, begin_array};
 use haptograph_signal::files;
 use haptograph_signal::files::write_atomically_by;
 use serde::{Deserialize, Serialize};
@@ -283,9 +284,8 @@ pub fn verify(path: &Path, identity: &str, chunk: u64) -> Result<String, String>
 }
 
 fn hash_array(hash: &mut Sha256, name: &str, mut member: impl Read) -> Result<(), String> {
-    let header = array_header(&mut member)?;
-    let descr = header.dtype().descr();
-    hash_head(hash, name, descr.trim_matches('\''), header.shape());
+    let header = Header::read(&mut member).map_err(|error| error.to_string())?;
+    hash_head(hash, name, &header.descr, &header.shape);
     let mut block = vec![0; BLOCK];
     loop {
         match member.read(&mut block).map_err(|error| error.to_string())? {

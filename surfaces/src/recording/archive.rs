@@ -9,16 +9,16 @@
 //! | processed: `acceleration_m_s2`, `force_normal_n`, `speed_m_s` | (n) | at one rate |
 //! | processed, optional: `force_tangential_n`, `axes_m_s2` | (n), (n, 3) | |
 //!
-//! Arrays are little-endian doubles in C order, named `<member>.npy` in the archive; single precision is read too. Any bytes
+//! Arrays are little-endian doubles in C order, named `<member>.npy` in the archive; single precision and big-endian numbers are read too. Any bytes
 //! give a recording or an error, in memory of at most a few times the file's size.
 
 use super::ReadError;
 use super::{
     AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, RawHead, Recording, Series, Signals, Wrench,
 };
-use crate::npz::{array_header, begin, put_rows};
+use crate::npy;
+use crate::npz::{begin, put_rows};
 use crate::{Origin, Provenance};
-use npyz::Order;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek, Write};
@@ -400,44 +400,6 @@ impl Archive<'_> {
     fn array(&mut self, name: &str, row: &[u64]) -> Result<Vec<f64>, ReadError> {
         let name = format!("{name}.npy");
         let bytes = self.member(&name, self.bytes)?;
-        parse_array(&bytes, row).map_err(|message| ReadError::member(&name, message))
-    }
-}
-
-fn parse_array(bytes: &[u8], row: &[u64]) -> Result<Vec<f64>, String> {
-    let mut data = bytes;
-    let header = array_header(&mut data)?;
-    if header.shape().get(1..) != Some(row) {
-        return Err(format!(
-            "its shape is {:?}; expected (n) followed by {row:?}",
-            header.shape()
-        ));
-    }
-    if header.order() != Order::C && !row.is_empty() {
-        return Err("it is in Fortran order; save it in C order".to_owned());
-    }
-    let count = header
-        .shape()
-        .iter()
-        .try_fold(1_u64, |product, &n| product.checked_mul(n));
-    let is_long = |width: u64| count.and_then(|count| count.checked_mul(width)) == Some(data.len() as u64);
-    match header.dtype().descr().as_str() {
-        "'<f8'" if is_long(8) => Ok(data
-            .as_chunks()
-            .0
-            .iter()
-            .map(|&b| f64::from_le_bytes(b))
-            .collect()),
-        "'<f4'" if is_long(4) => Ok(data
-            .as_chunks()
-            .0
-            .iter()
-            .map(|&b| f32::from_le_bytes(b).into())
-            .collect()),
-        "'<f8'" | "'<f4'" => Err(format!(
-            "it has {} bytes, which does not match its shape",
-            data.len()
-        )),
-        other => Err(format!("its number type is {other}; save little-endian doubles")),
+        npy::doubles(&bytes, row).map_err(|error| ReadError::member(&name, error))
     }
 }
