@@ -56,6 +56,20 @@ fn breaks_are_found_and_printed_as_agreed() {
         (0, 1)
     );
     assert!(succeed(folder.path(), &["segment", "a.csv", "--column", "y"]).contains("segments            3"));
+    let evolve = [
+        "--method",
+        "genetic",
+        "--seed",
+        "2",
+        "--min-span",
+        "200",
+        "--max-order",
+        "2",
+    ];
+    let evolve = [&["segment", "a.csv", "--column", "y", "--json"], &evolve[..]].concat();
+    let evolved = json(folder.path(), &evolve);
+    assert_eq!(evolved["orders"].as_array().unwrap().len(), 3);
+    assert_eq!(evolved, json(folder.path(), &evolve), "its seed is given");
 
     fs::write(folder.path().join("bad.csv"), "a,y\r\n1,2\r\n3,x\r\n").unwrap();
     let told = fail(folder.path(), &["segment", "bad.csv", "--column", "y", "--json"]);

@@ -365,6 +365,7 @@ fn describe_thesis(texture: &TextureSettings, note: NoteSetting<'_>) {
     let method = match &segmentation.method {
         SegmentationMethod::Exact { grid: None } => "exact".to_owned(),
         SegmentationMethod::Exact { grid: Some(grid) } => format!("exact, grid {grid}"),
+        #[cfg(feature = "genetic")]
         SegmentationMethod::Genetic(genetic) => {
             format!(
                 "genetic, {} islands of {}, seed {}",

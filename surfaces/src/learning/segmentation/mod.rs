@@ -2,7 +2,8 @@
 //!
 //! A recorded acceleration is modelled as a piecewise autoregressive process. [`segment`] finds the breaks and the
 //! order of every segment that minimise Eq. 2.3.3, by default exactly (dynamic programming over a grid of possible
-//! breaks, then breaks refined sample by sample), or with the island genetic algorithm of Auto-PARM to compare with.
+//! breaks, then breaks refined sample by sample), or with the island genetic algorithm of Auto-PARM to compare with
+//! (the feature `genetic`).
 //!
 //! The objective, with the two logarithms that the printed equation leaves undefined at zero read as `log max(1, .)`:
 //!
@@ -14,6 +15,7 @@
 //! [`SegmentationSettings::variance`]; a floor of 1e-15 of the signal's mean square keeps digital silence finite.
 
 mod exact;
+#[cfg(feature = "genetic")]
 mod genetic;
 mod moments;
 mod objective;
@@ -22,6 +24,7 @@ mod refine;
 mod tests;
 mod variance;
 
+#[cfg(feature = "genetic")]
 pub use genetic::GeneticSettings;
 
 use moments::Moments;
@@ -97,6 +100,7 @@ pub enum VarianceEstimate {
 
 /// How the objective is minimised.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum SegmentationMethod {
     /// Dynamic programming over every `grid`-th sample, exact there, then breaks refined at single samples.
     Exact {
@@ -105,6 +109,7 @@ pub enum SegmentationMethod {
         grid: Option<usize>,
     },
     /// The island genetic algorithm of the thesis and of Auto-PARM. Much slower, and never better.
+    #[cfg(feature = "genetic")]
     Genetic(GeneticSettings),
 }
 
@@ -195,6 +200,7 @@ fn search<E: Estimator>(signal: &[f64], settings: &SegmentationSettings) -> Segm
             let breaks = refine::refined(&mut objective, on_grid, step);
             objective.rate(breaks)
         }
+        #[cfg(feature = "genetic")]
         SegmentationMethod::Genetic(genetic) => {
             let moments = Moments::new(
                 signal,
@@ -238,6 +244,7 @@ fn check(signal: &[f64], settings: &SegmentationSettings) -> Result<(), Segmenta
     match &settings.method {
         SegmentationMethod::Exact { grid: Some(grid) } => within("grid", *grid, 1, settings.min_span)?,
         SegmentationMethod::Exact { grid: None } => {}
+        #[cfg(feature = "genetic")]
         SegmentationMethod::Genetic(genetic) => {
             within("islands", genetic.islands, 1, 1000)?;
             within("population", genetic.population, 4, 100_000)?;

@@ -455,6 +455,7 @@ fn the_objective_of_given_breaks_is_that_of_the_search() {
 }
 
 #[test]
+#[cfg(feature = "genetic")]
 fn the_genetic_algorithm_finds_no_better_and_repeats_itself() {
     let genetic = GeneticSettings {
         population: 20,
@@ -485,6 +486,7 @@ fn the_genetic_algorithm_finds_no_better_and_repeats_itself() {
 }
 
 #[test]
+#[cfg(feature = "genetic")]
 #[ignore = "gives the genetic algorithm a minute on each of three recordings' worth of signal"]
 fn a_minute_of_evolution_is_not_enough() {
     let limit = Some(std::time::Duration::from_secs(60));
