@@ -28,6 +28,9 @@ pub use spec::{
     output_like,
 };
 
+/// The longest block, in driver frames.
+pub const MAX_BLOCK: usize = 1024;
+
 /// Context in which a node is built.
 #[derive(Debug, Clone)]
 pub struct BuildContext {

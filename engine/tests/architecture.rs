@@ -243,6 +243,67 @@ fn every_crate_has_a_layer() {
     }
 }
 
+/// The last argument of each call of `function` in a piece of code.
+fn last_arguments<'a>(code: &'a str, function: &str) -> Vec<&'a str> {
+    let calls = code.split(function).skip(1);
+    let arguments = calls.filter_map(|call| {
+        let mut depth = 1_usize;
+        let end = call.find(|c: char| {
+            depth = match c {
+                '(' => depth + 1,
+                ')' => depth - 1,
+                _ => depth,
+            };
+            depth == 0
+        });
+        call[..end?].trim().trim_end_matches(',').rsplit(',').next()
+    });
+    arguments.map(str::trim).collect()
+}
+
+/// A limit is that of a kind of file, or comes from the caller, or the file is read piece by piece to its end.
+fn is_known_limit(limit: &str, kinds: &[&str]) -> bool {
+    let name = limit.rsplit("::").next().unwrap_or_default();
+    let is_from_caller = limit.ends_with("max_bytes") || limit.ends_with("left_bytes");
+    is_from_caller || limit == "u64::MAX" || kinds.contains(&name)
+}
+
+#[test]
+fn files_are_read_within_the_limit_of_their_kind() {
+    let limits = code(&root().join("signal/src/files/limits.rs"));
+    let kinds: Vec<&str> = { limits.split("pub const ").skip(1) }
+        .filter_map(|item| item.split(':').next())
+        .collect();
+    assert!(kinds.len() > 8, "{kinds:?}");
+    let (mut read, mut breaches) = (0, Vec::new());
+    for folder in LAYERS.concat() {
+        let folder = root().join(folder).join("src");
+        for path in folder.is_dir().then(|| sources(&folder)).unwrap_or_default() {
+            let code = code(&path);
+            for function in [
+                "files::read(",
+                "files::read_text(",
+                "files::open(",
+                "bounded::read(",
+            ] {
+                for limit in last_arguments(&code, function) {
+                    read += 1;
+                    let is_known = is_known_limit(limit, &kinds);
+                    breaches.extend((!is_known).then(|| format!("{}: {limit}", path.display())));
+                }
+            }
+        }
+    }
+    assert!(read > 30, "{read} calls");
+    assert!(breaches.is_empty(), "{}", breaches.join("\n"));
+    let own = last_arguments(
+        "files::read(&path(a, b), 1 << 20)?; files::open(p, MAX_BYTES)",
+        "files::read(",
+    );
+    assert_eq!(own, ["1 << 20"]);
+    assert!(!is_known_limit("1 << 20", &kinds) && !is_known_limit("MAX_BYTES", &kinds));
+}
+
 /// What the public items of a file name: signatures however many lines they take, fields of public structures, what is
 /// re-exported.
 fn public_items(code: &str) -> Vec<String> {

@@ -1,10 +1,12 @@
 //! Bounded reading of files, folders and lines, and atomic writing. The library opens files and folders for reading only here.
 
+mod limits;
 #[cfg(target_family = "wasm")]
 mod memory;
 mod roots;
 mod write;
 
+pub use limits::*;
 #[cfg(target_family = "wasm")]
 pub use memory::{File, put};
 pub use roots::{Roots, noting_files, refused};
@@ -14,8 +16,6 @@ use std::io::{self, BufRead, Read};
 use std::path::{Path, PathBuf};
 pub use write::{TEMPORARY, is_temporary, write_atomically, write_atomically_by};
 
-/// Largest recording or other table of samples that is read, bytes: an hour of raw recording.
-pub const MAX_RECORDING_BYTES: u64 = 4 << 30;
 /// Most names that are read of one folder: the chunks of the largest batch twice, and more.
 pub const MAX_NAMES: usize = 500_000;
 /// Longest line that is read from terminals and other programs, bytes.

@@ -27,8 +27,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Maximum size of a part of an evaluation, bytes.
-const MAX_PART_BYTES: u64 = 1 << 30;
 /// Setting of a learned surface that holds the hash of its inputs and settings.
 const INPUTS: &str = "inputs sha256";
 
@@ -150,7 +148,7 @@ fn part_facts(json: bool, path: &Path, part: &StudyPart, kept: bool) -> Result<(
 }
 
 fn read_part(path: &Path) -> Result<StudyPart, Failure> {
-    let text = files::read_text(path, MAX_PART_BYTES);
+    let text = files::read_text(path, files::MAX_PART_BYTES);
     let text = text.map_err(|error| Failure::file("read", path, &error))?;
     StudyPart::parse(path, &text).map_err(|error| Failure::Message(error.to_string()))
 }

@@ -77,7 +77,7 @@ fn shown(finding: &Finding) -> String {
 }
 
 fn read(path: &Path) -> String {
-    files::read_text(path, 1 << 20).unwrap_or_default()
+    files::read_text(path, files::MAX_NOTE_BYTES).unwrap_or_default()
 }
 
 fn limits(text: &str) -> [Finding; 2] {

@@ -3,7 +3,7 @@
 
 use super::{Failure, eprint, snippet};
 use crate::engine::settings::closest;
-use crate::signal::files::{self, MAX_RECORDING_BYTES};
+use crate::signal::files::{self, MAX_NOTE_BYTES, MAX_RECORDING_BYTES};
 use crate::surfaces::Origin;
 use crate::surfaces::recording::{
     self, AnyRecording, COLUMNS, CsvHead, Finding, ImportSettings, LoadError, ReadError, csv_head, decoded,
@@ -15,8 +15,6 @@ use std::path::{Path, PathBuf};
 
 /// Maximum length of a CSV header, bytes.
 const HEAD_BYTES: u64 = 1 << 16;
-/// Maximum size of a note beside a file, bytes.
-const MAX_NOTE_BYTES: u64 = 1 << 20;
 
 /// A recording read from a file.
 #[derive(Debug)]

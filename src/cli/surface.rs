@@ -58,7 +58,7 @@ pub fn load(path: &Path) -> Result<Surface, Failure> {
     }
     files::load(path).map_err(|error| match &error {
         files::FileError::Read { path, error: read } => {
-            match (read.place, bounded::read(path, files::MAX_FILE_BYTES)) {
+            match (read.place, bounded::read(path, bounded::MAX_SURFACE_BYTES)) {
                 (Some(place), Ok(bytes)) => {
                     let text = String::from_utf8_lossy(&bytes);
                     let line = text.lines().nth(place.line - 1).unwrap_or_default();

@@ -12,8 +12,6 @@ use std::fs;
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
-/// Maximum size of a list, bytes; enough for a hundred thousand files.
-const MAX_BYTES: u64 = 16 << 20;
 /// Bytes hashed at a time.
 const CHUNK: usize = 1 << 16;
 
@@ -35,7 +33,7 @@ impl FileManifest {
         if !found.is_file() {
             return None;
         }
-        let text = files::read_text(path, MAX_BYTES).ok()?;
+        let text = files::read_text(path, files::MAX_MANIFEST_BYTES).ok()?;
         serde_json::from_str(&text).ok()
     }
 

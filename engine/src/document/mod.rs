@@ -8,6 +8,7 @@ pub(crate) mod text;
 pub mod value;
 
 use crate::diagnostic::{Diagnostic, Diagnostics, Source, SourceId, Sources, Span};
+use haptograph_signal::files::MAX_GRAPH_BYTES;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use value::{Name, Value};
@@ -57,7 +58,9 @@ pub struct LoadOptions {
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { max_bytes: 16 << 20 }
+        Self {
+            max_bytes: MAX_GRAPH_BYTES,
+        }
     }
 }
 

@@ -11,16 +11,13 @@ use super::memory::{self, Memory};
 use crate::device::BuiltDevice;
 use crate::diagnostic::Diagnostic;
 use crate::frame::Kind;
-use crate::node::{Build, BuildContext, FileContext, Stream};
+use crate::node::{Build, BuildContext, FileContext, MAX_BLOCK, Stream};
 pub(super) use assemble::assemble;
 pub(super) use findings::part_of_text;
 use findings::{Places, explain};
 use haptograph_signal::noise::stream_seed;
 use std::collections::HashMap;
 use std::path::PathBuf;
-
-/// Largest block of a plan in driver frames.
-const MAX_QUANTUM: u64 = 1024;
 
 /// Built nodes and devices; `None` after a reported error.
 pub(super) struct Built {
@@ -276,7 +273,7 @@ fn buffer_bytes(draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
 fn max_frames(clocks: &Clocks, clock: usize) -> usize {
     let (n, d) = clocks.list[clock].rate.parts();
     let (m, e) = clocks.list[clocks.list[clock].driver].rate.parts();
-    let frames = u128::from(MAX_QUANTUM) * u128::from(n) * u128::from(e);
+    let frames = MAX_BLOCK as u128 * u128::from(n) * u128::from(e);
     let frames = frames.div_ceil(u128::from(d) * u128::from(m)) + 1;
     usize::try_from(frames).unwrap_or(usize::MAX)
 }

@@ -17,15 +17,13 @@ use crate::frame::Kind;
 use crate::graph::{Graph, LiveSetting, NodeId};
 use crate::io::{Extent, Placing, ResolvedInput};
 use crate::limiter::ClipCounts;
+pub use crate::node::MAX_BLOCK;
 use crate::node::{Limit, Processor, Single, Stream};
 use crate::silence::LiveInput;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::EdgeIndex;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-
-/// The longest block, in driver frames.
-pub const MAX_BLOCK: usize = 1024;
 
 /// Options of planning.
 #[derive(Debug, Clone, Default)]

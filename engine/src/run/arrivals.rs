@@ -154,8 +154,6 @@ fn graph_file(folder: &Path) -> PathBuf {
     folder.join(ARRIVALS).join("graph.txt")
 }
 
-/// Largest list of fingerprints that is read, bytes: a hundred thousand nodes.
-const MAX_GRAPH_BYTES: u64 = 16 << 20;
 /// Line of a run whose real actuators started without heat reserve.
 const UNRESTED: &str = "unrested actuators";
 
@@ -176,7 +174,7 @@ pub(super) fn keep_graph(graph: &Graph, rested: bool, folder: &Path) -> std::io:
 pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<bool, ReplayError> {
     const NAMED: usize = 4;
     let path = graph_file(folder);
-    let text = match files::read_text(&path, MAX_GRAPH_BYTES) {
+    let text = match files::read_text(&path, files::MAX_GRAPH_BYTES) {
         Ok(text) => text,
         Err(error) => return Err(ReplayError::Read { path, error }),
     };

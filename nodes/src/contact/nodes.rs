@@ -16,9 +16,6 @@ use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Size limit of mesh files, bytes: about five million triangles.
-const MAX_MESH_BYTES: u64 = 256 << 20;
-
 const POSITION: &[InputSpec] = &[input(
     "position",
     Kind::VECTOR,
@@ -132,7 +129,7 @@ pub(crate) fn load_mesh(file: &Path, unit_mm: f64) -> Result<TriangleMesh, Build
     };
     let failed =
         |error: &dyn std::error::Error| BuildError::at("file", format!("{}: {error}", file.display()));
-    let bytes = files::read(file, MAX_MESH_BYTES).map_err(|error| failed(&error))?;
+    let bytes = files::read(file, files::MAX_MESH_BYTES).map_err(|error| failed(&error))?;
     TriangleMesh::from_bytes(&bytes, format, unit_mm * 1e-3).map_err(|error| failed(&error))
 }
 

@@ -109,7 +109,7 @@ impl OneKind for Coefficients<'static> {
 
 impl<'a> Coefficients<'a> {
     /// The highest AR and MA order a frame can hold.
-    pub const MAX_ORDER: usize = 32;
+    pub const MAX_ORDER: usize = haptograph_signal::arma::MAX_ORDER;
     /// Components of one coefficients frame.
     pub const WIDTH: usize = COMPONENTS.len();
     const HEAD: usize = 5;

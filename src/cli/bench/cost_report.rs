@@ -426,7 +426,7 @@ fn bytes(count: u64) -> String {
 
 /// Peak memory of this process, if the system reports it.
 fn peak_bytes() -> Option<u64> {
-    let status = files::read_text(Path::new("/proc/self/status"), 1 << 16).ok()?;
+    let status = files::read_text(Path::new("/proc/self/status"), files::MAX_NOTE_BYTES).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib * 1024)

@@ -13,8 +13,6 @@ use std::path::{Path, PathBuf};
 
 /// The facts of a run, in its folder.
 pub const MARK: &str = "run.json";
-/// Maximum size of `run.json`, bytes.
-pub const MAX_FACTS_BYTES: u64 = 64 << 20;
 /// The list of a run's files and their hashes: see [`FileManifest`](super::super::written::FileManifest).
 pub const MANIFEST: &str = "manifest.json";
 /// Marks the folder of a run that is not in its place. JSON with `target`, `pid` and `haptograph`; locked
@@ -248,14 +246,14 @@ fn mark(content: &Path, place: &Path) -> io::Result<File> {
 
 /// True if the run of such a folder is still going on.
 fn is_alive(leftover: &Path) -> bool {
-    let marker = files::open(&leftover.join(MARKER), MAX_FACTS_BYTES);
+    let marker = files::open(&leftover.join(MARKER), files::MAX_REPORT_BYTES);
     let locked = marker.map(|marker| marker.as_file().try_lock());
     matches!(locked, Ok(Err(TryLockError::WouldBlock)))
 }
 
 /// The lock of a folder whose run has crashed.
 fn lock_dead(leftover: &Path) -> Option<files::Bounded> {
-    let marker = files::open(&leftover.join(MARKER), MAX_FACTS_BYTES).ok()?;
+    let marker = files::open(&leftover.join(MARKER), files::MAX_REPORT_BYTES).ok()?;
     let is_locked = matches!(marker.as_file().try_lock(), Err(TryLockError::WouldBlock));
     (!is_locked).then_some(marker)
 }
@@ -289,7 +287,7 @@ pub fn dead_in(folder: &Path) -> Vec<PathBuf> {
 
 /// Message about the folder of a crashed run.
 fn about(leftover: &Path) -> String {
-    let facts = files::read_text(&leftover.join(MARKER), MAX_FACTS_BYTES).unwrap_or_default();
+    let facts = files::read_text(&leftover.join(MARKER), files::MAX_REPORT_BYTES).unwrap_or_default();
     let facts: Value = serde_json::from_str(&facts).unwrap_or_default();
     let process = facts["pid"].as_u64();
     let process = process.map_or_else(String::new, |id| format!(" (process {id})"));

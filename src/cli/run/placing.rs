@@ -7,7 +7,7 @@
 use super::super::Failure;
 use super::super::output::{self, Force};
 use super::super::written::{FileManifest, free_beside};
-use super::folder::{MANIFEST, MARK, MARKER, MAX_FACTS_BYTES, PROBES, REPLACED};
+use super::folder::{MANIFEST, MARK, MARKER, PROBES, REPLACED};
 use crate::signal::files;
 use crate::signal::files::{is_temporary, write_atomically};
 use serde::{Deserialize, Serialize};
@@ -124,7 +124,7 @@ impl MovePlan {
 
     /// Reads the plan of an interrupted move.
     pub fn read(content: &Path) -> Option<Self> {
-        let text = files::read_text(&content.join(MOVES), MAX_FACTS_BYTES).ok()?;
+        let text = files::read_text(&content.join(MOVES), files::MAX_REPORT_BYTES).ok()?;
         serde_json::from_str(&text).ok()
     }
 
@@ -363,7 +363,7 @@ fn step() {
 
 /// True if the folder holds a live run of real devices, which may be an hour of someone's work.
 fn holds_what_cannot_be_repeated(place: &Path) -> bool {
-    let facts = files::read_text(&place.join(MARK), MAX_FACTS_BYTES).ok();
+    let facts = files::read_text(&place.join(MARK), files::MAX_REPORT_BYTES).ok();
     let facts = facts.and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok());
     match facts {
         Some(facts) => facts["live"] == true && facts["real_devices"] == true,

@@ -1,7 +1,6 @@
 //! `haptograph run --replay`: repeats a live run from the record of its driver callbacks.
 
 use super::super::Failure;
-use super::folder::MAX_FACTS_BYTES;
 use super::summary::Summary;
 use super::{Arguments, RunSetup, message, progress_bar, stop_on_interrupt};
 use crate::engine::registry::Registry;
@@ -74,7 +73,7 @@ fn refuse_target(folder: &Path, target: &Path) -> Result<(), Failure> {
 /// The facts of the run to repeat.
 fn facts(folder: &Path) -> Result<Value, Failure> {
     let path = folder.join(FACTS);
-    let text = files::read_text(&path, MAX_FACTS_BYTES).map_err(|error| {
+    let text = files::read_text(&path, files::MAX_REPORT_BYTES).map_err(|error| {
         Failure::Message(format!(
             "cannot read {}: {error}; give the folder of a live run, with `{ARRIVALS}` in it",
             path.display()

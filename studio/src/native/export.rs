@@ -18,8 +18,6 @@ const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; 
                       style-src 'self' 'unsafe-inline'; base-uri 'none'; form-action 'none'";
 /// Part of the page's head to which an export adds tags.
 const HEAD: &str = "<meta charset=\"utf-8\">";
-/// Maximum size of a copied file, bytes.
-const MAX_BYTES: u64 = 256 << 20;
 const SITE: &str = "site.json";
 const MODULE: &str = "engine.wasm";
 
@@ -107,7 +105,7 @@ fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Ex
         exported: Exported { files: 0, bytes: 0 },
     };
     for path in &all {
-        let bytes = files::read(path, MAX_BYTES)
+        let bytes = files::read(path, files::MAX_SITE_BYTES)
             .map_err(|error| other(format!("cannot read {}: {error}", path.display())))?;
         site.write(&Path::new("files").join(in_site(path, &root)), &bytes)?;
     }
@@ -149,7 +147,7 @@ fn is_free(folder: &Path) -> Result<(), StudioError> {
         Err(error) => return Err(other(format!("cannot export to {}: {error}", folder.display()))),
     };
     let is_site = || {
-        let text = files::read_text(&folder.join(SITE), MAX_BYTES).unwrap_or_default();
+        let text = files::read_text(&folder.join(SITE), files::MAX_SITE_BYTES).unwrap_or_default();
         serde_json::from_str::<Value>(&text).is_ok_and(|site| site["haptograph"].is_string())
     };
     match is_empty || is_site() {

@@ -29,8 +29,6 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use tokio::sync::oneshot;
 
-/// Maximum size of a served report, bytes.
-const MAX_REPORT_BYTES: u64 = 64 << 20;
 /// Maximum number of connected pages.
 const MAX_PAGES: usize = 16;
 /// The host of an engine on this machine.
@@ -367,7 +365,7 @@ async fn report(
         .await
         .flatten();
     let path = out.filter(|_| is_name).map(|out| out.join(folder).join(REPORT));
-    let page = blocking(move || files::read(&path?, MAX_REPORT_BYTES).ok());
+    let page = blocking(move || files::read(&path?, files::MAX_REPORT_BYTES).ok());
     match page.await.flatten() {
         Some(page) => {
             let kind = (header::CONTENT_TYPE, "text/html; charset=utf-8");

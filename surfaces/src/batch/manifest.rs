@@ -12,8 +12,6 @@ use std::path::Path;
 
 /// The name of a manifest.
 pub const MANIFEST: &str = "manifest.json";
-/// Largest manifest that is read, bytes.
-const MAX_BYTES: u64 = 256 << 20;
 
 /// A file named in a plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -117,7 +115,7 @@ impl Manifest {
 
     /// The manifest in a folder.
     pub fn read(folder: &Path) -> io::Result<Self> {
-        let text = files::read_text(&folder.join(MANIFEST), MAX_BYTES)?;
+        let text = files::read_text(&folder.join(MANIFEST), files::MAX_MANIFEST_BYTES)?;
         Ok(serde_json::from_str(&text)?)
     }
 

@@ -6,14 +6,12 @@ use super::motion::Source;
 use super::problem::{PlanError, PlanProblem, find};
 use super::{hash, hex, pattern, table};
 use crate::TextureModel;
-use crate::files::{FileError, MAX_FILE_BYTES, read_surface};
+use crate::files::{FileError, read_surface};
 use haptograph_signal::files;
 use sha2::{Digest, Sha256};
 use std::ops::Range;
 use std::path::Path;
 
-/// Largest plan that is read, bytes.
-const MAX_PLAN_BYTES: u64 = 16 << 20;
 /// Most chunks of a batch, because its manifest lists each.
 pub(super) const MAX_CHUNKS: u64 = 200_000;
 // A chunk and its temporary file are two names of a folder that is listed.
@@ -68,7 +66,8 @@ impl Batch {
             place,
             problem,
         };
-        let text = files::read_text(path, MAX_PLAN_BYTES).map_err(|error| failed(None, error.into()))?;
+        let text =
+            files::read_text(path, files::MAX_PLAN_BYTES).map_err(|error| failed(None, error.into()))?;
         let parsed = Document::parse(&text);
         let document =
             parsed.map_err(|(place, message)| failed(Some(place), PlanProblem::Syntax(message)))?;
@@ -406,7 +405,7 @@ pub(super) fn check_gain(gain: f64) -> Result<(), PlanProblem> {
 }
 
 fn load_surface(path: &Path) -> Result<(crate::Surface, String), FileError> {
-    let bytes = files::read(path, MAX_FILE_BYTES);
+    let bytes = files::read(path, files::MAX_SURFACE_BYTES);
     let bytes = bytes.map_err(|source| FileError::Io {
         path: path.to_owned(),
         source,

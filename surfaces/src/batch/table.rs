@@ -8,9 +8,6 @@ use haptograph_signal::files;
 use serde::Deserialize;
 use std::path::Path;
 
-/// Largest table that is read, bytes: ten million jobs.
-const MAX_BYTES: u64 = 512 << 20;
-
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Row<'a> {
@@ -31,7 +28,7 @@ pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError
         }),
         problem,
     };
-    let bytes = files::read(path, MAX_BYTES).map_err(|error| failed(None, error.into()))?;
+    let bytes = files::read(path, files::MAX_JOBS_BYTES).map_err(|error| failed(None, error.into()))?;
     let mut reader = ReaderBuilder::new()
         .trim(Trim::All)
         .comment(Some(b'#'))

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// So many are kept, of files of at most so many bytes.
 const FILES: usize = 8;
-const MAX_BYTES: usize = 1 << 20;
+const MAX_KEPT_BYTES: usize = 1 << 20;
 
 /// The latest last.
 static LATEST: Mutex<Vec<(Box<[u8]>, Surface)>> = Mutex::new(Vec::new());
@@ -19,7 +19,7 @@ pub fn read(bytes: &[u8]) -> Result<Surface, ReadError> {
         return Ok(surface);
     }
     let surface = read_surface(bytes)?;
-    if bytes.len() <= MAX_BYTES {
+    if bytes.len() <= MAX_KEPT_BYTES {
         let mut latest = latest();
         let surplus = (latest.len() + 1).saturating_sub(FILES);
         latest.drain(..surplus);

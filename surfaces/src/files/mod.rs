@@ -20,8 +20,6 @@ pub const MAX_MODELS: usize = 1024;
 pub const MAX_TAPS: usize = 1024;
 /// Most samples in one tap of a file; 16 s at 1 kHz.
 pub const MAX_TAP_SAMPLES: usize = 16_384;
-/// Largest file that is read, bytes.
-pub const MAX_FILE_BYTES: u64 = 64 << 20;
 
 /// Reads a surface from the bytes of a file in any supported format.
 pub fn read_surface(bytes: &[u8]) -> Result<Surface, ReadError> {
@@ -43,7 +41,7 @@ pub fn read_surface(bytes: &[u8]) -> Result<Surface, ReadError> {
 
 /// Reads a surface from a file.
 pub fn load(path: &Path) -> Result<Surface, FileError> {
-    let bytes = files::read(path, MAX_FILE_BYTES).map_err(|source| FileError::Io {
+    let bytes = files::read(path, files::MAX_SURFACE_BYTES).map_err(|source| FileError::Io {
         path: path.to_owned(),
         source,
     })?;

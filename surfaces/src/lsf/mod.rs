@@ -12,8 +12,7 @@ pub use from_lsf::lsf_to_ar;
 pub(crate) use from_lsf::lsf_to_ar_lanes;
 pub use to_lsf::ar_to_lsf;
 
-/// Highest order of a polynomial that is converted.
-pub const MAX_ORDER: usize = 32;
+pub use haptograph_signal::arma::MAX_ORDER;
 
 /// The polynomial has a zero on or outside the unit circle (or is not finite), so it has no LSFs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]

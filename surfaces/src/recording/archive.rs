@@ -19,6 +19,7 @@ use super::{
 use crate::npy;
 use crate::npz::{begin, put_rows};
 use crate::{Origin, Provenance};
+use haptograph_signal::files::MAX_NOTE_BYTES;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek, Write};
@@ -27,8 +28,6 @@ use zip::{CompressionMethod, ZipArchive};
 
 /// The format version in the head. A reader refuses others.
 const FORMAT: u32 = 1;
-/// Largest head, bytes.
-pub(super) const MAX_HEAD_BYTES: u64 = 1 << 20;
 
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename = "Recording", deny_unknown_fields)]
@@ -248,7 +247,7 @@ pub fn read_archive(bytes: &[u8]) -> Result<AnyRecording, ReadError> {
         archive,
         bytes: bytes.len() as u64,
     };
-    let head = archive.member("head.ron", MAX_HEAD_BYTES)?;
+    let head = archive.member("head.ron", MAX_NOTE_BYTES)?;
     let head =
         std::str::from_utf8(&head).map_err(|_| ReadError::member("head.ron", "it is not UTF-8 text"))?;
     let head: Head = ron::from_str(head).map_err(|e| ReadError::member("head.ron", e))?;

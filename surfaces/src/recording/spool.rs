@@ -2,7 +2,7 @@
 //! little-endian doubles for each array. The archive is assembled from it at the end. [`assemble`] recovers the archive
 //! after the process was killed.
 
-use super::archive::{MAX_HEAD_BYTES, raw_head};
+use super::archive::raw_head;
 use super::{Member, RawHead};
 use crate::npz::{begin, put_rows};
 use haptograph_signal::files;
@@ -101,7 +101,7 @@ fn file(folder: &Path, array: &Array) -> PathBuf {
 /// # Errors
 /// An error of the file system, a folder that is not a spool, or too few samples.
 pub fn assemble(folder: &Path, path: &Path) -> io::Result<()> {
-    let head = files::read(&folder.join(HEAD), MAX_HEAD_BYTES)?;
+    let head = files::read(&folder.join(HEAD), files::MAX_NOTE_BYTES)?;
     let mut rows = [u64::MAX; 3];
     for array in &ARRAYS {
         let there = fs::metadata(file(folder, array))?.len() / 8 / array.row;

@@ -27,13 +27,11 @@ mod variance;
 #[cfg(feature = "genetic")]
 pub use genetic::GeneticSettings;
 
+use crate::MAX_ORDER;
 use moments::Moments;
 use objective::Objective;
 use std::ops::Range;
 use variance::{Burg, ConditionalLeastSquares, Estimator, YuleWalker};
-
-/// The highest order that [`SegmentationSettings::max_order`] may ask for.
-pub const HIGHEST_ORDER: usize = 32;
 
 /// Segments of a signal, each modelled by one autoregressive process.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,7 +58,7 @@ impl Segmentation {
 pub struct SegmentationSettings {
     /// The fewest samples a segment may have (at least 4). An order may not exceed half of its segment's samples.
     pub min_span: usize,
-    /// The highest order, 1 to [`HIGHEST_ORDER`].
+    /// The highest order, 1 to [`MAX_ORDER`].
     pub max_order: usize,
     /// How the innovation variance of Eq. 2.3.3 is estimated.
     pub variance: VarianceEstimate,
@@ -240,7 +238,7 @@ fn check(signal: &[f64], settings: &SegmentationSettings) -> Result<(), Segmenta
         }
     };
     within("min_span", settings.min_span, 4, usize::MAX)?;
-    within("max_order", settings.max_order, 1, HIGHEST_ORDER)?;
+    within("max_order", settings.max_order, 1, MAX_ORDER)?;
     match &settings.method {
         SegmentationMethod::Exact { grid: Some(grid) } => within("grid", *grid, 1, settings.min_span)?,
         SegmentationMethod::Exact { grid: None } => {}

@@ -86,7 +86,7 @@ pub(super) trait Estimator {
     /// products of lag k begin k samples later.
     fn describe_start(moments: &Moments, position: usize, out: &mut [f64]) {
         let order = moments.order;
-        let mut sums = [LongSum::default(); super::HIGHEST_ORDER + 1];
+        let mut sums = [LongSum::default(); crate::MAX_ORDER + 1];
         moments.up_to(position, &mut sums[..=order]);
         for (lag, sum) in sums.iter_mut().enumerate().take(order + 1) {
             for u in position..(position + lag).min(moments.signal.len()) {
@@ -102,7 +102,7 @@ pub(super) trait Estimator {
     /// What must be known about a segment that ends before `position`.
     fn describe_end(moments: &Moments, position: usize, out: &mut [f64]) {
         let order = moments.order;
-        let mut sums = [LongSum::default(); super::HIGHEST_ORDER + 1];
+        let mut sums = [LongSum::default(); crate::MAX_ORDER + 1];
         moments.up_to(position, &mut sums[..=order]);
         write_sums(&sums[..=order], out);
         for (i, sample) in out[2 * (order + 1)..].iter_mut().enumerate() {

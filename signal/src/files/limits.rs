@@ -1,0 +1,24 @@
+//! Size limits of the files that are read: one for each kind of file, bytes.
+
+/// A graph with the files that it includes, or the list of its fingerprints: a hundred thousand nodes.
+pub const MAX_GRAPH_BYTES: u64 = 16 << 20;
+/// A surface.
+pub const MAX_SURFACE_BYTES: u64 = 64 << 20;
+/// A recording or other table of samples: an hour of raw recording.
+pub const MAX_RECORDING_BYTES: u64 = 4 << 30;
+/// A mesh: about five million triangles.
+pub const MAX_MESH_BYTES: u64 = 256 << 20;
+/// The plan of a data set.
+pub const MAX_PLAN_BYTES: u64 = 16 << 20;
+/// A table of jobs of a data set: ten million.
+pub const MAX_JOBS_BYTES: u64 = 512 << 20;
+/// A list of written files with their hashes: those of a folder or of the largest data set.
+pub const MAX_MANIFEST_BYTES: u64 = 256 << 20;
+/// The facts of a run, or its page.
+pub const MAX_REPORT_BYTES: u64 = 64 << 20;
+/// A part of an evaluation.
+pub const MAX_PART_BYTES: u64 = 1 << 30;
+/// A file of a site.
+pub const MAX_SITE_BYTES: u64 = 256 << 20;
+/// A note beside a file, the head of a recording, or a setting of the system.
+pub const MAX_NOTE_BYTES: u64 = 1 << 20;
