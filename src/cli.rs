@@ -290,6 +290,7 @@ impl GraphArguments {
         let document = Document::load(&self.graph, &LoadOptions::default())?;
         let options = CheckOptions {
             set: self.set.clone(),
+            set_as: "--set",
             endpoints: self.endpoints().to_owned(),
             seed,
             ..CheckOptions::default()

@@ -23,7 +23,7 @@ fn inside_the_run(file: &str, endings: &[&str]) -> Result<PathBuf, BuildError> {
     let path = Path::new(file);
     let refused = |message: String| {
         let help = format!(
-            "give a plain name such as \"texture.{}\"; `--out` sets the folder",
+            "give a plain name such as \"texture.{}\"; the folder is chosen where the graph is run",
             endings[0]
         );
         Err(BuildError::at("file", message).help(help))

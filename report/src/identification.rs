@@ -28,8 +28,8 @@ pub fn page(recording: &str, found: &Identified, simulation: &Simulation) -> Str
 /// The fitted masses, springs and dampers.
 fn parameters(found: &Identified) -> String {
     let Some(p) = found.parameters else {
-        return "<p>With <code>--magnet-g</code> and <code>--body-g</code> (or <code>--force-n-per-a</code>) the masses, springs and \
-                dampers are determined too.</p>"
+        return "<p>With the masses of magnet and body, or the magnet's and the force by current, the masses, springs and dampers are \
+                determined too.</p>"
             .to_owned();
     };
     let value = |name: &str, value: f64, unit: &str| (name.to_owned(), format!("{} {unit}", plain(value)));

@@ -243,7 +243,10 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     }
     let output = surface::save(&learned, &output)?;
     let missing = report.missing.iter();
-    let missing = missing.map(|missing| by_file(&missing.to_string(), &missing.reason, &files, &recordings));
+    let missing = missing.map(|missing| {
+        let said = format!("{missing} (--{})", missing.gesture.as_str());
+        by_file(&said, &missing.reason, &files, &recordings)
+    });
     for said in summary::shortness(&learned, &report).into_iter().chain(missing) {
         eprint(&format!("warning: {said}\n"));
         warnings.push(said);

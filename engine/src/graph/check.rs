@@ -13,6 +13,8 @@ use std::collections::HashSet;
 pub struct CheckOptions {
     /// Parameter values by name: RON, or plain text if the default is a string.
     pub set: Vec<(String, String)>,
+    /// What the caller calls such a value; errors in one name it in the place of a file.
+    pub set_as: &'static str,
     /// The set of endpoints to which nodes are bound.
     pub endpoints: String,
     /// The endpoints that belong to the calling program, whatever the set declares.
@@ -59,6 +61,7 @@ impl Default for CheckOptions {
     fn default() -> Self {
         Self {
             set: Vec::new(),
+            set_as: "parameter",
             endpoints: "simulated".into(),
             hosted: Hosted::AsWritten,
             seed: None,
@@ -85,7 +88,7 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
             .collect(),
         files: Vec::new(),
     };
-    let mut parameters = Parameters::read(&mut cx, &options.endpoints, &options.set);
+    let mut parameters = Parameters::read(&mut cx, options);
     let clocks = clocks::read(&mut cx, &mut parameters);
     let mut draft = expand::expand(&mut cx, &mut parameters, &options.endpoints);
     if draft.cut {

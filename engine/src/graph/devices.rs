@@ -124,7 +124,7 @@ pub fn declared_devices(
         diagnostics: Vec::new(),
         files: Vec::new(),
     };
-    let mut parameters = Parameters::read(&mut cx, &options.endpoints, &options.set);
+    let mut parameters = Parameters::read(&mut cx, options);
     let mut sets = document.endpoints.iter();
     let set = sets.find(|(name, _)| name.text == options.endpoints);
     let devices = set.map(|(_, devices)| devices.as_slice()).unwrap_or_default();

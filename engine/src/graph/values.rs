@@ -1,6 +1,7 @@
 //! Replacement of parameters and template settings by their values.
 
 use super::build::part_of_text;
+use super::check::CheckOptions;
 use super::draft::Context;
 use super::expand::refuse_unknown_set;
 use crate::diagnostic::{Diagnostic, Span};
@@ -55,8 +56,9 @@ fn unknown(cx: &mut Context<'_>, name: &str, span: Span) {
 }
 
 impl Parameters {
-    /// Reads the defaults; those of the set of endpoints and then the command line override them.
-    pub fn read(cx: &mut Context<'_>, endpoints: &str, set: &[(String, String)]) -> Self {
+    /// Reads the defaults; those of the set of endpoints and then the given values override them.
+    pub fn read(cx: &mut Context<'_>, options: &CheckOptions) -> Self {
+        let endpoints = options.endpoints.as_str();
         let mut values: HashMap<String, Parameter> = HashMap::new();
         for (name, value) in &cx.document.parameters {
             let value = value.clone();
@@ -73,9 +75,9 @@ impl Parameters {
                 }
             }
         }
-        for (name, written) in set {
+        for (name, written) in &options.set {
             let line = format!("{name}={written}");
-            let id = cx.sources.add_text("--set", Arc::from(line.as_str()));
+            let id = cx.sources.add_text(options.set_as, Arc::from(line.as_str()));
             let at = |start, end| Span {
                 source: id,
                 start,

@@ -71,7 +71,7 @@ pub enum ReplayError {
         wanted: String,
     },
     /// The run was of another graph with the same rings and drivers.
-    #[error("{} belongs to another graph: {differences}; use the graph, files and --set of that run", path.display())]
+    #[error("{} belongs to another graph: {differences}; use the graph, files and parameters of that run", path.display())]
     Changed {
         /// The file of fingerprints.
         path: PathBuf,

@@ -103,7 +103,7 @@ pub struct LeaveOneOut {
 pub enum LeaveOneOutError {
     /// No texture has enough measured models.
     #[error(
-        "none of the {textures} textures has {LEAST_MODELS} measured models; use surfaces learned with `--method thesis` or the toolkit's files, since a law has no measured models"
+        "none of the {textures} textures has {LEAST_MODELS} measured models; use surfaces learned by the method of the thesis or the toolkit's files, since a law has no measured models"
     )]
     NoModels {
         /// Number of textures given.

@@ -54,11 +54,15 @@ pub struct MissingPart {
     pub reason: LearnError,
     /// The recording that would supply it.
     pub remedy: &'static str,
+    /// The gesture of that recording.
+    pub gesture: Gesture,
 }
 
 impl fmt::Display for MissingPart {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let MissingPart { part, reason, remedy } = self;
+        let MissingPart {
+            part, reason, remedy, ..
+        } = self;
         write!(f, "{reason}; the surface has no {part}; {remedy}")
     }
 }
@@ -182,7 +186,7 @@ pub fn learn(
     }
 }
 
-/// What was learned; else says why not.
+/// Returns the learned part, or records why it is missing.
 fn or_missing<T>(
     learned: Option<Result<T, LearnError>>,
     part: &'static str,
@@ -192,12 +196,20 @@ fn or_missing<T>(
         Ok(learned) => return Some(learned),
         Err(reason) => reason,
     };
-    let remedy = match part {
-        "friction" => "record 10 s of smooth circles with varying force (--circle)",
-        "taps" => "record single taps at different speeds, with the tool in the air before each (--tap)",
-        _ => "record one slow press beyond 3 N with all sensors (--press)",
+    let (gesture, remedy) = match part {
+        "friction" => (Gesture::Circle, "record 10 s of smooth circles with varying force"),
+        "taps" => (
+            Gesture::Tap,
+            "record single taps at different speeds, with the tool in the air before each",
+        ),
+        _ => (Gesture::Press, "record one slow press beyond 3 N with all sensors"),
     };
-    missing.push(MissingPart { part, reason, remedy });
+    missing.push(MissingPart {
+        part,
+        reason,
+        remedy,
+        gesture,
+    });
     None
 }
 

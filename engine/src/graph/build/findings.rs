@@ -93,8 +93,8 @@ fn parameter_in_text(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String
     ))
 }
 
-/// Help for a path that leads to no file: a file of a similar name, or the folder from which a path of `--set`, or of a
-/// running graph, is resolved.
+/// Help for a path that leads to no file: a file of a similar name, or the folder from which a path of a given value, or of
+/// a running graph, is resolved.
 fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
     let span = diagnostic.primary.as_ref()?.span;
     let is_given = span.source.0 as usize >= cx.document.sources.iter().count();
@@ -116,7 +116,8 @@ fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
         true => format!("; there is {}", beside.display()),
         false => String::new(),
     };
-    let looked = || format!("a path given by --set is looked for from the folder you are in{found}");
+    let looked =
+        || format!("a path in the value given for a parameter is relative to the working directory{found}");
     is_given.then(looked)
 }
 

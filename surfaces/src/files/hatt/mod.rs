@@ -200,7 +200,7 @@ pub enum HattWriteError {
     NoTexture,
     /// The toolkit supports only plain delays.
     #[error(
-        "a toolkit model file cannot store a warped texture; write a .ron file, or learn the texture with --method thesis"
+        "a toolkit model file cannot store a warped texture; write a .ron file, or learn the texture by the method of the thesis"
     )]
     Warped,
     /// A model file needs a friction coefficient.
