@@ -2,6 +2,16 @@
 //!
 //! Facade of the workspace: it re-exports the engine, the nodes, live runs, the reports, the signal library and the
 //! surfaces, and holds the command line.
+//!
+//! # Features
+//!
+//! | feature | what it adds |
+//! |---|---|
+//! | `soundcard` | soundcards; on Linux this needs the headers of ALSA |
+//! | `evdev` | tablets and mice, on Linux |
+//! | `midi` | MIDI; on Linux this needs the headers of ALSA |
+//! | `midi-jack` | MIDI by JACK or PipeWire in place of ALSA's sequencer; the headers of ALSA are needed too |
+//! | `serial` | serial ports, on Linux and macOS |
 
 pub mod cli;
 pub mod recorder;

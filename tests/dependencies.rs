@@ -202,3 +202,51 @@ fn a_program_that_plays_a_gain_needs_few_crates() {
         names.len()
     );
 }
+
+#[test]
+fn no_crate_is_there_twice_but_those_of_the_list() {
+    let lock = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.lock")).unwrap();
+    let mut versions: HashMap<&str, usize> = HashMap::new();
+    for line in lock.lines() {
+        if let Some(name) = line.strip_prefix("name = ") {
+            *versions.entry(name.trim_matches('"')).or_default() += 1;
+        }
+    }
+    assert!(versions.len() > 100, "{} crates", versions.len());
+    let twice = versions.iter().filter(|(_, count)| **count > 1);
+    let twice: BTreeSet<&str> = twice.map(|(name, _)| *name).collect();
+    let skipped = listed("skip = [");
+    let skipped: BTreeSet<&str> = skipped.iter().map(String::as_str).collect();
+    assert_eq!(twice, skipped, "the list is in deny.toml");
+}
+
+#[test]
+fn every_crate_has_its_licences_and_tells_its_features() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = |path: &str| std::fs::read_to_string(root.join(path)).unwrap();
+    for folder in [
+        ".", "signal", "engine", "surfaces", "nodes", "live", "report", "studio",
+    ] {
+        for licence in ["LICENSE-APACHE", "LICENSE-MIT"] {
+            let found = std::fs::read_to_string(root.join(folder).join(licence)).ok();
+            assert_eq!(found, Some(text(licence)), "{folder}/{licence}");
+        }
+        let manifest = text(&format!("{folder}/Cargo.toml"));
+        let Some((_, features)) = manifest.split_once("\n[features]\n") else {
+            continue;
+        };
+        let features = features.split("\n[").next().unwrap().lines();
+        let names = features
+            .filter_map(|line| line.split_once(" = ["))
+            .map(|(name, _)| name);
+        for name in names.filter(|name| *name != "default") {
+            for page in ["README.md", "src/lib.rs"] {
+                let row = format!("| `{name}` |");
+                assert!(
+                    text(&format!("{folder}/{page}")).contains(&row),
+                    "{folder}/{page}: {row}"
+                );
+            }
+        }
+    }
+}

@@ -3,6 +3,20 @@
 //! A graph names its devices; `haptograph-nodes` declares their ports and their bodies, which tick. Here is who reaches the real
 //! ones: a [`Backend`] for each sort of hardware, one folder and one feature each, in one table, [`BACKENDS`]. The core, which
 //! is what no feature adds to, has no threads, no files and no operating system, and builds for WebAssembly.
+//!
+//! # Features
+//!
+//! | feature | default | what it adds |
+//! |---|---|---|
+//! | `supervisor` | yes | supervision of a live run, with `timer` and `osc` |
+//! | `timer` | with `supervisor` | timers, which drive what no soundcard drives |
+//! | `udp` | with `osc` | devices of other programs, by the device protocol |
+//! | `osc` | with `supervisor` | devices, inputs and settings by Open Sound Control, with `udp` |
+//! | `soundcard` | | soundcards, with `timer`; on Linux this needs the headers of ALSA, on macOS and Windows they are always there |
+//! | `evdev` | | tablets and mice, on Linux |
+//! | `midi` | | MIDI; on Linux this needs the headers of ALSA |
+//! | `midi-jack` | | MIDI by JACK or PipeWire in place of ALSA's sequencer; the headers of ALSA are needed too |
+//! | `serial` | | serial ports, on Linux and macOS |
 
 mod backend;
 mod connections;

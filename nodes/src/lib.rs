@@ -2,6 +2,12 @@
 //!
 //! [`registry`] has them all. Each is declared in one place: its settings, its ports and its documentation are what
 //! graphs are checked against and what `haptograph nodes` prints.
+//!
+//! # Features
+//!
+//! | feature | default | what it adds |
+//! |---|---|---|
+//! | `touch` | yes | contact, friction, taps, textures, actuators, simulated bodies, devices, recording and plots; without it a program builds 51 crates in place of 115 |
 
 #[cfg(feature = "touch")]
 pub mod actuators;

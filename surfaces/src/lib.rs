@@ -4,6 +4,13 @@
 //! A [`Surface`] has friction, taps, texture and stiffness with [`Provenance`]. Its texture is a [`TextureModel`]: a
 //! triangulated map over (speed, force) of autoregressive models, each an [`ArmaModel`]. Values in memory are SI
 //! (m/s, N, m/s²); files use mm/s and N. The constructor of each type checks its values.
+//!
+//! # Features
+//!
+//! | feature | default | what it adds |
+//! |---|---|---|
+//! | `spreadsheets` | yes | recordings in XLSX files |
+//! | `genetic` | | the island genetic algorithm of the thesis for segmentation, slower and never better than the exact search |
 
 #[cfg(not(target_family = "wasm"))]
 pub mod batch;
