@@ -6,11 +6,13 @@ use crate::triangulation::delaunay;
 use crate::{Surface, TextureModel, VertexKind};
 use std::path::{Path, PathBuf};
 
+#[path = "../../../../tests/skip/mod.rs"]
+mod skip;
+
 /// The files of a sub-folder, sorted; none, saying so, without the toolkit.
-#[allow(clippy::print_stderr)]
 pub(crate) fn hatt_files(folder: &str) -> Vec<PathBuf> {
     let Some(root) = std::env::var_os("HATT_DIR") else {
-        eprintln!("skipped: HATT_DIR is not set");
+        skip::skip("HATT_DIR names no folder of the toolkit's files");
         return Vec::new();
     };
     let mut files = haptograph_signal::files::list(&Path::new(&root).join(folder));
