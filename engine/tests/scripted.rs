@@ -1,7 +1,10 @@
 //! Kinds of nodes that are described while the program runs: registered as all are, checked as all are, and kept from
 //! live runs.
 
-use haptograph_engine::diagnostic::Diagnostics;
+#[path = "common/golden.rs"]
+mod golden;
+
+use haptograph_engine::diagnostic::{Diagnostics, render};
 use haptograph_engine::document::Document;
 use haptograph_engine::frame::{AnyKind, Kind};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
@@ -157,9 +160,5 @@ fn what_it_raises_is_a_finding_at_its_place() {
         (found.list[0].code, &found.list[0].help[..]),
         ("E0801", &["line 3, in tick".to_owned()][..])
     );
-    let text = found.to_string();
-    assert!(
-        text.contains("script.ron:1") && text.contains("KeyError: 'x'"),
-        "{text}"
-    );
+    golden::compare("tests/wrong/program_script_raised.stderr", &render(&found, false));
 }
