@@ -27,7 +27,10 @@ impl<'p> CsvTable<'p> {
     /// # Errors
     /// At the setting `file`, if it cannot be read or has no header.
     pub fn open(path: &'p Path) -> Result<Self, BuildError> {
-        let source = files::open(path, MAX_RECORDING_BYTES).map_err(|error| at_file(path, &error))?;
+        let source = files::open(path, MAX_RECORDING_BYTES).map_err(|error| {
+            BuildError::at("file", format!("cannot read {}: {error}", path.display()))
+                .help("give the path of a CSV file, relative to the graph file")
+        })?;
         let mut reader = csv::ReaderBuilder::new()
             .comment(Some(b'#'))
             .trim(csv::Trim::All)

@@ -89,7 +89,7 @@ fn names(given: &[String], inputs: usize) -> Result<Vec<&str>, BuildError> {
         });
     }
     if given.len() != inputs {
-        let message = format!("{} names for {inputs} inputs", given.len());
+        let message = format!("the number of names is {}, that of inputs {inputs}", given.len());
         return Err(BuildError::at("names", message).help("give a name for each, in the order of `inputs`"));
     }
     for (i, name) in given.iter().enumerate() {

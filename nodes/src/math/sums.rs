@@ -145,7 +145,7 @@ impl NodeKind for Mixer {
     fn build(settings: MixerSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let (gains, inputs) = (settings.gains.len(), cx.connections(Self::INPUTS));
         if gains != inputs {
-            let message = format!("{gains} gains for {inputs} inputs");
+            let message = format!("the number of gains is {gains}, that of inputs {inputs}");
             return Err(
                 BuildError::at("gains", message).help("give one gain for each input, in the same order")
             );
