@@ -47,7 +47,7 @@ fn listed(begin: &str) -> Vec<String> {
     list.split('"').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// Is there a choice of licences in an SPDX expression that are all allowed?
+/// Whether an SPDX expression has a choice of licences that are all allowed.
 fn is_allowed(expression: &str, allowed: &[String]) -> bool {
     let spaced = expression
         .replace('/', " OR ")

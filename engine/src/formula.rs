@@ -125,7 +125,7 @@ impl Formula {
         })
     }
 
-    /// Does it depend on the time since the start?
+    /// Whether it depends on the time since the start.
     pub fn is_timed(&self) -> bool {
         self.steps.iter().any(|step| matches!(step, Step::Time))
     }

@@ -23,7 +23,7 @@ pub struct KindSpec {
     pub components: &'static [&'static str],
     /// What stands where no frame has arrived yet; components beyond its end are 0.
     pub neutral: &'static [f64],
-    /// May frames be scaled, summed and filtered component by component?
+    /// Whether frames may be scaled, summed and filtered component by component.
     pub is_linear: bool,
     /// Bridges that are made for this kind. `Hold` and `Delay` carry every kind, and bridges that mix components
     /// every linear one.
@@ -133,7 +133,7 @@ impl Kind {
         self.0.components.len()
     }
 
-    /// May frames of this kind be scaled, summed and filtered component by component?
+    /// Whether frames of this kind may be scaled, summed and filtered component by component.
     pub const fn is_linear(self) -> bool {
         self.0.is_linear
     }

@@ -100,8 +100,7 @@ impl SharedHistogram {
     }
 }
 
-/// How old what comes from outside is when it is read, by the clock of the computer. One thread brings news, another
-/// reads them.
+/// Age of external data when it is read. One thread updates it, another reads it.
 #[derive(Debug)]
 pub struct AgeMeter {
     since: Instant,

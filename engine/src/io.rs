@@ -187,7 +187,7 @@ impl<'a> Io<'a> {
                     .get(output.index())
                     .map_or(0, |placing| placing.width as usize)
             ),
-            "{output:?} is none of this node's, or has another width"
+            "{output:?} is not an output of this node, or has another width"
         );
         F::frames_mut(self.out(output.index()))
     }
@@ -339,13 +339,13 @@ impl<'a> Io<'a> {
                         .get(output)
                         .map_or(0, |placing| placing.width as usize)
                 ),
-                "output {output} is none of this node's, or has another width"
+                "output {output} does not exist or has another width"
             );
             self.place(output)
         });
         match self.out.get_disjoint_mut(places) {
             Ok(ports) => ports,
-            Err(_) => panic!("an output is written twice at once: {outputs:?}"),
+            Err(_) => panic!("one output was requested twice: {outputs:?}"),
         }
     }
 }

@@ -63,7 +63,7 @@ impl Graph {
         self.nodes().iter().filter(|node| node.entry.is_scripted())
     }
 
-    /// That it can run live.
+    /// Returns an error if the graph has a scripted node.
     pub(crate) fn refuse_scripts(&self) -> Result<(), OfflineOnly> {
         match self.scripted_nodes().next() {
             None => Ok(()),

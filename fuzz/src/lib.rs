@@ -37,7 +37,7 @@ pub const TARGETS: [Target; 10] = [
     ("wav", wav),
 ];
 
-/// Is it something, or else an error that says why not?
+/// The value, if there is one; an error has to say why not.
 fn accepted<T, E: Display>(result: Result<T, E>) -> Option<T> {
     result
         .map_err(|error| assert!(!error.to_string().is_empty()))

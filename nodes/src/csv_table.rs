@@ -25,7 +25,7 @@ impl<'p> CsvTable<'p> {
     /// Opens a file and reads its header.
     ///
     /// # Errors
-    /// At the setting `file`, if it cannot be read or has no header.
+    /// An error at the setting `file`, if it cannot be read or has no header.
     pub fn open(path: &'p Path) -> Result<Self, BuildError> {
         let source = files::open(path, MAX_RECORDING_BYTES).map_err(|error| {
             BuildError::at("file", format!("cannot read {}: {error}", path.display()))

@@ -173,7 +173,7 @@ fn graph((sink, port, source, unit, device, rate_hz): Sink, name: &str, seed: u6
         .unwrap_or_else(|wrong| panic!("{wrong}"))
 }
 
-/// Does an actuator get what its sink states, frame by frame?
+/// Whether an actuator gets what its sink states, frame by frame.
 struct Judge {
     sink: &'static str,
     rate_hz: f64,

@@ -168,7 +168,7 @@ pub(super) fn coefficient(signals: &[Recorded], friction: Option<&Friction>) -> 
 fn meanwhile(component: &Envelope) -> String {
     match 100.0 * component.presence() {
         percent if percent > 99.95 => String::new(),
-        percent => format!(" while it is not 0, {} % of the time", plain(percent)),
+        percent => format!(" when non-zero ({} % of the time)", plain(percent)),
     }
 }
 

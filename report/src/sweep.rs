@@ -268,7 +268,7 @@ impl SweepPage<'_> {
         let of_run = |run: &SweptRun<'_>| coefficient(&run.signals, self.friction.as_ref());
         let found: Vec<(f64, String)> = self.runs.iter().map(of_run).collect::<Option<_>>()?;
         let of = match self.friction.as_ref()? {
-            Friction::Measured(name) => format!("mean of {name} while it is not 0"),
+            Friction::Measured(name) => format!("mean of {name} when non-zero"),
             Friction::Forces { tangential, normal } => format!("{tangential} by {normal}"),
         };
         let levels: Vec<f64> = found.iter().map(|(mu, _)| *mu).collect();

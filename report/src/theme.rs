@@ -15,7 +15,7 @@ pub enum Ink {
     Olive,
     /// The sixth.
     Rose,
-    /// For orientation only.
+    /// The colour of what only gives orientation.
     Grey,
 }
 

@@ -25,25 +25,25 @@ pub const MAX_LINE_BYTES: usize = 64 << 10;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// A folder, pipe, socket or device.
+    /// The path leads to a folder, pipe, socket or device.
     #[error("it is {found}, not a regular file")]
     NotRegular {
         /// Its type.
         found: &'static str,
     },
-    /// Not a serial port or other terminal.
+    /// The file is not a serial port or other terminal.
     #[error("it is not a serial port")]
     NotTerminal,
-    /// Not in the folders that may be read, whether it exists or not.
+    /// The path is outside the folders that may be read, whether it exists or not.
     #[error("it is outside the folders that may be read here")]
     Outside,
-    /// Longer than the bound, by the bytes read.
+    /// The file is longer than the bound, by the bytes read.
     #[error("it is longer than {max_bytes} bytes")]
     TooLong {
         /// The bound.
         max_bytes: u64,
     },
-    /// A folder of more names than are read.
+    /// The folder has more names than are read.
     #[error(
         "it holds more than {max_names} names, notes and folders included; split it into several folders"
     )]
@@ -167,7 +167,7 @@ pub fn entries(folder: &Path) -> io::Result<impl Iterator<Item = io::Result<DirE
     Ok(bounded(entries, MAX_NAMES))
 }
 
-/// At most so many entries, then an error.
+/// Returns at most `MAX_NAMES` entries, then an error.
 #[cfg(not(target_family = "wasm"))]
 fn bounded<T>(
     entries: impl Iterator<Item = io::Result<T>>,

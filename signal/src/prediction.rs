@@ -367,7 +367,7 @@ pub(crate) fn ladder(
     }
 }
 
-/// From the polynomial of order m - 1 in `ar[..m-1]` to that of order m.
+/// Steps up from the polynomial of order m - 1 in `ar[..m-1]` to that of order m.
 fn raise_order(ar: &mut [f64], k: f64) {
     let lower = ar.len() - 1;
     ar[lower] = k;
@@ -381,7 +381,7 @@ fn raise_order(ar: &mut [f64], k: f64) {
     }
 }
 
-/// From the polynomial of order m in `ar` to that of order m - 1 in `ar[..m-1]`; `k_m` stays in `ar[m-1]`.
+/// Steps down from the polynomial of order m in `ar` to that of order m - 1 in `ar[..m-1]`; `k_m` stays in `ar[m-1]`.
 fn lower_order(ar: &mut [f64]) -> Result<(), PredictionError> {
     let lower = ar.len() - 1;
     let k = ar[lower];

@@ -298,7 +298,7 @@ impl Periodogram {
             .collect()
     }
 
-    /// From squared magnitude to one-sided density; 0 and Nyquist have no negative twin.
+    /// Factor from squared magnitude to one-sided density; 0 and Nyquist have no negative twin.
     fn scale(&self, bin: usize) -> f64 {
         let sides = if bin == 0 || 2 * bin == self.window.len() {
             1.0

@@ -5,7 +5,7 @@ use crate::quantity::Quantity;
 struct Unit {
     /// The end of a name with this unit.
     suffix: &'static str,
-    /// As people write it.
+    /// The symbol that people write.
     symbol: &'static str,
     quantity: Quantity,
     /// SI per unit.

@@ -69,7 +69,7 @@ pub struct Spot {
 #[derive(Debug, Clone)]
 pub struct Interpolator {
     map: Triangulation,
-    /// For each model a row of `stride`: AR LSFs, MA LSFs, gain, variance (the amplitude of warped models: the root of
+    /// One row of `stride` values for each model: AR LSFs, MA LSFs, gain, variance (the amplitude of warped models: the root of
     /// their power), padding.
     rows: Vec<f64>,
     stride: usize,

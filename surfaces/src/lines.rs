@@ -220,7 +220,7 @@ mod tests {
 
     const LOUD: [f64; 3] = [0.0, 0.5, 0.5];
 
-    /// Of a line that is silent at model 0 and has power 2 at the others.
+    /// Samples of a line that is silent at model 0 and has power 2 at the others.
     fn played(source: &mut LineSource, weights: [f64; 3], speed_m_s: f64, samples: usize) -> Vec<f64> {
         let line = SpatialLine::new(1.0, 0.0, vec![0.0, 2.0, 2.0]).expect("sound");
         source.set(speed_m_s, mixed_powers(&[line], [0, 1, 2], weights));

@@ -418,9 +418,9 @@ pub enum ModelError {
         polynomial: Polynomial,
         /// The coefficient's number, from 1.
         index: usize,
-        /// As stored.
+        /// The stored coefficient.
         stored: f64,
-        /// As the LSFs have it.
+        /// The coefficient that follows from the LSFs.
         implied: f64,
     },
     /// The gain is not positive.

@@ -165,7 +165,7 @@ impl Recorder {
     }
 }
 
-/// Is ALSA's plug-in for the daemon missing?
+/// Whether ALSA's plug-in for the daemon is missing.
 fn is_without_plug(told: &str) -> bool {
     let missing = told.contains("Cannot open shared library") || told.contains("no such soundcard");
     if missing {

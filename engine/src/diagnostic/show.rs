@@ -131,9 +131,9 @@ fn has_no_place(diagnostic: &Diagnostic) -> bool {
     diagnostic.primary.is_none() && diagnostic.secondary.is_empty()
 }
 
-/// Lines that a label is on are shown whole up to so many bytes.
+/// Largest length of a labelled line that is shown whole, bytes.
 const LONG_LINES: usize = 4096;
-/// Of longer ones so many before and behind its start.
+/// Characters shown before and after the span's start in a longer line.
 const AROUND: usize = 60;
 
 /// The lines that a label is on.

@@ -248,7 +248,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Is any item of these round brackets a field?
+    /// Whether any item of these round brackets is a field.
     fn holds_fields(&self, close: usize) -> bool {
         let mut at = self.at + 1;
         let mut begins = true;

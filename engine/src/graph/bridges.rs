@@ -136,7 +136,7 @@ fn crossing(
         let message = format!("a ring cannot carry the held signal that `{}` reads", port.name);
         let label = format!("`{}` and `{}` have different drivers", source.name, target.name);
         let help = format!(
-            "send what it is computed from through the ring, and compute it on `{}`",
+            "send its inputs through the ring and compute it on `{}`",
             target.name
         );
         return error("E0406", form, message, label, help);

@@ -26,7 +26,7 @@ pub struct CheckOptions {
 /// The endpoints of a calling program.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum Hosted {
-    /// Those of kind `Host` in the graph.
+    /// Endpoints of kind `Host` in the graph.
     #[default]
     AsWritten,
     /// Also these, by name.

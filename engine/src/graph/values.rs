@@ -461,8 +461,7 @@ fn measure(value: &Value) -> (usize, usize) {
         .fold((1, 1), |(values, levels), (v, l)| (values + v, levels.max(l + 1)))
 }
 
-/// Of more names than these the first are compared with one that is not there: 20 000 wrong names among as many would
-/// take a minute.
+/// Largest number of names compared with an unknown one; with 20,000 of each it would take a minute.
 const MAX_COMPARED_NAMES: usize = 500;
 
 /// These names in order, where they are still of use to [`suggest`].

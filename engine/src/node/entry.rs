@@ -142,7 +142,7 @@ impl NodeEntry {
             .map(|(index, spec)| (SettingId::at(index), spec))
     }
 
-    /// Is it described while the program runs? Then it runs offline only.
+    /// Whether it is described while the program runs; then it runs offline only.
     pub fn is_scripted(&self) -> bool {
         matches!(self.build, Build::Scripted(_))
     }

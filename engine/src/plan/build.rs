@@ -191,8 +191,7 @@ impl<'a> Builder<'a> {
         self.close_island(before);
     }
 
-    /// Tells the island how long it is, and keeps all of its buffers alive from its first step to its last: its
-    /// steps run many times a block.
+    /// Sets the island's length and keeps its buffers alive throughout: its steps run many times a block.
     fn close_island(&mut self, begin: usize) {
         let end = self.steps.len() - 1;
         if let StepWork::Island { steps, .. } = &mut self.steps[begin].work {

@@ -269,14 +269,14 @@ pub(crate) struct StepTime {
 }
 
 impl StepTime {
-    /// Adds what lay between two looks at the clock, ns.
+    /// Adds the time between two clock reads, ns.
     pub fn add(&self, ns: u64) {
         self.ns.store(self.ns.load(Relaxed).wrapping_add(ns), Relaxed);
         self.looks
             .store(self.looks.load(Relaxed).wrapping_add(1), Relaxed);
     }
 
-    /// The sum, ns, and of how many.
+    /// Returns the sum, ns, and the number of samples.
     pub fn get(&self) -> (u64, u64) {
         (self.ns.load(Relaxed), self.looks.load(Relaxed))
     }

@@ -65,7 +65,7 @@ limit_settings! {
 }
 
 fn keepable(limit: Limit) -> Result<Limit, BuildError> {
-    /// From virtual servo ticks to the fastest converters.
+    /// Rates from virtual servo ticks to the fastest converters.
     const RATES_HZ: [f64; 2] = [1.0, 192_000.0];
     for rate_hz in RATES_HZ {
         Limiter::<1>::new(&limit, rate_hz).map_err(|error| BuildError::at("limit", error.to_string()))?;

@@ -197,7 +197,7 @@ impl Response {
 
     /// The two quadratics s^2 + (w/q) s + w^2 whose product is the denominator, the higher frequency first.
     ///
-    /// None if the denominator is not a stable pair of modes.
+    /// Returns none if the denominator is not a stable pair of modes.
     pub fn modes(&self) -> Option<[Mode; 2]> {
         let factors = quadratic_factors(self.denominator)?;
         let mut modes = factors.map(|[linear, constant]| Mode {

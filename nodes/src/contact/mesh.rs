@@ -26,7 +26,7 @@ pub struct TriangleMesh {
     vertices: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
     normals: Vec<Vec3>,
-    /// For each triangle the triangles across its edges 0-1, 1-2 and 2-0, or [`NONE`].
+    /// Neighbours of each triangle across its edges 0-1, 1-2 and 2-0, or [`NONE`].
     neighbours: Vec<[u32; 3]>,
     removed: usize,
     diagonal_m: f64,

@@ -72,13 +72,13 @@ pub struct Counts {
     pub not_numbers: u64,
     /// A number is beyond what a device may send.
     pub too_large: u64,
-    /// From a sender other than the device.
+    /// The sender was not the device.
     pub strangers: u64,
     /// Accepted, but the tip had moved faster than a hand can.
     pub jumps: u64,
     /// Times that no zero of force and torque was taken, as something moved or pressed.
     pub refused_zeros: u64,
-    /// To OSC addresses that no device listens to.
+    /// The OSC address is one that no device listens to.
     pub unclaimed: u64,
 }
 
@@ -109,19 +109,19 @@ pub enum Count {
     Missing,
     /// Older than one that was accepted.
     Outdated,
-    /// Of wrong size, version or content.
+    /// The size, version or content is wrong.
     Malformed,
-    /// With NaN or infinity.
+    /// A number is NaN or infinite.
     NotNumbers,
-    /// With a number beyond reason.
+    /// A number is beyond reason.
     TooLarge,
-    /// From another sender.
+    /// The sender was another one.
     Strangers,
     /// Accepted, though the tip had moved too fast.
     Jumps,
     /// Zeros that were not taken.
     RefusedZeros,
-    /// To an OSC address that no device listens to.
+    /// The OSC address is one that no device listens to.
     Unclaimed,
 }
 
@@ -261,7 +261,7 @@ impl Reader {
         Some(News { sensed, version, age })
     }
 
-    /// From now on these are the latest.
+    /// Makes these values the latest.
     pub fn take(&mut self, news: &News) {
         if !self.is_silent() {
             self.longest_gap = self.longest_gap.max(self.age);

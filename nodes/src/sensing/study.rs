@@ -269,7 +269,7 @@ struct Dwelling {
     centre_n: f64,
     rest_m_s: f64,
     period_s: f64,
-    /// In each quadrant, in the order of the outputs.
+    /// Ticks in each quadrant, in the order of the outputs.
     ticks: [u64; 4],
 }
 

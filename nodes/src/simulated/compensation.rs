@@ -20,9 +20,9 @@ pub struct Felt {
 /// One simulated actuator, compensated by its stated and by its identified parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Compensated {
-    /// By the stated parameters.
+    /// Compensated by the stated parameters.
     pub stated: Felt,
-    /// By the parameters identified from a noisy sweep, the maker's magnet and force taken as known.
+    /// Compensated by the parameters identified from a noisy sweep, the maker's magnet and force taken as known.
     pub identified: Felt,
 }
 

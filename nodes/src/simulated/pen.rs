@@ -240,7 +240,7 @@ pub(super) fn touchable(device: &dyn Any) -> Option<&Touchable> {
 struct Touched {
     device: PenObject,
     touchable: Touchable,
-    /// Of the brake and of the haptuator.
+    /// Currents of the brake and the haptuator, A.
     currents_a: [f64; 2],
 }
 

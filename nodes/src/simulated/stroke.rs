@@ -111,7 +111,7 @@ pub struct StrokePoint {
     pub position_m: [f64; 2],
     /// Normal force, N; zero while lifted.
     pub force_n: f64,
-    /// From 0 on the surface to 1 lifted.
+    /// Height, from 0 on the surface to 1 lifted.
     pub lifted: f64,
 }
 

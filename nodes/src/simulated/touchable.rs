@@ -16,7 +16,7 @@ pub struct Touchable {
 }
 
 impl Touchable {
-    /// Of a device whose simulated hand touches a surface in space: [`SimulatedOmni`](arm::SimulatedOmni) or
+    /// Returns the part of a device whose simulated hand touches a surface in space: [`SimulatedOmni`](arm::SimulatedOmni) or
     /// [`SimulatedPenAndObject`](pen::SimulatedPenAndObject).
     pub fn of(device: &dyn Device) -> Option<&Self> {
         let device = device.as_any();

@@ -117,10 +117,10 @@ fn require(streams: &[Stream], kinds: &[Kind]) -> Result<Box<dyn FileSink>, Buil
     }))
 }
 
-/// Nothing is written here: what draws the page looks at the same signals.
+/// A plot on the page, which reads the signals itself: nothing is written here.
 #[derive(Debug, Clone)]
 struct OnThePage {
-    /// Of no file; it tells plots apart.
+    /// Distinguishes plots; no file has this name.
     name: PathBuf,
 }
 

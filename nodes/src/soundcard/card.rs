@@ -182,7 +182,7 @@ pub struct CardInput {
     pub channel: u32,
     /// Value of a full-scale sample, in the unit of the sensor.
     pub full_scale: f64,
-    /// From the card's clock to that of the graph.
+    /// Ring from the card's clock to that of the graph.
     pub ring: RingSpec,
     reader: Reader,
     /// The last sample, in the unit of the sensor.

@@ -233,7 +233,7 @@ struct Scanning {
     /// Samples per metre.
     per_m: f64,
     start_m: f64,
-    /// None if the position is a scalar.
+    /// Direction along which the position counts; none if it is a scalar.
     axis: Option<[f64; 3]>,
     full_scale: f64,
     full_at_m_s: f64,

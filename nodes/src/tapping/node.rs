@@ -104,7 +104,7 @@ impl Tapping {
 #[derive(Debug, Clone)]
 struct Striking {
     onset: Onset,
-    /// None if the surface has no taps.
+    /// The recorded taps; none if the surface has none.
     transient: Option<Transient>,
     /// Direction of the tap's force, also after the tool has bounced off.
     normal: Vec3,

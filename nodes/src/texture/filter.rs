@@ -177,7 +177,7 @@ struct Synthesis {
     lines: Option<Box<LineSource>>,
 }
 
-/// From excitation to vibration at the models' rate.
+/// Filters excitation to vibration at the models' rate.
 #[derive(Debug, Clone)]
 struct Maker {
     filter: arma::ArmaFilter,

@@ -25,7 +25,7 @@ const LANES: usize = 8;
 /// Interpolates a signal to a higher rate, one output at a time. Allocates only when made.
 #[derive(Debug, Clone)]
 pub(super) struct Upsampler {
-    /// For each position between two inputs, [`WIDTH`] taps, that of the newest input first.
+    /// [`WIDTH`] taps for each position between two inputs, that of the newest input first.
     taps: Box<[f64]>,
     /// Positions from one input to the next.
     up: u64,

@@ -19,7 +19,7 @@ pub struct Table {
 pub enum Measures {
     /// All of them.
     All,
-    /// Those to read first.
+    /// The main columns.
     First,
     /// All others.
     Others,

@@ -144,7 +144,7 @@ impl VoiceBank {
     /// Sets the coefficients of one voice from the next sample on, as in [`ArmaFilter`](super::ArmaFilter).
     ///
     /// # Errors
-    /// As there. A voice that does not exist is ignored.
+    /// The errors of `ArmaFilter::set_coefficients`. A voice that does not exist is ignored.
     pub fn set_coefficients(
         &mut self,
         voice: usize,
@@ -162,7 +162,7 @@ impl VoiceBank {
     /// [`Self::set_coefficients`] one by one, which the direct form has no other way.
     ///
     /// # Errors
-    /// As there, with the voice's number in its group, of the first that has one; lattices then all keep the old. A group that does
+    /// The error of the first voice that has one, with its number in the group; lattices then all keep the old. A group that does
     /// not exist is ignored.
     pub fn set_group(
         &mut self,

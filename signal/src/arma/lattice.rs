@@ -52,7 +52,7 @@ impl Coefficients {
         }
     };
 
-    /// From the polynomials; see [`Lattice::set_coefficients`].
+    /// Computes the rotations from the polynomials; see [`Lattice::set_coefficients`].
     pub fn new(ar: &[f64], ma: &[f64], gain: f64) -> Result<Self, ArmaError> {
         check(ar, ma, gain)?;
         let order = ar.len().max(ma.len());

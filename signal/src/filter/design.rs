@@ -83,7 +83,7 @@ enum Band {
 }
 
 impl Prototype {
-    /// Of [`butterworth_lowpass`].
+    /// The prototype of [`butterworth_lowpass`].
     ///
     /// # Errors
     /// [`DesignError::Order`].
@@ -91,7 +91,7 @@ impl Prototype {
         Ok(Self::new(Band::Low, &butterworth_prototype(check(order)?)))
     }
 
-    /// Of [`butterworth_highpass`].
+    /// The prototype of [`butterworth_highpass`].
     ///
     /// # Errors
     /// [`DesignError::Order`].
@@ -99,7 +99,7 @@ impl Prototype {
         Ok(Self::new(Band::High, &butterworth_prototype(check(order)?)))
     }
 
-    /// Of [`butterworth_bandpass`].
+    /// The prototype of [`butterworth_bandpass`].
     ///
     /// # Errors
     /// [`DesignError::Order`].
@@ -107,7 +107,7 @@ impl Prototype {
         Ok(Self::new(Band::Between, &butterworth_prototype(check(order)?)))
     }
 
-    /// Of [`bessel_lowpass`].
+    /// The prototype of [`bessel_lowpass`].
     ///
     /// # Errors
     /// [`DesignError::Order`].
@@ -115,7 +115,7 @@ impl Prototype {
         Ok(Self::new(Band::Low, &bessel_prototype(check(order)?)))
     }
 
-    /// Of [`double_pole`].
+    /// The prototype of [`double_pole`].
     pub fn double_pole() -> Self {
         Self::new(Band::DoublePole, &[])
     }

@@ -179,7 +179,7 @@ impl History {
         &self.samples[self.end - self.width..self.end]
     }
 
-    /// Of one of the same width.
+    /// Copies the history of another one, which has the same width.
     pub fn copy_from(&mut self, other: &Self) {
         self.samples.copy_from_slice(&other.samples);
         self.end = other.end;

@@ -20,7 +20,7 @@ pub struct Input {
     /// Its path in the plan.
     pub file: String,
     pub sha256: String,
-    /// For a surface: its origin and source.
+    /// Origin and source of a surface.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub origin: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -64,7 +64,7 @@ pub enum RenderError {
 enum Outcome {
     Reused(String),
     Rendered(String, Option<String>),
-    /// Not in the shard, and not in the folder.
+    /// The chunk is neither in the shard nor in the folder.
     Absent,
     Stopped,
 }

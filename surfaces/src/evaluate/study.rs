@@ -188,7 +188,7 @@ pub fn evaluate(
 pub struct Study<'t> {
     expert: String,
     firsts: Vec<&'t dyn TakeSource>,
-    /// By material.
+    /// One recording for each material.
     tests: Vec<&'t dyn TakeSource>,
 }
 

@@ -114,7 +114,7 @@ pub fn synthesise_many_with(
 /// that grows with the length of the vibrations. After an error the output is of no meaning.
 ///
 /// # Errors
-/// As there, and where points or output are too few or too many.
+/// The errors of [`synthesise_many`], and wrong numbers of points or of output samples.
 pub fn synthesise_into(
     voices: Vec<VoiceInto<'_>>,
     threads: usize,

@@ -5,7 +5,7 @@ use super::{ReadError, read_surface};
 use crate::Surface;
 use std::sync::{Mutex, PoisonError};
 
-/// So many are kept, of files of at most so many bytes.
+/// Number of surfaces that are kept, and the largest file of which one is kept, bytes.
 const FILES: usize = 8;
 const MAX_KEPT_BYTES: usize = 1 << 20;
 

@@ -238,7 +238,7 @@ impl std::error::Error for ReadError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Problem {
-    /// Not UTF-8.
+    /// The file is not UTF-8.
     #[error("the file is not UTF-8 text; a surface file is haptograph's .ron or the toolkit's .xml")]
     NotText,
     /// The text does not follow the format.

@@ -63,7 +63,7 @@ pub(super) fn find_crackle(recordings: &[Whitened], rate_hz: f64) -> Option<Crac
     Crackle::new(found.depth.min(MAX_DEPTH), found.time_constant_s).ok()
 }
 
-/// At most `most` of the numbers below `count`, evenly spread.
+/// Returns at most `most` of the numbers below `count`, evenly spread.
 fn evenly(count: usize, most: usize) -> impl Iterator<Item = usize> {
     let taken = count.min(most);
     (0..taken).map(move |k| k * count / taken)

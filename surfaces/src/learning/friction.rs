@@ -34,7 +34,7 @@ impl Default for FrictionSettings {
 pub enum FrictionFit {
     /// Constrained to the origin: thesis 4.2.1.
     ThroughOrigin,
-    /// With an intercept, outliers removed: thesis 2.2.3 and 3.2.3. The rendered friction has no intercept.
+    /// Fitted with an intercept, outliers removed: thesis 2.2.3 and 3.2.3. The rendered friction has no intercept.
     Robust,
     /// Constrained to the origin, outliers removed.
     RobustThroughOrigin,

@@ -44,7 +44,7 @@ pub fn ar_to_lsf(ar: &[f64], lsf: &mut [f64]) -> Result<(), NotStable> {
 
 /// Corrections stop once the coefficients come back this well, relative to the largest.
 const EXACT: f64 = 1e-13;
-/// With a larger error, the zeros are found by the phase instead.
+/// Largest error; with a larger one, the zeros are found by the phase instead.
 const GOOD_ENOUGH: f64 = 1e-10;
 
 /// Converts ascending `lsf` back and corrects them by the remainder of `ar`, to first order, as long as that

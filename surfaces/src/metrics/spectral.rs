@@ -365,9 +365,9 @@ fn in_deviations(mean: f64, deviation: f64) -> f64 {
 /// Standard deviations of window errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deviations {
-    /// Of the normalized spectral error.
+    /// Deviation of the normalized spectral error.
     pub nse: f64,
-    /// Of the power error.
+    /// Deviation of the power error.
     pub pe: f64,
 }
 

@@ -75,9 +75,9 @@ impl ImportSettings {
 /// A cell that could not be read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BadCell {
-    /// In the file, from 1.
+    /// Line in the file, from 1.
     pub line: u64,
-    /// In the file, from 1.
+    /// Column in the file, from 1.
     pub column: usize,
     /// Its text, if known.
     pub text: Option<String>,

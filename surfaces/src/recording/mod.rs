@@ -84,7 +84,7 @@ pub enum Member {
 /// The pose of the tracker's sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
-    /// In the world, m.
+    /// Position in the world, m.
     pub position_m: [f64; 3],
     /// Unit quaternion w, x, y, z that turns tool coordinates into world coordinates.
     pub orientation: [f64; 4],
@@ -108,7 +108,7 @@ pub struct Calibration {
     pub acceleration_zero_v: [f64; 3],
     /// Rotation that turns force-sensor coordinates into tool coordinates, by rows.
     pub force_sensor_to_tool: [[f64; 3]; 3],
-    /// From the tracker's sensor to the tip, in tool coordinates, m.
+    /// Offset from the tracker's sensor to the tip, in tool coordinates, m.
     pub tracker_to_tip_m: [f64; 3],
 }
 

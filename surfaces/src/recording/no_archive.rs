@@ -12,7 +12,7 @@ fn none() -> Error {
     )
 }
 
-/// Not available in a page.
+/// Returns an error: a page has no archives.
 ///
 /// # Errors
 /// Always.
@@ -20,7 +20,7 @@ pub fn write_archive(_: &AnyRecording) -> Result<Vec<u8>> {
     Err(none())
 }
 
-/// Not available in a page.
+/// Returns an error: a page has no archives.
 ///
 /// # Errors
 /// Always.
@@ -36,7 +36,7 @@ pub fn spool_folder(path: &Path) -> PathBuf {
     path.to_owned()
 }
 
-/// Not available in a page.
+/// Returns an error: a page has no archives.
 ///
 /// # Errors
 /// Always.
@@ -45,7 +45,7 @@ pub fn assemble(_: &Path, _: &Path) -> Result<()> {
 }
 
 impl Spool {
-    /// Not available in a page.
+    /// Returns an error: a page has no archives.
     ///
     /// # Errors
     /// Always.

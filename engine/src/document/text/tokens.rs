@@ -135,7 +135,7 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
     lexemes
 }
 
-/// Does a sign begin a comment, as it does in other languages? A percent sign does where no value can be before it.
+/// Whether a sign begins a comment, as it does in other languages. A percent sign does where no value can be before it.
 fn begins_comment(sign: char, text: &str, before: &[Lexeme], start: usize) -> bool {
     sign == '#'
         || match before.last() {
@@ -314,7 +314,7 @@ struct Arithmetic {
 const MAX_TRIED: usize = 200;
 const MAX_BYTES: usize = 4096;
 
-/// Is it a sign of arithmetic, and not that of a number or of a comment?
+/// Whether it is a sign of arithmetic, and not that of a number or of a comment.
 fn is_arithmetic(rest: &str, sign: char, at: usize, before: Option<&Lexeme>) -> bool {
     let ends_value = |token| matches!(token, Token::Number | Token::Name | Token::Close);
     let follows = before.is_some_and(|lexeme| lexeme.end == at && ends_value(lexeme.token));

@@ -14,7 +14,7 @@ type Lanes = [f64; LANES];
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(super) struct LatticeGroup {
-    /// From stage 1; missing stages turn by 0 and change nothing.
+    /// Rotations by stage, from stage 1; missing stages turn by 0 and change nothing.
     sine: [Lanes; MAX_ORDER],
     cosine: [Lanes; MAX_ORDER],
     taps: [Lanes; MAX_ORDER + 1],

@@ -83,7 +83,7 @@ impl Stages {
         }
     }
 
-    /// From up to [`MAX_ORDER`] reflection coefficients between -1 and 1.
+    /// Builds the step from up to [`MAX_ORDER`] reflection coefficients between -1 and 1.
     pub fn of_reflection(arch: Arch, reflection: &[f64], warping: f64, gain: f64) -> Self {
         arch.dispatch(Solve {
             reflection,

@@ -100,7 +100,7 @@ struct Fold {
     material: usize,
     contact: Contact,
     split: &'static str,
-    /// By method, in the order of [`Contact::methods`].
+    /// One error for each method, in the order of [`Contact::methods`].
     errors: Vec<f64>,
 }
 

@@ -40,7 +40,7 @@ impl Mean {
 pub struct ByMaterial {
     /// Log-spectral distance.
     pub lsd_db: Vec<f64>,
-    /// From 100 to 500 Hz.
+    /// Log-spectral distance from 100 to 500 Hz.
     pub middle_lsd_db: Vec<f64>,
     /// Signed error from 20 to 40 Hz.
     pub low_db: Vec<f64>,

@@ -68,7 +68,7 @@ struct LineMove {
 enum Filters {
     Plain {
         bank: VoiceBank,
-        /// Of the excitation.
+        /// Standard deviation of the excitation.
         deviation: CacheLines<Row>,
     },
     Warped(WarpedBank),

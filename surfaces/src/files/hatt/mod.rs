@@ -91,7 +91,7 @@ fn parse_label(comment: &str) -> Option<(Origin, String, String)> {
 /// A problem in a toolkit file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum HattProblem {
-    /// Not well-formed XML.
+    /// The file is not well-formed XML.
     #[error("the file is not well-formed XML: {message}")]
     Xml {
         /// The parser's message.

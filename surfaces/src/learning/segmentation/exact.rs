@@ -439,7 +439,7 @@ fn by_class<T>(orders: &[T], known: impl Fn(&T) -> f64) -> ByClass {
 /// What the penalty of Eq. 2.3.3 amounts to as a factor on the variance: with it, the best order of a segment is the least product and the segment
 /// takes one logarithm. Infinite where the order or the span is not allowed.
 struct Discounts {
-    /// By order (from 1), then by start for the last end, or by start less end plus the number of points for the others, whose spans
+    /// Discounts by order (from 1), then by start for the last end, or by start less end plus the number of points for the others, whose spans
     /// are multiples of the step.
     last_end: Vec<f64>,
     other_ends: Vec<f64>,

@@ -191,7 +191,7 @@ impl Island {
             .min(self.random.random_range(0..count))
     }
 
-    /// At every sample where a parent has a gene, that parent is heeded with even chance.
+    /// Crosses two parents: at every sample where one has a gene, it is taken with even chance.
     fn cross<E: Estimator>(
         &mut self,
         objective: &Objective<'_, E>,

@@ -90,7 +90,7 @@ pub enum VarianceEstimate {
     /// Mean squared residual of the least-squares predictor, given the true past.
     #[default]
     ConditionalLeastSquares,
-    /// From the biased autocovariance by Levinson-Durbin, as in the thesis.
+    /// Estimate from the biased autocovariance by Levinson-Durbin, as in the thesis.
     YuleWalker,
     /// Burg's forward-backward lattice.
     Burg,

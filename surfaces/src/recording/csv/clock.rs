@@ -19,7 +19,7 @@ pub(super) struct Clock {
 #[derive(Clone, Copy)]
 enum Origin {
     Zero,
-    /// In the column's unit.
+    /// An offset in the column's unit.
     Unit(i64),
     /// Seconds of the calendar.
     Second(i64),

@@ -36,7 +36,7 @@ pub(in crate::recording) struct Table {
     pub(in crate::recording) findings: Vec<Finding>,
     /// All columns of the file.
     pub(super) names: Vec<String>,
-    /// Of the row below the header; may be empty.
+    /// Cells of the row below the header; may be empty.
     pub(super) units: Vec<String>,
     /// Whether the file has lines (or rows of a sheet) that a message can name.
     has_lines: bool,
@@ -50,7 +50,7 @@ pub(in crate::recording) struct Table {
     time_scale: Scale,
     /// What to say of the times where they turn out to be numbers.
     time_without_unit: Option<String>,
-    /// From the origin that all files of a take share to this one's, s.
+    /// Time from the origin that all files of a take share to this one's, s.
     since_s: f64,
 }
 
@@ -255,7 +255,7 @@ impl Table {
         found.map(|column| &*column.header)
     }
 
-    /// Those of these columns that there are, with what they are called in the file.
+    /// Existing columns among `names`, with their header text.
     pub(super) fn columns_of(&self, names: &[&'static str]) -> Vec<(&'static str, String)> {
         let header = |name: &&'static str| Some((*name, self.header_of(name)?.to_owned()));
         names.iter().filter_map(header).collect()

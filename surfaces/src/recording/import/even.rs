@@ -6,7 +6,7 @@ use super::{Finding, shown};
 const LONGEST_GAP: f64 = 5.0;
 /// Times within this part of the interval are even.
 const EVEN: f64 = 0.02;
-/// As before anything is repaired.
+/// The same part before anything is repaired.
 const STRICTLY_EVEN: f64 = 0.25;
 /// A rate this close to a whole number is rounded to it: for even but rounded times, and for uneven times.
 const ROUND_EVEN: f64 = 1e-5;

@@ -10,7 +10,7 @@ use crate::learning::processing::{ProcessingSettings, high_passed};
 const SMALL: f64 = 0.1;
 /// What never changes has this part of its mean for a deviation, by rounding.
 const ROUNDING: f64 = 1e-9;
-/// In less time a mean says nothing, s.
+/// Shortest time over which a mean says anything, s.
 const SHORTEST_S: f64 = 0.5;
 
 /// Takes a vibration on one axis, whose mean is not small, as unprocessed: applies the high-pass of the processing, and says so; `has_unit`

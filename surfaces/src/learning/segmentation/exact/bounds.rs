@@ -110,7 +110,7 @@ pub(super) struct Marks {
     /// Grid point and sample of each mark.
     samples: Vec<usize>,
     size: usize,
-    /// For each block of marks: up to which mark, and how much.
+    /// The last known mark of each block of marks, and the bound there.
     known: Vec<(usize, [ByClass; LANES])>,
     end: Vec<Lanes>,
     end_at: usize,
