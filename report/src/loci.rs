@@ -102,8 +102,8 @@ fn mix(a: &ArmaModel, b: &ArmaModel, part: f64, by: Interpolation) -> Vec<f64> {
         Interpolation::Coefficients => between(a.ar(), b.ar()),
         Interpolation::Frequencies => {
             let mut ar = vec![0.0; a.ar().len()];
-            lsf_to_ar(&between(a.ar_lsf(), b.ar_lsf()), &mut ar);
-            ar
+            let converted = lsf_to_ar(&between(a.ar_lsf(), b.ar_lsf()), &mut ar);
+            converted.map_or_else(|_| Vec::new(), |()| ar)
         }
     }
 }

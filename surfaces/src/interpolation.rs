@@ -2,7 +2,7 @@
 //! of its three models by the barycentric weights, and converts the mix to coefficients (thesis 2.4).
 
 use crate::MAX_ORDER;
-use crate::lsf::lsf_to_ar;
+use crate::lsf::lsf_into_ar;
 use crate::model::ArmaModel;
 use crate::texture::TextureModel;
 use crate::triangulation::{Location, Triangle, Triangulation};
@@ -139,9 +139,9 @@ impl Interpolator {
         let (ma_lsf, rest) = rest.split_at(self.ma_order);
         into.ar_order = self.ar_order;
         into.ma_order = self.ma_order;
-        lsf_to_ar(ar_lsf, &mut into.ar[..self.ar_order]);
+        lsf_into_ar(ar_lsf, &mut into.ar[..self.ar_order]);
         into.ar[self.ar_order..].fill(0.0);
-        lsf_to_ar(ma_lsf, &mut into.ma[..self.ma_order]);
+        lsf_into_ar(ma_lsf, &mut into.ma[..self.ma_order]);
         into.ma[self.ma_order..].fill(0.0);
         into.gain = rest[0];
         into.warping = self.warping;
@@ -271,7 +271,7 @@ mod tests {
         let convert = |order: usize, lsf: &dyn Fn(&ArmaModel) -> Vec<f64>| {
             let lsf: Vec<f64> = (0..order).map(|k| mean(&|model| lsf(model)[k])).collect();
             let mut coefficients = vec![0.0; order];
-            lsf_to_ar(&lsf, &mut coefficients);
+            lsf_into_ar(&lsf, &mut coefficients);
             coefficients
         };
         (
@@ -310,7 +310,7 @@ mod tests {
         for at in texture.models() {
             interpolator.interpolate(at.speed_m_s, at.force_n, &mut got);
             let mut ar = vec![0.0; texture.ar_order()];
-            lsf_to_ar(at.model.ar_lsf(), &mut ar);
+            lsf_into_ar(at.model.ar_lsf(), &mut ar);
             assert_eq!(got.ar(), ar);
             assert_eq!((got.gain, got.variance), (at.model.gain(), at.model.variance()));
         }

@@ -1,6 +1,6 @@
 //! One autoregressive (AR) or autoregressive moving-average (ARMA) model of a texture's vibration.
 
-use crate::lsf::{self, NotStable};
+use crate::lsf;
 use haptograph_signal::prediction::ar_to_reflection;
 use haptograph_signal::warped::{self, MAX_WARPING};
 use std::f64::consts::PI;
@@ -290,15 +290,14 @@ fn squared_magnitude(coefficients: &[f64], frequency_rad: f64) -> f64 {
 fn lsf_of(polynomial: Polynomial, coefficients: &[f64]) -> Result<Vec<f64>, ModelError> {
     check_order(polynomial, coefficients.len())?;
     let mut frequencies = vec![0.0; coefficients.len()];
-    lsf::ar_to_lsf(coefficients, &mut frequencies)
-        .map_err(|NotStable| ModelError::Unstable { polynomial })?;
+    lsf::ar_to_lsf(coefficients, &mut frequencies).map_err(|_| ModelError::Unstable { polynomial })?;
     Ok(frequencies)
 }
 
 fn coefficients_of(polynomial: Polynomial, frequencies: &[f64]) -> Result<Vec<f64>, ModelError> {
     check_order(polynomial, frequencies.len())?;
     let mut coefficients = vec![0.0; frequencies.len()];
-    lsf::lsf_to_ar(frequencies, &mut coefficients);
+    lsf::lsf_into_ar(frequencies, &mut coefficients);
     Ok(coefficients)
 }
 
@@ -334,7 +333,7 @@ fn check_polynomial(
     let unstable = |_| ModelError::Unstable { polynomial };
     ar_to_reflection(coefficients).map_err(unstable)?;
     let mut from_lsf = vec![0.0; frequencies.len()];
-    lsf::lsf_to_ar(frequencies, &mut from_lsf);
+    lsf::lsf_into_ar(frequencies, &mut from_lsf);
     ar_to_reflection(&from_lsf).map_err(unstable)?;
     let scale = coefficients.iter().fold(1.0_f64, |scale, c| scale.max(c.abs()));
     for (index, (stored, implied)) in coefficients.iter().zip(from_lsf.iter()).enumerate() {

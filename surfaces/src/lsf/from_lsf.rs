@@ -1,6 +1,6 @@
 //! From line spectral frequencies to coefficients: the real-time direction, 240 to 1000 times a second for each voice.
 
-use super::MAX_ORDER;
+use super::{LsfError, MAX_ORDER, check_lengths};
 use haptograph_signal::elementwise::CacheLines;
 use std::f64::consts::FRAC_PI_2;
 
@@ -9,23 +9,27 @@ const MAX_FACTORS: usize = MAX_ORDER / 2;
 
 /// Coefficients a_1..a_p of the polynomial whose LSFs (radians, ascending) are given, into `ar` of equal length.
 ///
-/// # Panics
-/// If the slices' lengths differ or exceed [`MAX_ORDER`].
-pub fn lsf_to_ar(lsf: &[f64], ar: &mut [f64]) {
+/// # Errors
+/// [`LsfError::Lengths`] if the slices' lengths differ or exceed [`MAX_ORDER`].
+pub fn lsf_to_ar(lsf: &[f64], ar: &mut [f64]) -> Result<(), LsfError> {
+    check_lengths(lsf.len(), ar.len())?;
+    lsf_into_ar(lsf, ar);
+    Ok(())
+}
+
+/// [`lsf_to_ar`] for slices of one length, at most [`MAX_ORDER`]; others are left as they are.
+#[inline(always)]
+pub(crate) fn lsf_into_ar(lsf: &[f64], ar: &mut [f64]) {
     lsf_to_ar_lanes(lsf.as_chunks::<1>().0, ar.as_chunks_mut::<1>().0);
 }
 
-/// [`lsf_to_ar`] for one polynomial per lane, with the same bits; row k holds the k-th value of all lanes.
-///
-/// # Panics
-/// As [`lsf_to_ar`].
+/// [`lsf_into_ar`] for one polynomial per lane, with the same bits; row k holds the k-th value of all lanes.
 #[inline(always)]
 pub(crate) fn lsf_to_ar_lanes<const L: usize>(lsf: &[[f64; L]], ar: &mut [[f64; L]]) {
     let order = lsf.len();
-    assert!(
-        order == ar.len() && order <= MAX_ORDER,
-        "one coefficient per LSF, at most {MAX_ORDER}"
-    );
+    if check_lengths(order, ar.len()).is_err() {
+        return;
+    }
     // Loops throughout: the closures of arrays' methods are compiled apart, and not for the instructions of the caller.
     // The factors stay in the coefficients' places until these are known.
     for (b, frequencies) in ar.iter_mut().zip(lsf) {
@@ -187,7 +191,7 @@ mod tests {
                 .map(|k| PI * (k as f64 + 1.0 + 0.3 * (k as f64).sin()) / (order as f64 + 1.0))
                 .collect();
             let mut ar = vec![0.0; order];
-            lsf_to_ar(&lsf, &mut ar);
+            lsf_into_ar(&lsf, &mut ar);
             let expected = by_full_products(&lsf);
             // The plain product in ascending order loses digits.
             let tolerance = 1e-14 * f64::powi(2.0, order as i32 / 2);

@@ -9,15 +9,36 @@ mod from_lsf;
 mod to_lsf;
 
 pub use from_lsf::lsf_to_ar;
-pub(crate) use from_lsf::lsf_to_ar_lanes;
+pub(crate) use from_lsf::{lsf_into_ar, lsf_to_ar_lanes};
 pub use to_lsf::ar_to_lsf;
 
 pub use haptograph_signal::arma::MAX_ORDER;
 
-/// The polynomial has a zero on or outside the unit circle (or is not finite), so it has no LSFs.
+/// Why a polynomial or its LSFs are not converted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("the polynomial has a root on or outside the unit circle, so it has no line spectral frequencies")]
-pub struct NotStable;
+#[non_exhaustive]
+pub enum LsfError {
+    /// The polynomial has a zero on or outside the unit circle, or is not finite, so it has no LSFs.
+    #[error(
+        "the polynomial has a root on or outside the unit circle, so it has no line spectral frequencies"
+    )]
+    NotStable,
+    /// The slices' lengths differ or exceed [`MAX_ORDER`].
+    #[error("{from} values cannot be converted into {into}; both lengths are one order, at most {MAX_ORDER}")]
+    Lengths {
+        /// Number of values given.
+        from: usize,
+        /// Number of values that are asked for.
+        into: usize,
+    },
+}
+
+fn check_lengths(from: usize, into: usize) -> Result<(), LsfError> {
+    match from == into && into <= MAX_ORDER {
+        true => Ok(()),
+        false => Err(LsfError::Lengths { from, into }),
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -67,7 +88,7 @@ mod tests {
             let mut lsf = vec![0.0; order];
             ar_to_lsf(&ar, &mut lsf).unwrap();
             let mut back = vec![0.0; order];
-            lsf_to_ar(&lsf, &mut back);
+            lsf_to_ar(&lsf, &mut back).unwrap();
             for (a, b) in ar.iter().zip(&back) {
                 assert!((a - b).abs() < 1e-12);
             }
@@ -77,8 +98,21 @@ mod tests {
     #[test]
     fn an_unstable_polynomial_is_refused() {
         let mut lsf = [0.0; 2];
-        assert_eq!(ar_to_lsf(&[0.0, 1.0], &mut lsf), Err(NotStable));
-        assert_eq!(ar_to_lsf(&[-2.1, 1.1], &mut lsf), Err(NotStable));
-        assert_eq!(ar_to_lsf(&[f64::NAN, 0.0], &mut lsf), Err(NotStable));
+        assert_eq!(ar_to_lsf(&[0.0, 1.0], &mut lsf), Err(LsfError::NotStable));
+        assert_eq!(ar_to_lsf(&[-2.1, 1.1], &mut lsf), Err(LsfError::NotStable));
+        assert_eq!(ar_to_lsf(&[f64::NAN, 0.0], &mut lsf), Err(LsfError::NotStable));
+    }
+
+    #[test]
+    fn slices_of_other_lengths_are_refused() {
+        let (mut short, mut long) = ([0.5; 3], [0.5; MAX_ORDER + 1]);
+        let lengths = |from, into| Err(LsfError::Lengths { from, into });
+        assert_eq!(lsf_to_ar(&[1.0, 2.0], &mut short), lengths(2, 3));
+        assert_eq!(ar_to_lsf(&[0.1, 0.2], &mut short), lengths(2, 3));
+        let order = MAX_ORDER + 1;
+        assert_eq!(lsf_to_ar(&long.clone(), &mut long), lengths(order, order));
+        assert_eq!(ar_to_lsf(&long.clone(), &mut long), lengths(order, order));
+        lsf_into_ar(&[1.0, 2.0], &mut short);
+        assert_eq!(short, [0.5; 3]);
     }
 }

@@ -6,7 +6,7 @@
 //! of the lattice does, which no cluster can confuse. The result is converted back, compared, and corrected
 //! by the remainder.
 
-use super::{MAX_ORDER, NotStable, lsf_to_ar};
+use super::{LsfError, MAX_ORDER, check_lengths, lsf_into_ar};
 use haptograph_signal::prediction::ar_to_reflection;
 use std::f64::consts::PI;
 use std::sync::LazyLock;
@@ -17,26 +17,22 @@ const CELLS: usize = 64;
 
 /// LSFs (radians, strictly ascending in (0, π)) of the polynomial 1 + Σ a_k z⁻ᵏ, into `lsf` of equal length.
 ///
-/// # Panics
-/// If the slices' lengths differ or exceed [`MAX_ORDER`].
-pub fn ar_to_lsf(ar: &[f64], lsf: &mut [f64]) -> Result<(), NotStable> {
-    let order = ar.len();
-    assert!(
-        order == lsf.len() && order <= MAX_ORDER,
-        "one LSF per coefficient, at most {MAX_ORDER}"
-    );
+/// # Errors
+/// [`LsfError`] for a polynomial that is not stable, and if the slices' lengths differ or exceed [`MAX_ORDER`].
+pub fn ar_to_lsf(ar: &[f64], lsf: &mut [f64]) -> Result<(), LsfError> {
+    check_lengths(ar.len(), lsf.len())?;
     let (sum, difference) = series(1.0, ar);
     let scale = ar.iter().fold(1.0_f64, |scale, a| scale.max(a.abs()));
     // Ascending alternate zeros on the circle are those of a stable polynomial and of no other.
     if from_grid(&sum, &difference, lsf) && is_ascending(lsf) && correct(ar, lsf) <= GOOD_ENOUGH * scale {
         return Ok(());
     }
-    let reflection = ar_to_reflection(ar).map_err(|_| NotStable)?;
+    let reflection = ar_to_reflection(ar).map_err(|_| LsfError::NotStable)?;
     for (index, frequency) in lsf.iter_mut().enumerate() {
         *frequency = by_phase(&reflection, index + 1);
     }
     if !is_ascending(lsf) {
-        return Err(NotStable);
+        return Err(LsfError::NotStable);
     }
     correct(ar, lsf);
     Ok(())
@@ -80,7 +76,7 @@ fn correct(ar: &[f64], lsf: &mut [f64]) -> f64 {
 /// The remainder of `ar` after subtraction of the polynomial of `lsf`, by coefficient, and its largest
 /// magnitude.
 fn remainder(ar: &[f64], lsf: &[f64], left: &mut [f64]) -> f64 {
-    lsf_to_ar(lsf, left);
+    lsf_into_ar(lsf, left);
     for (left, a) in left.iter_mut().zip(ar) {
         *left = a - *left;
     }
@@ -413,7 +409,7 @@ fn all_pass_phase(reflection: &[f64], frequency: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lsf::lsf_to_ar;
+    use crate::lsf::lsf_into_ar;
     use rand::{RngExt, SeedableRng};
     use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -451,7 +447,7 @@ mod tests {
                 .map(|k| step * (k as f64 + 1.0 + random.random_range(-0.35..0.35)))
                 .collect();
             let (mut ar, mut back) = (vec![0.0; order], vec![0.0; order]);
-            lsf_to_ar(&lsf, &mut ar);
+            lsf_into_ar(&lsf, &mut ar);
             ar_to_lsf(&ar, &mut back).unwrap();
             assert!(lsf.iter().zip(&back).all(|(a, b)| (a - b).abs() < 1e-12));
         }

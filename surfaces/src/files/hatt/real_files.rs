@@ -134,7 +134,7 @@ fn frequencies_and_coefficients_agree_both_ways() {
                 .map(|(a, b)| (a - b).abs())
                 .fold(worst_lsf, f64::max);
             let mut back = vec![0.0; ar.len()];
-            lsf::lsf_to_ar(&frequencies, &mut back);
+            lsf::lsf_into_ar(&frequencies, &mut back);
             worst_ar = ar
                 .iter()
                 .zip(&back)

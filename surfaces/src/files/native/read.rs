@@ -196,12 +196,12 @@ fn both(
             let mut frequencies = vec![0.0; coefficients.len()];
             Some(match lsf::ar_to_lsf(&coefficients, &mut frequencies) {
                 Ok(()) => Ok((coefficients, frequencies)),
-                Err(lsf::NotStable) => Err(ModelError::Unstable { polynomial }),
+                Err(_) => Err(ModelError::Unstable { polynomial }),
             })
         }
         (None, Some(frequencies)) => {
             let mut coefficients = vec![0.0; frequencies.len()];
-            lsf::lsf_to_ar(&frequencies, &mut coefficients);
+            lsf::lsf_into_ar(&frequencies, &mut coefficients);
             Some(Ok((coefficients, frequencies)))
         }
         (None, None) => None,
