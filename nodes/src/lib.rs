@@ -3,6 +3,27 @@
 //! [`registry`] has them all. Each is declared in one place: its settings, its ports and its documentation are what
 //! graphs are checked against and what `haptograph nodes` prints.
 //!
+//! ```
+//! use haptograph_engine::document::Document;
+//! use haptograph_engine::graph::{CheckOptions, check};
+//! use haptograph_engine::host::{PlayOptions, Player, Scalar};
+//!
+//! let text = r#"Graph(
+//!     format: 1,
+//!     clocks: { "audio": Driver(rate_hz: 48000) },
+//!     nodes: { "tone": Sine(clock: "audio", frequency_hz: 12000), "loud": Gain(input: "tone", gain: 2) },
+//! )"#;
+//! let graph = check(&Document::parse("tone.ron", text)?, &haptograph_nodes::registry(), &CheckOptions::default())?;
+//! let (mut player, session) = Player::open(&graph, &PlayOptions::default().probe("loud"))?;
+//! let mut loud = player.probe::<Scalar>("loud")?;
+//! player.process(4);
+//! let mut samples = [0.0; 4];
+//! assert_eq!(loud.read(&mut samples), 4);
+//! assert!((samples[1] - 2.0).abs() < 1e-9 && (samples[3] + 2.0).abs() < 1e-9);
+//! player.finish(session);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! # Features
 //!
 //! | feature | default | what it adds |

@@ -16,6 +16,21 @@ pub use super::raster::Grid as Cells;
 pub use super::scale::Spread;
 
 /// A plot.
+///
+/// ```
+/// use haptograph_report::plot::{Axis, Mark, Plot, Style};
+/// use haptograph_report::theme::Ink;
+///
+/// let points = (0..100).map(|k| (f64::from(k), f64::from(k * k))).collect();
+/// let plot = Plot {
+///     title: "Growth".to_owned(),
+///     x: Axis::of("Time (s)"),
+///     y: Axis::of("Distance (m)").over(0.0, 10_000.0),
+///     marks: vec![Mark::Line(Style::named(Ink::Blue, "square"), points)],
+///     ..Plot::default()
+/// };
+/// assert!(plot.to_standalone_svg().starts_with("<svg"));
+/// ```
 #[derive(Debug, Clone, Default)]
 pub struct Plot {
     /// Title above the frame.

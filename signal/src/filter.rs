@@ -1,4 +1,17 @@
 //! Filters as cascades of second-order sections: coefficients, responses, and running state.
+//!
+//! ```
+//! use haptograph_signal::filter::{SectionsState, butterworth_lowpass};
+//!
+//! let filter = butterworth_lowpass(2, 20.0, 1000.0)?;
+//! assert!((filter.response(20.0, 1000.0).norm() - 0.5_f64.sqrt()).abs() < 1e-9);
+//!
+//! let mut state = SectionsState::new(&filter);
+//! let mut step = [1.0; 500];
+//! state.process_in_place(&mut step);
+//! assert!(step[0] < 0.01 && (step[499] - 1.0).abs() < 1e-6);
+//! # Ok::<(), haptograph_signal::filter::DesignError>(())
+//! ```
 
 mod design;
 mod lanes;

@@ -2,6 +2,19 @@
 //!
 //! Densities are one-sided, in the signal's unit squared per hertz: summed over all bins and multiplied by the bin
 //! width they give the power. Nothing is detrended.
+//!
+//! ```
+//! use haptograph_signal::spectrum::welch;
+//! use haptograph_signal::window::Window;
+//! use std::f64::consts::TAU;
+//!
+//! let rate_hz = 1000.0;
+//! let tone: Vec<f64> = (0..4000).map(|k| (TAU * 100.0 * k as f64 / rate_hz).sin()).collect();
+//! let psd = welch(&tone, rate_hz, 500, 250, Window::Hann)?;
+//! // A sine of amplitude 1 has a power of 1/2.
+//! assert!((psd.power_between(90.0, 110.0) - 0.5).abs() < 1e-3);
+//! # Ok::<(), haptograph_signal::spectrum::SpectrumError>(())
+//! ```
 
 use crate::Complex64;
 use crate::fft::{self, Transform};

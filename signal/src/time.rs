@@ -1,4 +1,16 @@
 //! Exact time: rates as rationals, and a common unit in which every clock's period is a whole number.
+//!
+//! ```
+//! use haptograph_signal::time::{Rate, TimeBase};
+//!
+//! let audio = Rate::from_hz(48_000)?;
+//! let film = Rate::parse("59.94")?;
+//! assert_eq!(film.parts(), (2997, 50));
+//!
+//! let base = TimeBase::new(&[audio, Rate::from_hz(1000)?])?;
+//! assert_eq!(base.period(1), 48 * base.period(0));
+//! # Ok::<(), haptograph_signal::time::RateError>(())
+//! ```
 
 use std::fmt;
 use thiserror::Error;

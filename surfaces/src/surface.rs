@@ -5,6 +5,18 @@ use crate::{Provenance, Taps, TextureModel};
 /// Friction, taps, texture and stiffness of one material, with their provenance.
 ///
 /// The constructor of each part checks it. A part that is `None` was not measured; a renderer omits it.
+///
+/// ```
+/// use haptograph_surfaces::files::{native, read_surface};
+/// use haptograph_surfaces::{Friction, Origin, Provenance, Surface};
+///
+/// let mut slate = Surface::new("slate", Provenance::new(Origin::Procedural, "an example"));
+/// slate.friction = Some(Friction::new(0.35, None)?);
+///
+/// let file = native::write(&slate);
+/// assert_eq!(read_surface(file.as_bytes())?, slate);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surface {
     /// The material's name, for people.

@@ -120,6 +120,29 @@ impl LearnError {
 ///
 /// Parts without a recording are omitted, and so are friction, taps and stiffness that cannot be learned; the report has the
 /// reason. It is an error if the texture cannot be learned or no part remains. `progress` receives the fraction done, 0 to 1.
+///
+/// ```
+/// use haptograph_surfaces::learning::{LearnSettings, learn};
+/// use haptograph_surfaces::recording::{AnyRecording, Gesture, ProcessedRecording, Signals};
+/// use haptograph_surfaces::{Origin, Provenance};
+///
+/// // `recording::load` reads such a recording from a file.
+/// let normal: Vec<f64> = (0..2000).map(|k| 1.0 + 0.5 * (k as f64 / 100.0).sin()).collect();
+/// let signals = Signals {
+///     rate_hz: 1000.0,
+///     acceleration_m_s2: vec![0.0; 2000],
+///     force_tangential_n: Some(normal.iter().map(|force| 0.3 * force).collect()),
+///     force_normal_n: normal,
+///     speed_m_s: vec![0.1; 2000],
+///     ..Signals::default()
+/// };
+/// let made = Provenance::new(Origin::Procedural, "an example");
+/// let circle = AnyRecording::Processed(ProcessedRecording::new(signals, Gesture::Circle, made)?);
+///
+/// let (surface, _report) = learn("slate", &[circle], &LearnSettings::default(), &|_| ())?;
+/// assert!((surface.friction.ok_or("no friction")?.mu() - 0.3).abs() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn learn(
     name: &str,
     recordings: &[AnyRecording],
@@ -197,12 +220,18 @@ fn or_missing<T>(
         Err(reason) => reason,
     };
     let (gesture, remedy) = match part {
-        "friction" => (Gesture::Circle, "record 10 s of smooth circles with varying force"),
+        "friction" => (
+            Gesture::Circle,
+            "record 10 s of smooth circles with varying force",
+        ),
         "taps" => (
             Gesture::Tap,
             "record single taps at different speeds, with the tool in the air before each",
         ),
-        _ => (Gesture::Press, "record one slow press beyond 3 N with all sensors"),
+        _ => (
+            Gesture::Press,
+            "record one slow press beyond 3 N with all sensors",
+        ),
     };
     missing.push(MissingPart {
         part,
