@@ -84,15 +84,21 @@ impl Registry {
         self.add_device(entry)
     }
 
-    /// The names registered more than once: of node kinds, then of device kinds, of kinds of frames, and of bridges.
-    pub(crate) fn twice(&self) -> impl Iterator<Item = &'static str> {
+    /// The names registered more than once, and the bridges with the name of another form of a connection.
+    pub(crate) fn twice(&self) -> impl Iterator<Item = (&'static str, Namespace)> {
         let nodes = self.nodes.iter().map(|entry| entry.spec.name).collect();
         let devices = self.devices.iter().map(|entry| entry.spec.name).collect();
         let kinds = self.kinds.iter().map(|kind| kind.spec().name).collect();
         let bridges = self.bridges.iter().map(|entry| entry.spec.name);
         let bridges = bridges.chain(RESERVED).collect();
-        let all = [nodes, devices, kinds, bridges];
-        all.into_iter().flat_map(repeated)
+        let all = [
+            (nodes, Namespace::Nodes),
+            (devices, Namespace::Devices),
+            (kinds, Namespace::Kinds),
+            (bridges, Namespace::Bridges),
+        ];
+        all.into_iter()
+            .flat_map(|(names, of)| repeated(names).map(move |name| (name, of)))
     }
 
     /// The ports whose kind of frames is not registered: the kind of node or device, the port, and the kind.
@@ -166,6 +172,16 @@ impl Registry {
     pub fn devices(&self) -> &[DeviceEntry] {
         &self.devices
     }
+}
+
+/// What is registered by name, each with names of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Namespace {
+    Nodes,
+    Devices,
+    /// Kinds of frames.
+    Kinds,
+    Bridges,
 }
 
 impl Default for Registry {

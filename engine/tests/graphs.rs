@@ -7,17 +7,19 @@ mod common;
 #[path = "common/golden.rs"]
 mod golden;
 
-use haptograph_engine::bridges::{BridgeEntry, Hold, Resample};
+use haptograph_engine::bridges::{BridgeContext, BridgeEntry, BridgeSpec, BridgeType, Ends, Hold, Resample};
 use haptograph_engine::device::{Channel, DeviceSpec};
 use haptograph_engine::diagnostic::{Diagnostics, render, to_json};
 use haptograph_engine::document::{Builder, Document, LoadOptions, Part, delay, hold, ring};
 use haptograph_engine::frame::{Kind, KindSpec};
 use haptograph_engine::graph::{Bridge, CheckOptions, Graph, check};
+use haptograph_engine::node::Latency;
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::Run;
 use haptograph_signal::files::Roots;
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::time::Rate;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -638,6 +640,58 @@ fn two_kinds_of_one_name_are_an_error_and_one_in_the_place_of_another_is_none() 
     let wrong = check(&document, &registry, &CheckOptions::default()).expect_err("names stand twice");
     let codes: Vec<_> = wrong.list.iter().map(|one| one.code).collect();
     assert_eq!(codes, ["E0212", "E0212"], "of kinds of frames and of bridges");
+    let [kinds, bridges] = [0, 1].map(|one: usize| &wrong.list[one]);
+    assert!(kinds.message.contains("frames") && kinds.message.contains("`weights`"));
+    assert!(bridges.message.contains("bridges") && bridges.message.contains("`Hold`"));
+    // What replaces nodes and devices replaces neither of these; the registry has the names that are taken.
+    for (wrong, taken) in [
+        (kinds, "`wrench`, `event`, `weights`"),
+        (bridges, "`Hold`, `Linear`"),
+    ] {
+        assert!(
+            !wrong.help[0].contains("replace") && wrong.help[0].contains(taken),
+            "{wrong:?}"
+        );
+    }
+}
+
+#[test]
+fn a_bridge_cannot_have_the_name_of_another_form_of_a_connection() {
+    struct Ring(Hold);
+    impl BridgeType for Ring {
+        const SPEC: BridgeSpec = BridgeSpec {
+            name: "Ring",
+            ..Hold::SPEC
+        };
+        fn new(cx: &BridgeContext) -> Self {
+            Self(Hold::new(cx))
+        }
+        fn latency(from: Rate, to: Rate) -> Latency {
+            Hold::latency(from, to)
+        }
+        fn cross(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
+            self.0.cross(ends, x, y);
+        }
+        fn copy_state_from(&mut self, old: &Self) {
+            self.0.copy_state_from(&old.0);
+        }
+    }
+    let document = Document::load(Path::new("tests/right/texturepad.ron"), &LoadOptions::default());
+    let mut registry = common::registry();
+    registry.add_bridge(BridgeEntry::of::<Ring>());
+    let wrong = check(
+        &document.expect("it is right"),
+        &registry,
+        &CheckOptions::default(),
+    );
+    let [wrong] = &wrong.expect_err("the name is taken").list[..] else {
+        panic!("one error");
+    };
+    assert_eq!(wrong.code, "E0212");
+    assert!(
+        wrong.message.contains("a bridge is registered as `Ring`"),
+        "{wrong:?}"
+    );
 }
 
 #[test]

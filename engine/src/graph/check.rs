@@ -5,7 +5,7 @@ use super::values::Parameters;
 use super::{Graph, bridges, build, clocks, cycles, devices, expand, left_out, types, unused, wires};
 use crate::diagnostic::{Diagnostic, Diagnostics, Severity, Span};
 use crate::document::Document;
-use crate::registry::Registry;
+use crate::registry::{Namespace, RESERVED, Registry};
 use std::collections::HashSet;
 
 /// Options of a check.
@@ -135,13 +135,64 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
 
 /// Reports names registered more than once; these and the following errors have no place in the graph.
 fn twice(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
-    registry.twice().map(|name| {
-        let message = format!("two kinds are registered as `{name}`");
-        let help = "rename one where this program registers it, or replace the other by `Registry::replace` or `replace_device`";
+    let quoted = |names: Vec<&str>| {
+        names
+            .iter()
+            .map(|name| format!("`{name}`"))
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    registry.twice().map(move |(name, of)| {
+        let rename = "rename one where this program registers it";
+        let (message, help) = match of {
+            Namespace::Nodes => (
+                format!("two kinds of nodes are registered as `{name}`"),
+                format!("{rename}, or put it in the place of the other by `Registry::replace`"),
+            ),
+            Namespace::Devices => (
+                format!("two kinds of devices are registered as `{name}`"),
+                format!("{rename}, or put it in the place of the other by `Registry::replace_device`"),
+            ),
+            Namespace::Kinds => {
+                let kinds = registry.kinds().iter().map(|kind| kind.spec().name);
+                (
+                    format!("two kinds of frames are registered as `{name}`"),
+                    format!("{rename}; taken are {}", quoted(unique(kinds))),
+                )
+            }
+            Namespace::Bridges if RESERVED.contains(&name) => (
+                format!("a bridge is registered as `{name}`, which is another form of a connection"),
+                format!(
+                    "rename it where this program registers it; taken are {}",
+                    quoted(bridge_names(registry))
+                ),
+            ),
+            Namespace::Bridges => (
+                format!("two types of bridges are registered as `{name}`"),
+                format!("{rename}; taken are {}", quoted(bridge_names(registry))),
+            ),
+        };
         Diagnostic::error("E0212", Span::default(), message)
             .of_no_place()
             .help(help)
     })
+}
+
+/// The names that no other bridge can have.
+fn bridge_names(registry: &Registry) -> Vec<&'static str> {
+    unique(
+        registry
+            .bridges()
+            .iter()
+            .map(|entry| entry.spec.name)
+            .chain(RESERVED),
+    )
+}
+
+/// Each name once, in the order of their first places.
+fn unique(names: impl Iterator<Item = &'static str>) -> Vec<&'static str> {
+    let mut seen = HashSet::new();
+    names.filter(|name| seen.insert(*name)).collect()
 }
 
 /// Reports ports whose kind of frames is not registered.

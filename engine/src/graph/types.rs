@@ -228,7 +228,11 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
     if let Some(kind) = carried.kind {
         let (fits, wanted) = match port.kind {
             KindRule::Is(wanted) => (kind == wanted, format!("takes {}", wanted.spec().one)),
-            KindRule::Linear if !kind.is_linear() => (false, "takes scalars, 3-vectors or wrenches".into()),
+            KindRule::Linear if !kind.is_linear() => {
+                let linear = cx.registry.kinds().iter().filter(|kind| kind.is_linear());
+                let names: Vec<&str> = linear.map(|kind| kind.spec().name).collect();
+                (false, format!("takes linear frames ({})", names.join(", ")))
+            }
             KindRule::Same(other) if other != port.name => {
                 let wanted = kind_of(draft, node, port.kind)?;
                 (

@@ -77,7 +77,7 @@ pub enum Presence {
 pub enum KindRule {
     /// This kind.
     Is(Kind),
-    /// Scalar, 3-vector or wrench, treated component by component.
+    /// A linear kind, treated component by component: scalar, 3-vector, wrench, and those that a program registers.
     Linear,
     /// Any kind.
     Any,
@@ -134,7 +134,7 @@ impl InputSpec {
     }
 }
 
-/// A required input that takes scalars, vectors and wrenches of any quantity.
+/// A required input that takes frames of any linear kind and quantity.
 pub const fn any_input(name: &'static str, doc: &'static str) -> InputSpec {
     InputSpec {
         name,
