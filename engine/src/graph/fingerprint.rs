@@ -1,5 +1,7 @@
 //! Fingerprints of nodes and graphs. State transfer matches nodes by them, and a replay checks the graph by them. Files
 //! contain them, so they are equal on all machines and in all program versions with the same [`VERSION`].
+//!
+//! Version 2 has the names of the kinds of frames that inputs receive; version 1 had their numbers of components.
 
 use super::clocks::Clocks;
 use super::devices::DraftDevice;
@@ -16,7 +18,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Version of the content and the algorithm of fingerprints.
-const VERSION: u64 = 1;
+pub(crate) const VERSION: u64 = 2;
+/// Name of the entry of [`of_graph`] that has the version.
+pub(crate) const VERSION_NAME: &str = "version of these fingerprints";
 
 /// A 64-bit hash of a sequence of items: FNV-1a over the bytes of each item, preceded by their number; numbers are
 /// eight bytes, little-endian.
@@ -64,7 +68,7 @@ impl Fingerprint {
     }
 }
 
-/// Hash of a node's kind, non-live settings, rate and input widths.
+/// Hash of a node's kind, non-live settings, rate and the kinds of frames of its inputs.
 pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
     let target = &draft.nodes[node];
     let settings = target.entry.settings().into_iter();
@@ -83,7 +87,7 @@ pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: us
         for slot in &target.inputs {
             let wire = slot.wire.as_ref();
             let carried = wire.and_then(|wire| draft.nodes[wire.from].outputs[wire.output].kind);
-            state.maybe(carried.map(|kind| kind.width() as u64));
+            state.text(carried.map_or("", |kind| kind.spec().name));
         }
     })
 }
@@ -232,7 +236,7 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
     });
     let mut all = BTreeMap::from([
         (String::from("seed"), graph.seed),
-        (String::from("version of these fingerprints"), VERSION),
+        (String::from(VERSION_NAME), VERSION),
     ]);
     for (name, hash) in clocks.chain(devices).chain(nodes).chain(edges) {
         // Several connections may share a name.
@@ -249,7 +253,7 @@ mod tests {
     /// From the definition, worked out apart from this program: another result needs another version.
     #[test]
     fn fingerprints_do_not_change_from_one_program_to_the_next() {
-        assert_eq!(VERSION, 1);
+        assert_eq!(VERSION, 2);
         let some = Fingerprint::of(|state| {
             state.text("Gain");
             state.number(7);

@@ -33,7 +33,7 @@ pub(super) use inputs::{Input, InputLog, InputScript, InputWriter};
 pub(super) use log::{ArrivalLog, ArrivalWriter, SettingWriter};
 pub(super) use replay::{Arrivals, check_logs};
 
-use crate::graph::fingerprint::of_graph;
+use crate::graph::fingerprint::{VERSION, VERSION_NAME, of_graph};
 use crate::graph::{Graph, LiveSetting};
 use crate::plan::Plan;
 use haptograph_signal::files;
@@ -77,6 +77,15 @@ pub enum ReplayError {
         path: PathBuf,
         /// The differences.
         differences: String,
+    },
+    /// The fingerprints are of another version: they cannot be compared with those of this program.
+    #[error("{} has fingerprints of version {found}, but this program compares version {VERSION}; \
+             replay the run with the version of haptograph that recorded it, or record it again", path.display())]
+    OtherVersion {
+        /// The file of fingerprints.
+        path: PathBuf,
+        /// Its version as written; `unknown` if it has none.
+        found: String,
     },
     /// A line is malformed.
     #[error("{} line {line}: expected {columns} whole numbers", path.display())]
@@ -183,6 +192,13 @@ pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<bool, ReplayEr
         .filter_map(|line| line.split_once(' '))
         .map(|(fingerprint, name)| (name, fingerprint))
         .collect();
+    // Ahead of the rest: under another version every node would differ.
+    let found = then.get(VERSION_NAME).copied();
+    let found = found.and_then(|version| u64::from_str_radix(version, 16).ok());
+    if found != Some(VERSION) {
+        let found = found.map_or_else(|| "unknown".to_owned(), |version| version.to_string());
+        return Err(ReplayError::OtherVersion { path, found });
+    }
     let rested = then.remove(UNRESTED).is_none();
     let mut differences = Vec::new();
     for (name, fingerprint) in of_graph(graph) {

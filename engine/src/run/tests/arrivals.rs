@@ -346,6 +346,27 @@ fn refused(change: impl Fn(&mut Graph)) -> String {
 }
 
 #[test]
+fn a_replay_refuses_fingerprints_of_another_version() {
+    let (seed, graph) = graphs().next().unwrap();
+    let folder = Folder::new("other-version");
+    live_run(&graph, seed, &folder.0);
+    let path = folder.0.join("arrivals/graph.txt");
+    let right = std::fs::read_to_string(&path).unwrap();
+    let version = |number: u64| format!("{number:016x} version of these fingerprints\n");
+    for (written, expected) in [(version(1), "1"), (version(3), "3"), (String::new(), "unknown")] {
+        let older = right.replacen(&version(2), &written, 1);
+        assert_ne!(older, right);
+        std::fs::write(&path, older).unwrap();
+        match replay(&graph, 64, &folder.0).unwrap_err() {
+            OfflineError::Replay(ReplayError::OtherVersion { found, .. }) => assert_eq!(found, expected),
+            wrong => panic!("{wrong}"),
+        }
+    }
+    std::fs::write(&path, right).unwrap();
+    assert!(replay(&graph, 64, &folder.0).is_ok());
+}
+
+#[test]
 fn a_replay_refuses_a_graph_that_would_give_other_samples() {
     let told = refused(|graph| {
         let rings = graph
