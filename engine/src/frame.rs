@@ -144,6 +144,16 @@ impl Kind {
         self.0.neutral.iter().copied().chain(rest).take(self.width())
     }
 
+    /// Fills frames with the neutral one.
+    pub(crate) fn fill_neutral(self, frames: &mut [f64]) {
+        for frame in frames.chunks_exact_mut(self.width()) {
+            frame
+                .iter_mut()
+                .zip(self.neutral())
+                .for_each(|(x, neutral)| *x = neutral);
+        }
+    }
+
     /// Whether both are equal, for constants.
     pub(crate) const fn is(self, other: Self) -> bool {
         same(self.0.name, other.0.name) && self.width() == other.width()

@@ -9,6 +9,7 @@ mod port;
 mod spec;
 
 use crate::frame::{FrameKind, Kind};
+use crate::plan::MAX_BLOCK;
 use crate::settings::Settings;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
@@ -42,30 +43,59 @@ pub struct BuildContext {
     pub max_frames: usize,
     /// Seed of the node's random stream, derived from the graph's seed and the node's path.
     pub seed: u64,
-    /// Components of each connected input, 0 for an unconnected one, in the order of the spec, the connections of a
-    /// `Many` input one after the other. [`width`](Self::width), [`is_connected`](Self::is_connected) and
-    /// [`connections`](Self::connections) read it.
-    pub input_widths: Vec<usize>,
+    /// Kind of each input, `None` for an unconnected one, in the order of the spec, the connections of a `Many` input one
+    /// after the other.
+    pub(crate) inputs: Vec<Option<Kind>>,
 }
 
 impl BuildContext {
+    /// The context of a node or device outside a graph, for tests: the longest block, seed 1, no input connected.
+    ///
+    /// ```
+    /// use haptograph_engine::frame::Kind;
+    /// use haptograph_engine::node::BuildContext;
+    /// use haptograph_signal::time::Rate;
+    ///
+    /// let mut cx = BuildContext::new("knob", Rate::from_hz(1000)?).connected(&[Some(Kind::VECTOR), None]);
+    /// cx.seed = 2;
+    /// assert_eq!((&*cx.path, cx.rate.hz()), ("knob", 1000.0));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn new(path: impl Into<String>, rate: Rate) -> Self {
+        Self {
+            path: path.into(),
+            rate,
+            max_frames: MAX_BLOCK,
+            seed: 1,
+            inputs: Vec::new(),
+        }
+    }
+
+    /// Connects the inputs, in the order of the spec, to signals of these kinds; those of a `Many` input come last.
+    #[must_use]
+    pub fn connected(mut self, inputs: &[Option<Kind>]) -> Self {
+        self.inputs = inputs.to_vec();
+        self
+    }
+
+    /// Kind of this input, of its first connection if it takes many; `None` if it is not connected.
+    pub fn kind<F: FrameKind, M: Mode>(&self, input: Input<F, M>) -> Option<Kind> {
+        self.inputs.get(input.index()).copied().flatten()
+    }
+
     /// Components of a frame of this input, at least 1.
     pub fn width<F: FrameKind, M: Mode>(&self, input: Input<F, M>) -> usize {
-        self.input_widths
-            .get(input.index())
-            .map_or(1, |width| *width.max(&1))
+        self.kind(input).map_or(1, Kind::width)
     }
 
     /// Whether this input is connected.
     pub fn is_connected<F: FrameKind, M: OneSignal>(&self, input: Input<F, Optional<M>>) -> bool {
-        self.input_widths
-            .get(input.index())
-            .is_some_and(|width| *width > 0)
+        self.kind(input).is_some()
     }
 
     /// How many connections this input has.
     pub fn connections<F: FrameKind>(&self, input: Input<F, Many>) -> usize {
-        self.input_widths.len().saturating_sub(input.index())
+        self.inputs.len().saturating_sub(input.index())
     }
 }
 

@@ -38,10 +38,11 @@ use crate::io::{Form, Io, LINE, Memory, Placing, ResolvedInput};
 use crate::node::{
     BuildContext, BuildError, Flow, InputSpec, KindRule, NodeKind, NodeSpec, Presence, Processor, Tick,
 };
+use crate::plan::MAX_BLOCK;
 use haptograph_signal::time::Rate;
 
 /// The most frames a node on the bench gets at a time.
-pub const MAX_FRAMES: usize = 1024;
+pub const MAX_FRAMES: usize = MAX_BLOCK;
 
 /// A node, its clock and its wires.
 pub struct Bench {
@@ -96,10 +97,11 @@ impl Bench {
         cx: &BuildContext,
         inputs: &[Option<Kind>],
     ) -> Self {
-        let ports = ports(spec, cx.input_widths.len());
+        let ports = ports(spec, cx.inputs.len());
+        let width_of = |slot: usize| cx.inputs[slot].map_or(0, Kind::width);
         let mut at = 0;
         let wire = |(slot, port): (usize, &&InputSpec)| {
-            let width = cx.input_widths[slot];
+            let width = width_of(slot);
             let begin = at;
             at += (1 + MAX_FRAMES * (width + 1)).next_multiple_of(LINE);
             ResolvedInput {
@@ -127,7 +129,7 @@ impl Bench {
             KindRule::Is(kind) => kind.width(),
             KindRule::Same(name) => {
                 let at = ports.iter().position(|input| input.name == name);
-                at.map_or(1, |at| cx.input_widths[at])
+                at.map_or(1, width_of)
             }
             KindRule::Linear | KindRule::Any => 1,
         });
@@ -282,18 +284,13 @@ fn ports(spec: &NodeSpec, connections: usize) -> Vec<&InputSpec> {
 fn context(spec: &NodeSpec, rate_hz: f64, inputs: &[Option<Kind>]) -> BuildContext {
     let single = spec.inputs.iter().filter(|port| port.presence != Presence::Many);
     let connections = inputs.len().max(single.count());
-    let width = |i: usize| inputs.get(i).copied().flatten().map_or(0, Kind::width);
-    bare_context(rate_hz, (0..connections).map(width).collect())
+    let kind = |i: usize| inputs.get(i).copied().flatten();
+    bare_context(rate_hz).connected(&(0..connections).map(kind).collect::<Vec<_>>())
 }
 
-fn bare_context(rate_hz: f64, input_widths: Vec<usize>) -> BuildContext {
-    BuildContext {
-        path: "bench".into(),
-        rate: Rate::parse(&format!("{rate_hz}")).unwrap_or_else(|error| panic!("{error}")),
-        max_frames: MAX_FRAMES,
-        seed: 1,
-        input_widths,
-    }
+fn bare_context(rate_hz: f64) -> BuildContext {
+    let rate = Rate::parse(&format!("{rate_hz}")).unwrap_or_else(|error| panic!("{error}"));
+    BuildContext::new("bench", rate)
 }
 
 fn write_runs(buffer: &mut [f64], components: &[f64], width: usize) {

@@ -8,8 +8,9 @@ use haptograph_signal::time::Rate;
 /// Band-limited interpolation, component by component.
 #[derive(Debug, Clone)]
 pub struct Resample {
-    /// One for each component.
+    /// One for each component, of its deviation from the neutral frame.
     resamplers: Vec<Resampler>,
+    neutral: Vec<f64>,
     /// A component of the writer's frames, and of the reader's.
     gathered: Vec<f64>,
     resampled: Vec<f64>,
@@ -39,6 +40,7 @@ impl BridgeType for Resample {
             resamplers: components
                 .filter_map(|_| resampler(cx.from, cx.to).ok())
                 .collect(),
+            neutral: cx.kind.neutral().collect(),
             gathered: vec![0.0; cx.max_from],
             resampled: vec![0.0; cx.max_to],
         }
@@ -52,19 +54,26 @@ impl BridgeType for Resample {
         let width = self.resamplers.len();
         if width == 0 {
             y.fill(0.0);
+            return;
         }
-        if let [resampler] = &mut self.resamplers[..] {
+        if let ([resampler], [0.0]) = (&mut self.resamplers[..], &self.neutral[..]) {
             resampler.process(x, y);
             return;
         }
-        for (component, resampler) in self.resamplers.iter_mut().enumerate() {
+        let neutral = &self.neutral;
+        for (component, (resampler, neutral)) in self.resamplers.iter_mut().zip(neutral).enumerate() {
             let (frames_in, frames_out) = (x.len() / width, y.len() / width);
             for (gathered, frame) in self.gathered.iter_mut().zip(x.chunks_exact(width)) {
-                *gathered = frame[component];
+                *gathered = frame[component] - neutral;
             }
             resampler.process(&self.gathered[..frames_in], &mut self.resampled[..frames_out]);
             for (resampled, frame) in self.resampled.iter().zip(y.chunks_exact_mut(width)) {
-                frame[component] = *resampled;
+                // Adding a zero would lose the sign of another.
+                frame[component] = if *neutral == 0.0 {
+                    *resampled
+                } else {
+                    resampled + neutral
+                };
             }
         }
     }
@@ -87,6 +96,7 @@ mod tests {
         assert!(Resample::check(Rate::from_hz(10_000).unwrap(), even).is_ok());
         let mut bridge = Resample {
             resamplers: Vec::new(),
+            neutral: Vec::new(),
             gathered: Vec::new(),
             resampled: Vec::new(),
         };

@@ -245,16 +245,16 @@ fn no_limit(node: &DraftNode) -> Diagnostic {
 
 fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<BuildContext> {
     let target = &draft.nodes[node];
-    let widths = target.inputs.iter().map(|slot| match &slot.wire {
-        Some(wire) => draft.nodes[wire.from].outputs[wire.output].kind.map(Kind::width),
-        None => Some(0),
+    let kinds = target.inputs.iter().map(|slot| match &slot.wire {
+        Some(wire) => draft.nodes[wire.from].outputs[wire.output].kind.map(Some),
+        None => Some(None),
     });
     Some(BuildContext {
         path: target.path.clone(),
         rate: clocks.list[target.clock?].rate,
         max_frames: max_frames(clocks, target.clock?),
         seed: stream_seed(seed, &target.path),
-        input_widths: widths.collect::<Option<_>>()?,
+        inputs: kinds.collect::<Option<_>>()?,
     })
 }
 
@@ -310,7 +310,7 @@ fn body(cx: &mut Context<'_>, clocks: &Clocks, device: &DraftDevice, seed: u64) 
                 rate: clocks.list[clock].rate,
                 max_frames: max_frames(clocks, clock),
                 seed: stream_seed(seed, &format!("endpoints/{}", device.name)),
-                input_widths: Vec::new(),
+                inputs: Vec::new(),
             };
             places.or_report(cx, finish(&context)).map(|mut built| {
                 built.body.connect(&device.senses, &device.drives);

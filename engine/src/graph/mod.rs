@@ -231,8 +231,8 @@ pub enum Bridge {
     Delay {
         /// Delay in frames, at least 1.
         frames: u64,
-        /// Value of every component until the first frame arrives.
-        initial: f64,
+        /// Value of every component until the first frame arrives; `None` for the neutral frame of the kind.
+        initial: Option<f64>,
     },
 }
 

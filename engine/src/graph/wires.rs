@@ -481,7 +481,7 @@ fn delayed(
             reading,
         );
         let frames = fields.take("frames");
-        let initial = fields.setting("initial", Some(0.0), None, reading);
+        let initial = fields.setting("initial", Some(None), None, reading);
         let frames = match &frames {
             None => {
                 let diagnostic = Diagnostic::error("E0205", form.span, "`Delay` needs `frames`")

@@ -226,7 +226,7 @@ impl<'a> Builder<'a> {
         let weight = &self.graph.nodes[edge];
         let delay = self.delay_plan(from, weight);
         let clock = self.graph.nodes[to].clock.unwrap_or(0);
-        let width = self.plan.delays[delay as usize].width;
+        let width = self.plan.delays[delay as usize].kind.width();
         let label = format!("delayed {}", self.port_name(from, weight.output));
         let step = self.step(StepWork::DelayRead(delay), clock, to, label);
         let ports = self.allot(step, clock, &[width]);
@@ -251,11 +251,10 @@ impl<'a> Builder<'a> {
         let Bridge::Delay { frames, initial } = edge.bridge else {
             return 0;
         };
-        let width = self.graph.nodes[from].outputs[edge.output].kind.width();
         self.plan.delays.push(DelayPlan {
             frames,
             initial,
-            width,
+            kind: self.graph.nodes[from].outputs[edge.output].kind,
         });
         (self.plan.delays.len() - 1) as u32
     }

@@ -143,7 +143,7 @@ pub(crate) enum StepWork {
 pub(crate) struct NodeKey {
     pub path: Arc<str>,
     pub kind: &'static str,
-    /// Hash of its settings, rate and connected widths.
+    /// Hash of its settings, rate and connected kinds.
     pub fingerprint: u64,
 }
 
@@ -309,8 +309,9 @@ pub(crate) enum BridgeWork {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DelayPlan {
     pub frames: u64,
-    pub initial: f64,
-    pub width: usize,
+    /// Value of every component until the first frame arrives; `None` for the neutral frame.
+    pub initial: Option<f64>,
+    pub kind: Kind,
 }
 
 /// Specification of a ring.
@@ -318,8 +319,8 @@ pub(crate) struct DelayPlan {
 pub struct RingSpec {
     /// Name for display: `force.output to drive.current`.
     pub name: String,
-    /// Components of a frame.
-    pub width: usize,
+    /// Kind of the frames.
+    pub kind: Kind,
     /// Rate of the writer.
     pub from: Rate,
     /// Rate of the reader.

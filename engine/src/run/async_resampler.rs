@@ -40,11 +40,11 @@ pub(super) fn reserve_s(plan: &RingSpec) -> f64 {
 pub fn async_resampler(plan: &RingSpec) -> (AsyncResamplerWriter, AsyncResamplerReader) {
     let spare = SPARE_S * plan.from.hz();
     let frames = (2.0 * plan.latency_s * plan.from.hz() + spare).ceil() as usize + 64;
-    let (into, out) = touched_ring(frames * plan.width);
+    let (into, out) = touched_ring(frames * plan.kind.width());
     let meter = Arc::new(RingMeter::new(plan));
     let writer = AsyncResamplerWriter {
         ring: into,
-        width: plan.width,
+        width: plan.kind.width(),
         // The whole ring, for a writer that writes before its first poll.
         room: frames as u64,
         accepted: 0,
@@ -128,6 +128,8 @@ pub struct AsyncResamplerReader {
     /// that.
     quiet_ticks: u32,
     fade_ticks: u32,
+    /// The frame of silence.
+    neutral: Box<[f64]>,
     /// The last output frame.
     latest: Box<[f64]>,
     steering: Steering,
@@ -139,9 +141,9 @@ pub struct AsyncResamplerReader {
 /// State of the reader.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Flow {
-    /// Silent until the fill has reached its target.
+    /// Neutral until the fill has reached its target.
     Waiting,
-    /// Running for this many ticks; the first are silent, the next fade in.
+    /// Running for this many ticks; the first are neutral, the next fade in.
     Running(u32),
     /// Fading out the latest frame for this many ticks so far.
     Falling(u32),
@@ -168,26 +170,28 @@ struct Steering {
 
 impl AsyncResamplerReader {
     fn new(plan: &RingSpec, ring: Consumer<f64>, meter: Arc<RingMeter>) -> Self {
+        let width = plan.kind.width();
         // The check refuses rates that cannot be resampled.
         let resamplers: Vec<SteeredResampler> = steered(plan.from, plan.to)
-            .map(|one| vec![one; plan.width])
+            .map(|one| vec![one; width])
             .unwrap_or_default();
         let kernel_s = resamplers.first().map_or(0.0, SteeredResampler::latency_s);
         let ratio = plan.from.hz() / plan.to.hz();
         let at_once = (plan.max_to as f64 * ratio * (1.0 + MAX_CORRECTION)).ceil() as usize + 2;
         Self {
             ring,
-            width: plan.width,
+            width,
             resamplers,
             gathered: vec![0.0; at_once],
-            taken_frames: vec![0.0; at_once * plan.width],
+            taken_frames: vec![0.0; at_once * width],
             resampled: vec![0.0; plan.max_to],
             arrived: 0,
             taken: 0,
             flow: Flow::Waiting,
             quiet_ticks: (2.0 * kernel_s * plan.to.hz()).ceil() as u32,
             fade_ticks: (DRY_FADE_S * plan.to.hz()).ceil() as u32,
-            latest: vec![0.0; plan.width].into(),
+            neutral: plan.kind.neutral().collect(),
+            latest: plan.kind.neutral().collect(),
             steering: Steering {
                 rate_hz: plan.from.hz(),
                 period_s: plan.to.period_s(),
@@ -359,27 +363,38 @@ impl AsyncResamplerReader {
                 return;
             }
             let factor = f64::from(risen.saturating_sub(self.quiet_ticks)) / f64::from(self.fade_ticks);
-            frame.iter_mut().for_each(|x| *x *= factor);
+            for (x, neutral) in frame.iter_mut().zip(&self.neutral) {
+                *x = towards(*neutral, *x, factor);
+            }
             *risen += 1;
         }
     }
 
-    /// Gives a frame of the fade-out, and zeros after it.
+    /// Gives a frame of the fade-out, and neutral ones after it.
     fn fade_out(&mut self, frame: &mut [f64]) {
         let Flow::Falling(fallen) = self.flow else {
-            frame.fill(0.0);
+            frame.copy_from_slice(&self.neutral);
             return;
         };
         let fallen = fallen + 1;
         let factor = 1.0 - f64::from(fallen) / f64::from(self.fade_ticks.max(1));
-        for (x, latest) in frame.iter_mut().zip(&self.latest) {
-            *x = latest * factor.max(0.0);
+        for ((x, latest), neutral) in frame.iter_mut().zip(&self.latest).zip(&self.neutral) {
+            *x = towards(*neutral, *latest, factor.max(0.0));
         }
         self.flow = match fallen >= self.fade_ticks {
             true => Flow::Waiting,
             false => Flow::Falling(fallen),
         };
     }
+}
+
+/// The number that lies this part of the way from a neutral one to another.
+fn towards(neutral: f64, x: f64, part: f64) -> f64 {
+    // The sum would lose the sign of a zero.
+    if neutral == 0.0 {
+        return x * part;
+    }
+    neutral + (x - neutral) * part
 }
 
 impl Steering {

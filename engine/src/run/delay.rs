@@ -14,17 +14,16 @@ pub(crate) struct DelayState {
 
 impl DelayState {
     pub(crate) fn new(plan: &DelayPlan) -> Self {
-        let components = usize::try_from(plan.frames)
-            .unwrap_or(usize::MAX)
-            .saturating_mul(plan.width);
+        let neutral = plan.kind.neutral();
+        let first: Vec<f64> = neutral.map(|neutral| plan.initial.unwrap_or(neutral)).collect();
         Self {
-            ring: touched(vec![plan.initial; components]),
-            width: plan.width,
+            ring: touched(first.repeat(usize::try_from(plan.frames).unwrap_or(usize::MAX))),
+            width: first.len(),
             frames: plan.frames,
         }
     }
 
-    /// Copies the state of a delay of the same length and width.
+    /// Copies the state of a delay of the same length and kind.
     pub(crate) fn copy_state_from(&mut self, other: &Self) {
         self.ring.copy_from_slice(&other.ring);
     }

@@ -203,7 +203,7 @@ impl State {
                 let y = output(out, step, window);
                 match &mut self.ring_ends.readers[index as usize] {
                     Some(reader) => reader.read(y),
-                    None => y.fill(0.0),
+                    None => plan.ring_reads[index as usize].ring.kind.fill_neutral(y),
                 }
             }
             StepWork::RingWrite(index) => {

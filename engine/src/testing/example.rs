@@ -130,7 +130,7 @@ pub fn device_from_example(
         folder,
     };
     let (finish, _) = example.read(entry.build)?;
-    let built = finish(&super::bare_context(rate_hz, Vec::new()));
+    let built = finish(&super::bare_context(rate_hz));
     built.map(|built| built.body).map_err(|error| error.to_string())
 }
 

@@ -141,13 +141,7 @@ mod tests {
     }
 
     fn at(rate_hz: u64) -> BuildContext {
-        BuildContext {
-            path: "tool".to_owned(),
-            rate: Rate::from_hz(rate_hz).unwrap(),
-            max_frames: 1,
-            seed: 1,
-            input_widths: Vec::new(),
-        }
+        BuildContext::new("tool", Rate::from_hz(rate_hz).unwrap())
     }
 
     /// A card with three channels, of which the second one is listened to, and the device behind it.
@@ -367,10 +361,7 @@ mod tests {
         };
         assert_eq!(error.field, Some("latency_ms"));
         assert!(error.message.contains("two buffers"), "{error}");
-        let crooked = BuildContext {
-            rate: Rate::new(44_101, 2).unwrap(),
-            ..at(1)
-        };
+        let crooked = BuildContext::new("tool", Rate::new(44_101, 2).unwrap());
         let settings = SoundcardAccelerometerSettings {
             rate_hz: None,
             ..settings()

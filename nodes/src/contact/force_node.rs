@@ -158,13 +158,7 @@ mod tests {
 
     #[test]
     fn a_wall_beyond_the_passivity_bound_is_warned_about() {
-        let cx = BuildContext {
-            path: String::new(),
-            rate: Rate::parse("1000").unwrap(),
-            max_frames: 1,
-            seed: 0,
-            input_widths: vec![12, 0],
-        };
+        let cx = BuildContext::new("", Rate::parse("1000").unwrap()).connected(&[Some(Contact::KIND), None]);
         assert!(
             NormalForce::advice(&settings(0.25, 0.0), &cx).is_empty(),
             "0.2 > 0.125"

@@ -391,16 +391,12 @@ mod tests {
             order: 2,
         };
         assert!(Bench::new::<LowPass>(open, RATE_HZ, &[Kind::SCALAR]).is_err());
-        let mut cx = BuildContext {
-            path: "low".into(),
-            rate: haptograph_signal::time::Rate::new(1000, 1).unwrap(),
-            max_frames: 64,
-            seed: 1,
-            input_widths: vec![1, 1],
-        };
+        let cx = BuildContext::new("low", haptograph_signal::time::Rate::new(1000, 1).unwrap());
+        let scalar = Some(Kind::SCALAR);
+        let cx = cx.connected(&[scalar, scalar]);
         let advice = LowPass::advice(&cutoff(50.0, 2), &cx);
         assert_eq!(advice.first().and_then(|advice| advice.field), Some("cutoff_hz"));
-        cx.input_widths = vec![1, 0];
+        let cx = cx.connected(&[scalar, None]);
         assert!(LowPass::advice(&cutoff(50.0, 2), &cx).is_empty());
     }
 }

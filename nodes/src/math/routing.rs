@@ -110,7 +110,7 @@ impl NodeKind for Delay {
     const SPEC: NodeSpec = NodeSpec {
         name: "Delay",
         group: "math",
-        doc: "Delays a signal by a number of frames; the output is zero before that. It does not close a feedback loop: for \
+        doc: "Delays a signal by a number of frames; the output is neutral before that, which is zero for the shipped kinds. It does not close a feedback loop: for \
               that, write the delay on the connection, as `Delay(...)` in place of the input.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
@@ -124,10 +124,11 @@ impl NodeKind for Delay {
     }
 
     fn build(settings: DelaySettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let width = cx.width(Self::INPUT);
+        let kind = cx.kind(Self::INPUT).unwrap_or(Kind::SCALAR);
         let frames = settings.frames as usize;
         Ok(Box::new(Later {
-            ring: vec![0.0; frames * width].into(),
+            kind,
+            ring: kind.neutral().collect::<Vec<_>>().repeat(frames).into(),
             next: 0,
             delay_s: frames as f64 * cx.rate.period_s(),
         }))
@@ -141,6 +142,7 @@ impl Delay {
 
 #[derive(Debug, Clone)]
 struct Later {
+    kind: Kind,
     /// The last frames, the oldest at `next`.
     ring: Box<[f64]>,
     next: usize,
@@ -167,7 +169,7 @@ impl Processor for Later {
 
     fn copy_state_into(&self, new: &mut dyn Processor) {
         if let Some(new) = successor::<Self>(new)
-            && new.ring.len() == self.ring.len()
+            && (new.kind, new.ring.len()) == (self.kind, self.ring.len())
         {
             new.ring.copy_from_slice(&self.ring);
             new.next = self.next;

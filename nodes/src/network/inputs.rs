@@ -169,13 +169,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn input(on_silence: OnSilence) -> NumberInput {
-        let cx = BuildContext {
-            path: "knob".to_owned(),
-            rate: Rate::new(1000, 1).unwrap(),
-            max_frames: 1,
-            seed: 1,
-            input_widths: Vec::new(),
-        };
+        let cx = BuildContext::new("knob", Rate::new(1000, 1).unwrap());
         let mapping = Mapping::new([0.0, 10.0], [100.0, 200.0]).unwrap();
         NumberInput::new(mapping, Duration::from_millis(20), on_silence, &cx)
     }

@@ -330,13 +330,7 @@ mod tests {
     use haptograph_signal::time::Rate;
 
     fn remote(holds: bool) -> Remote {
-        let cx = BuildContext {
-            path: "arm".to_owned(),
-            rate: Rate::new(1000, 1).unwrap(),
-            max_frames: 1,
-            seed: 1,
-            input_widths: Vec::new(),
-        };
+        let cx = BuildContext::new("arm", Rate::new(1000, 1).unwrap());
         let watch = Watch {
             timeout: Duration::from_millis(20),
             fastest_m_s: 5.0,

@@ -67,13 +67,7 @@ mod tests {
 
     #[test]
     fn it_goes_to_the_far_end_and_back() {
-        let cx = BuildContext {
-            path: "fader".to_owned(),
-            rate: Rate::new(100, 1).unwrap(),
-            max_frames: 1,
-            seed: 1,
-            input_widths: Vec::new(),
-        };
+        let cx = BuildContext::new("fader", Rate::new(100, 1).unwrap());
         let settings = SimulatedInputSettings {
             to: [80.0, 320.0],
             period_s: 1.0,

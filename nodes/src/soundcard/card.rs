@@ -1,6 +1,7 @@
 //! A soundcard as a device of graphs: the output and the input of an endpoint.
 
 use haptograph_engine::device::{Device, DeviceLatency, Playback};
+use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::plan::MAX_BLOCK;
 use haptograph_engine::run::{AgeMeter, AsyncResamplerReader, RingSpec, least_ring_latency_s};
@@ -260,7 +261,7 @@ impl CardInput {
         Ok(Self {
             ring: RingSpec {
                 name: format!("soundcard to {}", cx.path),
-                width: 1,
+                kind: Kind::SCALAR,
                 from,
                 to: cx.rate,
                 latency_s,

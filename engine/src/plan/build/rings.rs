@@ -15,7 +15,7 @@ impl Builder<'_> {
         for member in &group.members {
             for (edge, plan) in self.rings_of(*member, petgraph::Incoming) {
                 let clock = self.graph.nodes[*member].clock.unwrap_or(0);
-                let (label, width) = (format!("ring {}", plan.ring.name), plan.ring.width);
+                let (label, width) = (format!("ring {}", plan.ring.name), plan.ring.kind.width());
                 self.plan.ring_reads.push(plan);
                 let work = StepWork::RingRead(self.plan.ring_reads.len() as u32 - 1);
                 let step = self.step(work, clock, *member, label);
@@ -61,7 +61,7 @@ impl Builder<'_> {
                     output.name,
                     input_name(&graph.nodes[to], edge.weight().input)
                 ),
-                width: output.kind.width(),
+                kind: output.kind,
                 from: from_rate,
                 to: to_rate,
                 latency_s,

@@ -1,6 +1,7 @@
 //! Two drifting clocks on either side of a ring, in virtual time.
 
 use super::*;
+use crate::frame::Kind;
 use haptograph_signal::time::Rate;
 use std::f64::consts::TAU;
 
@@ -23,7 +24,7 @@ impl World {
         let (from, to) = (Rate::from_hz(from_hz).unwrap(), Rate::from_hz(to_hz).unwrap());
         let plan = RingSpec {
             name: String::new(),
-            width: 1,
+            kind: Kind::SCALAR,
             from,
             to,
             latency_s,
@@ -270,7 +271,7 @@ fn the_same_counts_give_the_same_bits_however_blocks_are_cut() {
 #[test]
 fn every_lane_of_a_wide_frame_goes_as_a_scalar_would() {
     let wide = |width: usize| RingSpec {
-        width,
+        kind: [Kind::SCALAR, Kind::VECTOR, Kind::WRENCH][width / 3],
         ..World::new(1000, 1500, 0.015, (0.0, 0.0)).plan
     };
     let play = |width: usize, lane: usize| {

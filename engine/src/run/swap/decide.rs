@@ -148,7 +148,7 @@ impl Facts {
         let rings = |plan: &Plan| !plan.ring_reads.is_empty() || !plan.ring_writes.is_empty();
         let held = |(_, to): &(usize, usize)| {
             let delay = &new.delays[*to];
-            delay.frames.saturating_mul(delay.width as u64)
+            delay.frames.saturating_mul(delay.kind.width() as u64)
         };
         Self {
             same_graph: old.is_same_as(new),

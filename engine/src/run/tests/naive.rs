@@ -189,7 +189,7 @@ impl<'a> Naive<'a> {
         let from_period = self.period(from);
         if let Bridge::Delay { frames, initial } = bridge {
             let Some(tick) = tick.checked_sub(frames) else {
-                return initial;
+                return initial.unwrap_or(0.0);
             };
             self.value(from, tick * from_period);
             return self.history[from.index()][tick as usize];

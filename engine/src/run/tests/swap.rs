@@ -442,7 +442,10 @@ fn delayed(frames: u64, fingerprint: u64) -> (Graph, NodeIndex) {
     let (mut graph, node, sink) = with_processor(Box::new(Counts));
     graph.nodes[node].fingerprint += fingerprint;
     let edge = graph.nodes.find_edge(node, sink).unwrap();
-    graph.nodes[edge].bridge = Bridge::Delay { frames, initial: 0.0 };
+    graph.nodes[edge].bridge = Bridge::Delay {
+        frames,
+        initial: None,
+    };
     (graph, sink)
 }
 

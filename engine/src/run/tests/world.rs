@@ -343,7 +343,10 @@ impl World {
         let (slow, fast) = (self.base.period(from_clock), self.base.period(clock));
         if from_clock == clock {
             let frames = self.random.random_range(1..200);
-            let delay = Bridge::Delay { frames, initial: 0.5 };
+            let delay = Bridge::Delay {
+                frames,
+                initial: Some(0.5),
+            };
             return *[Bridge::Direct, Bridge::Direct, delay]
                 .choose(&mut self.random)
                 .unwrap();
@@ -377,7 +380,7 @@ impl World {
                     to,
                     Bridge::Delay {
                         frames,
-                        initial: 0.25,
+                        initial: Some(0.25),
                     },
                     false,
                 );
@@ -519,7 +522,15 @@ pub fn with_delays(processor: Box<dyn Processor>, readers: usize, frames: u64) -
     for _ in 0..readers {
         let (kept, weight, held) = (0.0, 0.5, Vec::new());
         let reader = world.node(0, Work::Process(Box::new(Leaky { kept, weight, held })));
-        world.connect(node, reader, Bridge::Delay { frames, initial: 0.0 }, false);
+        world.connect(
+            node,
+            reader,
+            Bridge::Delay {
+                frames,
+                initial: None,
+            },
+            false,
+        );
     }
     let order: Vec<usize> = (0..world.nodes.len()).collect();
     world.finish(&order, None)

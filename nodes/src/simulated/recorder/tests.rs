@@ -4,14 +4,9 @@ use crate::vector::{norm, sub};
 use haptograph_signal::time::Rate;
 
 fn context(rate: &str, seed: u64) -> BuildContext {
-    let rate = Rate::parse(rate).unwrap();
-    BuildContext {
-        path: "tool".into(),
-        rate,
-        max_frames: 64,
-        seed,
-        input_widths: vec![],
-    }
+    let mut cx = BuildContext::new("tool", Rate::parse(rate).unwrap());
+    cx.seed = seed;
+    cx
 }
 
 fn settings(material: &str, motion: Motion, person: u64) -> SimulatedRecordingToolSettings {
