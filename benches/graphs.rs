@@ -69,6 +69,5 @@ fn load(path: &Path) -> Graph {
 
 /// Of a graph with several drivers what hangs from the first.
 fn plan(graph: &Graph) -> Plan {
-    let taps = Vec::new();
-    Plan::of(graph, &PlanOptions { block: FRAMES, taps }).remove(0)
+    Plan::of(graph, &PlanOptions::default().block(FRAMES)).remove(0)
 }

@@ -288,13 +288,10 @@ impl GraphArguments {
     /// Loads and checks the graph.
     pub(crate) fn load(&self, registry: &Registry, seed: Option<u64>) -> Result<Graph, Diagnostics> {
         let document = Document::load(&self.graph, &LoadOptions::default())?;
-        let options = CheckOptions {
-            set: self.set.clone(),
-            set_as: "--set",
-            endpoints: self.endpoints().to_owned(),
-            seed,
-            ..CheckOptions::default()
-        };
+        let mut options = CheckOptions::default().endpoints(self.endpoints());
+        options.set.clone_from(&self.set);
+        options.set_as = "--set";
+        options.seed = seed;
         check(&document, registry, &options)
     }
 

@@ -68,11 +68,10 @@ pub fn record(
         ("motion", motion.to_owned()),
         ("person", session.person.to_string()),
     ];
-    let options = CheckOptions {
-        set: set.map(|(name, value)| (name.to_owned(), value)).to_vec(),
-        seed: Some(session.seed),
-        ..CheckOptions::default()
-    };
+    let options = CheckOptions::default().seed(session.seed);
+    let options = set
+        .into_iter()
+        .fold(options, |options, (name, value)| options.set(name, value));
     let document = Document::parse("recorder.ron", GRAPH)?;
     let graph = check(&document, &haptograph_nodes::registry(), &options)?;
     let folder = tempfile::tempdir()?;

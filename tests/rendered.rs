@@ -45,7 +45,7 @@ fn render(surface: &Path) -> [Vec<f64>; 3] {
         (node.expect("the node is there"), 0)
     };
     let taps = ["speed", "force", "filter"].map(find).to_vec();
-    let plans = Plan::of(&graph, &PlanOptions { block: 64, taps });
+    let plans = Plan::of(&graph, &PlanOptions::default().block(64).taps(taps));
     let plan = plans.into_iter().next().expect("there is one driver");
     let mut run = Run::new(Arc::new(plan));
     let mut heard = [vec![], vec![], vec![]];

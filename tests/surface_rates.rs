@@ -32,11 +32,7 @@ fn slow(folder: &Path, method: Method, file: &str) -> PathBuf {
 }
 
 fn checked(graph: &str, text: &str, surface: &Path) -> Result<Graph, Diagnostics> {
-    let set = vec![("surface".to_owned(), format!("{:?}", surface.to_str().unwrap()))];
-    let options = CheckOptions {
-        set,
-        ..CheckOptions::default()
-    };
+    let options = CheckOptions::default().set("surface", format!("{:?}", surface.to_str().unwrap()));
     let document = Document::parse(graphs().join(graph), text)?;
     check(&document, &haptograph::nodes::registry(), &options)
 }

@@ -61,10 +61,8 @@ fn run(graph: &str, blocks: u64) -> ExitCode {
             )
         })
         .expect("shipped graphs are sound");
-    let taps = Vec::new();
-    let mut run = Run::new(Arc::new(
-        Plan::of(&graph, &PlanOptions { block: FRAMES, taps }).remove(0),
-    ));
+    let options = PlanOptions::default().block(FRAMES);
+    let mut run = Run::new(Arc::new(Plan::of(&graph, &options).remove(0)));
     (0..blocks).for_each(|_| run.advance(FRAMES));
     ExitCode::SUCCESS
 }

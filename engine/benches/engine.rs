@@ -111,11 +111,7 @@ fn drivers(criterion: &mut Criterion) {
             .text(),
     );
     let pair = || {
-        let options = LiveOptions {
-            block: 64,
-            rested: true,
-            ..LiveOptions::default()
-        };
+        let options = LiveOptions::default().block(64).rested();
         let opened = Session::open_all(FileSinks::new(&graph), &options, None);
         let (mut lives, session) = opened.expect("the system gives a thread");
         let reader = lives.pop().expect("the graph has two drivers");
@@ -282,8 +278,7 @@ fn load(text: &str) -> Graph {
 }
 
 fn plan(graph: &Graph, block: usize) -> Plan {
-    let taps = Vec::new();
-    Plan::of(graph, &PlanOptions { block, taps }).remove(0)
+    Plan::of(graph, &PlanOptions::default().block(block)).remove(0)
 }
 
 const INPUT: InputSpec = any_input("input", "Samples.");

@@ -126,7 +126,7 @@ impl Formula {
     }
 
     /// Whether it depends on the time since the start.
-    pub fn is_timed(&self) -> bool {
+    pub(crate) fn is_timed(&self) -> bool {
         self.steps.iter().any(|step| matches!(step, Step::Time))
     }
 

@@ -9,6 +9,42 @@ use std::hash::{Hash, Hasher};
 
 /// The shape of one frame of a signal. Kinds are equal if they have one name and one width; a registry has one kind of
 /// each name.
+///
+/// ```
+/// use haptograph_engine::frame::{Kind, KindSpec, Level};
+/// use haptograph_engine::registry::Registry;
+///
+/// const ORIENTATION: Kind = Kind::new(&KindSpec {
+///     name: "orientation",
+///     one: "an orientation",
+///     components: &["w", "x", "y", "z"],
+///     neutral: &[1.0],
+///     is_linear: false,
+///     bridges: &["Slerp"],
+///     level: Level::norm("norm"),
+/// });
+///
+/// let mut registry = Registry::new();
+/// registry.add_kind(ORIENTATION);
+/// let kind = registry.kind("orientation").unwrap();
+/// assert_eq!(kind.width(), 4);
+/// assert!(kind.neutral().eq([1.0, 0.0, 0.0, 0.0]));
+/// ```
+///
+/// A linear kind that is wider than a wrench does not compile:
+/// ```compile_fail,E0080
+/// # use haptograph_engine::frame::{Kind, KindSpec, Level};
+/// const LOUDNESS: Kind = Kind::new(&KindSpec {
+///     name: "loudness",
+///     one: "a loudness",
+///     components: &["a", "b", "c", "d", "e", "f", "g"],
+///     neutral: &[],
+///     is_linear: true,
+///     bridges: &[],
+///     level: Level::norm("loudness"),
+/// });
+/// # assert_eq!(LOUDNESS.width(), 7);
+/// ```
 #[derive(Clone, Copy)]
 pub struct Kind(&'static KindSpec);
 

@@ -20,6 +20,49 @@
 //! Handles and player can be used on different threads. [`Player::process`], [`Input::set`], [`Input::push`] and
 //! [`Output::read`] are real-time code: they do not allocate, lock, wait or make system calls.
 
+//!
+//! # Example
+//! ```
+//! use haptograph_engine::device::DeviceEntry;
+//! use haptograph_engine::document::Document;
+//! use haptograph_engine::frame::Kind;
+//! use haptograph_engine::graph::{CheckOptions, check};
+//! use haptograph_engine::host::{PlayOptions, Player, Scalar};
+//! use haptograph_engine::node::{NodeEntry, NodeSpec, output};
+//! use haptograph_engine::registry::Registry;
+//! use haptograph_signal::quantity::Quantity;
+//!
+//! const PAD: NodeSpec = NodeSpec {
+//!     name: "Pad", group: "mine", doc: "Reads a pad.", source: "", inputs: &[],
+//!     outputs: &[output("position", Kind::SCALAR, Quantity::LENGTH, "Of the finger, m.")],
+//!     example: "",
+//! };
+//! let mut registry = Registry::new();
+//! registry.add(NodeEntry::source(&PAD)).add_device(DeviceEntry::host());
+//!
+//! let document = Document::parse("pad.ron", r#"Graph(
+//!     format: 1,
+//!     clocks: { "servo": Driver(rate_hz: 1000) },
+//!     nodes: { "finger": Pad(clock: "servo", endpoint: "pad") },
+//!     endpoints: { "simulated": { "pad": Host() } },
+//! )"#)?;
+//! let graph = check(&document, &registry, &CheckOptions::default())?;
+//!
+//! let mut position = graph.input::<Scalar>("pad.position")?;
+//! let (mut player, session) = Player::open(&graph, &PlayOptions::default().probe("finger.position"))?;
+//! let mut probe = player.probe::<Scalar>("finger.position")?;
+//!
+//! position.push(0.01)?;
+//! position.push(0.02)?;
+//! player.process(3); // In the caller's callback.
+//!
+//! let mut frames = [0.0; 3];
+//! assert_eq!(probe.read(&mut frames), 3);
+//! assert_eq!(frames, [0.01, 0.02, 0.02]);
+//! player.finish(session);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
 mod any;
 mod endpoint;
 mod handles;

@@ -58,6 +58,7 @@ pub struct Limit {
 
 /// Why a [`Limit`] cannot be kept.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum LimitError {
     /// A limit is zero, negative or not finite.
     #[error("limit {name} is {value}: choose a finite number above zero")]
@@ -226,12 +227,12 @@ impl<const N: usize> Limiter<N> {
     }
 
     /// Continues the counts and the largest request of another limiter.
-    pub fn count_on_from(&mut self, counts: ClipCounts, largest_request: f64) {
+    pub(crate) fn count_on_from(&mut self, counts: ClipCounts, largest_request: f64) {
         (self.counts, self.largest_request) = (counts, largest_request);
     }
 
     /// Starts without heat reserve: the earlier output of the actuator is unknown.
-    pub fn assume_thermally_saturated(&mut self) {
+    pub(crate) fn assume_thermally_saturated(&mut self) {
         self.begin_unknown(None);
     }
 
@@ -246,7 +247,7 @@ impl<const N: usize> Limiter<N> {
     }
 
     /// Whether its heat includes a time of unknown output.
-    pub fn has_unknown_history(&self) -> bool {
+    pub(crate) fn has_unknown_history(&self) -> bool {
         self.heat.is_partly_unknown()
     }
 
@@ -256,7 +257,7 @@ impl<const N: usize> Limiter<N> {
     }
 
     /// Sets the last output; the heat stays.
-    pub fn begin_from(&mut self, output: [f64; N]) {
+    pub(crate) fn begin_from(&mut self, output: [f64; N]) {
         self.previous = output;
     }
 

@@ -147,7 +147,7 @@ impl BuildError {
     }
 }
 
-/// A kind of node that processes signals.
+/// A kind of node that processes signals. The example of [`Processor`] implements one and runs it.
 pub trait NodeKind: 'static {
     /// Settings of the kind.
     type Settings: Settings;

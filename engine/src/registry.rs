@@ -11,6 +11,42 @@ pub(crate) const RESERVED: [&str; 3] = ["Ring", "Delay", "Input"];
 
 /// Kinds of nodes, devices and frames, types of bridges, and library templates of a program.
 /// `haptograph_nodes::registry()` has the shipped ones.
+///
+/// ```
+/// use haptograph_engine::document::Document;
+/// use haptograph_engine::graph::{CheckOptions, check};
+/// use haptograph_engine::registry::Registry;
+/// # use haptograph_engine::frame::{Kind, Scalar};
+/// # use haptograph_engine::node::*;
+/// # use haptograph_signal::quantity::Quantity;
+/// # haptograph_engine::settings! { /** Settings of the example. */ pub struct LevelSettings { /** What it gives. */ [live] value: f64 = 1.0; } }
+/// # struct Level;
+/// # #[derive(Clone)] struct Given(f64);
+/// # impl NodeKind for Level {
+/// #     type Settings = LevelSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Level", group: "mine", doc: "Gives a number.", source: "", inputs: &[],
+/// #         outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "The number.")], example: "" };
+/// #     fn build(settings: LevelSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> { Ok(Box::new(Given(settings.value))) }
+/// # }
+/// # const OUTPUT: Output<Scalar> = Level::SPEC.output("output");
+/// # impl Processor for Given {
+/// #     fn process(&mut self, _: &Tick, io: &mut Io<'_>) { io.write(OUTPUT).fill(self.0); }
+/// #     fn set(&mut self, _: SettingId, value: f64) { self.0 = value; }
+/// # }
+///
+/// let mut registry = Registry::new();
+/// registry.add(NodeEntry::processor::<Level>());
+/// assert!(registry.node("Level").is_some() && registry.kind("wrench").is_some());
+///
+/// let document = Document::parse("level.ron", r#"Graph(
+///     format: 1,
+///     clocks: { "servo": Driver(rate_hz: 1000) },
+///     nodes: { "level": Level(clock: "servo", value: 0.5) },
+/// )"#)?;
+/// let graph = check(&document, &registry, &CheckOptions::default())?;
+/// assert_eq!(graph.live_settings()[0].name(), "level.value");
+/// # Ok::<(), haptograph_engine::diagnostic::Diagnostics>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Registry {
     kinds: Vec<Kind>,

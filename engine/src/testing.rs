@@ -27,16 +27,22 @@
 //!
 //! let mut bench = Bench::new::<Twice>(TwiceSettings {}, 1000.0, &[Kind::SCALAR]).unwrap();
 //! assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[2.0, 4.0, 6.0]]);
+//!
+//! bench.load(&[&[5.0]], 1);
+//! bench.step();
+//! assert_eq!(bench.output(OUTPUT), [10.0]);
+//! assert_eq!(bench.components("output"), [10.0]);
 //! ```
 
 mod example;
 
 pub use example::{Built, device_from_example, node_from_example};
 
-use crate::frame::Kind;
+use crate::frame::{FrameKind, Kind};
 use crate::io::{Form, Io, LINE, Memory, Placing, ResolvedInput};
 use crate::node::{
-    BuildContext, BuildError, Flow, InputSpec, KindRule, NodeKind, NodeSpec, Presence, Processor, Tick,
+    BuildContext, BuildError, Flow, InputSpec, KindRule, NodeKind, NodeSpec, Output, OutputSpec, Presence,
+    Processor, Tick,
 };
 use crate::plan::MAX_BLOCK;
 use haptograph_signal::time::Rate;
@@ -51,6 +57,8 @@ pub struct Bench {
     tick: Tick,
     wires: Vec<ResolvedInput>,
     memory: Memory,
+    outputs: &'static [OutputSpec],
+    /// In the order of the outputs.
     placings: Vec<Placing>,
     out: Memory,
 }
@@ -143,6 +151,7 @@ impl Bench {
             },
             wires,
             memory: Memory::new(at),
+            outputs: spec.outputs,
             placings: widths.map(&mut place).collect(),
             out: Memory::new(start as usize),
         }
@@ -207,8 +216,29 @@ impl Bench {
         }
     }
 
-    /// The components of an output after [`step`](Self::step).
-    pub fn output(&self, output: usize) -> &[f64] {
+    /// The frames of an output after [`step`](Self::step).
+    ///
+    /// # Panics
+    /// If the handle is of another node, whose frames are wider or narrower.
+    pub fn output<F: FrameKind>(&self, output: Output<F>) -> F::Frames<'_> {
+        let placing = self.placings.get(output.index());
+        let width = placing.map_or(0, |placing| placing.width as usize);
+        assert!(F::KINDS.have_width(width), "{output:?} is none of this node's");
+        F::frames(self.at(output.index()))
+    }
+
+    /// The components of the output of this name after [`step`](Self::step).
+    ///
+    /// # Panics
+    /// If the node has no output of this name.
+    pub fn components(&self, output: &str) -> &[f64] {
+        match self.outputs.iter().position(|port| port.name == output) {
+            Some(index) => self.at(index),
+            None => panic!("there is no output `{output}`"),
+        }
+    }
+
+    fn at(&self, output: usize) -> &[f64] {
         let Placing { start, width } = self.placings[output];
         &self.out.all()[start as usize..][..self.tick.frames * width as usize]
     }
@@ -251,7 +281,7 @@ impl Bench {
             self.load(&parts, block);
             self.step();
             for (output, all) in outputs.iter_mut().enumerate() {
-                all.extend_from_slice(self.output(output));
+                all.extend_from_slice(self.at(output));
             }
             done += block;
         }

@@ -78,11 +78,10 @@ fn a_computed_value_is_the_number_it_comes_to() {
         )
     };
     let graph = |text: &str, set: &[(&str, &str)]| {
-        let set = set.iter().map(|(name, value)| ((*name).into(), (*value).into()));
-        let options = CheckOptions {
-            set: set.collect(),
-            ..CheckOptions::default()
-        };
+        let options = CheckOptions::default();
+        let options = set
+            .iter()
+            .fold(options, |options, (name, value)| options.set(*name, *value));
         let document = Document::parse("computed.ron", text).unwrap_or_else(|d| panic!("{d}"));
         check(&document, &common::registry(), &options).unwrap_or_else(|d| panic!("{d}"))
     };
@@ -144,10 +143,7 @@ const BY_ENDPOINTS: &str = r#"Graph(
 fn a_node_of_other_endpoints_is_left_out_with_what_depends_on_it() {
     let document = Document::parse("g.ron", BY_ENDPOINTS).expect("a document");
     let paths = |endpoints: &str| -> Vec<String> {
-        let options = CheckOptions {
-            endpoints: endpoints.into(),
-            ..CheckOptions::default()
-        };
+        let options = CheckOptions::default().endpoints(endpoints);
         let graph = check(&document, &common::registry(), &options).unwrap_or_else(|wrong| panic!("{wrong}"));
         assert!(graph.warnings().is_empty());
         graph.nodes().iter().map(|node| node.path.clone()).collect()
@@ -178,14 +174,10 @@ fn sets_and_parameters_that_are_not_there_are_refused() {
 fn parameters_begin_as_their_endpoints_want_them_and_the_command_line_says_the_last_word() {
     let document = Document::parse("g.ron", BY_ENDPOINTS).expect("a document");
     let frequency = |endpoints: &str, set: &[(&str, &str)]| {
-        let options = CheckOptions {
-            endpoints: endpoints.into(),
-            set: set
-                .iter()
-                .map(|(name, value)| ((*name).into(), (*value).into()))
-                .collect(),
-            ..CheckOptions::default()
-        };
+        let options = CheckOptions::default().endpoints(endpoints);
+        let options = set
+            .iter()
+            .fold(options, |options, (name, value)| options.set(*name, *value));
         let graph = check(&document, &common::registry(), &options).unwrap_or_else(|wrong| panic!("{wrong}"));
         let mut live = graph.live_settings().into_iter();
         live.find(|live| live.name() == "tone.frequency_hz")

@@ -92,10 +92,7 @@ fn graph(fields: &str) -> Result<Graph, Diagnostics> {
 fn a_scripted_node_runs_offline_with_its_settings_and_is_marked_as_slow() {
     let graph = graph(", step: 3").unwrap_or_else(|wrong| panic!("{wrong}"));
     let port = graph.find_output("n").expect("its output");
-    let options = PlanOptions {
-        block: 8,
-        taps: vec![port],
-    };
+    let options = PlanOptions::default().block(8).taps([port]);
     let mut run = Run::new(Arc::new(Plan::of(&graph, &options).remove(0)));
     run.advance(3);
     run.advance(2);

@@ -303,20 +303,14 @@ const LIVE: &str = r#"Graph(format: 1,
 
 static LIVE_GRAPH: LazyLock<Graph> = LazyLock::new(|| {
     let document = Document::parse("live.ron", LIVE).expect("it is RON");
-    let options = CheckOptions {
-        endpoints: "live".to_owned(),
-        ..CheckOptions::default()
-    };
+    let options = CheckOptions::default().endpoints("live");
     check(&document, &REGISTRY, &options).expect("it is sound")
 });
 
 /// The logs of a short live run, with its graph.
 fn live_run() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let options = LiveOptions {
-        rested: true,
-        ..LiveOptions::default()
-    };
+    let options = LiveOptions::default().rested();
     let opened = Session::open_all(FileSinks::new(&LIVE_GRAPH), &options, Some(folder.path()));
     let (mut lives, session) = opened.expect("threads and files");
     for _ in 0..10 {
@@ -339,10 +333,8 @@ pub fn replay(bytes: &[u8]) -> bool {
     let mut length = parts.next().unwrap_or_default().split_whitespace();
     let longest_s = length.next().and_then(|text| text.parse().ok());
     let frames = length.next().and_then(|text| text.parse().ok());
-    let bounds = ReplayBounds {
-        longest_s: longest_s.unwrap_or(1.0_f64).clamp(0.0, 10.0),
-        frames: frames.map(|frames: u64| (frames, length.next() == Some("whole"))),
-    };
+    let mut bounds = ReplayBounds::new(longest_s.unwrap_or(1.0_f64).clamp(0.0, 10.0));
+    bounds.frames = frames.map(|frames: u64| (frames, length.next() == Some("whole")));
     let folder = tempfile::tempdir().expect("a temporary folder");
     let logs = folder.path().join(ARRIVALS);
     std::fs::create_dir(&logs).expect("a folder");

@@ -220,7 +220,7 @@ fn plague(ticks: impl Fn(&str) -> u64) {
         let plans = graphs.each_ref().map(|graph| {
             let out = graph.nodes().find("out");
             let taps = vec![(out.unwrap(), 0)];
-            Arc::new(Plan::of(graph, &PlanOptions { block: 64, taps }).remove(0))
+            Arc::new(Plan::of(graph, &PlanOptions::default().block(64).taps(taps)).remove(0))
         });
         let mut judge = Judge {
             sink,
@@ -294,10 +294,7 @@ fn a_limit_above_what_the_device_can_give_is_lowered_and_said() {
             }},
             endpoints: {{ "live": {{ "coil": Soundcard(amperes_full_scale: {full_scale_a}) }} }})"#
         );
-        let options = CheckOptions {
-            endpoints: "live".into(),
-            ..CheckOptions::default()
-        };
+        let options = CheckOptions::default().endpoints("live");
         let document = Document::parse("weak.ron", &text).unwrap_or_else(|wrong| panic!("{wrong}"));
         let graph = check(&document, &haptograph_nodes::registry(), &options);
         graph.unwrap_or_else(|wrong| panic!("{wrong}"))
@@ -317,7 +314,7 @@ fn a_limit_above_what_the_device_can_give_is_lowered_and_said() {
         // What is delivered is what the card plays.
         let taps = vec![(graph.nodes().find("out").unwrap(), 0)];
         let mut run = Run::new(Arc::new(
-            Plan::of(&graph, &PlanOptions { block: 64, taps }).remove(0),
+            Plan::of(&graph, &PlanOptions::default().block(64).taps(taps)).remove(0),
         ));
         run.advance(64);
         assert!((run.tap(0)[63] - peak).abs() < 1e-12);
@@ -343,7 +340,7 @@ fn a_device_that_was_not_driven_rises_from_zero_whatever_its_sink_was_called() {
     };
     let plan = |graph: &Graph, heard: &str| {
         let taps = vec![(graph.nodes().find(heard).unwrap(), 0)];
-        Arc::new(Plan::of(graph, &PlanOptions { block: 64, taps }).remove(0))
+        Arc::new(Plan::of(graph, &PlanOptions::default().block(64).taps(taps)).remove(0))
     };
     let old = graph(&sink("out", "left"));
     let new = graph(&(sink("out", "right") + &sink("more", "left")));
@@ -377,7 +374,7 @@ fn a_stop_takes_a_sink_slower_than_its_driver_to_zero_within_its_slew() {
     let out = graph.nodes().find("out");
     for phase in 0..10 {
         let taps = vec![(out.unwrap(), 0)];
-        let plan = Arc::new(Plan::of(&graph, &PlanOptions { block: 1, taps }).remove(0));
+        let plan = Arc::new(Plan::of(&graph, &PlanOptions::default().block(1).taps(taps)).remove(0));
         let (mut live, control) = live(plan);
         let mut delivered = Vec::new();
         live.callback(1000 + phase, |run, _| delivered.extend_from_slice(run.tap(0)));

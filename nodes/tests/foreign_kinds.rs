@@ -310,8 +310,8 @@ fn a_delay_gives_the_neutral_frame_until_a_frame_has_passed() {
 /// The first output of `out` in a run of `old`, in whose place `new` is put after 64 frames of 200, if there is one.
 fn swapped(old: &Graph, new: Option<&Graph>) -> Vec<f64> {
     let plan = |graph: &Graph| {
-        let (block, taps) = (16, vec![(id(graph, "out"), 0)]);
-        Arc::new(Plan::of(graph, &PlanOptions { block, taps }).remove(0))
+        let options = PlanOptions::default().block(16).tap(id(graph, "out"), 0);
+        Arc::new(Plan::of(graph, &options).remove(0))
     };
     let (mut live, mut control) = live(plan(old));
     let mut heard = Vec::new();

@@ -40,14 +40,8 @@ fn graph_with(path: &Path, options: &CheckOptions) -> Result<Graph, Diagnostics>
 /// Of another surface where it has one, which leaves its devices as they are; else from another seed.
 fn another_graph(path: &Path) -> Graph {
     let surface = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t5-vinyl.ron");
-    let surface = CheckOptions {
-        set: vec![("surface".into(), surface.display().to_string())],
-        ..CheckOptions::default()
-    };
-    let seed = CheckOptions {
-        seed: Some(1),
-        ..CheckOptions::default()
-    };
+    let surface = CheckOptions::default().set("surface", surface.display().to_string());
+    let seed = CheckOptions::default().seed(1);
     graph_with(path, &surface)
         .or_else(|_| graph_with(path, &seed))
         .unwrap_or_else(|wrong| panic!("{wrong}"))
@@ -62,7 +56,7 @@ fn outputs(graph: &Graph) -> Vec<(NodeId, usize)> {
 /// Of every driver, with every output tapped.
 fn plans(graph: &Graph, block: usize) -> Vec<Arc<Plan>> {
     let taps = outputs(graph);
-    let plans = Plan::of(graph, &PlanOptions { block, taps });
+    let plans = Plan::of(graph, &PlanOptions::default().block(block).taps(taps));
     plans.into_iter().map(Arc::new).collect()
 }
 
@@ -207,10 +201,7 @@ fn surfaces_of_every_kind_fade_into_each_other() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/texturepad.ron");
     let surfaces = surfaces_of_every_kind(folder.path());
     let plan_of = |surface: &Path| {
-        let options = CheckOptions {
-            set: vec![("surface".into(), surface.display().to_string())],
-            ..CheckOptions::default()
-        };
+        let options = CheckOptions::default().set("surface", surface.display().to_string());
         let graph = graph_with(&path, &options).unwrap_or_else(|wrong| panic!("{wrong}"));
         Arc::clone(&plans(&graph, 64)[0])
     };
@@ -242,10 +233,7 @@ fn surfaces_of_every_kind_fade_into_each_other() {
 
 /// With other rings between its drivers.
 fn with_other_rings(path: &Path) -> Graph {
-    let longer = CheckOptions {
-        set: vec![("latency_ms".into(), "14".into())],
-        ..CheckOptions::default()
-    };
+    let longer = CheckOptions::default().set("latency_ms", "14");
     graph_with(path, &longer).unwrap_or_else(|wrong| panic!("{wrong}"))
 }
 

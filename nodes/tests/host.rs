@@ -32,8 +32,8 @@ fn tap(graph: &Graph, name: &str) -> (NodeId, usize) {
 /// What an offline run of the graph with its simulated endpoints has at these outputs.
 fn simulated(name: &str, outputs: &[&str], frames: usize) -> Vec<Vec<f64>> {
     let graph = shipped(name, &CheckOptions::default());
-    let taps = outputs.iter().map(|output| tap(&graph, output)).collect();
-    let plan = Plan::of(&graph, &PlanOptions { block: 480, taps }).remove(0);
+    let taps = outputs.iter().map(|output| tap(&graph, output));
+    let plan = Plan::of(&graph, &PlanOptions::default().block(480).taps(taps)).remove(0);
     let mut run = Run::new(Arc::new(plan));
     let mut all = vec![Vec::new(); outputs.len()];
     for _ in 0..frames / 480 {
@@ -345,13 +345,9 @@ fn every_shipped_graph_can_be_hosted_whole_or_in_part() {
         player.process(500);
     }
     let hosted = Hosted::Also(vec!["stylus".into()]);
-    let part = shipped(
-        "texturepad.ron",
-        &CheckOptions {
-            hosted,
-            ..CheckOptions::default()
-        },
-    );
+    let mut options = CheckOptions::default();
+    options.hosted = hosted;
+    let part = shipped("texturepad.ron", &options);
     assert_eq!((part.host_inputs().count(), part.host_outputs().count()), (3, 0));
 }
 

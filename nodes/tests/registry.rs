@@ -284,8 +284,8 @@ fn a_single_frame_has_the_bits_of_a_block() {
                     1 => single |= bench.step_single(),
                     _ => bench.step(),
                 }
-                for (output, all) in outputs.iter_mut().enumerate() {
-                    all.extend_from_slice(bench.output(output));
+                for (output, all) in entry.spec.outputs.iter().zip(&mut outputs) {
+                    all.extend_from_slice(bench.components(output.name));
                 }
                 done += frames;
             }
@@ -328,8 +328,8 @@ fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
                 let set = allocations(|| bench.processor().set(id, value));
                 assert_eq!(set, 0, "{}.{}", entry.spec.name, setting.name);
                 bench.step();
-                for output in 0..entry.spec.outputs.len() {
-                    let finite = bench.output(output).iter().all(|y| y.is_finite());
+                for output in entry.spec.outputs {
+                    let finite = bench.components(output.name).iter().all(|y| y.is_finite());
                     assert!(finite, "{}.{} at {value}", entry.spec.name, setting.name);
                 }
             }

@@ -14,13 +14,10 @@ fn graphs() -> PathBuf {
 fn texturepad(set: &[(&str, &str)]) -> Graph {
     let document = Document::load(graphs().join("texturepad.ron"), &LoadOptions::default())
         .unwrap_or_else(|wrong| panic!("{wrong}"));
-    let options = CheckOptions {
-        set: set
-            .iter()
-            .map(|(name, value)| ((*name).into(), (*value).into()))
-            .collect(),
-        ..CheckOptions::default()
-    };
+    let options = CheckOptions::default();
+    let options = set
+        .iter()
+        .fold(options, |options, (name, value)| options.set(*name, *value));
     check(&document, &haptograph_nodes::registry(), &options).unwrap_or_else(|wrong| panic!("{wrong}"))
 }
 

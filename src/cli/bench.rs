@@ -55,10 +55,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         Output::claim(path, arguments.force)
     };
     let svg = arguments.svg.as_ref().map(claim).transpose()?;
-    let options = PlanOptions {
-        block: arguments.block.into(),
-        taps: Vec::new(),
-    };
+    let options = PlanOptions::default().block(arguments.block.into());
     let plans: Vec<Arc<Plan>> = Plan::of(&graph, &options).into_iter().map(Arc::new).collect();
     let mut profile = Profile::new(&plans);
     let turns = measure(&plans, &mut profile, arguments.seconds);

@@ -259,11 +259,7 @@ fn timer(registry: &Registry) -> Result<Finding, Failure> {
     let document = Document::parse("doctor.ron", text).map_err(|wrong| failed(&wrong))?;
     let graph = check(&document, registry, &CheckOptions::default());
     let graph = graph.map_err(|wrong| failed(&wrong))?;
-    let options = LiveOptions {
-        block: 0,
-        seconds: Some(0.5),
-        ..LiveOptions::default()
-    };
+    let options = LiveOptions::default().seconds(0.5);
     let (live, session) = Session::open(FileSinks::new(&graph), &options).map_err(|error| failed(&error))?;
     let thread = Timer::default().start(live).map_err(|error| failed(&error))?;
     let live = thread.join().ok_or_else(|| failed(&"its thread ended early"))?;

@@ -132,13 +132,10 @@ impl Source {
     pub fn options(&self, document: &Document) -> CheckOptions {
         let set = self.set.iter();
         let set = set.filter(|(name, _)| document.parameters().any(|(known, _)| known == name));
-        CheckOptions {
-            set: set
-                .map(|(name, value)| (name.clone(), self.resolved(value)))
-                .collect(),
-            endpoints: self.endpoints.clone(),
-            ..CheckOptions::default()
-        }
+        let options = CheckOptions::default().endpoints(&self.endpoints);
+        set.fold(options, |options, (name, value)| {
+            options.set(name, self.resolved(value))
+        })
     }
 
     /// Paths in override values are relative to the working directory, paths from the page to the graph's

@@ -23,10 +23,7 @@ fn every_set_of_endpoints_of_every_shipped_graph_is_sound_and_without_warnings()
             let document =
                 Document::load(&file, &LoadOptions::default()).unwrap_or_else(|wrong| panic!("{wrong}"));
             for set in document.endpoints() {
-                let options = CheckOptions {
-                    endpoints: set.to_owned(),
-                    ..CheckOptions::default()
-                };
+                let options = CheckOptions::default().endpoints(set);
                 let graph = check(&document, &haptograph::nodes::registry(), &options)
                     .unwrap_or_else(|wrong| panic!("{} with its {set} endpoints: {wrong}", file.display()));
                 assert!(

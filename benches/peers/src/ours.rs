@@ -67,15 +67,8 @@ pub fn load(text: &str) -> Graph {
 pub fn plan(graph: &Graph, work: &Work) -> Plan {
     let last = format!("n{}", work.nodes.len() - 1);
     let last = graph.nodes().find(&last);
-    let taps = last.map(|index| (index, 0)).into_iter().collect();
-    Plan::of(
-        graph,
-        &PlanOptions {
-            block: work.block,
-            taps,
-        },
-    )
-    .remove(0)
+    let taps = last.map(|index| (index, 0));
+    Plan::of(graph, &PlanOptions::default().block(work.block).taps(taps)).remove(0)
 }
 
 fn registry() -> Registry {

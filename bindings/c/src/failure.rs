@@ -94,6 +94,7 @@ impl From<ControlError> for Status {
             ControlError::NotLive => Self::Name,
             ControlError::NotFinite => Self::NotFinite,
             ControlError::OutOfRange(..) | ControlError::OtherRate => Self::Argument,
+            _ => Self::System,
         }
     }
 }

@@ -31,6 +31,51 @@ pub(crate) use ring::steered;
 /// A type of bridge between clocks of one driver, and the state of one such bridge.
 ///
 /// A graph writes it around a connection: `Hold("node.output")`.
+///
+/// ```
+/// use haptograph_engine::bridges::{
+///     BridgeContext, BridgeEntry, BridgeSpec, BridgeType, Carries, Direction, Ends, Hold,
+/// };
+/// use haptograph_engine::frame::Kind;
+/// use haptograph_engine::node::Latency;
+/// use haptograph_engine::registry::Registry;
+/// use haptograph_signal::time::Rate;
+///
+/// /// The latest frame, at half its size.
+/// struct Half(Hold);
+///
+/// impl BridgeType for Half {
+///     const SPEC: BridgeSpec = BridgeSpec {
+///         name: "Half",
+///         doc: "Half of the latest frame, between clocks of one driver",
+///         gives: "half of the latest frame",
+///         direction: Direction::Any,
+///         carries: Carries::Linear,
+///     };
+///
+///     fn new(cx: &BridgeContext) -> Self {
+///         Self(Hold::new(cx))
+///     }
+///
+///     fn latency(from: Rate, to: Rate) -> Latency {
+///         Hold::latency(from, to)
+///     }
+///
+///     fn cross(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
+///         self.0.cross(ends, x, y);
+///         y.iter_mut().for_each(|y| *y *= 0.5);
+///     }
+///
+///     fn copy_state_from(&mut self, old: &Self) {
+///         self.0.copy_state_from(&old.0);
+///     }
+/// }
+///
+/// let mut registry = Registry::new();
+/// registry.add_bridge(BridgeEntry::of::<Half>());
+/// let half = registry.bridge("Half").unwrap();
+/// assert!(half.carries(Kind::VECTOR) && !half.carries(Kind::EVENT));
+/// ```
 pub trait BridgeType: Send + Sync + 'static {
     /// Name, documentation, and what it connects.
     const SPEC: BridgeSpec;

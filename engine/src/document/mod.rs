@@ -51,9 +51,19 @@ pub(crate) struct Template {
 
 /// Options of loading.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct LoadOptions {
     /// Largest sum of a graph file and its included files, bytes.
     pub max_bytes: u64,
+}
+
+impl LoadOptions {
+    /// Refuses graphs whose files are larger than this together, bytes.
+    #[must_use]
+    pub fn max_bytes(mut self, max_bytes: u64) -> Self {
+        self.max_bytes = max_bytes;
+        self
+    }
 }
 
 impl Default for LoadOptions {

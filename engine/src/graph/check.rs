@@ -9,7 +9,15 @@ use crate::registry::{Namespace, RESERVED, Registry};
 use std::collections::HashSet;
 
 /// Options of a check.
+///
+/// ```
+/// use haptograph_engine::graph::CheckOptions;
+///
+/// let options = CheckOptions::default().set("stiffness", "0.25").endpoints("live").seed(7);
+/// assert_eq!((options.set.len(), options.seed), (1, Some(7)));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct CheckOptions {
     /// Parameter values by name: RON, or plain text if the default is a string.
     pub set: Vec<(String, String)>,
@@ -25,6 +33,7 @@ pub struct CheckOptions {
 
 /// The endpoints of a calling program.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Hosted {
     /// Endpoints of kind `Host` in the graph.
     #[default]
@@ -46,6 +55,27 @@ impl Hosted {
 }
 
 impl CheckOptions {
+    /// Gives a parameter a value, as RON or, if its default is a string, as plain text.
+    #[must_use]
+    pub fn set(mut self, name: impl Into<String>, value: impl Into<String>) -> Self {
+        self.set.push((name.into(), value.into()));
+        self
+    }
+
+    /// Binds the graph to this set of endpoints.
+    #[must_use]
+    pub fn endpoints(mut self, set: impl Into<String>) -> Self {
+        self.endpoints = set.into();
+        self
+    }
+
+    /// Gives the graph another seed.
+    #[must_use]
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.seed = Some(seed);
+        self
+    }
+
     /// Options that give all endpoints to the calling program.
     pub fn hosted() -> Self {
         let hosted = Hosted::All;

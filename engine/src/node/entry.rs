@@ -143,7 +143,7 @@ impl NodeEntry {
     }
 
     /// Whether it is described while the program runs; then it runs offline only.
-    pub fn is_scripted(&self) -> bool {
+    pub(crate) fn is_scripted(&self) -> bool {
         matches!(self.build, Build::Scripted(_))
     }
 

@@ -25,8 +25,9 @@ use petgraph::graph::EdgeIndex;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
-/// Options of planning.
+/// Options of planning: `PlanOptions::default().block(64).tap(node, 0)`.
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct PlanOptions {
     /// Block length in driver frames, clamped to 1 ..= [`MAX_BLOCK`]; 0 means 64.
     pub block: usize,
@@ -34,7 +35,68 @@ pub struct PlanOptions {
     pub taps: Vec<(NodeId, usize)>,
 }
 
+impl PlanOptions {
+    /// Sets the block length in driver frames.
+    #[must_use]
+    pub fn block(mut self, frames: usize) -> Self {
+        self.block = frames;
+        self
+    }
+
+    /// Adds an output whose frames are read after every block: a node and the index of one of its outputs.
+    #[must_use]
+    pub fn tap(mut self, node: NodeId, output: usize) -> Self {
+        self.taps.push((node, output));
+        self
+    }
+
+    /// Adds several of them.
+    #[must_use]
+    pub fn taps(mut self, taps: impl IntoIterator<Item = (NodeId, usize)>) -> Self {
+        self.taps.extend(taps);
+        self
+    }
+}
+
 /// The execution plan of a graph, or of one driver of a graph with several.
+///
+/// ```
+/// use haptograph_engine::document::Document;
+/// use haptograph_engine::graph::{CheckOptions, check};
+/// use haptograph_engine::plan::{Plan, PlanOptions};
+/// use haptograph_engine::registry::Registry;
+/// use haptograph_engine::run::Run;
+/// use std::sync::Arc;
+/// # use haptograph_engine::frame::{Kind, Scalar};
+/// # use haptograph_engine::node::*;
+/// # use haptograph_signal::quantity::Quantity;
+/// # haptograph_engine::settings! { /** Settings of the example. */ pub struct LevelSettings { /** What it gives. */ [live] value: f64 = 1.0; } }
+/// # struct Level;
+/// # #[derive(Clone)] struct Given(f64);
+/// # impl NodeKind for Level {
+/// #     type Settings = LevelSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Level", group: "mine", doc: "Gives a number.", source: "", inputs: &[],
+/// #         outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "The number.")], example: "" };
+/// #     fn build(settings: LevelSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> { Ok(Box::new(Given(settings.value))) }
+/// # }
+/// # const OUTPUT: Output<Scalar> = Level::SPEC.output("output");
+/// # impl Processor for Given {
+/// #     fn process(&mut self, _: &Tick, io: &mut Io<'_>) { io.write(OUTPUT).fill(self.0); }
+/// #     fn set(&mut self, _: SettingId, value: f64) { self.0 = value; }
+/// # }
+/// # let mut registry = Registry::new();
+/// # registry.add(NodeEntry::processor::<Level>());
+/// # let text = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 1000) }, nodes: { "level": Level(clock: "servo", value: 0.5) })"#;
+/// # let graph = check(&Document::parse("level.ron", text)?, &registry, &CheckOptions::default())?;
+///
+/// let (node, output) = graph.find_output("level.output").expect("the node has it");
+/// let options = PlanOptions::default().block(16).tap(node, output);
+/// let mut plans = Plan::of(&graph, &options); // One for each driver.
+/// let mut run = Run::new(Arc::new(plans.remove(0)));
+/// run.advance(3);
+/// assert_eq!(run.tap(0), [0.5; 3]);
+/// # Ok::<(), haptograph_engine::diagnostic::Diagnostics>(())
+/// ```
 pub struct Plan {
     pub(crate) block: usize,
     /// Index of the driver's clock.
@@ -446,7 +508,7 @@ impl Plan {
     }
 
     /// Number of steps.
-    pub fn step_count(&self) -> usize {
+    pub(crate) fn step_count(&self) -> usize {
         self.steps.len()
     }
 

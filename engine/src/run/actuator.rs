@@ -7,6 +7,7 @@ use crate::plan::ActuatorPlan;
 
 /// What the limiter of an actuator sink did.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ActuatorReport {
     /// Path of the sink.
     pub path: String,

@@ -51,6 +51,7 @@ const SETTINGS_HEADER: &str = "frame,from,to,glide frames,setting";
 
 /// Why a run cannot be repeated.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReplayError {
     /// A file is missing or cannot be read.
     #[error("cannot read {}: {error}; a live run writes it", path.display())]
@@ -127,6 +128,7 @@ pub enum ReplayError {
 
 /// Bounds of the run, for checking its logs.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ReplayBounds {
     /// Longest possible duration of a driver, s.
     pub longest_s: f64,
@@ -134,13 +136,20 @@ pub struct ReplayBounds {
     pub frames: Option<(u64, bool)>,
 }
 
+impl ReplayBounds {
+    /// Bounds of a run of which no driver can have run for longer than this, s.
+    pub fn new(longest_s: f64) -> Self {
+        Self {
+            longest_s,
+            frames: None,
+        }
+    }
+}
+
 impl Default for ReplayBounds {
     /// Bounds of an unknown run: 10^7 s.
     fn default() -> Self {
-        Self {
-            longest_s: 1e7,
-            frames: None,
-        }
+        Self::new(1e7)
     }
 }
 

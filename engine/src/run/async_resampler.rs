@@ -71,7 +71,7 @@ impl AsyncResamplerWriter {
     }
 
     /// Sets the free space until the next poll, in frames; for replays.
-    pub fn poll_as(&mut self, room: u64) {
+    pub(crate) fn poll_as(&mut self, room: u64) {
         self.room = room;
         self.accepted = 0;
     }

@@ -49,6 +49,7 @@ pub struct Control {
 
 /// Why a command was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ControlError {
     /// The command ring is full.
     #[error("the real-time side does not read its commands: {COMMANDS} are waiting")]

@@ -165,7 +165,7 @@ impl Run {
     }
 
     /// Polls its rings. The frames until the next poll use what has arrived by now, whatever the block size.
-    pub fn poll_rings(&mut self) {
+    pub(crate) fn poll_rings(&mut self) {
         for writer in self.state.ring_ends.writers.iter_mut().flatten() {
             writer.poll();
         }

@@ -18,6 +18,7 @@ pub struct Offline<'a> {
 
 /// Outcome of a run.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Outcome {
     /// Frames of the first driver.
     pub driver_frames: u64,
@@ -35,6 +36,7 @@ pub struct Outcome {
 
 /// Report of a ring between two drivers.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct RingReport {
     /// Output and input.
     pub name: String,
@@ -57,6 +59,7 @@ impl RingReport {
 
 /// Why a run failed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum OfflineError {
     /// A file could not be written.
     #[error(transparent)]

@@ -23,8 +23,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// How a graph runs live.
+/// How a graph runs live: `LiveOptions::default().block(64).rested()`.
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct LiveOptions {
     /// Largest block in driver frames; 0 means the default.
     pub block: usize,
@@ -40,7 +41,75 @@ pub struct LiveOptions {
     pub arm: Option<Arc<ArmSwitch>>,
 }
 
-/// A live run.
+impl LiveOptions {
+    /// Sets the largest block in driver frames.
+    #[must_use]
+    pub fn block(mut self, frames: usize) -> Self {
+        self.block = frames;
+        self
+    }
+
+    /// Ends the run after so many seconds.
+    #[must_use]
+    pub fn seconds(mut self, seconds: f64) -> Self {
+        self.seconds = Some(seconds);
+        self
+    }
+
+    /// Declares the actuators cold.
+    #[must_use]
+    pub fn rested(mut self) -> Self {
+        self.rested = true;
+        self
+    }
+}
+
+/// A live run, as the threads see it that are not real-time: settings, swaps and reports. Its other side is a
+/// [`Live`] for the callback of each driver.
+///
+/// ```
+/// use haptograph_engine::document::Document;
+/// use haptograph_engine::graph::{CheckOptions, check};
+/// use haptograph_engine::registry::Registry;
+/// use haptograph_engine::run::{Change, FileSinks, LiveOptions, Session};
+/// # use haptograph_engine::frame::{Kind, Scalar};
+/// # use haptograph_engine::node::*;
+/// # use haptograph_signal::quantity::Quantity;
+/// # haptograph_engine::settings! { /** Settings of the example. */ pub struct LevelSettings { /** What it gives. */ [live] value: f64 = 1.0; } }
+/// # struct Level;
+/// # #[derive(Clone)] struct Given(f64);
+/// # impl NodeKind for Level {
+/// #     type Settings = LevelSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Level", group: "mine", doc: "Gives a number.", source: "", inputs: &[],
+/// #         outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "The number.")], example: "" };
+/// #     fn build(settings: LevelSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> { Ok(Box::new(Given(settings.value))) }
+/// # }
+/// # const OUTPUT: Output<Scalar> = Level::SPEC.output("output");
+/// # impl Processor for Given {
+/// #     fn process(&mut self, _: &Tick, io: &mut Io<'_>) { io.write(OUTPUT).fill(self.0); }
+/// #     fn set(&mut self, _: SettingId, value: f64) { self.0 = value; }
+/// # }
+/// # let mut registry = Registry::new();
+/// # registry.add(NodeEntry::processor::<Level>());
+/// # let graph = |more: &str| {
+/// #     let text = format!(r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 1000) }},
+/// #         nodes: {{ "level": Level(clock: "servo"), {more} }})"#);
+/// #     check(&Document::parse("level.ron", &text)?, &registry, &CheckOptions::default())
+/// # };
+/// # let (before, after) = (graph("")?, graph(r#""more": Level(clock: "servo")"#)?);
+///
+/// let (mut live, mut session) = Session::open(FileSinks::new(&before), &LiveOptions::default())?;
+/// live.callback(48, |_run, _frames| {}); // In the driver's callback.
+///
+/// session.set_by_name("level.value", 0.5)?;
+/// let changed = session.change_without_files(&after)?;
+/// assert_eq!(changed.change, Change::AtOnce); // Neither graph has an actuator to fade.
+/// live.callback(48, |_run, _frames| {});
+///
+/// let outcome = session.finish(live);
+/// assert!(outcome.failed.is_empty());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Session {
     stop: Arc<AtomicBool>,
     arm: Option<Arc<ArmSwitch>>,
@@ -69,6 +138,7 @@ struct Entry {
 
 /// Outcome of a live run.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct LiveOutcome {
     /// The part that offline runs also have.
     pub outcome: Outcome,

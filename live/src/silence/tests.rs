@@ -98,10 +98,7 @@ fn live_run(graph: &Graph, from: usize, folder: &Path) -> [Vec<u64>; 2] {
 
 fn replay(graph: &Graph, block: usize, folder: &Path) -> Result<[Vec<u64>; 2], OfflineError> {
     let (outlets, bits) = listening(graph);
-    let bounds = ReplayBounds {
-        longest_s: 3.0,
-        frames: None,
-    };
+    let bounds = ReplayBounds::new(3.0);
     Offline::new(outlets, block).replay((folder, &bounds), &AtomicBool::new(false), &mut |_| {})?;
     Ok(taken(&bits))
 }

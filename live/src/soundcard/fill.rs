@@ -114,12 +114,7 @@ mod tests {
     }
 
     fn open(graph: &Graph, seconds: f64) -> (Live, Session) {
-        let options = LiveOptions {
-            block: 64,
-            seconds: Some(seconds),
-            rested: true,
-            ..LiveOptions::default()
-        };
+        let options = LiveOptions::default().block(64).seconds(seconds).rested();
         Session::open(FileSinks::new(graph), &options).unwrap()
     }
 

@@ -190,12 +190,9 @@ pub fn load(mut job: Job, registry: &Registry) -> LoadOutcome {
         .take()
         .map(|saved| saved.reset(&mut job.source.set, &parameters));
     let endpoints = endpoints(&job.source, &document);
-    let options = CheckOptions {
-        set: job.source.set.clone(),
-        endpoints: endpoints.clone(),
-        seed: job.source.seed,
-        ..CheckOptions::default()
-    };
+    let mut options = CheckOptions::default().endpoints(&endpoints);
+    options.set.clone_from(&job.source.set);
+    options.seed = job.source.seed;
     let graph = check(&document, registry, &options);
     LoadOutcome {
         result: graph.map(LoadedGraph::of),

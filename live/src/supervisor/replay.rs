@@ -51,10 +51,9 @@ pub fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
     // Earlier versions called panics `faults`.
     let panics = facts.get("panics").or_else(|| facts.get("faults"));
     let is_whole = none("swaps") && none("lost_callbacks") && panics == Some(&json!([]));
-    Ok(ReplayBounds {
-        longest_s,
-        frames: Some((frames, is_whole)),
-    })
+    let mut bounds = ReplayBounds::new(longest_s);
+    bounds.frames = Some((frames, is_whole));
+    Ok(bounds)
 }
 
 /// Reasons why the samples differ from those of the run, or end early.

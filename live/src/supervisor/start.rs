@@ -199,13 +199,10 @@ impl ConnectedRun {
         folder: Option<&Path>,
         stop: Arc<AtomicBool>,
     ) -> Result<Supervisor, StartError> {
-        let options = LiveOptions {
-            block: self.options.block,
-            seconds: self.options.seconds,
-            rested: self.options.rested,
-            stop: Arc::clone(&stop),
-            ..LiveOptions::default()
-        };
+        let mut options = LiveOptions::default().block(self.options.block);
+        options.seconds = self.options.seconds;
+        options.rested = self.options.rested;
+        options.stop = Arc::clone(&stop);
         let (lives, session) = Session::open_all(sinks, &options, folder)?;
         let unrested = lives
             .iter()

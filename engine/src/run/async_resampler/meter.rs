@@ -21,6 +21,7 @@ pub struct RingMeter {
 
 /// A snapshot of a ring's counters.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct RingCounts {
     /// How often the ring ran dry.
     pub underruns: u64,

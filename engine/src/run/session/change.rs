@@ -18,6 +18,7 @@ type Port = (NodeId, usize);
 
 /// Result of replacing the graph.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Changed {
     /// How the graphs differed.
     pub change: Change,
@@ -31,6 +32,7 @@ pub struct Changed {
 
 /// Why the graph was not replaced.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ChangeError {
     /// The new plan cannot replace the running one.
     #[error(transparent)]
