@@ -29,6 +29,8 @@ mod hub;
 pub mod midi;
 pub mod osc;
 pub mod serial;
+#[cfg(feature = "osc")]
+mod setting_value;
 #[cfg(test)]
 mod silence;
 pub mod soundcard;
@@ -47,6 +49,8 @@ pub use backend::{
     BACKENDS, Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Lives, Role, State,
 };
 pub use connections::Connections;
+#[cfg(feature = "osc")]
+pub use setting_value::SettingValue;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;

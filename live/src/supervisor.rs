@@ -4,7 +4,9 @@
 mod drivers;
 mod event;
 mod history;
+mod inbox;
 mod latency;
+mod live_settings;
 mod loading;
 mod network_value;
 mod protected;
@@ -18,7 +20,9 @@ mod swap;
 mod watch;
 
 pub use event::{DeviceUse, Event, Origin, Request};
+pub use inbox::{MAX_QUEUED, RequestSender, SendError};
 pub use latency::Measured;
+pub use live_settings::{SettingError, SettingHandle};
 pub use loading::{GraphSource, Job, LoadFn, LoadOutcome, load};
 pub use report::{
     CardReport, InputReport, LatencyPart, LatencyReport, PacketReport, QuantilesMs, QuantilesUs, RunReport,
@@ -29,23 +33,24 @@ pub use start::{Accept, ConnectedRun, PreparedRun, RunOptions, StartError};
 pub use status::{InputNow, Status};
 pub use swap::CHANGES;
 
+use crate::SettingValue;
 use crate::backend::{BackendError, Connected};
 use crate::osc::OscControl;
 use drivers::Drivers;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{LiveOutcome, RingReport, Session};
 use history::{History, Notes};
+use inbox::Inbox;
+use live_settings::LiveSettings;
 use loading::{Loader, Loading, ParameterDefaults};
 use protected::ProtectedSettings;
 use requests::PendingChange;
 use silence::SilenceMonitor;
 use std::collections::VecDeque;
-use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender};
 use std::time::{Duration, Instant};
 use watch::FileWatch;
 
@@ -54,8 +59,6 @@ const PERIOD: Duration = Duration::from_millis(50);
 /// Polling period while a graph loads.
 const LOADING_PERIOD: Duration = Duration::from_millis(5);
 
-/// Maximum number of queued requests.
-pub const MAX_QUEUED: usize = 1024;
 /// Maximum number of requests handled between two checks of the stop flag.
 const MAX_HANDLED: usize = 64;
 
@@ -101,9 +104,8 @@ pub struct Supervisor {
     waiting: VecDeque<PendingChange>,
     known: Option<loading::KnownDocument>,
     osc: Option<OscControl>,
-    /// Keeps the inbox open.
-    sender: SyncSender<Request>,
-    inbox: Receiver<Request>,
+    settings: LiveSettings,
+    inbox: Inbox,
     requests: Vec<Request>,
     events: Vec<Event>,
 }
@@ -138,17 +140,37 @@ impl Supervisor {
     }
 
     /// Queues another value of a parameter or live setting, by the embedding program.
-    pub fn set(&mut self, name: &str, value: impl fmt::Display) {
+    ///
+    /// A live setting (`out.gain`) takes a number, with exactly its bits. For a parameter (`gain`) the graph is loaded
+    /// again, on another thread.
+    pub fn set(&mut self, name: &str, value: impl Into<SettingValue>) {
         self.request(Request {
             name: name.to_owned(),
-            value: value.to_string(),
+            value: value.into(),
             origin: Origin::Program,
         });
     }
 
-    /// Sends requests from another thread. A full queue drops a request that is tried, and holds up one that is sent.
-    pub fn sender(&self) -> SyncSender<Request> {
-        self.sender.clone()
+    /// A handle that sets one live setting (`out.gain`) from any thread: the name is looked up here, once.
+    ///
+    /// # Errors
+    /// [`SettingError`] if no live setting of the running graph has the name.
+    pub fn setting(&mut self, name: &str) -> Result<SettingHandle, SettingError> {
+        if let Some(handle) = self.settings.handle(name, self.inbox.sender()) {
+            return Ok(handle);
+        }
+        match self.parameters.iter().any(|(known, _)| known == name) {
+            true => Err(SettingError::Parameter(name.to_owned())),
+            false => Err(SettingError::Unknown {
+                name: name.to_owned(),
+                help: self.live_choices(name),
+            }),
+        }
+    }
+
+    /// Sends requests from another thread, and ends [`wait`](Self::wait).
+    pub fn sender(&self) -> RequestSender {
+        self.inbox.sender().clone()
     }
 
     /// Maximum number of requests for the next [`poll`](Self::poll), so that a stop is not held up.
@@ -171,14 +193,19 @@ impl Supervisor {
         self.drivers.is_finished(self.stop.load(Ordering::Relaxed))
     }
 
-    /// Waits until the next [`poll`](Self::poll) is due: for a request, at most 50 ms.
+    /// Waits until the next [`poll`](Self::poll) is due: for a request or a [`wake`](RequestSender::wake), at most 50 ms.
     pub fn wait(&mut self) {
-        let longest = match self.loading.is_some() {
+        self.wait_at_most(match self.loading.is_some() {
             true => LOADING_PERIOD,
             false => PERIOD,
-        };
+        });
+    }
+
+    /// Waits for a request or a [`wake`](RequestSender::wake). Until the next [`poll`](Self::poll) nothing reports a lost
+    /// device or a silence, and no graph is swapped in.
+    pub fn wait_at_most(&mut self, longest: Duration) {
         if self.requests.is_empty() {
-            self.requests.extend(self.inbox.recv_timeout(longest));
+            self.requests.extend(self.inbox.wait(longest));
         }
     }
 
@@ -232,7 +259,7 @@ impl Supervisor {
             saved_while_running: self.saved,
             unrested: self.unrested,
             silences: self.silence.into_events(),
-            set_while_running: self.history.into_list(),
+            set_while_running: self.history.all(),
             osc_malformed: self.osc.as_ref().map(OscControl::malformed),
             ..RunReport::default()
         };
@@ -284,15 +311,15 @@ impl Supervisor {
         self.osc.as_ref().map(OscControl::address)
     }
 
-    /// The parameters and live settings with their values.
-    pub fn settings(&self) -> Vec<(String, Option<String>)> {
+    /// The parameters, with the text of their values, and the live settings with their numbers.
+    pub fn settings(&self) -> Vec<(String, Option<SettingValue>)> {
         let parameter = |(name, default): &(String, Option<String>)| {
             let set = self.source.set.iter().find(|(known, _)| known == name);
             let value = set.map(|(_, value)| value.clone()).or(default.clone());
-            (name.clone(), value)
+            (name.clone(), value.map(SettingValue::Text))
         };
         let live = self.session.settings();
-        let live = live.map(|live| (live.name(), Some(live.value.to_string())));
+        let live = live.map(|live| (live.name(), Some(SettingValue::Number(live.value))));
         self.parameters.iter().map(parameter).chain(live).collect()
     }
 

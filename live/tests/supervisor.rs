@@ -3,12 +3,14 @@
 
 use haptograph_engine::registry::Registry;
 use haptograph_live::supervisor::{
-    Ended, Event, Origin, Request, RunOptions, RunReport, StartError, Supervisor, replay,
+    Ended, Event, Origin, Request, RunOptions, RunReport, SendError, SettingError, StartError, Supervisor,
+    replay,
 };
-use haptograph_live::{BACKENDS, BackendError};
+use haptograph_live::{BACKENDS, BackendError, SettingValue};
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 const GRAPH: &str = r#"Graph(format: 1, parameters: { "level": 0.5 },
     clocks: { "servo": Driver(rate_hz: 1000) },
@@ -59,14 +61,14 @@ fn a_setting_and_a_parameter_are_set_and_reported() {
     fs::create_dir(&out).unwrap();
     let options = options(folder.path(), GRAPH);
     let mut run = Supervisor::start(options, &registry(), Some(&out)).unwrap();
-    assert_eq!(run.settings()[0], ("level".to_owned(), Some("0.5".to_owned())));
+    assert_eq!(run.settings()[0], ("level".to_owned(), Some("0.5".into())));
     run.set("out.gain", 0.5);
     run.set("nonsense", 1);
     let sender = run.sender();
     sender
         .send(Request {
             name: "level".to_owned(),
-            value: "1.0".to_owned(),
+            value: "1.0".into(),
             origin: Origin::Program,
         })
         .unwrap();
@@ -90,6 +92,130 @@ fn a_setting_and_a_parameter_are_set_and_reported() {
     );
     let value = serde_json::to_value(report).unwrap();
     assert_eq!(serde_json::from_value::<RunReport>(value).unwrap(), *report);
+}
+
+/// The value of a live setting.
+fn number(run: &Supervisor, name: &str) -> f64 {
+    let settings = run.settings();
+    match settings.iter().find(|(known, _)| known == name) {
+        Some((_, Some(SettingValue::Number(number)))) => *number,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// By a handle, by name, and from another thread; none of them loads the graph.
+#[test]
+fn a_live_setting_gets_exactly_the_bits_that_were_set() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    fs::create_dir(&out).unwrap();
+    let mut run = Supervisor::start(options(folder.path(), GRAPH), &registry(), Some(&out)).unwrap();
+    let handle = run.setting("out.gain").unwrap();
+    let sender = run.sender();
+    let values = [0.1 + 0.2, 1e-300, f64::MIN_POSITIVE, 5e-324, 0.7];
+    for value in values {
+        for way in 0..3 {
+            run.set("out.gain", 0.25);
+            run.poll();
+            match way {
+                0 => handle.set(value).unwrap(),
+                1 => run.set("out.gain", value),
+                _ => {
+                    let (name, origin) = ("out.gain".to_owned(), Origin::Osc);
+                    let value = value.into();
+                    sender.send(Request { name, value, origin }).unwrap();
+                }
+            }
+            run.poll();
+            assert_eq!(number(&run, "out.gain").to_bits(), value.to_bits(), "{value:e}");
+        }
+    }
+    // The latest counts.
+    handle.set(0.125).unwrap();
+    handle.set(0.5).unwrap();
+    run.poll();
+    assert_eq!(number(&run, "out.gain"), 0.5);
+    run.stop();
+    let (ended, _) = ended(run, |_| false);
+    assert_eq!(
+        (ended.report.changes, ended.report.set_while_running.len()),
+        (0, 31)
+    );
+    assert_eq!(handle.set(0.5), Err(SendError::Ended));
+    // What the real-time side got, as its replay log has it.
+    let log = fs::read_to_string(out.join("arrivals/0.settings.csv")).unwrap();
+    for value in values {
+        let is_it = |cell: &str| cell.parse::<f64>().is_ok_and(|x| x.to_bits() == value.to_bits());
+        assert!(log.split([',', '\n']).any(is_it), "{value:e}: {log}");
+    }
+}
+
+#[test]
+fn a_handle_is_refused_once_and_follows_its_name_to_another_graph() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut options = options(folder.path(), GRAPH);
+    options.watch = true;
+    let mut run = Supervisor::start(options, &registry(), None).unwrap();
+    assert_eq!(
+        run.setting("level").unwrap_err(),
+        SettingError::Parameter("level".to_owned())
+    );
+    let unknown = run.setting("out.gian").unwrap_err();
+    assert!(
+        matches!(&unknown, SettingError::Unknown { name, help } if name == "out.gian" && help.contains("out.gain"))
+    );
+    let handle = run.setting("out.gain").unwrap();
+    let refusals = |run: &mut Supervisor, value| {
+        handle.set(value).unwrap();
+        run.poll()
+            .iter()
+            .filter(|event| matches!(event, Event::Refused(_)))
+            .count()
+    };
+    for (value, refused) in [(f64::NAN, 1), (f64::INFINITY, 0), (0.5, 0), (f64::NAN, 1)] {
+        assert_eq!(refusals(&mut run, value), refused, "{value}");
+    }
+    assert_eq!(number(&run, "out.gain"), 0.5);
+    let other = r#""aaa": Gain(input: "one", gain: 0.5), "out": ActuatorSink(current: "aaa""#;
+    let text = GRAPH.replace(r#""out": ActuatorSink(current: "one""#, other);
+    fs::write(folder.path().join("g.ron"), text + " ").unwrap();
+    while !run.poll().iter().any(|event| matches!(event, Event::Changed(_))) {
+        run.wait();
+    }
+    handle.set(0.75).unwrap();
+    run.poll();
+    assert_eq!((number(&run, "out.gain"), number(&run, "aaa.gain")), (0.75, 0.5));
+}
+
+/// Far less than the wait takes without it.
+#[test]
+fn a_request_ends_a_wait() {
+    const WAIT: Duration = Duration::from_secs(60);
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Supervisor::start(options(folder.path(), GRAPH), &registry(), None).unwrap();
+    let (handle, sender) = (run.setting("out.gain").unwrap(), run.sender());
+    let start = Instant::now();
+    let request = || Request {
+        name: "out.gain".to_owned(),
+        value: 0.25.into(),
+        origin: Origin::Program,
+    };
+    for way in 0..4 {
+        std::thread::scope(|scope| {
+            scope.spawn(|| match way {
+                0 => handle.set(0.5).unwrap(),
+                1 => sender.send(request()).unwrap(),
+                2 => sender.try_send(request()).unwrap(),
+                _ => sender.wake(),
+            });
+            run.wait_at_most(WAIT);
+        });
+        run.poll();
+        assert_eq!(number(&run, "out.gain"), if way == 0 { 0.5 } else { 0.25 });
+    }
+    run.set("out.gain", 0.75);
+    run.wait_at_most(WAIT);
+    assert!(start.elapsed() < WAIT / 2);
 }
 
 fn last_cell(line: &str) -> f64 {

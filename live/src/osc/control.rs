@@ -2,6 +2,7 @@
 //! `/gain 0.5` the graph's parameter `gain`.
 
 use super::packet::decode;
+use crate::SettingValue;
 use crate::udp::WAIT;
 use rosc::{OscMessage, OscPacket, OscType};
 use std::net::{SocketAddr, UdpSocket};
@@ -9,13 +10,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::JoinHandle;
 
-/// A received setting, name and value as text: `out.gain`, `0.5`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// A received setting: `out.gain` and its value.
+#[derive(Debug, Clone, PartialEq)]
 pub struct SetRequest {
     /// A parameter, or a node's path and its setting.
     pub name: String,
-    /// A number, a boolean or a text.
-    pub value: String,
+    /// A number, of single precision as of double; a boolean as text, or a text.
+    pub value: SettingValue,
 }
 
 /// Largest length of a name and of a value.
@@ -113,16 +114,21 @@ fn setting(message: &OscMessage) -> Option<SetRequest> {
         None => address.to_owned(),
     };
     let value = match &message.args[..] {
-        [OscType::Float(x)] => x.to_string(),
-        [OscType::Double(x)] => x.to_string(),
-        [OscType::Int(x)] => x.to_string(),
-        [OscType::Long(x)] => x.to_string(),
-        [OscType::Bool(x)] => x.to_string(),
-        [OscType::String(x)] => x.clone(),
+        [OscType::Float(x)] => SettingValue::from(*x),
+        [OscType::Double(x)] => SettingValue::from(*x),
+        [OscType::Int(x)] => SettingValue::from(*x),
+        // Its text keeps digits that a number would round.
+        [OscType::Long(x)] => SettingValue::from_text(&name, &x.to_string()),
+        [OscType::Bool(x)] => SettingValue::from(*x),
+        [OscType::String(x)] => SettingValue::from_text(&name, x),
         _ => return None,
     };
     let fit = |text: &str| text.len() <= MAX_LETTERS && !text.chars().any(char::is_control);
-    (fit(&name) && fit(&value)).then_some(SetRequest { name, value })
+    let value_fits = match &value {
+        SettingValue::Number(_) => true,
+        SettingValue::Text(text) => fit(text),
+    };
+    (fit(&name) && value_fits).then_some(SetRequest { name, value })
 }
 
 #[cfg(test)]
@@ -135,7 +141,7 @@ mod tests {
         OscPacket::Message(OscMessage { addr, args })
     }
 
-    fn settings_of(packet: &OscPacket) -> Option<Vec<(String, String)>> {
+    fn settings_of(packet: &OscPacket) -> Option<Vec<(String, SettingValue)>> {
         let settings = parse_settings(&rosc::encoder::encode(packet).unwrap())?;
         Some(
             settings
@@ -148,24 +154,36 @@ mod tests {
     #[test]
     fn addresses_are_names_and_arguments_values_as_they_were_meant() {
         for (addr, argument, name, value) in [
-            ("/gain", OscType::Float(0.1), "gain", "0.1"),
-            ("/out/gain", OscType::Double(0.25), "out.gain", "0.25"),
+            ("/gain", OscType::Float(0.1), "gain", f64::from(0.1_f32).into()),
+            (
+                "/out/gain",
+                OscType::Double(0.1 + 0.2),
+                "out.gain",
+                (0.1 + 0.2).into(),
+            ),
             (
                 "/texture/filter/gain",
                 OscType::Int(-3),
                 "texture/filter.gain",
-                "-3",
+                SettingValue::Number(-3.0),
             ),
             (
                 "/surface",
                 OscType::String("a b.ron".into()),
                 "surface",
-                "a b.ron",
+                "a b.ron".into(),
             ),
-            ("/on", OscType::Bool(true), "on", "true"),
+            ("/out/gain", OscType::String("0.5".into()), "out.gain", 0.5.into()),
+            (
+                "/seed",
+                OscType::Long(i64::MAX),
+                "seed",
+                "9223372036854775807".into(),
+            ),
+            ("/on", OscType::Bool(true), "on", "true".into()),
         ] {
             let settings = settings_of(&message(addr, vec![argument]));
-            assert_eq!(settings, Some(vec![(name.to_owned(), value.to_owned())]));
+            assert_eq!(settings, Some(vec![(name.to_owned(), value)]));
         }
     }
 

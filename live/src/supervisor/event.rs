@@ -1,16 +1,17 @@
 //! What is asked of a live run, and what happens in it.
 
+use crate::SettingValue;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::graph::{Graph, GraphDevice};
 use std::fmt;
 
 /// A request to a running graph: another value of a parameter (`gain`) or of a live setting of a node (`out.gain`).
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Request {
     /// The parameter or setting.
     pub name: String,
-    /// Its value, as in a graph file.
-    pub value: String,
+    /// Its value.
+    pub value: SettingValue,
     /// Who asks.
     pub origin: Origin,
 }

@@ -1,8 +1,12 @@
 //! Notes about soundcards and devices, and the history of settings, of a live run.
 
+use super::Origin;
 use super::swap::settings_text;
+use crate::SettingValue;
 use crate::backend::BackendEvent;
 use haptograph_engine::run::Change;
+use std::fmt;
+use std::sync::Arc;
 
 /// Counted notes about soundcards and devices.
 #[derive(Debug, Default)]
@@ -45,8 +49,26 @@ impl Notes {
 /// The settings changed during the run.
 #[derive(Debug, Default)]
 pub(super) struct History {
-    list: Vec<String>,
+    list: Vec<Entry>,
     more: u64,
+}
+
+/// A change of settings at a time of the run, s.
+#[derive(Debug)]
+enum Entry {
+    Set(f64, Arc<str>, SettingValue, Origin),
+    Saved(f64, String),
+}
+
+impl fmt::Display for Entry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Set(at_s, name, value, origin) => {
+                write!(f, "{at_s:.2} s {name}={value} ({})", origin.as_str())
+            }
+            Self::Saved(at_s, what) => write!(f, "{at_s:.2} s {what} (saved)"),
+        }
+    }
 }
 
 impl History {
@@ -54,8 +76,8 @@ impl History {
     pub const MAX: usize = 200;
 
     /// Adds a setting.
-    pub fn note(&mut self, at_s: f64, name: &str, value: &str, by: &str) {
-        self.push(format!("{at_s:.2} s {name}={value} ({by})"));
+    pub fn set(&mut self, at_s: f64, name: Arc<str>, value: SettingValue, origin: Origin) {
+        self.push(Entry::Set(at_s, name, value, origin));
     }
 
     /// Adds the effect of a saved file.
@@ -64,39 +86,33 @@ impl History {
             Change::Settings(_) => settings_text(set),
             change => change.to_string(),
         };
-        self.push(format!("{at_s:.2} s {what} (saved)"));
+        self.push(Entry::Saved(at_s, what));
     }
 
-    fn push(&mut self, line: String) {
+    fn push(&mut self, entry: Entry) {
         match self.list.len() < Self::MAX {
-            true => self.list.push(line),
+            true => self.list.push(entry),
             false => self.more += 1,
         }
     }
 
     /// The last entry.
-    pub fn last(&self) -> Option<&str> {
-        self.list.last().map(String::as_str)
+    pub fn last(&self) -> Option<String> {
+        self.list.last().map(Entry::to_string)
     }
 
     /// All entries, one per line.
     pub fn lines(&self) -> String {
-        let more = match self.more {
-            0 => String::new(),
-            more => format!("and {more} more\n"),
-        };
-        match &self.list[..] {
-            [] => "nothing has been set yet\n".to_owned(),
-            list => list.join("\n") + "\n" + &more,
+        match self.list.is_empty() {
+            true => "nothing has been set yet\n".to_owned(),
+            false => self.all().join("\n") + "\n",
         }
     }
 
     /// All entries.
-    pub fn into_list(mut self) -> Vec<String> {
-        if self.more > 0 {
-            self.list.push(format!("and {} more", self.more));
-        }
-        self.list
+    pub fn all(&self) -> Vec<String> {
+        let more = (self.more > 0).then(|| format!("and {} more", self.more));
+        self.list.iter().map(Entry::to_string).chain(more).collect()
     }
 }
 

@@ -3,6 +3,8 @@
 use super::history::History;
 use super::loading::{self, Job, SavedOverrides};
 use super::{Event, Origin, Request, Supervisor, network_value};
+use crate::SettingValue;
+use haptograph_engine::run::ControlError;
 use haptograph_engine::settings::closest;
 
 /// Which events of a change are of interest. A fader is moved a hundred times per second.
@@ -33,7 +35,7 @@ impl Supervisor {
     /// Handles requests: those that need a loaded graph are queued, all others are done at once.
     pub(super) fn handle_requests(&mut self) {
         let mut settings: Vec<Request> = Vec::new();
-        let arrived: Vec<Request> = self.inbox.try_iter().take(self.room()).collect();
+        let arrived = self.inbox.take(self.room());
         for request in std::mem::take(&mut self.requests).into_iter().chain(arrived) {
             match request.origin {
                 Origin::Keyboard | Origin::Program => self.request_change(request),
@@ -46,6 +48,32 @@ impl Supervisor {
         }
         for request in settings {
             self.request_change(request);
+        }
+        self.take_handles();
+    }
+
+    /// Passes on the values that handles have set.
+    fn take_handles(&mut self) {
+        let mut next = 0;
+        while let Some(pending) = self.settings.take_from(next) {
+            next = pending.handle + 1;
+            let set = match pending.target {
+                Some((node, setting)) => self.session.set(node, setting, pending.value),
+                None => Err(ControlError::NotLive),
+            };
+            let is_first_refusal = self.settings.note(pending.handle, set.is_ok());
+            match set {
+                Ok(()) => {
+                    let at_s = self.start.elapsed().as_secs_f64();
+                    let value = SettingValue::Number(pending.value);
+                    self.history.set(at_s, pending.name, value, Origin::Program);
+                }
+                Err(error) if is_first_refusal => self.refuse(
+                    Verbosity::All,
+                    format!("`{}` was not changed: {error}", pending.name),
+                ),
+                Err(_) => {}
+            }
         }
     }
 
@@ -64,7 +92,8 @@ impl Supervisor {
             return self.note(false, request);
         }
         if *origin == Origin::Osc
-            && let Some(refusal) = network_value::refusal(value, &self.source.path)
+            && let SettingValue::Text(text) = value
+            && let Some(refusal) = network_value::refusal(text, &self.source.path)
         {
             self.refuse(verbosity, format!("`{name}` was not changed: {refusal}"));
             return self.note(false, request);
@@ -92,7 +121,7 @@ impl Supervisor {
         let Request { name, value, origin } = request;
         if was_set {
             let at_s = self.start.elapsed().as_secs_f64();
-            self.history.note(at_s, &name, &value, origin.as_str());
+            self.history.set(at_s, name.into(), value, origin);
         } else if self.verbosity(&name, origin) == Verbosity::Refusals {
             self.refused.push(name);
         }
@@ -146,7 +175,7 @@ impl Supervisor {
         let saved = match change {
             PendingChange::Set(Request { name, value, .. }) => {
                 source.set.retain(|(known, _)| known != name);
-                source.set.push((name.clone(), value.clone()));
+                source.set.push((name.clone(), value.to_string()));
                 None
             }
             PendingChange::Saved => Some(SavedOverrides {
@@ -161,12 +190,23 @@ impl Supervisor {
         }
     }
 
-    fn set_directly(&mut self, name: &str, value: &str, verbosity: Verbosity) -> bool {
-        let Ok(number) = value.parse::<f64>() else {
-            self.refuse(verbosity, format!("`{value}` is not a number"));
-            return false;
+    fn set_directly(&mut self, name: &str, value: &SettingValue, verbosity: Verbosity) -> bool {
+        let number = match value {
+            SettingValue::Number(number) => *number,
+            SettingValue::Text(text) => {
+                self.refuse(
+                    verbosity,
+                    format!("`{name}` was not changed: `{text}` is not a number"),
+                );
+                return false;
+            }
         };
-        match self.session.set_by_name(name, number) {
+        let target = self.settings.target(name);
+        let set = match target {
+            Some((node, setting)) => self.session.set(node, setting, number),
+            None => Err(ControlError::NotLive),
+        };
+        match set {
             Ok(()) => {
                 if verbosity == Verbosity::All {
                     self.events.push(Event::Set(name.to_owned(), number));
@@ -174,16 +214,21 @@ impl Supervisor {
                 true
             }
             Err(error) => {
-                let names: Vec<String> = self.session.settings().map(|live| live.name()).collect();
-                let names: Vec<&str> = names.iter().map(String::as_str).collect();
-                let help = match names.contains(&name) {
-                    true => String::new(),
-                    false => choices(name, &names, "the live settings are"),
+                let help = match target {
+                    Some(_) => String::new(),
+                    None => self.live_choices(name),
                 };
                 self.refuse(verbosity, format!("`{name}` was not changed: {error}{help}"));
                 false
             }
         }
+    }
+
+    /// Advice about an unknown name of a live setting.
+    pub(super) fn live_choices(&self, name: &str) -> String {
+        let names: Vec<String> = self.session.settings().map(|live| live.name()).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        choices(name, &names, "the live settings are")
     }
 }
 

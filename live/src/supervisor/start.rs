@@ -1,9 +1,11 @@
 //! The start of a live run: load, connect, start.
 
 use super::drivers::Drivers;
+use super::inbox::{Inbox, RequestSender};
+use super::live_settings::LiveSettings;
 use super::loading::{self, GraphSource, Job, LoadFn, LoadedGraph, Loader, ParameterDefaults};
 use super::silence::SilenceMonitor;
-use super::{DeviceUse, History, MAX_QUEUED, Notes, Origin, Request, Supervisor};
+use super::{DeviceUse, History, Notes, Origin, Request, Supervisor};
 use crate::backend::BackendError;
 use crate::connections::Connections;
 use crate::osc::OscControl;
@@ -16,7 +18,6 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Instant;
 
 /// Refuses graphs that the embedding program cannot run, with the reason.
@@ -121,8 +122,8 @@ impl PreparedRun {
     pub fn connect(mut self) -> Result<ConnectedRun, StartError> {
         let mut connections = Connections::with_drivers();
         connections.connect(&mut self.loaded.graph)?;
-        let (sender, inbox) = sync_channel(MAX_QUEUED);
-        let osc = listen_for_settings(self.options.osc, &sender)?;
+        let inbox = Inbox::new();
+        let osc = listen_for_settings(self.options.osc, inbox.sender())?;
         let LoadedGraph {
             graph,
             watch,
@@ -136,7 +137,6 @@ impl PreparedRun {
             texts,
             connections,
             osc,
-            sender,
             inbox,
             parameters: self.parameters,
             loader: self.loader,
@@ -148,7 +148,7 @@ impl PreparedRun {
 /// Receives settings, on a thread of its own.
 fn listen_for_settings(
     address: Option<SocketAddr>,
-    sender: &SyncSender<Request>,
+    sender: &RequestSender,
 ) -> Result<Option<OscControl>, StartError> {
     let Some(address) = address else {
         return Ok(None);
@@ -178,8 +178,7 @@ pub struct ConnectedRun {
     loader: Loader,
     connections: Connections,
     osc: Option<OscControl>,
-    sender: SyncSender<Request>,
-    inbox: Receiver<Request>,
+    inbox: Inbox,
 }
 
 impl ConnectedRun {
@@ -221,6 +220,7 @@ impl ConnectedRun {
             accept: self.options.accept,
             folder: folder.map(Path::to_owned),
             watch: self.watch,
+            settings: LiveSettings::of(session.settings()),
             session,
             drivers,
             stop,
@@ -240,7 +240,6 @@ impl ConnectedRun {
             waiting: VecDeque::new(),
             known: None,
             osc: self.osc,
-            sender: self.sender,
             inbox: self.inbox,
             requests: Vec::new(),
             events: Vec::new(),

@@ -72,7 +72,7 @@ impl Supervisor {
             actuators: self.session.actuator_levels(),
             inputs: self.session.live_inputs().into_iter().map(input).collect(),
             silent: self.silence.silent().map(str::to_owned).collect(),
-            last_set: self.history.last().map(str::to_owned),
+            last_set: self.history.last(),
         }
     }
 }

@@ -201,6 +201,7 @@ impl Supervisor {
                 let set = now.filter(|(name, value)| before.get(name).is_some_and(|then| then != value));
                 let set = set.collect();
                 self.drivers.keep(graph);
+                self.settings.rebind(self.session.settings());
                 for device in DeviceUse::of(graph) {
                     if !self.devices.contains(&device) {
                         self.devices.push(device);

@@ -15,7 +15,7 @@ use crate::engine::registry::Registry;
 use crate::live::supervisor::{
     self, Ended, Event, GraphSource, LoadFn, MAX_QUEUED, Origin, PreparedRun, Request, RunOptions, Supervisor,
 };
-use crate::live::{Connected, Role};
+use crate::live::{Connected, Role, SettingValue};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -153,13 +153,14 @@ impl Terminal {
 fn obey(command: ConsoleCommand, supervisor: &mut Supervisor) {
     match command {
         ConsoleCommand::Set { name, value } => supervisor.request(Request {
+            value: SettingValue::from_text(&name, &value),
             name,
-            value,
             origin: Origin::Keyboard,
         }),
         ConsoleCommand::List => {
             for (name, value) in supervisor.settings() {
-                eprint(&format!("{name} = {}\n", value.as_deref().unwrap_or("?")));
+                let value = value.map_or_else(|| "?".to_owned(), |value| value.to_string());
+                eprint(&format!("{name} = {value}\n"));
             }
         }
         ConsoleCommand::History => eprint(&supervisor.history()),

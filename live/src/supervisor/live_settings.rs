@@ -1,0 +1,178 @@
+//! Live settings by name and by handle. A name is looked up once for each graph, and no number becomes text.
+
+use super::inbox::{RequestSender, SendError};
+use haptograph_engine::graph::{LiveSetting, NodeId};
+use haptograph_engine::node::SettingId;
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// A live setting of the running graph, as the engine addresses it.
+pub(super) type Target = (NodeId, SettingId);
+
+/// Sets one live setting of a live run from any thread. [`Supervisor::setting`](super::Supervisor::setting) makes it.
+///
+/// It stays valid when another graph is swapped in: it then addresses the setting of the same name.
+#[derive(Debug, Clone)]
+pub struct SettingHandle {
+    slot: Arc<Slot>,
+    sender: RequestSender,
+}
+
+/// Why there is no handle of a name.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SettingError {
+    /// No live setting of the running graph has the name.
+    #[error("no live setting is called `{name}`{help}")]
+    Unknown {
+        /// The name.
+        name: String,
+        /// The names that exist, in words.
+        help: String,
+    },
+    /// It is a parameter, for which the graph is loaded again.
+    #[error(
+        "`{0}` is a parameter of the graph, not a live setting; `Supervisor::set` loads the graph with its new value"
+    )]
+    Parameter(String),
+}
+
+/// The value on its way from a handle to the supervisor: the latest counts.
+#[derive(Debug)]
+struct Slot {
+    name: Arc<str>,
+    bits: AtomicU64,
+    /// Whether the supervisor has not taken the value yet.
+    is_pending: AtomicBool,
+    has_ended: AtomicBool,
+}
+
+impl SettingHandle {
+    /// The name of the setting: `out.gain`.
+    pub fn name(&self) -> &str {
+        &self.slot.name
+    }
+
+    /// Sets the value, and ends the supervisor's [`wait`](super::Supervisor::wait). The next
+    /// [`poll`](super::Supervisor::poll) passes these bits to the node, or says once why it does not.
+    /// Of several values between two polls the latest counts.
+    ///
+    /// # Errors
+    /// [`SendError::Ended`].
+    pub fn set(&self, value: f64) -> Result<(), SendError> {
+        if self.slot.has_ended.load(Ordering::Acquire) {
+            return Err(SendError::Ended);
+        }
+        self.slot.bits.store(value.to_bits(), Ordering::Release);
+        if !self.slot.is_pending.swap(true, Ordering::AcqRel) {
+            self.sender.wake();
+        }
+        Ok(())
+    }
+}
+
+/// The live settings of the running graph, and the handles of them.
+pub(super) struct LiveSettings {
+    by_name: HashMap<String, Target>,
+    handles: Vec<Bound>,
+}
+
+/// The supervisor's end of a handle.
+struct Bound {
+    slot: Arc<Slot>,
+    /// `None` if the running graph does not have the setting.
+    target: Option<Target>,
+    /// Whether a refusal was reported since the last value that was set.
+    is_refused: bool,
+}
+
+/// A value that a handle has set.
+pub(super) struct PendingValue {
+    /// Index of the handle.
+    pub handle: usize,
+    pub name: Arc<str>,
+    pub target: Option<Target>,
+    pub value: f64,
+}
+
+impl LiveSettings {
+    /// Those of a graph.
+    pub fn of<'l>(settings: impl Iterator<Item = &'l LiveSetting>) -> Self {
+        Self {
+            by_name: targets(settings),
+            handles: Vec::new(),
+        }
+    }
+
+    /// Turns to the settings of another graph.
+    pub fn rebind<'l>(&mut self, settings: impl Iterator<Item = &'l LiveSetting>) {
+        self.by_name = targets(settings);
+        for bound in &mut self.handles {
+            bound.target = self.by_name.get(&*bound.slot.name).copied();
+        }
+    }
+
+    pub fn target(&self, name: &str) -> Option<Target> {
+        self.by_name.get(name).copied()
+    }
+
+    /// A handle of a setting that the graph has.
+    pub fn handle(&mut self, name: &str, sender: &RequestSender) -> Option<SettingHandle> {
+        let target = self.target(name)?;
+        let is_in_use =
+            |slot: &Arc<Slot>| Arc::strong_count(slot) > 1 || slot.is_pending.load(Ordering::Acquire);
+        self.handles.retain(|bound| is_in_use(&bound.slot));
+        let slot = Arc::new(Slot {
+            name: name.into(),
+            bits: AtomicU64::new(0),
+            is_pending: AtomicBool::new(false),
+            has_ended: AtomicBool::new(false),
+        });
+        self.handles.push(Bound {
+            slot: Arc::clone(&slot),
+            target: Some(target),
+            is_refused: false,
+        });
+        Some(SettingHandle {
+            slot,
+            sender: sender.clone(),
+        })
+    }
+
+    /// The next value that was set, from the handle with this index on.
+    pub fn take_from(&mut self, first: usize) -> Option<PendingValue> {
+        let mut rest = self.handles.iter().enumerate().skip(first);
+        rest.find_map(|(handle, bound)| {
+            let slot = &bound.slot;
+            slot.is_pending
+                .swap(false, Ordering::AcqRel)
+                .then(|| PendingValue {
+                    handle,
+                    name: Arc::clone(&slot.name),
+                    target: bound.target,
+                    value: f64::from_bits(slot.bits.load(Ordering::Acquire)),
+                })
+        })
+    }
+
+    /// Records whether a handle's value was set. Returns true for the first refusal in a row.
+    pub fn note(&mut self, handle: usize, was_set: bool) -> bool {
+        let was_refused = std::mem::replace(&mut self.handles[handle].is_refused, !was_set);
+        !was_set && !was_refused
+    }
+}
+
+fn targets<'l>(settings: impl Iterator<Item = &'l LiveSetting>) -> HashMap<String, Target> {
+    settings
+        .map(|live| (live.name(), (live.node, live.setting)))
+        .collect()
+}
+
+impl Drop for LiveSettings {
+    fn drop(&mut self) {
+        for bound in &self.handles {
+            bound.slot.has_ended.store(true, Ordering::Release);
+        }
+    }
+}
