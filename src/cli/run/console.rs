@@ -3,6 +3,7 @@
 use super::super::keys::Editor;
 use super::super::{eprint, screen, stderr};
 use crate::engine::settings::closest;
+use crate::live::supervisor::RequestSender;
 use crate::signal::files::{self, Refusal};
 use std::io::Read;
 use std::sync::Arc;
@@ -72,15 +73,23 @@ impl ConsoleCommand {
 }
 
 /// Reads commands from standard input on a thread of its own, which blocks while the queue is full. The end
-/// of the input ends only this thread. With `keys` the program echoes each key itself.
-pub fn read_commands(commands: SyncSender<ConsoleCommand>, stop: Arc<AtomicBool>, keys: bool) {
+/// of the input ends only this thread. With `keys` the program echoes each key itself. `run` is woken for each command.
+pub fn read_commands(
+    commands: SyncSender<ConsoleCommand>,
+    stop: Arc<AtomicBool>,
+    run: RequestSender,
+    keys: bool,
+) {
     let mut send = move |command: ConsoleCommand| {
         // A stop bypasses the queue.
         if command == ConsoleCommand::Stop {
             stop.store(true, Ordering::Relaxed);
+            run.wake();
             return true;
         }
-        commands.send(command).is_ok()
+        let is_sent = commands.send(command).is_ok();
+        run.wake();
+        is_sent
     };
     std::thread::spawn(move || match keys {
         true => read_keys(&mut send),

@@ -57,7 +57,7 @@ fn run_with(
     introduce(&arguments, &supervisor);
     let keys = RawMode::begin();
     let (sender, commands) = sync_channel(MAX_QUEUED);
-    console::read_commands(sender, stop, keys.is_some());
+    console::read_commands(sender, stop, supervisor.sender(), keys.is_some());
     let mut terminal = Terminal {
         commands,
         status: StatusDisplay::new(&graph, keys.is_some()),
