@@ -3,6 +3,7 @@
 //! Access to a real card needs cpal, which on Linux needs the headers of ALSA: it is the feature `soundcard`, always on
 //! where no system package is needed (macOS, Windows). Which streams a graph requests is known in every build.
 
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
 mod backend;
 #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
 mod fill;
@@ -50,18 +51,17 @@ pub const BACKEND: BackendEntry = BackendEntry {
     ],
     is_built: cfg!(any(feature = "soundcard", target_os = "macos", windows)),
     drives: true,
+    #[cfg(any(feature = "soundcard", target_os = "macos", windows))]
     new: Some(|| Box::new(backend::Soundcards::default())),
+    #[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
+    new: None,
 };
 
 /// Error of a soundcard.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SoundcardError {
     /// The program was built without soundcards.
-    #[error(
-        "this haptograph was built without soundcards; install the headers with `sudo apt install libasound2-dev \
-         pkg-config` (Fedora: `sudo dnf install alsa-lib-devel`), then build with `cargo build --release --features \
-         soundcard`"
-    )]
+    #[error("this program was built without soundcards, the feature `soundcard`")]
     NotBuilt,
     /// The device ticks on a derived clock.
     #[error("soundcard `{0}` ticks on a derived clock: put it on a driver clock and bridge to it")]

@@ -25,6 +25,16 @@ pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
         .map(|(backend, endpoints)| format!("{} (`{}`)", backend.what, endpoints.join("`, `")))
         .collect();
     let features: Vec<&str> = missing.iter().map(|(backend, _)| backend.feature).collect();
+    Err(Failure::Message(format!(
+        "the {set} endpoints of this graph need {}, which this build of haptograph does not support; {}; to run without \
+         hardware, give --endpoints simulated",
+        needs.join(" and "),
+        how_to_build(&features)
+    )))
+}
+
+/// How to build haptograph with these features.
+fn how_to_build(features: &[&str]) -> String {
     let of_alsa = [soundcard::BACKEND.feature, midi::BACKEND.feature];
     let headers = match features.iter().any(|feature| of_alsa.contains(feature)) {
         true => {
@@ -32,17 +42,19 @@ pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
         }
         false => "",
     };
-    Err(Failure::Message(format!(
-        "the {set} endpoints of this graph need {}, which this build of haptograph does not support; build with `cargo build \
-         --release --features {}`{headers}; to run without hardware, give --endpoints simulated",
-        needs.join(" and "),
+    format!(
+        "build with `cargo build --release --features {}`{headers}",
         features.join(",")
-    )))
+    )
 }
 
 /// Why the sound of a run cannot be played, what that means for the run, and where the sound can be heard.
 pub fn cannot_play(error: &SoundcardError, run: &str) -> Failure {
+    let help = match error {
+        SoundcardError::NotBuilt => format!("; {}", how_to_build(&[soundcard::BACKEND.feature])),
+        _ => String::new(),
+    };
     Failure::Message(format!(
-        "--play: {error}; {run}: the player on the run's page needs no soundcard here"
+        "--play: {error}{help}; {run}: the player on the run's page needs no soundcard here"
     ))
 }

@@ -1,4 +1,4 @@
-//! A build without soundcards: every request fails with build instructions.
+//! A build without soundcards: every request fails.
 
 use super::{CardCounts, Listed, OpenedStream, Request, SoundcardError, card_requests};
 use crate::backend::BackendEvent;
