@@ -1,59 +1,86 @@
 //! The backends of a run, together.
 
-use crate::backend::{BACKENDS, Backend, BackendError, BackendEvent, Connected, Counts, Lives, Role};
+use crate::backend::{
+    BACKENDS, Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Lives, Role,
+};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::RingReport;
 use haptograph_nodes::network::link::Counts as PacketCounts;
 
 /// The connected devices of a live run. Dropping it disconnects them.
 pub struct Connections {
-    backends: Vec<Box<dyn Backend>>,
+    backends: Vec<Member>,
+    /// Whether a graph was connected since the last error, undo or keep.
+    is_undoable: bool,
+}
+
+struct Member {
+    drives: bool,
+    backend: Box<dyn Backend>,
 }
 
 /// Those of a program that drives the graph itself.
 impl Default for Connections {
     fn default() -> Self {
-        let exchanging = BACKENDS.iter().filter(|entry| !entry.drives);
-        Self {
-            backends: exchanging.map(|entry| entry.make()).collect(),
-        }
+        Self::of(BACKENDS.iter().filter(|entry| !entry.drives))
     }
 }
 
 impl Connections {
     /// All backends, those that drive the graph included.
     pub(crate) fn with_drivers() -> Self {
+        Self::of(BACKENDS.iter())
+    }
+
+    fn of<'e>(entries: impl Iterator<Item = &'e BackendEntry>) -> Self {
+        let member = |entry: &BackendEntry| Member {
+            drives: entry.drives,
+            backend: entry.make(),
+        };
         Self {
-            backends: BACKENDS.iter().map(|entry| entry.make()).collect(),
+            backends: entries.map(member).collect(),
+            is_undoable: false,
         }
+    }
+
+    fn all(&self) -> impl Iterator<Item = &dyn Backend> {
+        self.backends.iter().map(|member| &*member.backend)
+    }
+
+    fn all_mut(&mut self) -> impl Iterator<Item = &mut Box<dyn Backend>> {
+        self.backends.iter_mut().map(|member| &mut member.backend)
     }
 
     /// Connects the devices of a graph that are not connected yet, and attaches their bodies. [`Self::undo`] disconnects them
     /// if the graph is not run after all.
     ///
     /// # Errors
-    /// [`BackendError`]; earlier connections remain, and no new one is made.
+    /// [`BackendError`]; earlier connections remain, no new one is made, and another graph can be connected.
     pub fn connect(&mut self, graph: &mut Graph) -> Result<(), BackendError> {
+        self.is_undoable = false;
         for number in 0..self.backends.len() {
-            if let Err(error) = self.backends[number].open(graph) {
-                self.backends[..=number]
-                    .iter_mut()
-                    .for_each(|opened| opened.undo());
+            if let Err(error) = self.backends[number].backend.open(graph) {
+                self.all_mut().take(number + 1).for_each(|opened| opened.undo());
                 return Err(error);
             }
         }
+        self.is_undoable = true;
         Ok(())
     }
 
-    /// Disconnects what the last [`Self::connect`] connected.
+    /// Disconnects what the last [`Self::connect`] connected: nothing if it failed, or if its graph was
+    /// [kept](Self::keep).
     pub fn undo(&mut self) {
-        self.backends.iter_mut().for_each(|backend| backend.undo());
+        if std::mem::take(&mut self.is_undoable) {
+            self.all_mut().for_each(|backend| backend.undo());
+        }
     }
 
     /// Takes over the names and settings of the running graph's devices. Packets of devices that it does
     /// not have are still counted, for a later graph that has them again.
     pub fn keep(&mut self, graph: &Graph) {
-        self.backends.iter_mut().for_each(|backend| backend.keep(graph));
+        self.is_undoable = false;
+        self.all_mut().for_each(|backend| backend.keep(graph));
     }
 
     /// Starts the drivers of a graph.
@@ -61,7 +88,7 @@ impl Connections {
     /// # Errors
     /// [`BackendError`] if one cannot be started, or a clock has none.
     pub(crate) fn drive(&mut self, graph: &Graph, mut lives: Lives) -> Result<(), BackendError> {
-        for backend in &mut self.backends {
+        for backend in self.all_mut() {
             backend.drive(graph, &mut lives)?;
         }
         match lives.first() {
@@ -72,23 +99,25 @@ impl Connections {
 
     /// What has happened since the last call.
     pub fn poll(&mut self) -> Vec<BackendEvent> {
-        self.backends
-            .iter_mut()
-            .flat_map(|backend| backend.poll())
-            .collect()
+        self.all_mut().flat_map(|backend| backend.poll()).collect()
     }
 
     /// All connections and drivers.
     pub fn status(&self) -> Vec<Connected> {
-        self.backends
-            .iter()
-            .flat_map(|backend| backend.status())
-            .collect()
+        self.all().flat_map(|backend| backend.status()).collect()
+    }
+
+    /// The drivers. Backends without drivers are not asked.
+    #[cfg(feature = "supervisor")]
+    pub(crate) fn drivers(&self) -> impl Iterator<Item = Connected> {
+        let driving = self.backends.iter().filter(|member| member.drives);
+        let all = driving.flat_map(|member| member.backend.status());
+        all.filter(|connected| connected.role == Role::Driver)
     }
 
     /// All connections and drivers of a role, with what they counted.
     pub fn counted(&self, role: Role) -> impl Iterator<Item = (Connected, Counts)> {
-        let all = self.backends.iter();
+        let all = self.all();
         let all = all.flat_map(|backend| backend.status().into_iter().zip(backend.counts()));
         all.filter(move |(connected, _)| connected.role == role)
     }
@@ -120,7 +149,7 @@ impl Connections {
 
     /// Rings from the clocks of devices to the graph.
     pub fn rings(&self) -> impl Iterator<Item = RingReport> {
-        self.backends.iter().flat_map(|backend| backend.rings())
+        self.all().flat_map(|backend| backend.rings())
     }
 
     /// Ends the drivers and returns what they drove.
@@ -129,10 +158,91 @@ impl Connections {
     /// [`BackendError::Lost`] if a driver's thread panicked.
     pub(crate) fn close(&mut self) -> Result<Lives, BackendError> {
         let mut lives = Lives::new();
-        for backend in &mut self.backends {
+        for backend in self.all_mut() {
             lives.extend(backend.close()?);
         }
         lives.sort_by_key(|(clock, _)| *clock);
         Ok(lives)
+    }
+}
+
+#[cfg(test)]
+#[cfg(feature = "udp")]
+mod tests {
+    use super::*;
+    use haptograph_engine::document::Document;
+    use haptograph_engine::graph::{CheckOptions, check};
+    use std::net::{SocketAddr, UdpSocket};
+
+    /// A graph that receives from a device at an address and drives another one.
+    fn graph(listen: SocketAddr, out: &str) -> Graph {
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "audio": Driver(rate_hz: 48000) }},
+            nodes: {{
+                "touch": Tablet(clock: "audio", endpoint: "stylus"),
+                "one": Constant(clock: "audio", value: 1, quantity: "current"),
+                "out": ActuatorSink(current: "one", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
+            }},
+            endpoints: {{ "simulated": {{ "stylus": UdpDevice(listen: "{listen}"), "coil": {out} }} }})"#
+        );
+        let document = Document::parse("g.ron", &text).unwrap();
+        let graph = check(&document, &haptograph_nodes::registry(), &CheckOptions::default());
+        graph.unwrap_or_else(|wrong| panic!("{wrong}"))
+    }
+
+    const SIMULATED: &str = "SimulatedHaptuator()";
+
+    fn taken() -> (UdpSocket, SocketAddr) {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let address = socket.local_addr().unwrap();
+        (socket, address)
+    }
+
+    #[test]
+    fn another_graph_is_connected_after_one_that_failed() {
+        let (_socket, address) = taken();
+        for mut connections in [Connections::default(), Connections::with_drivers()] {
+            let refused = connections.connect(&mut graph(address, SIMULATED));
+            assert!(matches!(refused, Err(BackendError::Bind { .. })), "{refused:?}");
+            assert_eq!(connections.status(), []);
+            let free = "127.0.0.1:0".parse().unwrap();
+            connections.connect(&mut graph(free, SIMULATED)).unwrap();
+            let connected = connections.place("stylus");
+            assert!(connected.is_some());
+            // The connected graph outlives another one that fails, and an undo after that.
+            assert!(connections.connect(&mut graph(address, SIMULATED)).is_err());
+            connections.undo();
+            assert_eq!(connections.place("stylus"), connected);
+        }
+    }
+
+    /// The soundcard of the graph that failed binds no later one.
+    #[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+    #[test]
+    fn another_soundcard_is_requested_after_a_graph_that_failed() {
+        let (_socket, address) = taken();
+        let card = |frames: u32| format!("Soundcard(amperes_full_scale: 1, buffer_frames: {frames})");
+        let mut connections = Connections::with_drivers();
+        assert!(connections.connect(&mut graph(address, &card(64))).is_err());
+        let free: SocketAddr = "127.0.0.1:0".parse().unwrap();
+        connections.connect(&mut graph(free, &card(128))).unwrap();
+        connections.undo();
+        let mut connected = graph(free, &card(256));
+        connections.connect(&mut connected).unwrap();
+        connections.keep(&connected);
+        let other = connections.connect(&mut graph(free, &card(64)));
+        assert!(matches!(other, Err(BackendError::Stream(_))), "{other:?}");
+    }
+
+    #[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
+    #[test]
+    fn a_soundcard_that_is_not_built_is_refused_before_anything_runs() {
+        let free: SocketAddr = "127.0.0.1:0".parse().unwrap();
+        let refused =
+            Connections::with_drivers().connect(&mut graph(free, "Soundcard(amperes_full_scale: 1)"));
+        assert!(
+            matches!(&refused, Err(BackendError::NotBuilt { device, feature: "soundcard", .. }) if device == "coil"),
+            "{refused:?}"
+        );
     }
 }

@@ -9,6 +9,8 @@ use haptograph_engine::run::RingReport;
 #[derive(Default)]
 pub(super) struct Soundcards {
     requests: Option<CardRequests>,
+    /// Whether the requests came with the last open.
+    is_new: bool,
     inputs: Inputs,
     driver: Option<Driver>,
 }
@@ -23,6 +25,7 @@ struct Driver {
 
 impl Backend for Soundcards {
     fn open(&mut self, graph: &mut Graph) -> Result<(), BackendError> {
+        self.is_new = false;
         let requests = card_requests(graph)?;
         match &self.requests {
             Some(running) if running.output != requests.output => {
@@ -34,12 +37,24 @@ impl Backend for Soundcards {
             Some(_) => Ok(()),
             None => {
                 self.requests = Some(requests);
+                self.is_new = true;
                 Ok(())
             }
         }
     }
 
+    fn undo(&mut self) {
+        if std::mem::take(&mut self.is_new) {
+            self.requests = None;
+        }
+    }
+
+    fn keep(&mut self, _: &Graph) {
+        self.is_new = false;
+    }
+
     fn drive(&mut self, graph: &Graph, lives: &mut Lives) -> Result<(), BackendError> {
+        self.is_new = false;
         self.inputs = Inputs::open(graph, lives.iter_mut().map(|(_, live)| live))?;
         let request = self
             .requests
