@@ -48,8 +48,7 @@ impl Drivers {
     }
 
     fn all(&self) -> impl Iterator<Item = Connected> {
-        let all = self.connections.status().into_iter();
-        all.filter(|connected| connected.role == Role::Driver)
+        self.connections.drivers()
     }
 
     /// Scheduling requests that the system refused at the start, without repetition.
