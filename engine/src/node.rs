@@ -9,7 +9,6 @@ mod port;
 mod spec;
 
 use crate::frame::{FrameKind, Kind};
-use crate::plan::MAX_BLOCK;
 use crate::settings::Settings;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;

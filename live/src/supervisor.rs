@@ -274,7 +274,7 @@ impl Supervisor {
         let took_s = self.start.elapsed().as_secs_f64();
         // Computed after the files are complete, since it takes long for a large graph.
         let latencies = latency::measured(&self.graph, output_latency.as_ref());
-        report.add_outcome(&outcome, &latencies);
+        report.add_outcome(&self.graph, took_s, &outcome, &latencies);
         warnings.extend(report::warnings_of(&outcome));
         Ok(Ended {
             outcome,

@@ -1,7 +1,10 @@
 //! Live runs by the library alone: what an embedding program asks for, is told and gets.
 #![allow(clippy::unwrap_used)]
 
+use haptograph_engine::document::Document;
+use haptograph_engine::graph::{CheckOptions, check};
 use haptograph_engine::registry::Registry;
+use haptograph_engine::run::{FileSinks, Offline};
 use haptograph_live::supervisor::{
     Ended, Event, Origin, Request, RunOptions, RunReport, SendError, SettingError, StartError, Supervisor,
     replay,
@@ -10,6 +13,7 @@ use haptograph_live::{BACKENDS, BackendError, SettingValue};
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 const GRAPH: &str = r#"Graph(format: 1, parameters: { "level": 0.5 },
@@ -295,6 +299,50 @@ fn a_run_of_a_given_time_ends_there_and_can_be_replayed() {
     assert!(!outcome.stopped && (outcome.seconds - 0.1).abs() < 1e-9);
     let report = serde_json::to_value(&ended.report).unwrap();
     assert_eq!(replay::differences(&report), [""; 0]);
+}
+
+/// The report alone bounds a replay, and the replay of the run's folder gives its bytes.
+#[test]
+fn a_run_is_replayed_from_its_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let [live, again] = ["live", "again"].map(|name| folder.path().join(name));
+    fs::create_dir(&live).unwrap();
+    fs::create_dir(&again).unwrap();
+    let mut options = options(folder.path(), GRAPH);
+    options.seconds = Some(0.2);
+    let mut run = Supervisor::start(options, &registry(), Some(&live)).unwrap();
+    run.set("out.gain", 0.1 + 0.2);
+    let (ended, _) = ended(run, |_| false);
+    assert_eq!(
+        (ended.report.driver_frames, &*ended.report.clocks),
+        (200, &["servo 1 kHz".to_owned()][..])
+    );
+    let document = Document::load(folder.path().join("g.ron"), &Default::default()).unwrap();
+    let graph = check(&document, &registry(), &CheckOptions::default()).unwrap();
+    let report = serde_json::to_value(&ended.report).unwrap();
+    let bounds = replay::bounds(&graph, &report).unwrap();
+    assert_eq!(bounds.frames, Some((200, true)));
+    let mut sinks = FileSinks::new(&graph);
+    sinks.open_files(&again).unwrap();
+    let offline = Offline::new(sinks, 64);
+    offline
+        .replay((&live, &bounds), &AtomicBool::new(false), &mut |_| {})
+        .unwrap();
+    let of = |folder: &Path| fs::read(folder.join("given.csv")).unwrap();
+    assert!(of(&live) == of(&again) && of(&live).len() > 200);
+    // A file that cannot be written is named by the error and has a cause.
+    let refused = Supervisor::start(
+        RunOptions::of(folder.path().join("g.ron")),
+        &registry(),
+        Some(&folder.path().join("missing")),
+    );
+    let Err(StartError::File(error)) = refused else {
+        panic!("it started");
+    };
+    assert_eq!(
+        (error.error.kind(), error.path.ends_with("given.csv")),
+        (std::io::ErrorKind::NotFound, true)
+    );
 }
 
 #[test]

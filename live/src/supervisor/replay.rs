@@ -10,7 +10,15 @@ const MAX_S: f64 = 1e7;
 const CLOCKS_DIFFER: f64 = 0.01;
 const SPARE_S: f64 = 1.0;
 
-/// Bounds of a replay from the facts of the run, `run.json`, if these are consistent with each other and with the graph.
+/// The clocks of a graph, as the facts of a run name them.
+pub(super) fn clocks(graph: &Graph) -> Vec<String> {
+    let clocks = graph.clocks().iter();
+    let clock = clocks.map(|clock| format!("{} {}", clock.name, clock.rate));
+    clock.collect()
+}
+
+/// Bounds of a replay from the facts of the run, if these are consistent with each other and with the graph. The facts are
+/// those of `run.json`, or a [`RunReport`](super::RunReport) that is serialised.
 ///
 /// # Errors
 /// What is inconsistent.
@@ -18,9 +26,7 @@ pub fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
     if facts["live"] != true {
         return Err("it does not describe a live run".to_owned());
     }
-    let clocks: Vec<String> = { graph.clocks().iter() }
-        .map(|clock| format!("{} {}", clock.name, clock.rate))
-        .collect();
+    let clocks = clocks(graph);
     if facts["clocks"] != json!(clocks) {
         let (then, now) = (&facts["clocks"], json!(clocks));
         return Err(format!("`clocks` is {then}, the clocks of the graph are {now}"));

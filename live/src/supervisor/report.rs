@@ -4,7 +4,9 @@ use super::latency::Measured;
 use crate::backend::{Counts, Role};
 use crate::connections::Connections;
 use crate::soundcard::CardCounts;
+use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{Histogram, LiveOutcome, Meters};
+use haptograph_nodes::network::link::Counts as PacketCounts;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -41,6 +43,18 @@ pub struct RunReport {
     pub osc_malformed: Option<u64>,
     /// True.
     pub live: bool,
+    /// The clocks of the graph, each with its rate. These and the next three bound a [`replay`](super::replay::bounds).
+    #[serde(default)]
+    pub clocks: Vec<String>,
+    /// Duration by the first driver, s.
+    #[serde(default)]
+    pub seconds: f64,
+    /// Frames of the first driver.
+    #[serde(default)]
+    pub driver_frames: u64,
+    /// Duration by the clock of the computer, s.
+    #[serde(default)]
+    pub took_s: f64,
     /// Timing of all drivers together.
     #[serde(flatten)]
     pub timing: TimingReport,
@@ -175,27 +189,10 @@ pub struct SavedGraph {
 /// Packets of a device.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct PacketReport {
-    /// Accepted.
-    pub accepted: u64,
-    /// Lost on the way.
-    pub missing: u64,
-    /// Older than one that was accepted.
-    pub outdated: u64,
-    /// Of wrong size, version or content.
-    pub malformed: u64,
-    /// With NaN or infinity.
-    pub not_numbers: u64,
-    /// With a number beyond reason.
-    pub too_large: u64,
-    /// From another sender.
-    pub strangers: u64,
-    /// Accepted, though the tip had moved too fast.
-    pub jumps: u64,
-    /// Zeros of force and torque that were not taken.
-    pub refused_zeros: u64,
-    /// To OSC addresses that no device listens to.
-    pub unclaimed: u64,
-    /// Those addresses.
+    /// How many were accepted, lost and refused.
+    #[serde(flatten)]
+    pub counts: PacketCounts,
+    /// OSC addresses that no device listens to, with the number of their messages.
     pub unclaimed_addresses: BTreeMap<String, u64>,
 }
 
@@ -272,25 +269,26 @@ impl RunReport {
         }
         for (device, counts, unclaimed) in connections.packets() {
             let report = PacketReport {
-                accepted: counts.accepted,
-                missing: counts.missing,
-                outdated: counts.outdated,
-                malformed: counts.malformed,
-                not_numbers: counts.not_numbers,
-                too_large: counts.too_large,
-                strangers: counts.strangers,
-                jumps: counts.jumps,
-                refused_zeros: counts.refused_zeros,
-                unclaimed: counts.unclaimed,
+                counts,
                 unclaimed_addresses: unclaimed.into_iter().collect(),
             };
             self.packets.insert(device, report);
         }
     }
 
-    /// Adds the outcome of the run.
-    pub(super) fn add_outcome(&mut self, ended: &LiveOutcome, latencies: &[Measured]) {
+    /// Adds the outcome of a run that began with a graph.
+    pub(super) fn add_outcome(
+        &mut self,
+        graph: &Graph,
+        took_s: f64,
+        ended: &LiveOutcome,
+        latencies: &[Measured],
+    ) {
         self.live = true;
+        self.clocks = super::replay::clocks(graph);
+        self.seconds = ended.outcome.seconds;
+        self.driver_frames = ended.outcome.driver_frames;
+        self.took_s = (took_s * 1e4).round() / 1e4;
         self.timing = TimingReport::of(&ended.meters);
         (self.lost_numbers, self.lost_callbacks) = (ended.lost_numbers, ended.lost_arrivals);
         if let [_, _, ..] = ended.drivers[..] {

@@ -12,7 +12,7 @@ use crate::osc::OscControl;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::registry::Registry;
-use haptograph_engine::run::{FileSinks, LiveOptions, Session};
+use haptograph_engine::run::{FileSinks, LiveOptions, Session, WriteError};
 use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -81,8 +81,8 @@ pub enum StartError {
     #[error(transparent)]
     System(#[from] std::io::Error),
     /// A file of the graph cannot be written.
-    #[error("{0}")]
-    File(String),
+    #[error(transparent)]
+    File(#[from] WriteError),
 }
 
 /// A graph that is loaded for a live run.
@@ -262,9 +262,7 @@ impl Supervisor {
         let graph = Arc::clone(run.graph());
         let mut sinks = FileSinks::new(&graph);
         if let Some(folder) = folder {
-            sinks
-                .open_files(folder)
-                .map_err(|error| StartError::File(error.to_string()))?;
+            sinks.open_files(folder)?;
         }
         run.start(sinks, folder, Arc::default())
     }

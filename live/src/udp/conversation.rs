@@ -141,7 +141,7 @@ impl<'a> Conversation<'a> {
     fn hear(&mut self, bytes: &[u8], from: SocketAddr) {
         let silent = self.is_silent();
         if self.device.is_some_and(|device| device != from) && (self.plug.only.is_some() || !silent) {
-            self.plug.link.count(Count::Strangers, 1);
+            self.plug.link.count(Count::Rejected, 1);
             return;
         }
         match &self.plug.codec {

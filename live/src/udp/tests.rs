@@ -166,7 +166,7 @@ fn forged_sizes_foreign_packets_and_what_is_no_number_change_nothing() {
         (counts.malformed, counts.not_numbers, counts.too_large),
         (7, 1, 1)
     );
-    assert_eq!(counts.strangers, 1);
+    assert_eq!(counts.rejected_packets, 1);
     assert_eq!((counts.accepted, counts.missing, counts.outdated), (2, 0, 0));
     assert_eq!(table.link.sensed.look().unwrap().1[0], 0.25);
     table.end();

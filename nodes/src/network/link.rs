@@ -59,6 +59,7 @@ pub const DRIVEN: usize = 5;
 
 /// Counts of a device's packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Counts {
     /// Accepted.
     pub accepted: u64,
@@ -73,7 +74,8 @@ pub struct Counts {
     /// A number is beyond what a device may send.
     pub too_large: u64,
     /// The sender was not the device.
-    pub strangers: u64,
+    #[cfg_attr(feature = "serde", serde(rename = "strangers"))]
+    pub rejected_packets: u64,
     /// Accepted, but the tip had moved faster than a hand can.
     pub jumps: u64,
     /// Times that no zero of force and torque was taken, as something moved or pressed.
@@ -116,7 +118,7 @@ pub enum Count {
     /// A number is beyond reason.
     TooLarge,
     /// The sender was another one.
-    Strangers,
+    Rejected,
     /// Accepted, though the tip had moved too fast.
     Jumps,
     /// Zeros that were not taken.
@@ -184,7 +186,7 @@ impl Link {
             malformed,
             not_numbers,
             too_large,
-            strangers,
+            rejected_packets,
             jumps,
             refused_zeros,
             unclaimed,
@@ -196,7 +198,7 @@ impl Link {
             malformed,
             not_numbers,
             too_large,
-            strangers,
+            rejected_packets,
             jumps,
             refused_zeros,
             unclaimed,
