@@ -1,4 +1,4 @@
-//! How real devices are reached: one trait, and one table of who implements it.
+//! Backends, which reach real devices: one trait, and one table of its implementations.
 
 use crate::soundcard::{CardCounts, SoundcardError};
 use haptograph_engine::graph::{Graph, GraphDevice};
@@ -57,7 +57,7 @@ pub trait Backend: Send {
         Vec::new()
     }
 
-    /// Ends its drivers, which were told to stop, and returns what they drove.
+    /// Waits for its drivers, whose stop flags are set, and returns what they drove.
     ///
     /// # Errors
     /// [`BackendError::Lost`] if a driver's thread panicked.

@@ -107,7 +107,7 @@ impl Connections {
         self.all().flat_map(|backend| backend.status()).collect()
     }
 
-    /// The drivers. Backends without drivers are not asked.
+    /// The drivers. Backends without drivers are not polled.
     #[cfg(feature = "supervisor")]
     pub(crate) fn drivers(&self) -> impl Iterator<Item = Connected> {
         let driving = self.backends.iter().filter(|member| member.drives);

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// A sort of place with numbers.
+/// A kind of place at which numbers arrive.
 pub(crate) trait Port: Send + 'static {
     /// The kind of its inputs.
     type Kind: DeviceKind;
@@ -139,7 +139,7 @@ impl<P: Port> Drop for Hub<P> {
     }
 }
 
-/// The inputs of a sort of place.
+/// The inputs of a kind of place.
 pub(crate) struct Hubs<P: Port>(Vec<Hub<P>>);
 
 impl<P: Port> Hubs<P> {

@@ -1,8 +1,8 @@
 //! Live runs of haptograph: drivers, real devices, and their supervision.
 //!
-//! A graph names its devices; `haptograph-nodes` declares their ports and their bodies, which tick. Here is who reaches the real
-//! ones: a [`Backend`] for each sort of hardware, one folder and one feature each, in one table, [`BACKENDS`]. The core, which
-//! is what no feature adds to, has no threads, no files and no operating system, and builds for WebAssembly.
+//! A graph names its devices; `haptograph-nodes` declares their ports and their bodies, which tick. This crate reaches the real
+//! ones: a [`Backend`] for each sort of hardware, one folder and one feature each, in one table, [`BACKENDS`]. The core, without
+//! any feature, has no threads, no files and no operating system, and builds for WebAssembly.
 //!
 //! # Features
 //!
@@ -55,7 +55,7 @@ pub use setting_value::SettingValue;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-/// Tells a thread to end and waits for it.
+/// Sets the stop flag of a thread and waits for its end.
 #[cfg_attr(
     not(feature = "osc"),
     allow(dead_code, reason = "it is for the backends that are built")

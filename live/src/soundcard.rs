@@ -33,7 +33,7 @@ pub use {
 };
 
 pub use haptograph_nodes::soundcard::{CardFormat, Request};
-pub use request::{CardRequests, Heard, Played, card_requests, played};
+pub use request::{CardOutputSink, CardRequests, InputRequest, card_requests, output_sinks};
 
 use crate::backend::BackendEntry;
 use haptograph_engine::run::Histogram;

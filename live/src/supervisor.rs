@@ -1,5 +1,5 @@
-//! Supervision of a live run: settings, saved files, swaps, silences and the report. It prints nothing: what happens is
-//! [`Event`]s, what is asked for is [`Request`]s.
+//! Supervision of a live run: settings, saved files, swaps, silences and the report. It prints nothing: it
+//! takes [`Request`]s and returns [`Event`]s.
 
 mod drivers;
 mod event;
@@ -209,7 +209,7 @@ impl Supervisor {
         }
     }
 
-    /// Does what is due, without waiting: looks after devices and files, handles requests, and loads and swaps graphs.
+    /// Does what is due, without waiting: polls devices and files, handles requests, loads and swaps graphs.
     pub fn poll(&mut self) -> Vec<Event> {
         for event in self.drivers.poll() {
             self.events.extend(self.notes.add(event).map(Event::Device));

@@ -1,14 +1,14 @@
 //! Devices of other programs over UDP, by haptograph's own protocol or by Open Sound Control.
 
 #[cfg(feature = "udp")]
-mod conversation;
+mod exchange;
 pub mod protocol;
 #[cfg(feature = "udp")]
 mod sockets;
 
 use crate::backend::BackendEntry;
 #[cfg(feature = "osc")]
-pub(crate) use protocol::are_within_reason;
+pub(crate) use protocol::are_in_range;
 
 /// Longest wait of a thread before it checks for a stop or a new command.
 #[cfg(feature = "udp")]

@@ -1,4 +1,4 @@
-//! Live runs by the library alone: what an embedding program asks for, is told and gets.
+//! Live runs by the library alone: the requests of an embedding program, the events and the report.
 #![allow(clippy::unwrap_used)]
 
 use haptograph_engine::document::Document;

@@ -6,7 +6,7 @@ use super::load::Loaded;
 use super::stage::{Stage, StageError, State};
 use haptograph_engine::run::Session;
 use haptograph_engine::silence::InputState;
-use haptograph_live::soundcard::played;
+use haptograph_live::soundcard::output_sinks;
 
 /// The part of what the limits let through that arming begins with: -20 dB.
 pub const FIRST_GAIN: f64 = 0.1;
@@ -39,9 +39,9 @@ impl Stage {
     pub fn place_of(&self, device: &str) -> Option<String> {
         let mut heard = self.inputs.streams();
         let is_played = || {
-            played(&self.loaded.graph)
+            output_sinks(&self.loaded.graph)
                 .iter()
-                .any(|played| played.endpoint == device)
+                .any(|output| output.endpoint == device)
         };
         let card = self.drive.as_ref().and_then(|drive| drive.card());
         let place = self.network.place(device);

@@ -80,14 +80,14 @@ impl Reading {
     }
 
     /// Whether the device can be read with these settings.
-    fn understands(&self, device: &str, input: &Input) -> Result<(), BackendError> {
+    fn check_scale(&self, device: &str, input: &Input) -> Result<(), BackendError> {
         match input.counts_per_mm.is_some() || self.states_scale {
             true => Ok(()),
             false => Err(failed(device, input, unknown_scale())),
         }
     }
 
-    fn follow(&mut self, device: &str, input: Input) {
+    fn configure(&mut self, device: &str, input: Input) {
         device.clone_into(&mut self.device);
         if self.input != input {
             let link = Arc::clone(&self.input.link);
@@ -122,7 +122,7 @@ impl Backend for EventDevices {
             };
             let link = match self.0.iter().find(|known| known.input.path == input.path) {
                 Some(known) => {
-                    known.understands(&name, &input)?;
+                    known.check_scale(&name, &input)?;
                     Arc::clone(&known.input.link)
                 }
                 None => {
@@ -146,7 +146,7 @@ impl Backend for EventDevices {
         for (device, cell) in graph.devices().iter().filter_map(cell) {
             let is_it = |known: &&mut Reading| Arc::ptr_eq(&known.input.link.input, &cell);
             if let (Some(known), Some(input)) = (self.0.iter_mut().find(is_it), Input::of(device)) {
-                known.follow(&device.name, input);
+                known.configure(&device.name, input);
             }
         }
     }

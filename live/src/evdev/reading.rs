@@ -13,14 +13,14 @@ use std::time::Duration;
 /// Range of an axis in counts, and its counts per millimetre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Axis {
-    least: f64,
-    most: f64,
+    min: f64,
+    max: f64,
     counts_per_mm: Option<f64>,
 }
 
 /// Capabilities that a device reports.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Abilities {
+struct Capabilities {
     /// Absolute x and y; none for a mouse.
     place: Option<[Axis; 2]>,
     pressure: Option<Axis>,
@@ -50,19 +50,19 @@ struct Tip {
 
 impl Tip {
     /// None if the scale is unknown.
-    fn new(input: &Input, has: &Abilities) -> Option<Self> {
+    fn new(input: &Input, has: &Capabilities) -> Option<Self> {
         let counts_per_mm = |axis: usize| {
-            let said = has.place.and_then(|place| place[axis].counts_per_mm);
-            input.counts_per_mm.or(said)
+            let reported = has.place.and_then(|place| place[axis].counts_per_mm);
+            input.counts_per_mm.or(reported)
         };
         let middle = |axis: usize| {
             has.place
-                .map_or(0.0, |place| 0.5 * (place[axis].least + place[axis].most))
+                .map_or(0.0, |place| 0.5 * (place[axis].min + place[axis].max))
         };
         Some(Self {
             counts_per_m: [1e3 * counts_per_mm(0)?, 1e3 * counts_per_mm(1)?],
             origin: [middle(0), middle(1)],
-            pressure: has.pressure.filter(|axis| axis.most > axis.least),
+            pressure: has.pressure.filter(|axis| axis.max > axis.min),
             pressed_n: input.pressed_n,
             sensed: [0.0; SENSED],
         })
@@ -75,8 +75,8 @@ impl Tip {
             Event::Place(axis, counts) => self.sensed[axis] = metres(axis, counts - self.origin[axis]),
             Event::Move(axis, counts) => self.sensed[axis] += metres(axis, counts),
             Event::Pressure(counts) => {
-                if let Some(Axis { least, most, .. }) = self.pressure {
-                    self.sensed[8] = self.pressed_n * ((counts - least) / (most - least)).clamp(0.0, 1.0);
+                if let Some(Axis { min, max, .. }) = self.pressure {
+                    self.sensed[8] = self.pressed_n * ((counts - min) / (max - min)).clamp(0.0, 1.0);
                 }
             }
             Event::Down(down) if self.pressure.is_none() => {
@@ -94,7 +94,7 @@ const PAUSE: Duration = Duration::from_millis(1);
 /// Time between attempts to reopen a device.
 const RETRY: Duration = Duration::from_millis(500);
 /// Polls between two reports that the device is present.
-const ALIVE: u32 = 5;
+const PRESENCE_POLLS: u32 = 5;
 
 struct Open {
     device: evdev::Device,
@@ -121,14 +121,14 @@ impl Open {
 
     /// Processes new events. Returns whether there were any.
     fn take(&mut self) -> Result<bool> {
-        let mut news = false;
+        let mut has_events = false;
         match self.device.fetch_events() {
             Ok(events) => {
-                for event in events.filter_map(|event| meaning(event.destructure())) {
+                for event in events.filter_map(|event| parse(event.destructure())) {
                     self.tip.take(event);
-                    news = true;
+                    has_events = true;
                 }
-                Ok(news)
+                Ok(has_events)
             }
             Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(false),
             Err(error) => Err(error),
@@ -137,7 +137,7 @@ impl Open {
 }
 
 fn tip(device: &evdev::Device, input: &Input) -> Result<Tip> {
-    Tip::new(input, &abilities(device)?).ok_or_else(unknown_scale)
+    Tip::new(input, &capabilities(device)?).ok_or_else(unknown_scale)
 }
 
 /// The error of a device of unknown scale.
@@ -148,7 +148,7 @@ pub(super) fn unknown_scale() -> Error {
     )
 }
 
-fn abilities(device: &evdev::Device) -> Result<Abilities> {
+fn capabilities(device: &evdev::Device) -> Result<Capabilities> {
     let (mut place, mut pressure) = ([None; 2], None);
     if device.supported_absolute_axes().is_some() {
         for (code, info) in device.get_absinfo()? {
@@ -164,18 +164,18 @@ fn abilities(device: &evdev::Device) -> Result<Abilities> {
         [Some(x), Some(y)] => Some([x, y]),
         _ => None,
     };
-    Ok(Abilities { place, pressure })
+    Ok(Capabilities { place, pressure })
 }
 
 fn axis(info: &AbsInfo) -> Axis {
     Axis {
-        least: f64::from(info.minimum()),
-        most: f64::from(info.maximum()),
+        min: f64::from(info.minimum()),
+        max: f64::from(info.maximum()),
         counts_per_mm: (info.resolution() > 0).then(|| f64::from(info.resolution())),
     }
 }
 
-fn meaning(event: EventSummary) -> Option<Event> {
+fn parse(event: EventSummary) -> Option<Event> {
     Some(match event {
         EventSummary::AbsoluteAxis(_, AbsoluteAxisCode::ABS_X, value) => Event::Place(0, f64::from(value)),
         EventSummary::AbsoluteAxis(_, AbsoluteAxisCode::ABS_Y, value) => Event::Place(1, f64::from(value)),
@@ -198,7 +198,7 @@ pub(super) fn begin(
     stop: &Arc<AtomicBool>,
 ) -> Result<(JoinHandle<()>, bool)> {
     let first = Open::new(input)?;
-    let place = abilities(&first.device)?.place;
+    let place = capabilities(&first.device)?.place;
     let states_scale = place.is_some_and(|place| place.iter().all(|axis| axis.counts_per_mm.is_some()));
     let mut open = Some(first);
     let (mut input, stop) = (input.clone(), Arc::clone(stop));
@@ -217,9 +217,9 @@ pub(super) fn begin(
                     continue;
                 };
                 match this.take() {
-                    Ok(news) => {
-                        quiet = if news { 0 } else { quiet + 1 };
-                        if quiet % ALIVE == 0 {
+                    Ok(has_events) => {
+                        quiet = if has_events { 0 } else { quiet + 1 };
+                        if quiet % PRESENCE_POLLS == 0 {
                             input.link.publish(&this.tip.sensed);
                         }
                         std::thread::sleep(PAUSE);
@@ -238,20 +238,20 @@ mod tests {
     use std::path::PathBuf;
 
     #[test]
-    fn linux_events_are_understood() {
-        let said = |kind: EventType, code: u16, value: i32| {
-            meaning(InputEvent::new(kind.0, code, value).destructure())
+    fn linux_events_are_parsed() {
+        let parsed = |kind: EventType, code: u16, value: i32| {
+            parse(InputEvent::new(kind.0, code, value).destructure())
         };
-        assert_eq!(said(EventType::ABSOLUTE, 1, 40), Some(Event::Place(1, 40.0)));
-        assert_eq!(said(EventType::ABSOLUTE, 0x18, 7), Some(Event::Pressure(7.0)));
-        assert_eq!(said(EventType::RELATIVE, 0, -3), Some(Event::Move(0, -3.0)));
-        assert_eq!(said(EventType::KEY, 0x14a, 1), Some(Event::Down(true)));
-        assert_eq!(said(EventType::KEY, 0x110, 0), Some(Event::Down(false)));
-        assert_eq!(said(EventType::RELATIVE, 8, 1), None, "a wheel is no movement");
+        assert_eq!(parsed(EventType::ABSOLUTE, 1, 40), Some(Event::Place(1, 40.0)));
+        assert_eq!(parsed(EventType::ABSOLUTE, 0x18, 7), Some(Event::Pressure(7.0)));
+        assert_eq!(parsed(EventType::RELATIVE, 0, -3), Some(Event::Move(0, -3.0)));
+        assert_eq!(parsed(EventType::KEY, 0x14a, 1), Some(Event::Down(true)));
+        assert_eq!(parsed(EventType::KEY, 0x110, 0), Some(Event::Down(false)));
+        assert_eq!(parsed(EventType::RELATIVE, 8, 1), None, "a wheel is no movement");
     }
 
     #[test]
-    fn what_is_no_event_device_is_an_error() {
+    fn a_file_that_is_not_an_event_device_is_an_error() {
         let path = tempfile::NamedTempFile::new().unwrap();
         let input = Input {
             link: Arc::default(),
@@ -271,17 +271,17 @@ mod tests {
         }
     }
 
-    const fn axis(most: f64, counts_per_mm: Option<f64>) -> Axis {
+    const fn axis(max: f64, counts_per_mm: Option<f64>) -> Axis {
         Axis {
-            least: 0.0,
-            most,
+            min: 0.0,
+            max,
             counts_per_mm,
         }
     }
 
     #[test]
     fn a_tablet_is_placed_from_its_middle_in_metres_and_presses_in_newtons() {
-        let has = Abilities {
+        let has = Capabilities {
             place: Some([axis(20_000.0, Some(100.0)), axis(10_000.0, Some(100.0))]),
             pressure: Some(axis(1023.0, None)),
         };
@@ -302,12 +302,8 @@ mod tests {
 
     #[test]
     fn a_mouse_moves_from_where_it_is_and_presses_by_its_button() {
-        let has = Abilities::default();
-        assert_eq!(
-            Tip::new(&input(None), &has),
-            None,
-            "its counts are anybody's guess"
-        );
+        let has = Capabilities::default();
+        assert_eq!(Tip::new(&input(None), &has), None, "its scale is unknown");
         let mut tip = Tip::new(&input(Some(40.0)), &has).unwrap();
         for event in [
             Event::Move(0, 400.0),

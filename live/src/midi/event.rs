@@ -6,13 +6,13 @@ use super::selector::{Message, MidiSelector};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Event {
     channel: u32,
-    said: Said,
+    target: Target,
     /// From 0 to 1.
     share: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Said {
+enum Target {
     Of(Message),
     /// All keys are up.
     AllNotes,
@@ -20,35 +20,39 @@ enum Said {
 
 impl Event {
     /// Parses a message; none if it is of another kind, truncated or invalid.
-    pub fn understand(bytes: &[u8]) -> Option<Self> {
+    pub fn parse(bytes: &[u8]) -> Option<Self> {
         let (&status, data) = bytes.split_first()?;
         let &[first, second] = data else { return None };
         if first > 127 || second > 127 {
             return None;
         }
         let (number, value) = (u32::from(first), f64::from(second) / 127.0);
-        let (said, share) = match status & 0xf0 {
-            0x80 => (Said::Of(Message::Note(number)), 0.0),
-            0x90 => (Said::Of(Message::Note(number)), value),
+        let (target, share) = match status & 0xf0 {
+            0x80 => (Target::Of(Message::Note(number)), 0.0),
+            0x90 => (Target::Of(Message::Note(number)), value),
             // All sound off, all notes off.
-            0xb0 if first == 120 || first == 123 => (Said::AllNotes, 0.0),
-            0xb0 => (Said::Of(Message::Control(number)), value),
+            0xb0 if first == 120 || first == 123 => (Target::AllNotes, 0.0),
+            0xb0 => (Target::Of(Message::Control(number)), value),
             0xe0 => (
-                Said::Of(Message::PitchBend),
+                Target::Of(Message::PitchBend),
                 bend(u16::from(first) | u16::from(second) << 7),
             ),
             _ => return None,
         };
         let channel = 1 + u32::from(status & 0x0f);
-        Some(Self { channel, said, share })
+        Some(Self {
+            channel,
+            target,
+            share,
+        })
     }
 
     /// The number for a selector, if the message matches.
     pub fn number(&self, selector: &MidiSelector) -> Option<f64> {
         let is_channel = selector.channel.is_none_or(|channel| channel == self.channel);
-        let is_meant = match self.said {
-            Said::AllNotes => matches!(selector.message, Message::Note(_)),
-            Said::Of(message) => message == selector.message,
+        let is_meant = match self.target {
+            Target::AllNotes => matches!(selector.message, Message::Note(_)),
+            Target::Of(message) => message == selector.message,
         };
         (is_channel && is_meant).then_some(self.share)
     }
@@ -88,7 +92,7 @@ impl ByteStream {
                     return None;
                 }
                 match self.first.take() {
-                    Some(first) => Event::understand(&[status, first, data]),
+                    Some(first) => Event::parse(&[status, first, data]),
                     None => {
                         self.first = Some(data);
                         None
@@ -113,7 +117,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn heard(bytes: &[u8], message: Message, channel: Option<u32>) -> Option<f64> {
-        Event::understand(bytes)?.number(&MidiSelector { message, channel })
+        Event::parse(bytes)?.number(&MidiSelector { message, channel })
     }
 
     #[test]
@@ -148,11 +152,11 @@ mod tests {
             &[0xf8],
             &[7, 7, 7],
         ] {
-            assert_eq!(Event::understand(bytes), None, "{bytes:?}");
+            assert_eq!(Event::parse(bytes), None, "{bytes:?}");
         }
     }
 
-    /// What a stream of bytes says of a message, in order.
+    /// The numbers that a stream of bytes has for a message, in order.
     fn heard_of(stream: &[u8], message: Message) -> Vec<f64> {
         let (mut bytes, selector) = (
             ByteStream::default(),
@@ -201,7 +205,7 @@ mod tests {
 
         #[test]
         fn any_bytes_are_within_the_range(bytes in prop::collection::vec(any::<u8>(), 0..5)) {
-            let share = Event::understand(&bytes).map_or(0.0, |event| event.share);
+            let share = Event::parse(&bytes).map_or(0.0, |event| event.share);
             prop_assert!((0.0..=1.0).contains(&share));
         }
     }

@@ -16,9 +16,9 @@ use std::time::{Duration, Instant};
 /// Name of this program among the system's MIDI clients.
 const CLIENT: &str = "haptograph";
 /// Time between reports that a port is present: a fifth of the silence that counts as gone.
-const ALIVE: Duration = Duration::from_millis(10);
+const PRESENCE_PERIOD: Duration = Duration::from_millis(10);
 /// Time between attempts to find the port.
-const LOOK: Duration = Duration::from_millis(100);
+const LISTING_PERIOD: Duration = Duration::from_millis(100);
 /// Silence after which the port is reopened: a port that was unplugged and replugged between two polls has its old name, but the
 /// old connection receives nothing. By JACK it is not: that takes longer than a port may be silent.
 const IDLE: Duration = match cfg!(feature = "midi-jack") {
@@ -63,7 +63,7 @@ impl Lister {
 /// An open port, by its full name, and the links updated since.
 struct Open {
     name: String,
-    told: Vec<Arc<Link>>,
+    updated: Vec<Arc<Link>>,
     _connection: MidiInputConnection<()>,
 }
 
@@ -93,7 +93,7 @@ fn open(part: &str, inbox: Inbox) -> Result<Open> {
         )));
     };
     let mut stream = ByteStream::default();
-    let hear = move |_: u64, bytes: &[u8], (): &mut ()| {
+    let receive = move |_: u64, bytes: &[u8], (): &mut ()| {
         for event in bytes.iter().filter_map(|byte| stream.take(*byte)) {
             // Do not wait if the queue is full.
             if inbox.events.try_send(event).is_err() {
@@ -102,10 +102,10 @@ fn open(part: &str, inbox: Inbox) -> Result<Open> {
         }
     };
     let name = input.port_name(&port).map_err(Error::other)?;
-    let connection = input.connect(&port, CLIENT, hear, ());
+    let connection = input.connect(&port, CLIENT, receive, ());
     Ok(Open {
         name,
-        told: Vec::new(),
+        updated: Vec::new(),
         _connection: connection.map_err(|error| Error::other(error.to_string()))?,
     })
 }
@@ -164,14 +164,14 @@ fn listen(part: &str, routes: Routes<MidiSelector>, stop: Arc<AtomicBool>) -> Re
                     return;
                 }
             };
-            attend(&part, (connection, inbox), &arrived, &routes, &stop);
+            run(&part, (connection, inbox), &arrived, &routes, &stop);
         })?;
     outcome.recv().map_err(Error::other)??;
     Ok(thread)
 }
 
-/// Processes messages, reports that the port is present, and looks for one that is gone.
-fn attend(
+/// Processes messages until `stop`, reports that the port is present, and reopens one that is gone.
+fn run(
     part: &str,
     (connection, inbox): (Open, Inbox),
     arrived: &Receiver<Event>,
@@ -179,28 +179,28 @@ fn attend(
     stop: &AtomicBool,
 ) {
     let (mut connection, mut lister) = (Some(connection), Lister::default());
-    let (mut looked, mut heard) = (Instant::now(), Instant::now());
+    let (mut last_listing, mut last_event) = (Instant::now(), Instant::now());
     while !stop.load(Relaxed) {
-        let first = arrived.recv_timeout(ALIVE).ok();
+        let first = arrived.recv_timeout(PRESENCE_PERIOD).ok();
         for event in first.into_iter().chain(arrived.try_iter()) {
-            heard = Instant::now();
+            last_event = Instant::now();
             take(event, routes, connection.as_mut());
         }
         if inbox.overflowed.swap(false, Relaxed) {
-            let_go(routes);
+            release_keys(routes);
         }
         if let Some(open) = &connection {
-            open.told.iter().for_each(|link| stay(link));
+            open.updated.iter().for_each(|link| publish_again(link));
         }
-        if looked.elapsed() >= LOOK {
-            looked = Instant::now();
+        if last_listing.elapsed() >= LISTING_PERIOD {
+            last_listing = Instant::now();
             let names = lister.names();
             connection = connection.filter(|open| names.contains(&open.name));
-            if let Some(known) = connection.take_if(|_| heard.elapsed() >= IDLE) {
-                heard = Instant::now();
+            if let Some(known) = connection.take_if(|_| last_event.elapsed() >= IDLE) {
+                last_event = Instant::now();
                 // Values hold: whether the port was gone is unknown.
                 connection = open(&known.name, inbox.clone()).ok().map(|anew| Open {
-                    told: known.told,
+                    updated: known.updated,
                     ..anew
                 });
             }
@@ -210,7 +210,7 @@ fn attend(
 }
 
 /// Releases all keys.
-fn let_go(routes: &Routes<MidiSelector>) {
+fn release_keys(routes: &Routes<MidiSelector>) {
     for route in &*routes.list() {
         if route.selector.is_key() {
             route.link.publish_number(0.0);
@@ -223,17 +223,17 @@ fn take(event: Event, routes: &Routes<MidiSelector>, mut open: Option<&mut Open>
         if let Some(share) = event.number(&route.selector) {
             route.link.publish_number(share);
             if let Some(open) = &mut open
-                && !open.told.iter().any(|link| Arc::ptr_eq(link, &route.link))
+                && !open.updated.iter().any(|link| Arc::ptr_eq(link, &route.link))
             {
-                open.told.push(Arc::clone(&route.link));
+                open.updated.push(Arc::clone(&route.link));
             }
         }
     }
 }
 
-/// A value holds while its port is present. Values of another port do not hold, because a key that
-/// was held may be released.
-fn stay(link: &Link) {
+/// Publishes the last value again while its port is present. A value of a port that was closed is not, because a key that
+/// was held may have been released.
+fn publish_again(link: &Link) {
     if let Some((1.., sensed)) = link.sensed.look() {
         link.publish_number(sensed[0]);
     }
@@ -305,7 +305,7 @@ mod tests {
 
         // Unplugged, and another time plugged in.
         drop(knobs);
-        std::thread::sleep(5 * LOOK);
+        std::thread::sleep(5 * LISTING_PERIOD);
         let mut knobs = sender(&name).unwrap();
         let again = (0..100).any(|_| {
             knobs.send(&[0xb0, 7, 127]).unwrap();

@@ -1,14 +1,14 @@
-//! Devices that speak Open Sound Control: SuperCollider, Max, Pure Data, TouchOSC.
+//! Devices that use Open Sound Control: SuperCollider, Max, Pure Data, TouchOSC.
 
 use super::packet::decode;
-use crate::udp::are_within_reason;
+use crate::udp::are_in_range;
 use haptograph_nodes::network::OscDeviceSettings;
 use haptograph_nodes::network::link::{Count, DRIVEN, SENSED};
 use rosc::{OscMessage, OscPacket, OscType};
 use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
-/// What is said where.
+/// The OSC addresses of a device, and where its commands go.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Addresses {
     position: String,
@@ -18,7 +18,7 @@ pub(crate) struct Addresses {
 }
 
 impl Addresses {
-    /// Those of a device that sends its drives to an address.
+    /// Those of a device whose commands go to `send_to`.
     pub fn new(settings: &OscDeviceSettings, send_to: Option<SocketAddr>) -> Self {
         Self {
             position: settings.position.clone(),
@@ -28,25 +28,24 @@ impl Addresses {
         }
     }
 
-    /// Takes what a packet says of the device, if anything. Messages to other addresses are no fault, and bundles are
-    /// taken at once.
-    pub fn understand(&self, bytes: &[u8], sensed: &mut [f64; SENSED]) -> Result<bool, Count> {
+    /// Reads the state of the device out of a packet. Returns whether there was any: messages to other addresses are no
+    /// error. Bundles apply at once.
+    pub fn read(&self, bytes: &[u8], sensed: &mut [f64; SENSED]) -> Result<bool, Count> {
         let packet = decode(bytes)?;
-        let mut news = *sensed;
-        let told = self.take(&packet, &mut news)?;
-        if !are_within_reason(&news) {
+        let mut new = *sensed;
+        let has_state = self.read_packet(&packet, &mut new)?;
+        if !are_in_range(&new) {
             return Err(Count::TooLarge);
         }
-        *sensed = news;
-        Ok(told)
+        *sensed = new;
+        Ok(has_state)
     }
 
-    fn take(&self, packet: &OscPacket, sensed: &mut [f64; SENSED]) -> Result<bool, Count> {
+    fn read_packet(&self, packet: &OscPacket, sensed: &mut [f64; SENSED]) -> Result<bool, Count> {
         match packet {
-            OscPacket::Bundle(bundle) => bundle
-                .content
-                .iter()
-                .try_fold(false, |told, inner| Ok(told | self.take(inner, sensed)?)),
+            OscPacket::Bundle(bundle) => bundle.content.iter().try_fold(false, |has_state, inner| {
+                Ok(has_state | self.read_packet(inner, sensed)?)
+            }),
             OscPacket::Message(message) if message.addr == self.position => {
                 match numbers(message)?[..] {
                     [x, y] => sensed[..3].copy_from_slice(&[1e-3 * x, 1e-3 * y, 0.0]),
@@ -67,8 +66,9 @@ impl Addresses {
         }
     }
 
-    pub fn teller(&self) -> Option<Teller> {
-        self.send_to.map(|to| Teller {
+    /// Sends commands, if they go anywhere.
+    pub fn sender(&self) -> Option<OscSender> {
+        self.send_to.map(|to| OscSender {
             to,
             every: self.every,
             next: Instant::now(),
@@ -91,26 +91,28 @@ fn numbers(message: &OscMessage) -> Result<Vec<f64>, Count> {
     }
 }
 
-/// Who is told of the drives, and when.
+/// Sends commands to an address at a fixed rate.
 #[derive(Debug)]
-pub(crate) struct Teller {
+pub(crate) struct OscSender {
     to: SocketAddr,
     every: Duration,
     next: Instant,
 }
 
-impl Teller {
+impl OscSender {
+    /// Whether the next command is due.
     pub fn is_due(&mut self) -> bool {
         let now = Instant::now();
         let due = now >= self.next;
         if due {
-            // What was missed is not made up for.
+            // Missed commands are not sent later.
             self.next = now + self.every;
         }
         due
     }
 
-    pub fn tell(&self, socket: &UdpSocket, driven: &[f64; DRIVEN]) {
+    /// Sends a command.
+    pub fn send(&self, socket: &UdpSocket, driven: &[f64; DRIVEN]) {
         let [x, y, z, current, brake] = driven.map(|value| OscType::Float(value as f32));
         for (addr, args) in [
             ("/force", vec![x, y, z]),
@@ -122,7 +124,7 @@ impl Teller {
                 args,
             };
             if let Ok(bytes) = rosc::encoder::encode(&OscPacket::Message(message)) {
-                // Nobody may be there: the next message tells the same.
+                // If nothing receives it, the next one replaces it.
                 let _ = socket.send_to(&bytes, self.to);
             }
         }
@@ -159,32 +161,29 @@ mod tests {
     }
 
     #[test]
-    fn millimetres_and_newtons_are_understood_and_other_messages_left_alone() {
+    fn millimetres_and_newtons_are_read_and_other_messages_ignored() {
         let (addresses, mut sensed) = (addresses(), [0.0; SENSED]);
         let position = packet("/pen/xy", vec![OscType::Int(10), OscType::Double(-20.0)]);
         let force = packet("/pen/pressure", vec![OscType::Float(1.5)]);
         let tempo = packet("/tempo", vec![OscType::Nil]);
-        let told = [position, force, tempo].map(|bytes| addresses.understand(&bytes, &mut sensed).unwrap());
-        assert_eq!(told, [true, true, false]);
+        let has_state = [position, force, tempo].map(|bytes| addresses.read(&bytes, &mut sensed).unwrap());
+        assert_eq!(has_state, [true, true, false]);
         assert_eq!((sensed[0], sensed[1], sensed[8]), (0.01, -0.02, 1.5));
     }
 
     #[test]
-    fn what_is_wrong_changes_nothing() {
+    fn an_invalid_packet_changes_nothing() {
         let (addresses, mut sensed) = (addresses(), [0.5; SENSED]);
         let nan = packet("/pen/xy", vec![OscType::Float(f32::NAN), OscType::Float(0.0)]);
         assert!(matches!(
-            addresses.understand(&nan, &mut sensed),
+            addresses.read(&nan, &mut sensed),
             Err(Count::NotNumbers)
         ));
         let far = packet("/pen/xy", vec![OscType::Float(1e30), OscType::Float(0.0)]);
-        assert!(matches!(
-            addresses.understand(&far, &mut sensed),
-            Err(Count::TooLarge)
-        ));
+        assert!(matches!(addresses.read(&far, &mut sensed), Err(Count::TooLarge)));
         let four = packet("/pen/xy", vec![OscType::Int(1); 4]);
         assert!(matches!(
-            addresses.understand(&four, &mut sensed),
+            addresses.read(&four, &mut sensed),
             Err(Count::Malformed)
         ));
         let deep: Vec<u8> = (0..3000)
@@ -192,11 +191,11 @@ mod tests {
             .flat_map(|k: u32| [&b"#bundle\0\0\0\0\0\0\0\0\x01"[..], &(20 * k).to_be_bytes()].concat())
             .collect();
         assert!(matches!(
-            addresses.understand(&deep, &mut sensed),
+            addresses.read(&deep, &mut sensed),
             Err(Count::Malformed)
         ));
         for length in 0..four.len() {
-            let _ = addresses.understand(&four[..length], &mut sensed);
+            let _ = addresses.read(&four[..length], &mut sensed);
         }
         assert_eq!(sensed, [0.5; SENSED]);
     }

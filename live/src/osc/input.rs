@@ -41,7 +41,7 @@ impl Port for OscPort {
             .spawn(move || {
                 let mut bytes = [0; 65_536];
                 while !stop.load(Relaxed) {
-                    // What else can go wrong here is that nothing came.
+                    // Other results are timeouts.
                     if let Ok(count) = socket.recv(&mut bytes) {
                         take(&bytes[..count], &routes);
                     }
@@ -64,7 +64,7 @@ impl fmt::Display for OscSelector {
 }
 
 impl OscSelector {
-    /// The number that a message has for it; nothing where it is a message to another address.
+    /// The number in a message; `None` for a message to another address.
     fn number(&self, message: &OscMessage) -> Option<std::result::Result<f64, Count>> {
         if message.addr != self.address {
             return None;
@@ -84,7 +84,7 @@ impl OscSelector {
     }
 }
 
-/// Hands the numbers of a packet to those who listen for them.
+/// Publishes the numbers of a packet to their routes.
 fn take(bytes: &[u8], routes: &Routes<OscSelector>) {
     let routes = routes.list();
     match decode(bytes) {
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn the_argument_that_was_asked_for_is_taken_and_other_messages_left_alone() {
+    fn the_selected_argument_is_taken_and_other_messages_are_counted() {
         let (routes, link) = second();
         take(
             &packet("/knob", vec![OscType::Float(1.0), OscType::Int(7)]),
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_counted_and_changes_nothing() {
+    fn an_invalid_number_is_counted_and_changes_nothing() {
         let (routes, link) = second();
         take(
             &packet("/knob", vec![OscType::Int(0), OscType::Float(f32::INFINITY)]),
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn addresses_that_nobody_listens_to_are_kept_within_bounds() {
+    fn a_bounded_number_of_unclaimed_addresses_is_kept() {
         let (routes, link) = second();
         for times in 0..3 {
             for address in 0..=times * 20 {

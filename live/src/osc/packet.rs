@@ -3,18 +3,18 @@
 use haptograph_nodes::network::link::Count;
 use rosc::{OscMessage, OscPacket};
 
-/// Bundles in a packet, one within the other or beside it.
+/// Maximum number of bundles in a packet, nested or side by side.
 const MAX_BUNDLES: usize = 8;
-/// Arrays in a packet, or brackets in its texts; nobody here reads arrays.
+/// Maximum number of arrays in a packet, or brackets in its texts; no message here has arrays.
 const MAX_ARRAYS: usize = 64;
 
-/// The packet that `bytes` are, all of them.
+/// Decodes a packet, which must take up all bytes.
 pub(crate) fn decode(bytes: &[u8]) -> Result<OscPacket, Count> {
-    // The decoder follows bundles within bundles as deep as they go.
+    // The decoder follows nested bundles without limit.
     if bytes.windows(8).filter(|word| word == b"#bundle\0").count() > MAX_BUNDLES {
         return Err(Count::Malformed);
     }
-    // It builds arrays within arrays without end, and taking these apart again overflows the stack.
+    // It nests arrays without limit; dropping them overflows the stack.
     if bytes.iter().filter(|byte| **byte == b'[').count() > MAX_ARRAYS {
         return Err(Count::Malformed);
     }
@@ -24,7 +24,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<OscPacket, Count> {
     }
 }
 
-/// Does something with every message of a packet; bundles are taken at once.
+/// Calls `each` with every message of a packet; bundles apply at once.
 pub(crate) fn each_message(packet: &OscPacket, each: &mut impl FnMut(&OscMessage)) {
     match packet {
         OscPacket::Message(message) => each(message),

@@ -74,8 +74,8 @@ fn number(line: &[u8], column: usize) -> Result<f64, Count> {
     }
 }
 
-/// Passes the numbers of a line to their routes.
-pub(super) fn tell(line: Result<&[u8], Count>, routes: &Routes<Column>) {
+/// Publishes the numbers of a line to their routes.
+pub(super) fn publish_line(line: Result<&[u8], Count>, routes: &Routes<Column>) {
     for route in &*routes.list() {
         match line.and_then(|line| number(line, route.selector.0)) {
             Ok(number) => route.link.publish_number(number),
@@ -93,8 +93,8 @@ mod tests {
     use std::sync::Arc;
     use std::time::Duration;
 
-    /// What is heard of a column in some pieces of bytes, in order, and what was counted.
-    fn heard(column: usize, pieces: &[&[u8]]) -> (Vec<f64>, Counts) {
+    /// The numbers that pieces of bytes have in a column, in order, and the counts.
+    fn values_of(column: usize, pieces: &[&[u8]]) -> (Vec<f64>, Counts) {
         let (routes, route) = (Routes::default(), Route::new("", Column(column), Duration::ZERO));
         let link = Arc::clone(&route.link);
         routes.list().push(route);
@@ -102,7 +102,7 @@ mod tests {
         for piece in pieces {
             lines.take(piece, |line| {
                 let before = link.counts().accepted;
-                tell(line, &routes);
+                publish_line(line, &routes);
                 if link.counts().accepted > before {
                     values.push(link.sensed.look().unwrap().1[0]);
                 }
@@ -114,32 +114,32 @@ mod tests {
     #[test]
     fn columns_are_separated_by_commas_spaces_or_tabs() {
         let lines: &[u8] = b"\n1, 2 ,3\r\n4 5\t 6\n7\t8 9\n,10,\n";
-        assert_eq!(heard(2, &[lines]).0, [2.0, 5.0, 8.0, 10.0]);
-        assert_eq!(heard(1, &[b"\n-1.5e2 \n+3\n"]).0, [-150.0, 3.0]);
+        assert_eq!(values_of(2, &[lines]).0, [2.0, 5.0, 8.0, 10.0]);
+        assert_eq!(values_of(1, &[b"\n-1.5e2 \n+3\n"]).0, [-150.0, 3.0]);
     }
 
     #[test]
     fn the_half_line_at_the_start_is_dropped_and_pieces_are_joined() {
-        assert_eq!(heard(1, &[b"23\n4", b"5\n6", b"7"]).0, [45.0]);
+        assert_eq!(values_of(1, &[b"23\n4", b"5\n6", b"7"]).0, [45.0]);
     }
 
     #[test]
-    fn what_is_no_number_is_counted_and_changes_nothing() {
-        let (values, counts) = heard(1, &[b"\nnan\ninf\n1e999\nx\n\xff\xfe\n,1\n5\n"]);
+    fn an_invalid_number_is_counted_and_changes_nothing() {
+        let (values, counts) = values_of(1, &[b"\nnan\ninf\n1e999\nx\n\xff\xfe\n,1\n5\n"]);
         assert_eq!((values, counts.not_numbers, counts.malformed), (vec![5.0], 3, 3));
     }
 
     #[test]
     fn an_endless_line_is_dropped_whole() {
         let endless = vec![b'1'; 3 * MAX_LINE_BYTES];
-        let (values, counts) = heard(1, &[b"\n", &endless, b"\n7\n"]);
+        let (values, counts) = values_of(1, &[b"\n", &endless, b"\n7\n"]);
         assert_eq!((values, counts.too_large), (vec![7.0], 1));
     }
 
     proptest! {
         #[test]
         fn any_bytes_give_finite_numbers(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
-            prop_assert!(heard(1, &[&bytes]).0.iter().all(|x| x.is_finite()));
+            prop_assert!(values_of(1, &[&bytes]).0.iter().all(|x| x.is_finite()));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A serial port of this machine, and the thread that reads it.
 
-use super::lines::{Column, Lines, tell};
+use super::lines::{Column, Lines, publish_line};
 use crate::hub::{Port, Routes};
 use haptograph_nodes::network::inputs::{SERIAL_RATES as RATES, SerialInput, SerialInputSettings};
 use haptograph_signal::files;
@@ -116,7 +116,7 @@ fn read(port: &mut File, lines: &mut Lines, routes: &Routes<Column>) -> Result<b
         // The other end hung up.
         Ok(0) => Err(Error::from(ErrorKind::UnexpectedEof)),
         Ok(count) => {
-            lines.take(&bytes[..count], |line| tell(line, routes));
+            lines.take(&bytes[..count], |line| publish_line(line, routes));
             Ok(true)
         }
         Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => Ok(false),
@@ -142,8 +142,8 @@ mod tests {
         (File::from(master), File::from(slave), path)
     }
 
-    /// Waits until a number is heard.
-    fn hears(link: &Link, number: f64) -> bool {
+    /// Waits until a number arrives.
+    fn receives(link: &Link, number: f64) -> bool {
         (0..5000).any(|_| {
             std::thread::sleep(Duration::from_millis(1));
             link.sensed
@@ -165,23 +165,23 @@ mod tests {
         let hub = Hub::<SerialPort>::open(&place).unwrap();
         let link = hub.link("squeeze", Column(2), Duration::from_secs(1));
         far.write_all(b"\n1 2\n").unwrap();
-        assert!(hears(&link, 2.0));
+        assert!(receives(&link, 2.0));
 
         // Unplugged, and another time plugged in.
         drop((far, near));
         let (mut far, _near, device) = terminal();
         std::fs::remove_file(&path).unwrap();
         std::os::unix::fs::symlink(&device, &path).unwrap();
-        let heard = (0..100).any(|_| {
+        let is_reopened = (0..100).any(|_| {
             far.write_all(b"\n3 4\n").unwrap();
             std::thread::sleep(Duration::from_millis(50));
             link.sensed.look().is_some_and(|(_, sensed)| sensed[0] == 4.0)
         });
-        assert!(heard);
+        assert!(is_reopened);
     }
 
     #[test]
-    fn what_is_no_port_is_refused() {
+    fn a_file_that_is_not_a_port_is_refused() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let place = Line {
             path: file.path().to_owned(),

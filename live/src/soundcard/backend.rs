@@ -1,6 +1,6 @@
 //! The soundcards of a live run: the stream that drives it, and its inputs.
 
-use super::{CardDriver, CardRequests, Inputs, OpenedStream, Request, card_requests, played};
+use super::{CardDriver, CardRequests, Inputs, OpenedStream, Request, card_requests, output_sinks};
 use crate::backend::{Backend, BackendError, BackendEvent, Connected, Counts, Lives, Role, State};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::RingReport;
@@ -60,8 +60,8 @@ impl Backend for Soundcards {
             .requests
             .as_ref()
             .and_then(|requests| requests.output.clone());
-        let played = played(graph);
-        let clock = played.first().and_then(|played| graph.driver_of(played.sink));
+        let sinks = output_sinks(graph);
+        let clock = sinks.first().and_then(|output| graph.driver_of(output.sink));
         let own = lives.iter().position(|(driver, _)| Some(*driver) == clock);
         if let (Some(request), Some(own)) = (request, own) {
             let (clock, live) = lives.remove(own);

@@ -15,7 +15,7 @@ const AT_ONCE: usize = 64;
 const FULL: f64 = 1.0 - 1.0 / 32_768.0;
 
 /// The inputs of a live run, each in the driver of its device. Copies in other drivers are unused.
-pub(super) fn heard<'l>(
+pub(super) fn inputs_of<'l>(
     graph: &'l Graph,
     lives: impl IntoIterator<Item = &'l mut Live>,
 ) -> impl Iterator<Item = &'l mut CardInput> {
@@ -89,17 +89,17 @@ impl CaptureCallback {
         for tap in self.taps.get().into_iter().flat_map(|taps| &mut taps.0) {
             tap.writer.poll();
             for frames in data.chunks(AT_ONCE * channels) {
-                let mut heard = [0.0; AT_ONCE];
-                let samples = frames.chunks_exact(channels).zip(&mut heard);
+                let mut values = [0.0; AT_ONCE];
+                let samples = frames.chunks_exact(channels).zip(&mut values);
                 let count = samples.len();
-                for (frame, heard) in samples {
+                for (frame, value) in samples {
                     let sample = frame.get(tap.channel).map_or(0.0, |sample| convert(*sample));
                     clipped += u64::from(sample.is_nan() || sample.abs() >= FULL);
                     // NaN would stay in a resampler.
                     let sample = if sample.is_finite() { sample } else { 0.0 };
-                    *heard = sample * tap.full_scale;
+                    *value = sample * tap.full_scale;
                 }
-                tap.writer.write(&heard[..count]);
+                tap.writer.write(&values[..count]);
             }
             tap.ages.news(began.checked_sub(age).unwrap_or(began));
         }
@@ -286,7 +286,7 @@ mod tests {
                 } })"#;
             let mut callback = None;
             let mut rig = Rig::new(&text.replace("POLICY", policy), |graph, lives| {
-                let taps = InputTaps(heard(graph, lives).map(InputTap::of).collect());
+                let taps = InputTaps(inputs_of(graph, lives).map(InputTap::of).collect());
                 let (slot, shared) = (Detached::of(taps), Arc::default());
                 callback = Some(CaptureCallback::new(&slot, &shared, 48_000, Instant::now()));
             });
@@ -389,7 +389,7 @@ mod tests {
             .unwrap_or_else(|wrong| panic!("{wrong}"));
         let options = LiveOptions::default();
         let (mut lives, _session) = Session::open_all(FileSinks::new(&graph), &options, None).unwrap();
-        let taps = InputTaps(heard(&graph, &mut lives).map(InputTap::of).collect());
+        let taps = InputTaps(inputs_of(&graph, &mut lives).map(InputTap::of).collect());
         let mut channels: Vec<usize> = taps.0.iter().map(|tap| tap.channel).collect();
         channels.sort_unstable();
         assert_eq!(channels, [0, 1]);

@@ -60,7 +60,7 @@ impl<P: CallbackState> ReconnectingStream<P> {
     /// Polls the stream, and tries to reopen it while its card is gone, each time
     /// after `anew` has reset the callback's state. Returns messages; `without` states what happens meanwhile.
     pub fn poll(&mut self, without: &str, anew: impl FnOnce(&mut P)) -> Vec<BackendEvent> {
-        let mut said: Vec<BackendEvent> = self.errors.try_iter().map(BackendEvent::Failed).collect();
+        let mut events: Vec<BackendEvent> = self.errors.try_iter().map(BackendEvent::Failed).collect();
         let now = Instant::now();
         let callbacks = self.shared().callbacks.load(Relaxed);
         if callbacks != self.heard.1 {
@@ -74,15 +74,15 @@ impl<P: CallbackState> ReconnectingStream<P> {
             self.stream = None;
             self.vanished += 1;
             self.tried = now;
-            said.push(BackendEvent::Changed(format!(
+            events.push(BackendEvent::Changed(format!(
                 "soundcard {} is gone; {without} until it is back",
                 self.got.card
             )));
         } else if self.stream.is_none() && now.saturating_duration_since(self.tried) > RETRY {
             self.tried = now;
-            said.extend(self.reopen(anew).map(BackendEvent::Changed));
+            events.extend(self.reopen(anew).map(BackendEvent::Changed));
         }
-        said
+        events
     }
 
     fn reopen(&mut self, anew: impl FnOnce(&mut P)) -> Option<String> {

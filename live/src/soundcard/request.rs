@@ -10,12 +10,12 @@ pub struct CardRequests {
     /// The stream that drives the graph; none if no endpoint plays.
     pub output: Option<Request>,
     /// The inputs.
-    pub inputs: Vec<Heard>,
+    pub inputs: Vec<InputRequest>,
 }
 
-/// The input of an endpoint.
+/// A request for the input of an endpoint.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Heard {
+pub struct InputRequest {
     endpoint: String,
     /// Fingerprint of its settings. It decides whether a swap keeps the device, and with the device the reader
     /// of its ring.
@@ -24,7 +24,7 @@ pub struct Heard {
 
 /// The output of an endpoint: the sink that drives it, and its full scale.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Played {
+pub struct CardOutputSink {
     /// Name of the endpoint.
     pub endpoint: String,
     /// The sink that drives the endpoint.
@@ -39,13 +39,13 @@ pub struct Played {
 /// [`SoundcardError`] if its outputs contradict each other.
 pub fn card_requests(graph: &Graph) -> Result<CardRequests, SoundcardError> {
     let inputs = cards(graph).filter(|(_, card)| card.input.is_some());
-    let heard = |(device, _): (&GraphDevice, &Card)| Heard {
+    let request = |(device, _): (&GraphDevice, &Card)| InputRequest {
         endpoint: device.name.clone(),
         fingerprint: device.fingerprint,
     };
     Ok(CardRequests {
         output: output(graph)?,
-        inputs: inputs.map(heard).collect(),
+        inputs: inputs.map(request).collect(),
     })
 }
 
@@ -82,14 +82,14 @@ fn cards(graph: &Graph) -> impl Iterator<Item = (&GraphDevice, &Card)> {
 }
 
 /// The outputs of a graph's soundcard endpoints.
-pub fn played(graph: &Graph) -> Vec<Played> {
+pub fn output_sinks(graph: &Graph) -> Vec<CardOutputSink> {
     let nodes = graph.nodes();
     let driven = nodes.ids().filter(|node| nodes[*node].entry.is_actuator());
     driven
         .filter_map(|sink| {
             let device = graph.devices().get(nodes[sink].device()?)?;
             let card = device.body::<Card>()?;
-            Some(Played {
+            Some(CardOutputSink {
                 endpoint: device.name.clone(),
                 sink,
                 full_scale: card.output.as_ref()?.playback.full_scale,
@@ -104,7 +104,7 @@ mod tests {
     use haptograph_engine::document::Document;
     use haptograph_engine::graph::{CheckOptions, check};
 
-    fn asked(endpoints: &str, gain: f64) -> Result<CardRequests, SoundcardError> {
+    fn requests_of(endpoints: &str, gain: f64) -> Result<CardRequests, SoundcardError> {
         let text = format!(
             r#"Graph(format: 1, clocks: {{ "audio": Driver(rate_hz: 48000) }},
             nodes: {{
@@ -125,24 +125,24 @@ mod tests {
         "other": Soundcard(amperes_full_scale: 1, channels: [1])"#;
 
     #[test]
-    fn a_run_goes_on_with_graphs_that_ask_for_the_same_streams_only() {
-        let first = asked(BOTH, 0.1).unwrap();
+    fn a_run_takes_over_only_graphs_with_the_same_streams() {
+        let first = requests_of(BOTH, 0.1).unwrap();
         assert_eq!(first.output.as_ref().unwrap().channels, 3);
         assert_eq!(first.inputs.len(), 1);
-        assert_eq!(asked(BOTH, 0.2).unwrap(), first);
+        assert_eq!(requests_of(BOTH, 0.2).unwrap(), first);
         for (from, to) in [
             ("m_s2_full_scale: 50", "m_s2_full_scale: 40"),
             ("m_s2_full_scale: 50", "m_s2_full_scale: 50, channel: 2"),
             ("m_s2_full_scale: 50", "m_s2_full_scale: 50, latency_ms: 9"),
             ("channels: [3]", "channels: [4]"),
-            // What is heard stays as it is here, but the device would be another, that nobody speaks to.
+            // The input is the same, but the swap would replace the device and leave its ring without a writer.
             (
                 "Haptuator(amperes_full_scale: 1,",
                 "Haptuator(amperes_full_scale: 2,",
             ),
             ("m_s2_full_scale: 50", "m_s2_full_scale: 50, channel: 1"),
         ] {
-            assert_ne!(asked(&BOTH.replace(from, to), 0.1).unwrap(), first, "{to}");
+            assert_ne!(requests_of(&BOTH.replace(from, to), 0.1).unwrap(), first, "{to}");
         }
     }
 
@@ -151,11 +151,11 @@ mod tests {
         let unlike = BOTH.replace("channels: [1]", "channels: [1], buffer_frames: 128");
         let shared = BOTH.replace("channels: [1]", "channels: [3, 1]");
         assert!(matches!(
-            asked(&unlike, 0.1),
+            requests_of(&unlike, 0.1),
             Err(SoundcardError::Differ(_, _, "`buffer_frames`"))
         ));
         assert!(matches!(
-            asked(&shared, 0.1),
+            requests_of(&shared, 0.1),
             Err(SoundcardError::Shared(_, _, 3))
         ));
     }

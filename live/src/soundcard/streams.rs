@@ -1,7 +1,7 @@
 //! The soundcard streams of a live run: the one that drives it, and its inputs.
 
 use super::fill::PlaybackCallback;
-use super::listen::{CaptureCallback, InputTap, InputTaps, heard};
+use super::listen::{CaptureCallback, InputTap, InputTaps, inputs_of};
 use super::reconnecting::ReconnectingStream;
 use super::system::{CallbackState, Direction, OPENING, Setup};
 use super::{CardCounts, OpenedStream, Request, SoundcardError};
@@ -111,12 +111,12 @@ impl Inputs {
         lives: impl IntoIterator<Item = &'l mut Live>,
     ) -> Result<Self, SoundcardError> {
         let mut inputs = Self::default();
-        let mut asked: Vec<(Request, Vec<String>, Vec<InputTap>)> = Vec::new();
-        for input in heard(graph, lives) {
+        let mut requested: Vec<(Request, Vec<String>, Vec<InputTap>)> = Vec::new();
+        for input in inputs_of(graph, lives) {
             let tap = InputTap::of(input);
             inputs.rings.push(Arc::clone(tap.writer.meter()));
             let (endpoint, stream) = (input.endpoint.clone(), &input.stream);
-            match asked
+            match requested
                 .iter_mut()
                 .find(|(known, ..)| known.differs_from(stream).is_none())
             {
@@ -125,10 +125,10 @@ impl Inputs {
                     endpoints.push(endpoint);
                     taps.push(tap);
                 }
-                None => asked.push((stream.clone(), vec![endpoint], vec![tap])),
+                None => requested.push((stream.clone(), vec![endpoint], vec![tap])),
             }
         }
-        for (request, endpoints, taps) in asked {
+        for (request, endpoints, taps) in requested {
             let stream = ReconnectingStream::open(request, InputTaps(taps))?;
             inputs.streams.push((endpoints, stream));
         }

@@ -1,4 +1,4 @@
-//! What is asked of a live run, and what happens in it.
+//! Requests to a live run, and its events.
 
 use crate::SettingValue;
 use haptograph_engine::diagnostic::Diagnostics;
@@ -12,7 +12,7 @@ pub struct Request {
     pub name: String,
     /// Its value.
     pub value: SettingValue,
-    /// Who asks.
+    /// Where it comes from.
     pub origin: Origin,
 }
 

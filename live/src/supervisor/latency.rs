@@ -1,7 +1,7 @@
 //! Measured latencies of a live run, from sources to actuators.
 
 use super::report::{LatencyPart, LatencyReport, QuantilesMs, TransportMs, ms};
-use crate::soundcard::played;
+use crate::soundcard::output_sinks;
 use haptograph_engine::graph::{Graph, PathLatency};
 use haptograph_engine::run::Histogram;
 
@@ -26,7 +26,7 @@ enum Part {
 /// The latencies of all source-sink pairs of a graph; `output_latency` is the one stated by the system for
 /// the soundcard.
 pub(super) fn measured(graph: &Graph, output_latency: Option<&Histogram>) -> Vec<Measured> {
-    let cards: Vec<_> = played(graph).iter().map(|played| played.sink).collect();
+    let cards: Vec<_> = output_sinks(graph).iter().map(|output| output.sink).collect();
     let pairs = graph.latencies().into_iter().filter_map(|planned| {
         let [source, sink] = planned.ends.map(|node| {
             let device = graph.nodes()[node].device()?;

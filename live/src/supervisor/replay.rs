@@ -96,10 +96,10 @@ mod tests {
     fn a_replay_names_what_it_does_not_repeat() {
         let quiet = json!({"set_while_running": ["0.10 s out.gain=0.3 (OSC)"], "changes": 1, "swaps": 0, "vanished": 0});
         assert_eq!(differences(&quiet), Vec::<String>::new());
-        let told = differences(&json!({"swaps": 2, "vanished": 1}));
+        let differences = differences(&json!({"swaps": 2, "vanished": 1}));
         assert!(
-            told[0].contains("swapped 2 times") && told[1].contains("soundcard"),
-            "{told:?}"
+            differences[0].contains("swapped 2 times") && differences[1].contains("soundcard"),
+            "{differences:?}"
         );
     }
 

@@ -36,7 +36,7 @@ struct Known {
     silent: Duration,
     /// Time of the last change between heard and silent.
     since: Instant,
-    was_said: bool,
+    is_reported: bool,
 }
 
 impl SilenceMonitor {
@@ -71,7 +71,7 @@ impl SilenceMonitor {
                 silences: 0,
                 silent: Duration::ZERO,
                 since: now,
-                was_said: false,
+                is_reported: false,
             });
             self.known.len() - 1
         });
@@ -83,14 +83,14 @@ impl SilenceMonitor {
             }
             known.silences += u32::from(!is_heard);
             (known.is_heard, known.since) = (is_heard, now);
-            let was_said = std::mem::take(&mut known.was_said);
-            return (is_heard && was_said).then(|| returned(input, is_again));
+            let is_reported = std::mem::take(&mut known.is_reported);
+            return (is_heard && is_reported).then(|| returned(input, is_again));
         }
         let lasts = now.saturating_duration_since(known.since);
-        if is_heard || known.was_said || !is_due(input, lasts) {
+        if is_heard || known.is_reported || !is_due(input, lasts) {
             return None;
         }
-        known.was_said = true;
+        known.is_reported = true;
         if self.events.len() < MAX_EVENTS {
             self.events
                 .push(event(input, now.saturating_duration_since(self.start)));
@@ -116,7 +116,7 @@ impl SilenceMonitor {
 
     /// The inputs whose silence was reported and lasts.
     pub fn silent(&self) -> impl Iterator<Item = &str> {
-        let silent = self.known.iter().filter(|known| known.was_said);
+        let silent = self.known.iter().filter(|known| known.is_reported);
         silent.map(|known| &*known.device)
     }
 
@@ -284,29 +284,29 @@ mod tests {
         let start = Instant::now();
         let mut monitor = SilenceMonitor::new(start);
         let network = Connections::default();
-        let mut said = |ms: u64, input: InputStatus| {
+        let mut message = |ms: u64, input: InputStatus| {
             let now = start + Duration::from_millis(ms);
             monitor.poll(now, &[input], &network).join("; ")
         };
-        assert_eq!(said(0, input(Heard, 0.4, false)), "");
-        assert_eq!(said(1000, input(Silent, 0.4, true)), "");
-        assert_eq!(said(1200, input(Silent, 0.2, true)), "", "it is on its way");
-        let late = said(2050, input(Silent, 0.1, true));
+        assert_eq!(message(0, input(Heard, 0.4, false)), "");
+        assert_eq!(message(1000, input(Silent, 0.4, true)), "");
+        assert_eq!(message(1200, input(Silent, 0.2, true)), "", "it is on its way");
+        let late = message(2050, input(Silent, 0.1, true));
         assert!(
             late.contains("still ramping to zero") && late.contains("delivered 0.100 A"),
             "{late}"
         );
-        assert_eq!(said(2100, input(Silent, 0.0, true)), "", "said once");
-        assert!(said(2200, input(Heard, 0.0, false)).contains("`out` follows it again"));
-        assert_eq!(said(3000, input(Silent, 0.0, true)), "");
-        let zero = said(3200, input(Silent, 0.0, true));
+        assert_eq!(message(2100, input(Silent, 0.0, true)), "", "said once");
+        assert!(message(2200, input(Heard, 0.0, false)).contains("`out` follows it again"));
+        assert_eq!(message(3000, input(Silent, 0.0, true)), "");
+        let zero = message(3200, input(Silent, 0.0, true));
         assert!(
             zero.contains("silent for 400 ms") && zero.contains("`out` ramped to zero (delivered 0.000 A)"),
             "{zero}"
         );
-        assert!(said(4000, input(Heard, 0.0, true)).contains("another input is silent"));
-        said(5000, input(Silent, 0.4, false));
-        let held = said(5200, input(Silent, 0.4, false));
+        assert!(message(4000, input(Heard, 0.0, true)).contains("another input is silent"));
+        message(5000, input(Silent, 0.4, false));
+        let held = message(5200, input(Silent, 0.4, false));
         assert!(held.contains("`out` continues (delivered 0.400 A)"), "{held}");
         let end = start + Duration::from_millis(6000);
         let last = [input(Silent, 0.4, false)];
@@ -328,8 +328,10 @@ mod tests {
         let mut monitor = SilenceMonitor::new(start);
         let network = Connections::default();
         let never = [input(InputState::Never, 0.0, true)];
-        let mut said = |s: u64| monitor.poll(start + Duration::from_secs(s), &never, &network);
-        assert!(said(0).is_empty() && said(2).is_empty() && said(4).len() == 1 && said(9).is_empty());
+        let mut message = |s: u64| monitor.poll(start + Duration::from_secs(s), &never, &network);
+        assert!(
+            message(0).is_empty() && message(2).is_empty() && message(4).len() == 1 && message(9).is_empty()
+        );
         assert_eq!(monitor.silent().collect::<Vec<_>>(), ["stylus"]);
         let end = start + Duration::from_secs(9);
         assert_eq!(monitor.warnings(end, &never, &network).len(), 1);

@@ -84,7 +84,7 @@ impl State {
     /// [`PacketError`] if the packet is invalid.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PacketError> {
         let (sequence, _, timestamp_ns, numbers) = open::<12>(bytes, STATE, STATE_BYTES)?;
-        if !are_within_reason(&numbers) {
+        if !are_in_range(&numbers) {
             return Err(PacketError::TooLarge);
         }
         let three = |first: usize| std::array::from_fn(|i| numbers[first + i]);
@@ -118,8 +118,8 @@ impl State {
     }
 }
 
-/// Whether all numbers are within [`LARGEST`]. One absurd number would stay in an integrator for the rest of a run.
-pub(crate) fn are_within_reason(numbers: &[f64]) -> bool {
+/// Whether all numbers are within [`LARGEST`]. An integrator would keep a huge number for the rest of a run.
+pub(crate) fn are_in_range(numbers: &[f64]) -> bool {
     numbers.iter().all(|x| x.abs() <= LARGEST)
 }
 

@@ -1,7 +1,7 @@
 //! The sockets of a live run, one for each device.
 
 use super::WAIT;
-use super::conversation::{Codec, Conversation, Plug};
+use super::exchange::{Codec, Exchange, SocketConfig};
 use crate::backend::{Backend, BackendError, Connected, Counts};
 use crate::hub::{cell, packets};
 #[cfg(feature = "osc")]
@@ -26,10 +26,10 @@ pub(super) struct Sockets(Vec<Connection>);
 struct Connection {
     /// Name of the endpoint.
     device: String,
-    /// Address as the graph states it.
-    plug: Plug,
+    /// Its settings; the address is as the graph states it.
+    config: SocketConfig,
     /// Sends new settings to the thread.
-    edits: Sender<Plug>,
+    edits: Sender<SocketConfig>,
     /// Address with the port that the system chose for port 0.
     bound: SocketAddr,
     stop: Arc<AtomicBool>,
@@ -39,27 +39,27 @@ struct Connection {
 }
 
 impl Connection {
-    fn open(device: &str, plug: &Plug) -> Result<Self, BackendError> {
+    fn open(device: &str, config: &SocketConfig) -> Result<Self, BackendError> {
         let failed = |error| BackendError::Bind {
             device: device.to_owned(),
-            address: plug.listen,
+            address: config.listen,
             error,
         };
-        let socket = UdpSocket::bind(plug.listen).map_err(failed)?;
+        let socket = UdpSocket::bind(config.listen).map_err(failed)?;
         socket.set_read_timeout(Some(WAIT)).map_err(failed)?;
         let bound = socket.local_addr().map_err(failed)?;
         let stop = Arc::new(AtomicBool::new(false));
-        let (flag, theirs) = (Arc::clone(&stop), plug.clone());
+        let (flag, theirs) = (Arc::clone(&stop), config.clone());
         let (edits, edited) = channel();
         // The link may hold the last command of an earlier run.
-        let version = plug.link.driven_version();
+        let version = config.link.driven_version();
         let thread = std::thread::Builder::new()
             .name(format!("network {device}"))
-            .spawn(move || Conversation::new(theirs, &socket, version).hold(&edited, &flag))
+            .spawn(move || Exchange::new(theirs, &socket, version).run(&edited, &flag))
             .map_err(failed)?;
         Ok(Self {
             device: device.to_owned(),
-            plug: plug.clone(),
+            config: config.clone(),
             edits,
             bound,
             stop,
@@ -68,13 +68,13 @@ impl Connection {
         })
     }
 
-    fn follow(&mut self, device: &str, plug: Plug) {
+    fn configure(&mut self, device: &str, config: SocketConfig) {
         device.clone_into(&mut self.device);
-        if !self.plug.says_the_same(&plug) {
-            let link = Arc::clone(&self.plug.link);
-            self.plug = Plug { link, ..plug };
+        if !self.config.has_same_settings(&config) {
+            let link = Arc::clone(&self.config.link);
+            self.config = SocketConfig { link, ..config };
             // The thread may have ended.
-            let _ = self.edits.send(self.plug.clone());
+            let _ = self.edits.send(self.config.clone());
         }
     }
 }
@@ -85,11 +85,11 @@ impl Drop for Connection {
     }
 }
 
-/// The socket of a device, with a link of its own; `None` for a device of another kind.
-fn plug(device: &GraphDevice) -> Option<Result<Plug, BuildError>> {
+/// The socket settings of a device, with a link of its own; `None` for a device of another kind.
+fn config(device: &GraphDevice) -> Option<Result<SocketConfig, BuildError>> {
     if let Some(settings) = device.settings::<UdpDevice>() {
         return Some(settings.listen().and_then(|listen| {
-            Ok(Plug {
+            Ok(SocketConfig {
                 link: Arc::default(),
                 listen,
                 only: settings.only()?,
@@ -101,7 +101,7 @@ fn plug(device: &GraphDevice) -> Option<Result<Plug, BuildError>> {
     #[cfg(feature = "osc")]
     if let Some(settings) = device.settings::<OscDevice>() {
         return Some(settings.listen().and_then(|listen| {
-            Ok(Plug {
+            Ok(SocketConfig {
                 link: Arc::default(),
                 listen,
                 only: None,
@@ -113,27 +113,28 @@ fn plug(device: &GraphDevice) -> Option<Result<Plug, BuildError>> {
     None
 }
 
-/// The sockets that a graph needs: index of the device, its name, and the socket.
-fn plugs(graph: &Graph) -> Result<Vec<(usize, String, Plug)>, BackendError> {
-    let mut found: Vec<(usize, String, Plug)> = Vec::new();
+/// The sockets that a graph needs: index and name of each device, and its settings.
+fn configs(graph: &Graph) -> Result<Vec<(usize, String, SocketConfig)>, BackendError> {
+    let mut found: Vec<(usize, String, SocketConfig)> = Vec::new();
     for (index, device) in graph.devices().iter().enumerate() {
-        let Some(plug) = plug(device) else { continue };
-        let plug = plug.map_err(|error| BackendError::Place {
+        let Some(config) = config(device) else { continue };
+        let config = config.map_err(|error| BackendError::Place {
             device: device.name.clone(),
             place: "its address".to_owned(),
             error: std::io::Error::other(error),
         })?;
         // At port 0 each has its own free port.
-        let shared =
-            |(.., known): &&(usize, String, Plug)| known.listen == plug.listen && plug.listen.port() != 0;
+        let shared = |(.., known): &&(usize, String, SocketConfig)| {
+            known.listen == config.listen && config.listen.port() != 0
+        };
         if let Some((_, other, _)) = found.iter().find(shared) {
             return Err(BackendError::Shared(
                 other.clone(),
                 device.name.clone(),
-                plug.listen,
+                config.listen,
             ));
         }
-        found.push((index, device.name.clone(), plug));
+        found.push((index, device.name.clone(), config));
     }
     Ok(found)
 }
@@ -141,15 +142,15 @@ fn plugs(graph: &Graph) -> Result<Vec<(usize, String, Plug)>, BackendError> {
 impl Backend for Sockets {
     fn open(&mut self, graph: &mut Graph) -> Result<(), BackendError> {
         self.0.iter_mut().for_each(|known| known.is_new = false);
-        for (index, name, plug) in plugs(graph)? {
+        for (index, name, config) in configs(graph)? {
             let is_it = |known: &&Connection| {
-                known.plug.listen == plug.listen && (plug.listen.port() != 0 || known.device == name)
+                known.config.listen == config.listen && (config.listen.port() != 0 || known.device == name)
             };
             let link = match self.0.iter().find(is_it) {
-                Some(known) => Arc::clone(&known.plug.link),
+                Some(known) => Arc::clone(&known.config.link),
                 None => {
-                    self.0.push(Connection::open(&name, &plug)?);
-                    plug.link
+                    self.0.push(Connection::open(&name, &config)?);
+                    config.link
                 }
             };
             if let Some(body) = graph.body_mut::<Remote>(index) {
@@ -165,9 +166,9 @@ impl Backend for Sockets {
 
     fn keep(&mut self, graph: &Graph) {
         for (device, cell) in graph.devices().iter().filter_map(cell) {
-            let is_it = |known: &&mut Connection| Arc::ptr_eq(&known.plug.link.input, &cell);
-            if let (Some(known), Some(Ok(plug))) = (self.0.iter_mut().find(is_it), plug(device)) {
-                known.follow(&device.name, plug);
+            let is_it = |known: &&mut Connection| Arc::ptr_eq(&known.config.link.input, &cell);
+            if let (Some(known), Some(Ok(config))) = (self.0.iter_mut().find(is_it), config(device)) {
+                known.configure(&device.name, config);
             }
         }
     }
@@ -178,7 +179,7 @@ impl Backend for Sockets {
     }
 
     fn counts(&self) -> Vec<Counts> {
-        self.0.iter().map(|known| packets(&known.plug.link)).collect()
+        self.0.iter().map(|known| packets(&known.config.link)).collect()
     }
 }
 

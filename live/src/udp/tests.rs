@@ -1,4 +1,4 @@
-use super::super::conversation::ahead;
+use super::super::exchange::ahead;
 use super::super::protocol::{Command, State};
 use super::*;
 use crate::connections::Connections;
@@ -27,7 +27,7 @@ impl Table {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.set_read_timeout(Some(WAIT)).unwrap();
         let to = socket.local_addr().unwrap();
-        let plug = Plug {
+        let config = SocketConfig {
             link: Arc::clone(&link),
             listen: to,
             only: None,
@@ -38,8 +38,7 @@ impl Table {
         let flag = Arc::clone(&stop);
         let (_, edits) = channel();
         let version = link.driven_version();
-        let thread =
-            std::thread::spawn(move || Conversation::new(plug, &socket, version).hold(&edits, &flag));
+        let thread = std::thread::spawn(move || Exchange::new(config, &socket, version).run(&edits, &flag));
         let device = UdpSocket::bind("127.0.0.1:0").unwrap();
         device.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
         Self {
@@ -216,9 +215,9 @@ fn graph_of(endpoints: &[(&str, String)]) -> Graph {
 
 #[test]
 fn other_settings_at_the_same_address_hold_from_the_edit_on() {
-    let told = UdpSocket::bind("127.0.0.1:0").unwrap();
-    told.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
-    let send_to = told.local_addr().unwrap();
+    let peer = UdpSocket::bind("127.0.0.1:0").unwrap();
+    peer.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    let send_to = peer.local_addr().unwrap();
     let listen = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let osc = |rest: &str| graph_of(&[("pen", format!(r#"OscDevice(listen: "{listen}", {rest})"#))]);
     let mut before = osc(&format!(r#"position: "/old", send_to: "{send_to}""#));
@@ -250,11 +249,11 @@ fn other_settings_at_the_same_address_hold_from_the_edit_on() {
     }
     assert_eq!(heard, Some(0.02), "at the new address");
     assert_eq!(connections.status().len(), 1);
-    // Who was told of drives and is no more was told three times that they are zero, after whatever came before.
+    // The peer that is driven no more got three last messages of zeros, after earlier ones.
     drop(connections);
-    told.set_nonblocking(true).unwrap();
+    peer.set_nonblocking(true).unwrap();
     let (mut last, mut bytes) = (Vec::new(), [0; 100]);
-    while let Ok((length, _)) = told.recv_from(&mut bytes) {
+    while let Ok((length, _)) = peer.recv_from(&mut bytes) {
         last = bytes[..length].to_vec();
     }
     assert!(last.starts_with(b"/brake"), "{last:?}");

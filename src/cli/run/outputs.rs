@@ -7,7 +7,7 @@ use crate::engine::graph::{Graph, TemplateOutput};
 use crate::engine::node::{FileContext, FileKind, FileSink, FrameWriter, Stream};
 use crate::engine::run::{FileSinks, Probe};
 use crate::engine::settings::closest;
-use crate::live::soundcard::{Played, played};
+use crate::live::soundcard::{CardOutputSink, output_sinks};
 use crate::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
 use crate::nodes::sinks::wav::{WavSink, WavSinkSettings, open_to_fit};
 use crate::report::record::{WatchedOutput, watch};
@@ -157,13 +157,13 @@ pub fn keep_played(graph: &Graph, folder: &Path, file_sinks: &mut FileSinks<'_>)
 }
 
 /// The soundcard outputs and the file of each.
-pub fn played_files(graph: &Graph) -> Vec<(Played, String)> {
+pub fn played_files(graph: &Graph) -> Vec<(CardOutputSink, String)> {
     let mut names = Vec::new();
-    let file = |played: Played| {
+    let file = |played: CardOutputSink| {
         let name = unlike(&mut names, &played.endpoint);
         (played, format!("{name}.soundcard.wav"))
     };
-    played(graph).into_iter().map(file).collect()
+    output_sinks(graph).into_iter().map(file).collect()
 }
 
 /// A file name made of `name`, with a number if it is taken.

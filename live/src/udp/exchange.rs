@@ -3,7 +3,7 @@
 use super::WAIT;
 use super::protocol::{Command, PacketError, State};
 #[cfg(feature = "osc")]
-use crate::osc::{Addresses, Teller, decode, each_message};
+use crate::osc::{Addresses, OscSender, decode, each_message};
 use haptograph_nodes::network::link::{Count, DRIVEN, Link, SENSED};
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 /// Socket settings of a device: addresses, timeout and protocol.
 #[derive(Debug, Clone)]
-pub(super) struct Plug {
+pub(super) struct SocketConfig {
     pub link: Arc<Link>,
     pub listen: SocketAddr,
     pub only: Option<SocketAddr>,
@@ -22,9 +22,9 @@ pub(super) struct Plug {
     pub codec: Codec,
 }
 
-impl Plug {
-    /// Whether a conversation can continue with the other settings unchanged.
-    pub fn says_the_same(&self, other: &Self) -> bool {
+impl SocketConfig {
+    /// Whether peer, timeout and protocol are the same.
+    pub fn has_same_settings(&self, other: &Self) -> bool {
         (self.only, self.timeout, &self.codec) == (other.only, other.timeout, &other.codec)
     }
 }
@@ -41,10 +41,10 @@ pub(super) enum Codec {
 
 #[cfg(feature = "osc")]
 impl Codec {
-    fn teller(&self) -> Option<Teller> {
+    fn osc_sender(&self) -> Option<OscSender> {
         match self {
             Self::Protocol => None,
-            Self::Osc(addresses) => addresses.teller(),
+            Self::Osc(addresses) => addresses.sender(),
         }
     }
 }
@@ -53,56 +53,56 @@ impl Codec {
 const MAX_BYTES: usize = 65_536;
 
 /// A device at a socket.
-pub(super) struct Conversation<'a> {
-    plug: Plug,
+pub(super) struct Exchange<'a> {
+    config: SocketConfig,
     socket: &'a UdpSocket,
     device: Option<SocketAddr>,
     /// Time of the last packet.
-    heard: Option<Instant>,
+    last_packet: Option<Instant>,
     /// Sequence number and timestamp of its latest state.
     latest: (u32, u64),
     sensed: [f64; SENSED],
     driven: [f64; DRIVEN],
     /// Version of the command, and when it was first seen.
     driven_version: (u64, Option<Instant>),
-    told: u32,
+    command_sequence: u32,
     #[cfg(feature = "osc")]
-    teller: Option<Teller>,
+    osc_sender: Option<OscSender>,
 }
 
-impl<'a> Conversation<'a> {
-    /// A conversation in which a command counts that is newer than `version`.
-    pub fn new(plug: Plug, socket: &'a UdpSocket, version: u64) -> Self {
+impl<'a> Exchange<'a> {
+    /// An exchange that sends commands newer than `version`.
+    pub fn new(config: SocketConfig, socket: &'a UdpSocket, version: u64) -> Self {
         Self {
-            device: plug.only,
+            device: config.only,
             #[cfg(feature = "osc")]
-            teller: plug.codec.teller(),
-            plug,
+            osc_sender: config.codec.osc_sender(),
+            config,
             socket,
-            heard: None,
+            last_packet: None,
             latest: (0, 0),
             sensed: [0.0; SENSED],
             driven: [0.0; DRIVEN],
             driven_version: (version, None),
-            told: 0,
+            command_sequence: 0,
         }
     }
 
-    /// Goes on until `stop`, with new settings from `edits`.
-    pub fn hold(mut self, edits: &Receiver<Plug>, stop: &AtomicBool) {
+    /// Runs until `stop`, with new settings from `edits`.
+    pub fn run(mut self, edits: &Receiver<SocketConfig>, stop: &AtomicBool) {
         let mut bytes = vec![0; MAX_BYTES];
         while !stop.load(Ordering::Relaxed) {
-            if let Some(plug) = edits.try_iter().last() {
-                self.follow(plug);
+            if let Some(config) = edits.try_iter().last() {
+                self.configure(config);
             }
             match self.socket.recv_from(&mut bytes) {
-                Ok((length, from)) => self.hear(&bytes[..length], from),
-                Err(error) if is_passing(&error) => {}
+                Ok((length, from)) => self.receive(&bytes[..length], from),
+                Err(error) if is_transient(&error) => {}
                 // An unknown error: do not spin.
                 Err(_) => std::thread::sleep(WAIT),
             }
             #[cfg(feature = "osc")]
-            self.tell();
+            self.send_osc();
         }
         self.release();
     }
@@ -111,58 +111,59 @@ impl<'a> Conversation<'a> {
     fn release(&mut self) {
         self.driven = [0.0; DRIVEN];
         #[cfg(feature = "osc")]
-        if let Some(teller) = &self.teller {
+        if let Some(sender) = &self.osc_sender {
             // Repeated, because packets may be lost.
-            (0..3).for_each(|_| teller.tell(self.socket, &self.driven));
+            (0..3).for_each(|_| sender.send(self.socket, &self.driven));
         }
-        if let (Codec::Protocol, Some(device)) = (&self.plug.codec, self.device) {
+        if let (Codec::Protocol, Some(device)) = (&self.config.codec, self.device) {
             // If none arrives, the device's own watchdog acts.
             let _ = self.socket.send_to(&self.command(false).to_bytes(), device);
         }
     }
 
     /// Applies new settings. A peer that is no longer driven gets a last command; a peer that is no longer accepted is forgotten.
-    fn follow(&mut self, plug: Plug) {
-        if plug.codec != self.plug.codec || plug.only != self.plug.only {
+    fn configure(&mut self, config: SocketConfig) {
+        if config.codec != self.config.codec || config.only != self.config.only {
             self.release();
-            (self.device, self.heard) = (plug.only, None);
+            (self.device, self.last_packet) = (config.only, None);
             #[cfg(feature = "osc")]
             {
-                self.teller = plug.codec.teller();
+                self.osc_sender = config.codec.osc_sender();
             }
         }
-        self.plug = plug;
+        self.config = config;
     }
 
     fn is_silent(&self) -> bool {
-        self.heard.is_none_or(|heard| heard.elapsed() > self.plug.timeout)
+        self.last_packet
+            .is_none_or(|time| time.elapsed() > self.config.timeout)
     }
 
-    fn hear(&mut self, bytes: &[u8], from: SocketAddr) {
+    fn receive(&mut self, bytes: &[u8], from: SocketAddr) {
         let silent = self.is_silent();
-        if self.device.is_some_and(|device| device != from) && (self.plug.only.is_some() || !silent) {
-            self.plug.link.count(Count::Rejected, 1);
+        if self.device.is_some_and(|device| device != from) && (self.config.only.is_some() || !silent) {
+            self.config.link.count(Count::Rejected, 1);
             return;
         }
-        match &self.plug.codec {
+        match &self.config.codec {
             Codec::Protocol => match State::from_bytes(bytes) {
                 Ok(state) => self.take_state(&state, from, silent),
-                Err(PacketError::NotFinite) => self.plug.link.count(Count::NotNumbers, 1),
-                Err(PacketError::TooLarge) => self.plug.link.count(Count::TooLarge, 1),
-                Err(_) => self.plug.link.count(Count::Malformed, 1),
+                Err(PacketError::NotFinite) => self.config.link.count(Count::NotNumbers, 1),
+                Err(PacketError::TooLarge) => self.config.link.count(Count::TooLarge, 1),
+                Err(_) => self.config.link.count(Count::Malformed, 1),
             },
             #[cfg(feature = "osc")]
-            Codec::Osc(addresses) => match addresses.understand(bytes, &mut self.sensed) {
+            Codec::Osc(addresses) => match addresses.read(bytes, &mut self.sensed) {
                 Ok(true) => self.accept(from),
                 Ok(false) => {
-                    // It was understood as a packet a moment ago.
+                    // It was decoded above.
                     if let Ok(packet) = decode(bytes) {
                         each_message(&packet, &mut |message| {
-                            self.plug.link.count_unclaimed(&message.addr)
+                            self.config.link.count_unclaimed(&message.addr)
                         });
                     }
                 }
-                Err(what) => self.plug.link.count(what, 1),
+                Err(what) => self.config.link.count(what, 1),
             },
         }
     }
@@ -172,10 +173,10 @@ impl<'a> Conversation<'a> {
         if !silent {
             match ahead(state.sequence, self.latest.0) {
                 None => {
-                    self.plug.link.count(Count::Outdated, 1);
+                    self.config.link.count(Count::Outdated, 1);
                     return;
                 }
-                Some(ahead) => self.plug.link.count(Count::Missing, u64::from(ahead - 1)),
+                Some(ahead) => self.config.link.count(Count::Missing, u64::from(ahead - 1)),
             }
         }
         self.latest = (state.sequence, state.timestamp_ns);
@@ -187,20 +188,20 @@ impl<'a> Conversation<'a> {
         ];
         self.sensed.copy_from_slice(parts.as_flattened());
         self.accept(from);
-        self.look_at_drives();
+        self.update_command();
         // The next answer makes up for a lost one.
         let _ = self.socket.send_to(&self.command(true).to_bytes(), from);
     }
 
     fn accept(&mut self, from: SocketAddr) {
         self.device = Some(from);
-        self.heard = Some(Instant::now());
-        self.plug.link.publish(&self.sensed);
+        self.last_packet = Some(Instant::now());
+        self.config.link.publish(&self.sensed);
     }
 
-    /// The latest command; zeros if the ticks that compute it have stopped.
-    fn look_at_drives(&mut self) {
-        if let Some((version, driven)) = self.plug.link.driven.look() {
+    /// Takes the latest command; zeros if the ticks that compute it have stopped.
+    fn update_command(&mut self) {
+        if let Some((version, driven)) = self.config.link.driven.look() {
             let (known, _) = self.driven_version;
             if version != known {
                 self.driven_version = (version, Some(Instant::now()));
@@ -208,16 +209,16 @@ impl<'a> Conversation<'a> {
             self.driven = driven;
         }
         let (_, since) = self.driven_version;
-        if since.is_none_or(|since| since.elapsed() > self.plug.timeout) {
+        if since.is_none_or(|since| since.elapsed() > self.config.timeout) {
             self.driven = [0.0; DRIVEN];
         }
     }
 
     fn command(&mut self, running: bool) -> Command {
-        self.told = self.told.wrapping_add(1);
+        self.command_sequence = self.command_sequence.wrapping_add(1);
         let [x, y, z, current_a, brake_a] = self.driven;
         Command {
-            sequence: self.told,
+            sequence: self.command_sequence,
             answers: self.latest.0,
             timestamp_ns: self.latest.1,
             force_n: [x, y, z],
@@ -229,11 +230,11 @@ impl<'a> Conversation<'a> {
 
     /// By Open Sound Control commands are sent at their own rate.
     #[cfg(feature = "osc")]
-    fn tell(&mut self) {
-        if self.teller.as_mut().is_some_and(Teller::is_due) {
-            self.look_at_drives();
-            if let Some(teller) = &self.teller {
-                teller.tell(self.socket, &self.driven);
+    fn send_osc(&mut self) {
+        if self.osc_sender.as_mut().is_some_and(OscSender::is_due) {
+            self.update_command();
+            if let Some(sender) = &self.osc_sender {
+                sender.send(self.socket, &self.driven);
             }
         }
     }
@@ -245,8 +246,8 @@ pub(super) fn ahead(new: u32, old: u32) -> Option<u32> {
     (1..=u32::MAX / 2).contains(&ahead).then_some(ahead)
 }
 
-/// Errors that do not affect a socket: a timeout, or an answer that reached no receiver.
-fn is_passing(error: &std::io::Error) -> bool {
+/// Errors that do not affect a socket: a timeout, or an answer that nothing received.
+fn is_transient(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{ConnectionRefused, ConnectionReset, Interrupted, TimedOut, WouldBlock};
     matches!(
         error.kind(),
