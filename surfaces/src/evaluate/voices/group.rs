@@ -20,7 +20,7 @@ pub const LANES: usize = WarpedBank::GROUP;
 /// Frames processed at a time: a batch of the random numbers.
 const BLOCK: usize = 64;
 /// Blocks between two calls of `advance`.
-const BLOCKS_TOLD: usize = 256;
+const BLOCKS_PER_REPORT: usize = 256;
 /// Voices whose random numbers are drawn before they are put side by side.
 const DRAWN: usize = 8;
 /// Rows of an interpolated model: frequencies of both polynomials, gain and level.
@@ -179,7 +179,7 @@ impl<'a> Group<'a> {
             rate_hz, update_hz, ..
         } = *self.lanes[0].points;
         let mut updates = updates(rate_hz, update_hz, samples).enumerate().peekable();
-        let mut told = 0;
+        let mut reported = 0;
         for (number, start) in (0..samples).step_by(BLOCK).enumerate() {
             let block = start..samples.min(start + BLOCK);
             self.excite(&block);
@@ -194,15 +194,15 @@ impl<'a> Group<'a> {
                 at = end;
             }
             self.write(&block);
-            if number % BLOCKS_TOLD == 0 {
-                if advance(block.end - told).is_break() {
+            if number % BLOCKS_PER_REPORT == 0 {
+                if advance(block.end - reported).is_break() {
                     return Err((0, SynthesisError::Stopped));
                 }
-                told = block.end;
+                reported = block.end;
             }
         }
         // It is done.
-        let _ = advance(samples - told);
+        let _ = advance(samples - reported);
         Ok(())
     }
 
