@@ -7,7 +7,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     options.source.endpoints = Some("simulated".to_owned());
     let mut run = Supervisor::start(options, &haptograph::nodes::registry(), None)?;
     println!("driven by {}", run.description());
-    run.set("out.gain", 0.5);
+    let gain = run.setting("out.gain")?;
+    gain.set(0.5)?;
     while !run.is_finished() {
         run.wait();
         for event in run.poll() {

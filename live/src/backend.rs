@@ -17,6 +17,38 @@ pub type Lives = Vec<(usize, Live)>;
 /// 3. [`keep`](Self::keep) or [`undo`](Self::undo) follows each open: the graph runs, or it does not after all.
 /// 4. [`poll`](Self::poll), [`status`](Self::status) and [`counts`](Self::counts) serve the supervisor.
 /// 5. [`close`](Self::close) waits for the drivers and returns what they drove. Dropping it disconnects the devices.
+///
+/// A backend has one entry in [`BACKENDS`]. This one reaches a printer, which sends and counts nothing:
+///
+/// ```
+/// use haptograph_engine::graph::Graph;
+/// use haptograph_live::{Backend, BackendError, Connected, Counts};
+///
+/// #[derive(Default)]
+/// struct Printer(Vec<Connected>);
+///
+/// impl Backend for Printer {
+///     fn open(&mut self, graph: &mut Graph) -> Result<(), BackendError> {
+///         let own = graph.devices().iter().filter(|device| device.entry.spec.name == "Printer");
+///         self.0 = own.map(|device| Connected::link(&device.name, "/dev/usb/lp0")).collect();
+///         Ok(())
+///     }
+///
+///     fn undo(&mut self) {
+///         self.0.clear();
+///     }
+///
+///     fn status(&self) -> Vec<Connected> {
+///         self.0.clone()
+///     }
+///
+///     fn counts(&self) -> Vec<Counts> {
+///         self.0.iter().map(|_| Counts::None).collect()
+///     }
+/// }
+///
+/// assert!(Printer::default().poll().is_empty());
+/// ```
 pub trait Backend: Send {
     /// Connects the devices of a graph that are not connected yet, and attaches their bodies.
     ///
@@ -68,6 +100,7 @@ pub trait Backend: Send {
 
 /// A connection to a device, or a driver.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Connected {
     /// Names of the endpoints; of a driver, its clock.
     pub names: Vec<String>,
@@ -85,16 +118,12 @@ pub struct Connected {
 
 impl Connected {
     /// A working connection of a device.
-    #[cfg_attr(
-        not(feature = "udp"),
-        allow(dead_code, reason = "it is for the backends that are built")
-    )]
-    pub(crate) fn link(name: &str, place: String) -> Self {
+    pub fn link(name: &str, place: impl Into<String>) -> Self {
         Self {
             names: vec![name.to_owned()],
             role: Role::Link,
             clock: None,
-            place,
+            place: place.into(),
             state: State::Running,
             refused: Vec::new(),
         }
@@ -103,6 +132,7 @@ impl Connected {
 
 /// What a connection does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Role {
     /// It drives a part of the graph.
     Driver,
@@ -125,6 +155,7 @@ pub enum State {
 
 /// What a connection counted.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub enum Counts {
     /// Nothing: a timer.
     None,
@@ -136,6 +167,7 @@ pub enum Counts {
 
 /// A message about a device during a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum BackendEvent {
     /// The device vanished or came back.
     Changed(String),
@@ -145,6 +177,7 @@ pub enum BackendEvent {
 
 /// Error of a device, a live input or a driver.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum BackendError {
     /// The address cannot be bound.
     #[error("device `{device}` cannot listen at {address}: {error}")]
@@ -198,7 +231,7 @@ pub enum BackendError {
     #[error(transparent)]
     Soundcard(#[from] SoundcardError),
     /// The graph needs streams that the run has not.
-    #[error("it needs {0}; start a new run for it")]
+    #[error("the graph needs {0}, which this run does not have; start a new run")]
     Stream(&'static str),
     /// No thread can be started.
     #[error(transparent)]
@@ -213,6 +246,7 @@ pub enum BackendError {
 
 /// A backend of the table.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct BackendEntry {
     /// The hardware, in the plural.
     pub what: &'static str,

@@ -8,6 +8,36 @@ use haptograph_engine::run::RingReport;
 use haptograph_nodes::network::link::Counts as PacketCounts;
 
 /// The connected devices of a live run. Dropping it disconnects them.
+///
+/// For a program that drives a graph itself, with devices that haptograph reaches:
+///
+/// ```
+/// use haptograph_engine::document::Document;
+/// use haptograph_engine::graph::{CheckOptions, check};
+/// use haptograph_engine::run::{FileSinks, LiveOptions, Session};
+/// use haptograph_live::Connections;
+///
+/// # if !haptograph_live::udp::BACKEND.is_built { return Ok(()); }
+/// let text = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 1000) },
+///     nodes: { "touch": Tablet(clock: "servo", endpoint: "stylus") },
+///     endpoints: { "simulated": { "stylus": UdpDevice(listen: "127.0.0.1:0") } })"#;
+/// let document = Document::parse("g.ron", text)?;
+/// let mut graph = check(&document, &haptograph_nodes::registry(), &CheckOptions::default())?;
+/// let mut connections = Connections::default();
+/// connections.connect(&mut graph)?;
+/// println!("send packets to {}", connections.place("stylus").unwrap());
+/// let (mut live, mut session) = Session::open(FileSinks::new(&graph), &LiveOptions::default())?;
+/// connections.keep(&graph);
+/// for _ in 0..10 {
+///     // In the program's own callback.
+///     live.callback(64, |_, _| {});
+///     // Elsewhere, now and then.
+///     session.poll();
+///     connections.poll();
+/// }
+/// assert_eq!(session.finish(live).outcome.driver_frames, 640);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Connections {
     backends: Vec<Member>,
     /// Whether a graph was connected since the last error, undo or keep.

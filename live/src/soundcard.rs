@@ -59,6 +59,7 @@ pub const BACKEND: BackendEntry = BackendEntry {
 
 /// Error of a soundcard.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SoundcardError {
     /// The program was built without soundcards.
     #[error("this program was built without soundcards, the feature `soundcard`")]
@@ -101,6 +102,7 @@ pub enum SoundcardError {
 
 /// A soundcard of this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Listed {
     /// Name for the setting `device`.
     pub name: String,
@@ -114,6 +116,7 @@ pub struct Listed {
 
 /// What a card supports in one direction.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Ability {
     /// Whether it is the system's default.
     pub default: bool,
@@ -123,6 +126,7 @@ pub struct Ability {
 
 /// A stream as the card opened it.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct OpenedStream {
     /// Name of the card.
     pub card: String,
@@ -138,6 +142,7 @@ pub struct OpenedStream {
 
 /// Counts of a stream.
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct CardCounts {
     /// Under- and overruns that the system reported.
     pub xruns: u64,

@@ -64,7 +64,34 @@ const MAX_HANDLED: usize = 64;
 
 /// A supervised live run.
 ///
-/// Call [`wait`](Self::wait) and [`poll`](Self::poll) until [`is_finished`](Self::is_finished), then [`finish`](Self::finish). Dropping it stops the actuators and leaves the files as they are.
+/// Call [`wait`](Self::wait) and [`poll`](Self::poll) until [`is_finished`](Self::is_finished), then [`finish`](Self::finish).
+/// Dropping it stops the actuators and leaves the files as they are.
+///
+/// ```
+/// use haptograph_live::supervisor::{RunOptions, Supervisor};
+///
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("g.ron");
+/// std::fs::write(&path, r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 1000) },
+///     nodes: {
+///         "one": Constant(clock: "servo", value: 1, quantity: "current"),
+///         "out": ActuatorSink(current: "one", endpoint: "coil", limit: (peak_a: 1.5, continuous_a: 1.5)),
+///     },
+///     endpoints: { "simulated": { "coil": SimulatedHaptuator() } })"#)?;
+/// let mut options = RunOptions::of(&path);
+/// options.seconds = Some(0.1);
+/// let mut run = Supervisor::start(options, &haptograph_nodes::registry(), None)?;
+/// let gain = run.setting("out.gain")?;
+/// gain.set(0.5)?;
+/// while !run.is_finished() {
+///     run.wait();
+///     for event in run.poll() {
+///         println!("{event}");
+///     }
+/// }
+/// assert_eq!(run.finish()?.report.driver_frames, 100);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Supervisor {
     /// The graph that ran first.
     graph: Arc<Graph>,
@@ -112,6 +139,7 @@ pub struct Supervisor {
 
 /// A run that has ended.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Ended {
     /// The outcome, as of any run.
     pub outcome: LiveOutcome,
@@ -144,11 +172,7 @@ impl Supervisor {
     /// A live setting (`out.gain`) takes a number, with exactly its bits. For a parameter (`gain`) the graph is loaded
     /// again, on another thread.
     pub fn set(&mut self, name: &str, value: impl Into<SettingValue>) {
-        self.request(Request {
-            name: name.to_owned(),
-            value: value.into(),
-            origin: Origin::Program,
-        });
+        self.request(Request::new(name, value));
     }
 
     /// A handle that sets one live setting (`out.gain`) from any thread: the name is looked up here, once.

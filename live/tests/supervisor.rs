@@ -33,10 +33,9 @@ fn registry() -> Registry {
 fn options(folder: &Path, text: &str) -> RunOptions {
     let path = folder.join("g.ron");
     fs::write(&path, text).unwrap();
-    RunOptions {
-        rested: true,
-        ..RunOptions::of(path)
-    }
+    let mut options = RunOptions::of(path);
+    options.rested = true;
+    options
 }
 
 /// Polls until an event is found or the run is over, then stops the run. Returns all events.
@@ -69,13 +68,7 @@ fn a_setting_and_a_parameter_are_set_and_reported() {
     run.set("out.gain", 0.5);
     run.set("nonsense", 1);
     let sender = run.sender();
-    sender
-        .send(Request {
-            name: "level".to_owned(),
-            value: "1.0".into(),
-            origin: Origin::Program,
-        })
-        .unwrap();
+    sender.send(Request::new("level", "1.0")).unwrap();
     let (ended, events) = ended(run, |event| matches!(event, Event::Changed(_)));
     let is_set =
         |event: &Event| matches!(event, Event::Set(name, value) if name == "out.gain" && *value == 0.5);
@@ -125,9 +118,8 @@ fn a_live_setting_gets_exactly_the_bits_that_were_set() {
                 0 => handle.set(value).unwrap(),
                 1 => run.set("out.gain", value),
                 _ => {
-                    let (name, origin) = ("out.gain".to_owned(), Origin::Osc);
-                    let value = value.into();
-                    sender.send(Request { name, value, origin }).unwrap();
+                    let request = Request::from_origin(Origin::Osc, "out.gain", value);
+                    sender.send(request).unwrap();
                 }
             }
             run.poll();
@@ -199,11 +191,7 @@ fn a_request_ends_a_wait() {
     let mut run = Supervisor::start(options(folder.path(), GRAPH), &registry(), None).unwrap();
     let (handle, sender) = (run.setting("out.gain").unwrap(), run.sender());
     let start = Instant::now();
-    let request = || Request {
-        name: "out.gain".to_owned(),
-        value: 0.25.into(),
-        origin: Origin::Program,
-    };
+    let request = || Request::new("out.gain", 0.25);
     for way in 0..4 {
         std::thread::scope(|scope| {
             scope.spawn(|| match way {
@@ -315,7 +303,7 @@ fn a_run_is_replayed_from_its_report() {
     let (ended, _) = ended(run, |_| false);
     assert_eq!(
         (ended.report.driver_frames, &*ended.report.clocks),
-        (200, &["servo 1 kHz".to_owned()][..])
+        (200, &["servo 1000 Hz".to_owned()][..])
     );
     let document = Document::load(folder.path().join("g.ron"), &Default::default()).unwrap();
     let graph = check(&document, &registry(), &CheckOptions::default()).unwrap();

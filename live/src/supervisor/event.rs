@@ -7,6 +7,7 @@ use std::fmt;
 
 /// A request to a running graph: another value of a parameter (`gain`) or of a live setting of a node (`out.gain`).
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Request {
     /// The parameter or setting.
     pub name: String,
@@ -16,8 +17,25 @@ pub struct Request {
     pub origin: Origin,
 }
 
+impl Request {
+    /// A request of the embedding program.
+    pub fn new(name: impl Into<String>, value: impl Into<SettingValue>) -> Self {
+        Self::from_origin(Origin::Program, name, value)
+    }
+
+    /// A request of another origin.
+    pub fn from_origin(origin: Origin, name: impl Into<String>, value: impl Into<SettingValue>) -> Self {
+        Self {
+            name: name.into(),
+            value: value.into(),
+            origin,
+        }
+    }
+}
+
 /// Origin of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Origin {
     /// A person at the terminal.
     Keyboard,
@@ -40,6 +58,7 @@ impl Origin {
 
 /// What happened in a live run. It displays as one line of text.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub enum Event {
     /// A soundcard or another device vanished, came back, or failed.
     Device(String),

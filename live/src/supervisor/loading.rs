@@ -25,6 +25,7 @@ pub(super) type ParameterDefaults = Vec<(String, Option<String>)>;
 
 /// A graph file, and the values that override its defaults.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct GraphSource {
     /// The file.
     pub path: PathBuf,
@@ -37,7 +38,19 @@ pub struct GraphSource {
     pub seed: Option<u64>,
 }
 
-/// What to load, and with which parameters.
+impl GraphSource {
+    /// A graph as its file has it.
+    pub fn of(path: impl Into<PathBuf>) -> Self {
+        Self {
+            path: path.into(),
+            set: Vec::new(),
+            endpoints: None,
+            seed: None,
+        }
+    }
+}
+
+/// What to load, and with which parameters. A [`LoadFn`] passes it to [`load`].
 #[derive(Clone)]
 pub struct Job {
     pub(super) source: GraphSource,
@@ -73,7 +86,7 @@ pub(super) struct KnownDocument {
     stamps: Vec<(PathBuf, (SystemTime, u64))>,
 }
 
-/// Result of a load.
+/// Result of a [`load`].
 pub struct LoadOutcome {
     pub(super) result: Result<LoadedGraph, Diagnostics>,
     /// The set of endpoints that it is bound to.
@@ -94,7 +107,23 @@ pub(super) struct LoadedGraph {
     pub texts: Vec<String>,
 }
 
-/// Function that loads a graph.
+/// Function that loads a changed graph, on a thread of its own: [`load`], or what a program does around it.
+///
+/// ```
+/// use haptograph_engine::registry::Registry;
+/// use haptograph_live::supervisor::{Job, LoadOutcome, RunOptions, load};
+/// use std::sync::atomic::{AtomicU32, Ordering};
+///
+/// static LOADS: AtomicU32 = AtomicU32::new(0);
+///
+/// fn load_and_count(job: Job, registry: &Registry) -> LoadOutcome {
+///     LOADS.fetch_add(1, Ordering::Relaxed);
+///     load(job, registry)
+/// }
+///
+/// let mut options = RunOptions::of("graph.ron");
+/// options.load = load_and_count;
+/// ```
 pub type LoadFn = fn(Job, &Registry) -> LoadOutcome;
 
 /// Loads graphs, one at a time.

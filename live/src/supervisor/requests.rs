@@ -25,7 +25,7 @@ pub(super) enum PendingChange {
 }
 
 impl Supervisor {
-    /// Tells why a request is refused.
+    /// Reports why a request is refused.
     pub(super) fn refuse(&mut self, verbosity: Verbosity, why: String) {
         if verbosity >= Verbosity::Refusals {
             self.events.push(Event::Refused(why));
@@ -98,7 +98,7 @@ impl Supervisor {
             self.refuse(verbosity, format!("`{name}` was not changed: {refusal}"));
             return self.note(false, request);
         }
-        // Of what nobody types only the latest value counts.
+        // Of requests that are not typed, only the latest for a name counts.
         if *origin != Origin::Keyboard {
             let same = |change: &PendingChange| matches!(change, PendingChange::Set(known) if known.origin == *origin && known.name == *name);
             self.waiting.retain(|change| !same(change));

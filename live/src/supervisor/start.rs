@@ -25,6 +25,7 @@ pub type Accept = Arc<dyn Fn(&Graph) -> Result<(), String> + Send + Sync>;
 
 /// What runs live, and how.
 #[derive(Clone)]
+#[non_exhaustive]
 pub struct RunOptions {
     /// The graph.
     pub source: GraphSource,
@@ -48,12 +49,7 @@ impl RunOptions {
     /// A graph as it is, with its live endpoints, until it is stopped.
     pub fn of(graph: impl Into<PathBuf>) -> Self {
         Self {
-            source: GraphSource {
-                path: graph.into(),
-                set: Vec::new(),
-                endpoints: None,
-                seed: None,
-            },
+            source: GraphSource::of(graph),
             watch: false,
             seconds: None,
             block: 0,
@@ -67,6 +63,7 @@ impl RunOptions {
 
 /// Why a live run cannot start.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StartError {
     /// The graph has errors.
     #[error("{0}")]
@@ -156,11 +153,7 @@ fn listen_for_settings(
     let sender = sender.clone();
     let listening = OscControl::listen(address, move |setting| {
         // A full queue drops the value: faders repeat theirs. A closed queue belongs to a finished run.
-        let _ = sender.try_send(Request {
-            name: setting.name,
-            value: setting.value,
-            origin: Origin::Osc,
-        });
+        let _ = sender.try_send(Request::from_origin(Origin::Osc, setting.name, setting.value));
     });
     listening
         .map(Some)

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 /// The present state of a live run.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Status {
     /// Time since the start, s.
     pub seconds: f64,
@@ -29,6 +30,7 @@ pub struct Status {
 
 /// The present state of a live input.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct InputNow {
     /// Its state, and the actuators that depend on it.
     pub status: InputStatus,

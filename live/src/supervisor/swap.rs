@@ -139,14 +139,14 @@ impl Supervisor {
                 list: graph.warnings().to_vec(),
             }));
         }
-        let is_from_afar = matches!(
+        let is_remote = matches!(
             change,
             PendingChange::Set(Request {
                 origin: Origin::Osc,
                 ..
             })
         );
-        let guarded = match is_from_afar && ready.protected != self.protected {
+        let guarded = match is_remote && ready.protected != self.protected {
             true => Err("limits and devices can only be changed in the file or from the terminal".to_owned()),
             false => Ok(()),
         };

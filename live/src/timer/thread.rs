@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 /// Settings of the timer driver.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Timer {
     /// Wake-ups per second; a faster driver runs several frames at a time.
     pub wakes_hz: f64,
@@ -33,6 +34,7 @@ impl Default for Timer {
 
 /// Real-time privileges of the timer's thread.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct TimerNotes {
     /// The refused privileges and how to grant them, one sentence each.
     pub refused: Vec<String>,

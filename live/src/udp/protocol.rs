@@ -57,6 +57,7 @@ pub struct Command {
 
 /// Error of a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PacketError {
     /// The length is wrong.
     #[error("the packet has {got} bytes; this kind has {wanted}")]

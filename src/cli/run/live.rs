@@ -13,7 +13,7 @@ use super::{Arguments, RunSetup, lasts_a_frame, message, refuse_own_files, stop_
 use crate::engine::diagnostic::render;
 use crate::engine::registry::Registry;
 use crate::live::supervisor::{
-    self, Ended, Event, GraphSource, LoadFn, MAX_QUEUED, Origin, PreparedRun, Request, RunOptions, Supervisor,
+    self, Ended, Event, LoadFn, MAX_QUEUED, Origin, PreparedRun, Request, RunOptions, Supervisor,
 };
 use crate::live::{Connected, Role, SettingValue};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -101,21 +101,18 @@ fn run_with(
 /// What the arguments ask for.
 fn options(arguments: &Arguments, load: LoadFn) -> RunOptions {
     let record = arguments.record;
-    RunOptions {
-        source: GraphSource {
-            set: arguments.graph.set.clone(),
-            endpoints: Some(arguments.graph.endpoints().to_owned()),
-            seed: arguments.seed,
-            path: arguments.graph.graph.clone(),
-        },
-        watch: arguments.watch,
-        seconds: arguments.duration_s,
-        block: usize::from(arguments.block),
-        rested: arguments.rested,
-        osc: arguments.osc,
-        accept: Arc::new(move |graph| refuse_own_files(graph, record)),
-        load,
-    }
+    let mut options = RunOptions::of(&arguments.graph.graph);
+    options.source.set = arguments.graph.set.clone();
+    options.source.endpoints = Some(arguments.graph.endpoints().to_owned());
+    options.source.seed = arguments.seed;
+    options.watch = arguments.watch;
+    options.seconds = arguments.duration_s;
+    options.block = usize::from(arguments.block);
+    options.rested = arguments.rested;
+    options.osc = arguments.osc;
+    options.accept = Arc::new(move |graph| refuse_own_files(graph, record));
+    options.load = load;
+    options
 }
 
 /// The person at the terminal: commands, status, messages.
@@ -152,11 +149,10 @@ impl Terminal {
 
 fn obey(command: ConsoleCommand, supervisor: &mut Supervisor) {
     match command {
-        ConsoleCommand::Set { name, value } => supervisor.request(Request {
-            value: SettingValue::from_text(&name, &value),
-            name,
-            origin: Origin::Keyboard,
-        }),
+        ConsoleCommand::Set { name, value } => {
+            let value = SettingValue::from_text(&name, &value);
+            supervisor.request(Request::from_origin(Origin::Keyboard, name, value));
+        }
         ConsoleCommand::List => {
             for (name, value) in supervisor.settings() {
                 let value = value.map_or_else(|| "?".to_owned(), |value| value.to_string());
@@ -206,9 +202,10 @@ fn introduce(arguments: &Arguments, supervisor: &Supervisor) {
     {
         let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
         match role {
-            Role::Driver => {}
             Role::Input => eprint(&format!("listening to {} by {place}\n", names.join(" and "))),
             Role::Link => eprint(&format!("listening for {} at {place}\n", names.concat())),
+            // The first line names the drivers.
+            _ => {}
         }
     }
     if let Some(address) = supervisor.osc_address() {

@@ -179,7 +179,7 @@ fn xruns(status: &Status) -> String {
             connected.names.join(" and ")
         )),
         (Counts::Stream(counts), _) => Some(format!(", {} xruns", counts.xruns)),
-        (Counts::None | Counts::Packets(..), _) => None,
+        _ => None,
     });
     each.collect()
 }
