@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-#[path = "live/afar.rs"]
-mod afar;
 #[path = "live/reloads.rs"]
 mod reloads;
+#[path = "live/remote.rs"]
+mod remote;
 #[path = "live/replays.rs"]
 mod replays;
 mod skip;
@@ -89,6 +89,49 @@ impl Running {
         }
     }
 
+    /// Waits until the last `count` rows of a CSV sink end with a value within 0.001: what was set has arrived in the signal.
+    /// No other output tells what a driver has computed. The sink writes its rows once a second.
+    fn wait_for_rows(&mut self, file: &str, value: f64, count: usize) {
+        self.wait_until(file, |rows| {
+            let last = rows.iter().rev().take(count);
+            rows.len() >= count && last.into_iter().all(|row| (row - value).abs() < 1e-3)
+        });
+    }
+
+    /// Waits until a CSV sink has written rows of ticks that came after this call.
+    fn wait_for_more_rows(&mut self, file: &str) {
+        let before = self.last_cells(file).len();
+        self.wait_until(file, |rows| rows.len() > before);
+    }
+
+    fn wait_until(&mut self, file: &str, is_it: impl Fn(&[f64]) -> bool) {
+        let start = Instant::now();
+        while !is_it(&self.last_cells(file)) {
+            let told = self.said();
+            assert!(self.child.try_wait().unwrap().is_none(), "it ended: {told}");
+            assert!(start.elapsed() < Duration::from_secs(60), "not in {file}: {told}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// The last cell of each row of a file in the folder that the run fills.
+    fn last_cells(&self, file: &str) -> Vec<f64> {
+        let folders = fs::read_dir(self.said.parent().unwrap()).unwrap();
+        let files = folders.filter_map(|folder| {
+            let path = folder.ok()?.path().join(file);
+            Some((fs::metadata(&path).ok()?.modified().ok()?, path))
+        });
+        let Some((_, newest)) = files.max() else {
+            return Vec::new();
+        };
+        // It may have been moved to its place meanwhile.
+        let text = fs::read_to_string(newest).unwrap_or_default();
+        // The last line may be half written.
+        let whole = text.rsplit_once('\n').map_or("", |(whole, _)| whole);
+        let cells = whole.lines().skip(1).map(|line| line.rsplit(',').next());
+        cells.filter_map(|cell| cell?.parse().ok()).collect()
+    }
+
     fn type_line(&mut self, line: &str) {
         writeln!(self.child.stdin.as_mut().unwrap(), "{line}").unwrap();
     }
@@ -131,6 +174,7 @@ const TONE: &str = r#"Graph(format: 1,
         "one": Constant(clock: "servo", value: 1, quantity: "number"),
         "loud": Gain(input: "one", gain: Param("loudness")),
         "file": WavSink(input: "loud", file: "loud.wav"),
+        "seen": CsvSink(inputs: ["loud"], file: "seen.csv"),
     })"#;
 
 /// Samples of a mono WAV file of 32-bit floats.
@@ -152,8 +196,7 @@ fn a_setting_typed_while_it_runs_glides_and_a_stop_completes_the_files() {
     let mut run = Running::start(folder.path(), &["run", "tone.ron", "--live", "--out", "out"]);
     run.type_line("set loudness=0.5");
     run.wait_for("set: loud.gain=0.5 (taken over in");
-    // It takes 20 ms to get there.
-    std::thread::sleep(Duration::from_millis(300));
+    run.wait_for_rows("seen.csv", 0.5, 1);
     run.type_line("set loud.gain=0.75");
     run.wait_for("loud.gain is 0.75");
     // A line that is too long is passed over as a whole, whatever stands at its end.
@@ -167,7 +210,7 @@ fn a_setting_typed_while_it_runs_glides_and_a_stop_completes_the_files() {
         run.type_line(wrong);
         run.wait_for(told);
     }
-    std::thread::sleep(Duration::from_millis(300));
+    run.wait_for_rows("seen.csv", 0.75, 1);
     run.stop();
     let heard = samples(&folder.path().join("out/loud.wav"));
     assert_eq!((heard[0], *heard.last().unwrap()), (0.25, 0.75));

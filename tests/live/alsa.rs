@@ -202,6 +202,7 @@ fn feed(pipe: PathBuf, quarter_and_half: [Vec<u8>; 2]) -> std::thread::JoinHandl
             if file.write_all(&buffer).is_err() {
                 return;
             }
+            // In the time of a card.
             let due = Duration::from_millis(10) * ten_ms;
             std::thread::sleep(due.saturating_sub(start.elapsed()));
         }

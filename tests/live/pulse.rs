@@ -134,26 +134,27 @@ impl Home {
             .stdout(fs::File::create(&file).unwrap())
             .spawn();
         // It comes with the daemon.
-        let process = Ours(recorder.unwrap());
+        let recorder = Recorder {
+            _process: Ours(recorder.unwrap()),
+            file,
+        };
         let begun = Instant::now();
-        while fs::metadata(&file).unwrap().len() == 0 {
+        while fs::metadata(&recorder.file).unwrap().len() == 0 {
             assert!(begun.elapsed() < Duration::from_secs(60), "nothing is recorded");
             std::thread::sleep(Duration::from_millis(50));
         }
-        Recorder { process, file }
+        recorder
     }
 }
 
 struct Recorder {
-    process: Ours,
+    _process: Ours,
     file: PathBuf,
 }
 
 impl Recorder {
-    /// The first channel, with what is still on its way through the daemon.
-    fn finish(self) -> Vec<f32> {
-        std::thread::sleep(Duration::from_secs(2));
-        drop(self.process);
+    /// The first channel so far.
+    fn heard(&self) -> Vec<f32> {
         let first = |frame: &[u8; 8]| f32::from_le_bytes([frame[0], frame[1], frame[2], frame[3]]);
         fs::read(&self.file)
             .unwrap()
@@ -162,6 +163,29 @@ impl Recorder {
             .iter()
             .map(first)
             .collect()
+    }
+
+    /// Waits until what was recorded is as it should be.
+    fn wait_until(&self, is_it: impl Fn(&[f32]) -> bool) {
+        let start = Instant::now();
+        while !is_it(&self.heard()) {
+            assert!(start.elapsed() < Duration::from_secs(60), "it is not recorded");
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+
+    /// Waits until this many samples are no silence.
+    fn wait_for_sound(&self, count: usize) {
+        self.wait_until(|heard| heard.iter().filter(|x| **x != 0.0).count() >= count);
+    }
+
+    /// The first channel, with what was still on its way through the daemon: until it has played nothing for a second.
+    fn finish(self) -> Vec<f32> {
+        let at_least = self.heard().len() + 48_000;
+        self.wait_until(|heard| {
+            heard.len() >= at_least && heard.iter().rev().take(48_000).all(|x| *x == 0.0)
+        });
+        self.heard()
     }
 }
 
@@ -423,7 +447,7 @@ fn a_sound_that_is_stopped_by_ctrl_c_ends_soon_and_without_a_click() {
         assert!(!ended && start.elapsed() < Duration::from_secs(60), "{told}");
         std::thread::sleep(Duration::from_millis(20));
     }
-    std::thread::sleep(Duration::from_secs(2));
+    recorder.wait_for_sound(48_000);
     let interrupt = Command::new("kill")
         .arg("-INT")
         .arg(playing.0.id().to_string())
@@ -469,7 +493,7 @@ fn a_card_that_vanishes_is_waited_for_and_its_actuator_rises_from_nothing() {
     let recorder = home.record();
     home.open_the_way();
     run.wait_for("soundcard default is back");
-    std::thread::sleep(Duration::from_secs(1));
+    recorder.wait_for_sound(4800);
     run.stop();
     let heard = recorder.finish();
     let first = heard.iter().position(|x| *x != 0.0).unwrap();
@@ -490,6 +514,7 @@ const KEPT: &str = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 8000) 
     nodes: {
         "line": SoundcardSource(clock: "servo", endpoint: "line"),
         "kept": WavSink(input: "line", file: "line.wav", full_scale: 1),
+        "seen": CsvSink(inputs: ["line"], file: "seen.csv"),
     },
     endpoints: { "live": {
         "line": SoundcardInput(volts_full_scale: 4.0, rate_hz: 48000, buffer_frames: 1024, latency_ms: 100),
@@ -519,15 +544,16 @@ fn an_input_that_vanishes_is_nothing_until_it_is_back() {
     if is_without_plug(&run.said()) {
         return;
     }
-    run.wait_for("2 s: late");
+    // A tenth of a second in which each level is asserted below.
+    run.wait_for_rows("seen.csv", 2.0, 1600);
     drop(playing);
     home.daemon = None;
     run.wait_for("soundcard default is gone; its inputs are silent until it is back");
-    std::thread::sleep(Duration::from_millis(500));
+    run.wait_for_rows("seen.csv", 0.0, 1600);
     assert!(home.start_daemon());
     let playing = play(&home);
     run.wait_for("soundcard default is back");
-    std::thread::sleep(Duration::from_millis(1500));
+    run.wait_for_rows("seen.csv", 2.0, 1600);
     run.stop();
     drop(playing);
     let line = samples(&home.path().join("out/line.wav"));

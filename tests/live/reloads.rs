@@ -35,9 +35,10 @@ fn a_saved_graph_takes_over_and_a_wrong_one_is_shown_and_left() {
     // What was typed stays set through other changes.
     run.type_line("set loud.gain=0.5");
     run.wait_for("loud.gain is 0.5");
+    run.wait_for_rows("seen.csv", 0.5, 1);
     fs::write(&path, TONE.replace("value: 1,", "value: 1, ")).unwrap();
     run.wait_for("more.wav is complete");
-    std::thread::sleep(Duration::from_millis(300));
+    run.wait_for_more_rows("seen.csv");
     let told = run.stop();
     let out = folder.path().join("out");
     let (all, some) = (samples(&out.join("loud.wav")), samples(&out.join("more.wav")));
@@ -71,6 +72,7 @@ fn what_the_file_says_anew_counts_more_than_what_was_typed() {
     let mut run = Running::start(folder.path(), &arguments);
     run.type_line("set loudness=0.75");
     run.wait_for("set: loud.gain=0.75 (taken over in");
+    run.wait_for_rows("seen.csv", 0.75, 1);
     // It stays through other changes,
     fs::write(&path, format!("// Loud.\n{TONE}")).unwrap();
     run.wait_for("nothing changed");
@@ -81,7 +83,7 @@ fn what_the_file_says_anew_counts_more_than_what_was_typed() {
     run.wait_for("saved: loud.gain=0.5 (taken over in");
     run.type_line("history");
     run.wait_for("s loud.gain=0.5 (saved)");
-    std::thread::sleep(Duration::from_millis(300));
+    run.wait_for_rows("seen.csv", 0.5, 1);
     run.stop();
     let heard = samples(&folder.path().join("out/loud.wav"));
     assert!(heard.contains(&0.75));
@@ -95,7 +97,8 @@ fn a_file_that_is_saved_just_before_something_is_typed_is_taken_over_as_a_save()
     let file = r#""more": Gain(input: "loud", gain: Param("more")), "file": WavSink(input: "more""#;
     let graph = TONE
         .replace("\"loudness\": 0.25", "\"loudness\": 0.25, \"more\": 1")
-        .replace(r#""file": WavSink(input: "loud""#, file);
+        .replace(r#""file": WavSink(input: "loud""#, file)
+        .replace(r#"CsvSink(inputs: ["loud"]"#, r#"CsvSink(inputs: ["more"]"#);
     fs::write(&path, &graph).unwrap();
     let arguments = ["run", "tone.ron", "--live", "--watch", "--out", "out"];
     let mut run = Running::start(folder.path(), &arguments);
@@ -104,7 +107,7 @@ fn a_file_that_is_saved_just_before_something_is_typed_is_taken_over_as_a_save()
     fs::write(&path, graph.replace("0.25", "0.5")).unwrap();
     run.type_line("set more=2");
     run.wait_for_times("taken over in", 3);
-    std::thread::sleep(Duration::from_millis(500));
+    run.wait_for_rows("seen.csv", 1.0, 1);
     let told = run.stop();
     let out = folder.path().join("out");
     // The file's new default counts more than what was typed before; what was typed after it counts on.
@@ -195,10 +198,10 @@ fn a_saved_graph_of_two_drivers_takes_over_with_other_rings_and_files() {
     assert!(run.said().contains("start a new run"), "{}", run.said());
     fs::write(&path, further).unwrap();
     run.wait_for("more.csv begins");
-    std::thread::sleep(Duration::from_millis(300));
+    run.wait_until("more.csv", |rows| rows.len() > 100);
     fs::write(&path, &text).unwrap();
     run.wait_for("more.csv is complete");
-    std::thread::sleep(Duration::from_millis(300));
+    run.wait_for_more_rows("crossed.csv");
     let told = run.stop();
     assert!(
         told.contains("the graph changed, faded through zero because there are several drivers"),
@@ -244,9 +247,13 @@ fn a_file_by_another_name_takes_over_from_the_one_before() {
         folder.path(),
         &["run", "tone.ron", "--live", "--watch", "--out", "out"],
     );
-    fs::write(&path, TONE.replace("loud.wav", "later.wav")).unwrap();
+    fs::write(
+        &path,
+        TONE.replace("loud.wav", "later.wav").replace("0.25", "0.5"),
+    )
+    .unwrap();
     run.wait_for("later.wav begins; loud.wav is complete");
-    std::thread::sleep(Duration::from_millis(300));
+    run.wait_for_rows("seen.csv", 0.5, 100);
     run.stop();
     let out = folder.path().join("out");
     let (before, after) = (samples(&out.join("loud.wav")), samples(&out.join("later.wav")));

@@ -39,6 +39,7 @@ fn a_live_run_whose_input_fell_silent_is_repeated_bit_for_bit() {
                     .send_to(&osc("/force", 1.0 + 0.01 * f32::from(step)), place)
                     .unwrap();
             }
+            // The period of the device.
             std::thread::sleep(Duration::from_millis(8));
         }
     };
@@ -154,15 +155,23 @@ fn what_was_typed_while_it_ran_is_repeated_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("tone.ron"), TONE).unwrap();
     let two = shipped("two-drivers.ron");
-    for (graph, lines, files) in [
+    for (graph, lines, seen, files) in [
         (
             "tone.ron",
-            ["set loudness=0.5", "set loud.gain=0.75"],
+            [
+                ("set loudness=0.5", "set: loud.gain=0.5 (taken over in"),
+                ("set loud.gain=0.75", "loud.gain is 0.75"),
+            ],
+            "seen.csv",
             &["loud.wav"][..],
         ),
         (
             &two,
-            ["set moves.gain=0.3", "set pressing.gain=0.5"],
+            [
+                ("set moves.gain=0.3", "moves.gain is 0.3"),
+                ("set pressing.gain=0.5", "pressing.gain is 0.5"),
+            ],
+            "crossed.csv",
             &["texture.wav", "hand.csv", "crossed.csv"],
         ),
     ] {
@@ -171,16 +180,11 @@ fn what_was_typed_while_it_ran_is_repeated_bit_for_bit() {
             folder.path(),
             &[&common[..], &["--live", "--out", "live"]].concat(),
         );
-        for line in lines {
-            std::thread::sleep(Duration::from_millis(100));
+        for (line, answer) in lines {
             run.type_line(line);
+            run.wait_for(answer);
+            run.wait_for_more_rows(seen);
         }
-        run.wait_for(if graph == "tone.ron" {
-            "loud.gain is 0.75"
-        } else {
-            "pressing.gain is 0.5"
-        });
-        std::thread::sleep(Duration::from_millis(100));
         run.stop();
         let replay = [
             &common[..],

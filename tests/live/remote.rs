@@ -1,4 +1,4 @@
-//! What is told from afar while a graph runs, and stops that nothing holds up.
+//! Settings by Open Sound Control while a graph runs, and stops that nothing delays.
 
 use super::*;
 
@@ -7,7 +7,7 @@ use super::*;
 const MAX_RUN_ON_S: f64 = 2.0;
 
 /// Sends packets to where a run listens for settings.
-fn teller(run: &Running) -> impl Fn(&[u8]) + use<> {
+fn osc_sender(run: &Running) -> impl Fn(&[u8]) + use<> {
     let said = run.said();
     let (_, rest) = said.split_once("Open Sound Control at ").unwrap();
     let address = rest.lines().next().unwrap().to_owned();
@@ -16,7 +16,7 @@ fn teller(run: &Running) -> impl Fn(&[u8]) + use<> {
 }
 
 #[test]
-fn settings_are_told_by_open_sound_control() {
+fn settings_are_changed_by_open_sound_control() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("tone.ron"), TONE).unwrap();
     let arguments = [
@@ -30,18 +30,17 @@ fn settings_are_told_by_open_sound_control() {
     ];
     let mut run = Running::start(folder.path(), &arguments);
     run.wait_for("Open Sound Control at 127.0.0.1:");
-    let tell = teller(&run);
-    tell(&osc("/loud/gain", 0.5));
-    tell(b"nonsense");
+    let send = osc_sender(&run);
+    send(&osc("/loud/gain", 0.5));
+    send(b"nonsense");
     for _ in 0..3 {
-        tell(&osc("/loud/gian", 1.0));
+        send(&osc("/loud/gian", 1.0));
     }
     run.wait_for("did you mean `loud.gain`");
-    tell(&osc("/loudness", 0.75));
-    tell(&osc("/nobody", 0.75));
+    send(&osc("/loudness", 0.75));
+    send(&osc("/nobody", 0.75));
     run.wait_for("no parameter `nobody`");
-    // The graph is loaded for the parameter, which then takes 20 ms to get there.
-    std::thread::sleep(Duration::from_millis(300));
+    run.wait_for_rows("seen.csv", 0.75, 1);
     let told = run.stop();
     assert_eq!(told.matches("did you mean").count(), 1, "{told}");
     let out = folder.path().join("out");
@@ -61,7 +60,7 @@ fn settings_are_told_by_open_sound_control() {
 }
 
 #[test]
-fn no_limit_is_changed_from_afar() {
+fn no_limit_is_changed_by_network() {
     let folder = tempfile::tempdir().unwrap();
     let graph = r#"Graph(format: 1, parameters: { "most": 0.5, "strong": 2.9 }, clocks: { "audio": Driver(rate_hz: 10000) },
         nodes: {
@@ -74,12 +73,12 @@ fn no_limit_is_changed_from_afar() {
     let arguments = ["run", "g.ron", "--live", "--osc", "127.0.0.1:0", "--out", "out"];
     let mut run = Running::start(folder.path(), &arguments);
     run.wait_for("Open Sound Control at 127.0.0.1:");
-    teller(&run)(&osc("/most", 2.0));
+    osc_sender(&run)(&osc("/most", 2.0));
     run.wait_for("limits and devices can only be changed");
-    // What the device is set to says what its numbers mean: an amplifier's full scale, here what a coil does of a current.
-    teller(&run)(&osc("/strong", 29.0));
+    // The settings of the device scale its signal: the full scale of an amplifier, here the force of a coil per ampere.
+    osc_sender(&run)(&osc("/strong", 29.0));
     run.wait_for_times("limits and devices can only be changed", 2);
-    // Who sits there may, and is told.
+    // At the terminal it is allowed, and reported.
     run.type_line("set most=0.4");
     run.wait_for("limit of `out`: peak 0.5 -> 0.4 A");
     run.stop();
@@ -91,7 +90,7 @@ fn no_limit_is_changed_from_afar() {
     assert!(most.fold(0.0, f64::max) <= 0.5);
 }
 
-/// A text that is told.
+/// An OSC message with a text.
 fn osc_text(address: &str, text: &str) -> Vec<u8> {
     let mut bytes = Vec::new();
     for text in [address, ",s", text] {
@@ -121,7 +120,7 @@ fn interrupt(mut run: Running, out: &Path) -> (String, f64) {
 
 #[cfg(unix)]
 #[test]
-fn a_surface_that_never_comes_holds_up_no_stop_and_none_is_named_from_afar() {
+fn a_surface_that_cannot_be_read_delays_no_stop_and_none_is_named_by_network() {
     let folder = tempfile::tempdir().unwrap();
     let fifo = folder.path().join("fifo");
     assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
@@ -130,9 +129,9 @@ fn a_surface_that_never_comes_holds_up_no_stop_and_none_is_named_from_afar() {
     let more = ["--osc", "127.0.0.1:0", "--out", "out"];
     let mut run = Running::start(folder.path(), &[&arguments[..], &more].concat());
     run.wait_for("Open Sound Control at 127.0.0.1:");
-    let tell = teller(&run);
+    let send = osc_sender(&run);
     for path in [&fifo, "fifo", "/dev/zero", "/dev/stdin", "../fifo", "\"fifo\""] {
-        tell(&osc_text("/surface", path));
+        send(&osc_text("/surface", path));
     }
     run.wait_for("`surface` was not changed: ");
     run.type_line("set surface=/dev/stdin");
@@ -147,7 +146,7 @@ fn a_surface_that_never_comes_holds_up_no_stop_and_none_is_named_from_afar() {
 
 #[cfg(unix)]
 #[test]
-fn what_the_graph_does_not_have_is_not_looked_for_in_its_file() {
+fn an_unknown_name_does_not_load_the_graph() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("tone.ron"), TONE).unwrap();
     let arguments = [
@@ -161,11 +160,11 @@ fn what_the_graph_does_not_have_is_not_looked_for_in_its_file() {
     ];
     let mut run = Running::start(folder.path(), &arguments);
     run.wait_for("Open Sound Control at 127.0.0.1:");
-    let tell = teller(&run);
-    // To look would be to find something wrong.
+    let send = osc_sender(&run);
+    // Loading it would report an error.
     fs::write(folder.path().join("tone.ron"), "Graph(").unwrap();
     for number in 0..400 {
-        tell(&osc(&format!("/p{number}"), 1.0));
+        send(&osc(&format!("/p{number}"), 1.0));
     }
     for hostile in [
         "(((((((",
@@ -174,10 +173,10 @@ fn what_the_graph_does_not_have_is_not_looked_for_in_its_file() {
         "1), gain: (9",
         "\u{202e}x",
     ] {
-        tell(&osc_text("/loudness", hostile));
+        send(&osc_text("/loudness", hostile));
     }
     for number in [f32::NAN, f32::INFINITY, -1e30] {
-        tell(&osc("/loud/gain", number));
+        send(&osc("/loud/gain", number));
     }
     run.wait_for("no parameter `p");
     let (said, ran_on_s) = interrupt(run, &folder.path().join("out"));
