@@ -53,7 +53,7 @@ pub trait Backend: Send {
     /// Connects the devices of a graph that are not connected yet, and attaches their bodies.
     ///
     /// # Errors
-    /// [`BackendError`] if a device cannot be reached, or not beside those that are connected.
+    /// [`BackendError`] if a device cannot be reached, or conflicts with a connected one.
     fn open(&mut self, graph: &mut Graph) -> Result<(), BackendError>;
 
     /// Disconnects what the last [`open`](Self::open) connected.
@@ -64,7 +64,7 @@ pub trait Backend: Send {
         let _ = graph;
     }
 
-    /// Takes the drivers that it is the clock of, and starts them.
+    /// Takes the drivers whose clocks its devices are, and starts them.
     ///
     /// # Errors
     /// [`BackendError`] if a driver cannot be started.

@@ -21,10 +21,7 @@
 mod backend;
 mod connections;
 pub mod evdev;
-#[cfg_attr(
-    not(feature = "osc"),
-    allow(dead_code, reason = "it is for the backends that are built")
-)]
+#[cfg_attr(not(feature = "osc"), allow(dead_code, reason = "only some backends use it"))]
 mod hub;
 pub mod midi;
 pub mod osc;
@@ -56,10 +53,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
 /// Sets the stop flag of a thread and waits for its end.
-#[cfg_attr(
-    not(feature = "osc"),
-    allow(dead_code, reason = "it is for the backends that are built")
-)]
+#[cfg_attr(not(feature = "osc"), allow(dead_code, reason = "only some backends use it"))]
 fn end(stop: &AtomicBool, thread: &mut Option<JoinHandle<()>>) {
     stop.store(true, Ordering::Relaxed);
     if let Some(thread) = thread.take() {

@@ -1,4 +1,4 @@
-//! Numbers on a serial line: lines of them, as an Arduino prints them.
+//! Numbers by serial port: lines of text with columns of numbers, as an Arduino prints them.
 
 #[cfg(any(test, all(feature = "serial", unix)))]
 mod lines;

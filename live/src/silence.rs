@@ -230,7 +230,7 @@ fn a_device_is_never_driven_while_it_is_silent_itself() {
     rig.assert_true_status("arm", true);
 }
 
-/// What is told of a live run's silence allocates nothing in its callbacks.
+/// Reports of silences do not make the callbacks of a live run allocate.
 #[test]
 fn gates_do_not_allocate() {
     let (mut rig, stylus) = Rig::with(&graph("UdpDevice()"), "stylus");

@@ -14,7 +14,7 @@ const POLL: Duration = Duration::from_millis(10);
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Fade-out of a stopped sound, s.
 const FADE_S: f64 = 0.01;
-/// Time that the card may still play after what it says that it holds has been played.
+/// Time for samples that the card holds without reporting them.
 const DRAIN: Duration = Duration::from_millis(150);
 /// Longest time that a card is believed to hold.
 const MAX_HELD: Duration = Duration::from_secs(5);
