@@ -96,6 +96,8 @@ class Studio extends Emitter {
 
     #greet(hello) {
         this.hello = hello;
+        const ports = hello.kinds.flatMap(({ inputs, outputs }) => [...inputs, ...outputs]);
+        for (const item of [...ports, ...(hello.quantities ?? [])]) item.unit = printed(item.unit);
         this.lost = null;
         find("banner").hidden = hello.version === VERSION;
         if (hello.version !== VERSION)

@@ -9,10 +9,12 @@ use super::stage::{Host, Stage};
 use super::wire::VERSION;
 use haptograph_engine::graph::{Graph, NodeId};
 use haptograph_engine::registry::Registry;
-use haptograph_engine::settings::SettingSpec;
+use haptograph_engine::node::{InputSpec, NodeEntry, OutputSpec, QuantityRule};
+use haptograph_engine::settings::{Part, SettingSpec};
 use haptograph_report::{drawing, swatch};
 use haptograph_signal::files::{is_file, is_folder, list};
 use haptograph_signal::units;
+use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::files;
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
@@ -31,18 +33,7 @@ const LOCATOR: &str = "TriangleLocator";
 
 /// The first message to a page.
 pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
-    let nodes = registry.nodes().iter().map(|entry| {
-        let input = |port: &haptograph_engine::node::InputSpec| json!({ "name": port.name, "doc": port.doc });
-        let output =
-            |port: &haptograph_engine::node::OutputSpec| json!({ "name": port.name, "doc": port.doc, "unit": "" });
-        let spec = entry.spec;
-        json!({
-            "name": spec.name, "group": spec.group, "doc": spec.doc,
-            "inputs": spec.inputs.iter().map(input).collect::<Vec<_>>(),
-            "outputs": spec.outputs.iter().map(output).collect::<Vec<_>>(),
-            "settings": entry.settings().iter().map(setting).collect::<Vec<_>>(),
-        })
-    });
+    let nodes = registry.nodes().iter().map(node);
     let devices = registry.devices().iter().map(|entry| {
         let settings: Vec<Value> = entry.settings().iter().map(setting).collect();
         let spec = entry.spec;
@@ -51,6 +42,9 @@ pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
     let bridges = registry.bridges().iter();
     let bridges = bridges.map(|entry| json!({ "name": entry.spec.name, "gives": entry.spec.gives }));
     let is_here = reach == Reach::Machine;
+    let quantities = Quantity::NAMED.iter();
+    let quantities =
+        quantities.map(|(quantity, name, _)| json!({ "name": name, "unit": printed_unit(*quantity) }));
     json!({
         "type": "hello", "version": VERSION, "haptograph": env!("CARGO_PKG_VERSION"), "host": host.name,
         "from": if is_here { "machine" } else { "network" },
@@ -61,18 +55,68 @@ pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
         "kinds": nodes.chain(devices).collect::<Vec<_>>(),
         "bridges": bridges.collect::<Vec<_>>(),
     })
+        "quantities": quantities.collect::<Vec<_>>(),
+    })
+}
+
+fn node(entry: &NodeEntry) -> Value {
+    let spec = entry.spec;
+    let input =
+        |port: &InputSpec| json!({ "name": port.name, "doc": port.doc, "unit": unit_by(port.quantity) });
+    let output =
+        |port: &OutputSpec| json!({ "name": port.name, "doc": port.doc, "unit": unit_by(port.quantity) });
+    let rules = spec.inputs.iter().map(|port| port.quantity);
+    let rules = rules.chain(spec.outputs.iter().map(|port| port.quantity));
+    let quantities: Vec<&str> = rules
+        .filter_map(|rule| match rule {
+            QuantityRule::Setting(name) => Some(name),
+            _ => None,
+        })
+        .collect();
+    let settings = entry.settings();
+    let settings = settings.iter().map(|spec| {
+        let mut described = setting(spec);
+        described["is_quantity"] = json!(quantities.contains(&spec.name));
+        described
+    });
+    json!({
+        "name": spec.name, "group": spec.group, "doc": spec.doc,
+        "inputs": spec.inputs.iter().map(input).collect::<Vec<_>>(),
+        "outputs": spec.outputs.iter().map(output).collect::<Vec<_>>(),
+        "settings": settings.collect::<Vec<_>>(),
 }
 
 fn setting(spec: &SettingSpec) -> Value {
     let choices: Vec<&str> = spec.parts.iter().filter_map(|part| part.choice).collect();
     json!({
+    let part = |part: &Part| {
+        let fields: Vec<Value> = part.fields.iter().map(setting).collect();
+        json!({ "choice": part.choice, "doc": part.doc, "fields": fields })
+    };
         "name": spec.name, "doc": spec.doc, "unit": unit_of(spec.name), "default": spec.default,
         "required": spec.default.is_none(), "live": spec.live,
         "min": spec.range.map(|range| range.0), "max": spec.range.map(|range| range.1), "choices": choices,
     })
+        "parts": spec.parts.iter().map(part).collect::<Vec<_>>(),
 }
 
 /// The unit in which a setting's name ends, for display.
+/// The SI unit of a port, if neither its node's settings nor its connections decide it.
+fn unit_by(rule: QuantityRule) -> String {
+    match rule {
+        QuantityRule::Is(quantity) => printed_unit(quantity),
+        _ => String::new(),
+    }
+}
+
+/// The SI unit; none for a plain number.
+fn printed_unit(quantity: Quantity) -> String {
+    match quantity == Quantity::NUMBER {
+        true => String::new(),
+        false => quantity.unit(),
+    }
+}
+
 fn unit_of(name: &str) -> &'static str {
     match name.ends_with("_db") {
         true => "dB",

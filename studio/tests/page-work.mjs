@@ -398,3 +398,82 @@ programTest("the editor completes, explains and saves, and not over what somebod
         await own?.end();
     }
 });
+
+// The editor with `text` in place of what is there and the cursor at the bar in it.
+async function write(page, text) {
+    await page.evaluate((marked) => {
+        studio.showTab("editor");
+        const at = marked.indexOf("|");
+        const { length } = studio.editor.state.doc;
+        studio.editor.dispatch({
+            changes: { from: 0, to: length, insert: marked.replace("|", "") },
+            selection: { anchor: at },
+            scrollIntoView: true,
+        });
+    }, text);
+    await page.focus(".cm-content");
+}
+
+const completionsOf = async (page, name = null) => {
+    await page.keyboard.press("Control+Space");
+    await page.waitForSelector(".cm-tooltip-autocomplete li", { timeout: 5000 });
+    if (name) await picture(page, name);
+    const offered = await page
+        .locator(".cm-tooltip-autocomplete li")
+        .evaluateAll((items) =>
+            items.map((item) => ["Label", "Detail"].map((part) => item.querySelector(`.cm-completion${part}`)?.textContent ?? "").join(" ")),
+        );
+    await page.keyboard.press("Escape");
+    await page.waitForSelector(".cm-tooltip-autocomplete", { state: "detached" });
+    return offered;
+};
+
+test("the editor completes quantities with units, nested settings and the keys of the file", async (page) => {
+    const begin = 'Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) }, nodes: {\n    ';
+    await write(page, `${begin}"a": WavSource(quantity: "|"`);
+    const quantities = await completionsOf(page, "completion-quantity");
+    assert(quantities.includes("force N") && quantities.includes("angular speed rad/s"), quantities.join("; "));
+    await write(page, `${begin}"a": ActuatorSink(limit: (pe|`);
+    assert.equal((await completionsOf(page))[0], "peak_a required, A");
+    await write(page, "Graph(|");
+    assert((await completionsOf(page)).some((offered) => offered.startsWith("endpoints")));
+    await write(page, `${begin}"a": Sine(clock: "|"`);
+    assert.deepEqual(await completionsOf(page), ["audio 48000 Hz"]);
+    // What is chosen is written.
+    await write(page, `${begin}"a": ActuatorSink(limit: (pe|`);
+    await page.keyboard.press("Control+Space");
+    await page.waitForSelector(".cm-tooltip-autocomplete li[aria-selected]", { timeout: 5000 });
+    await page.waitForTimeout(150); // a list that has just come takes no key
+    await page.keyboard.press("Enter");
+    await until(page, () => studio.editor.state.doc.toString().endsWith("limit: (peak_a: "));
+    await page.click("#editor-revert");
+});
+
+test("the editor explains an output, a clock and a parameter where the mouse rests", async (page) => {
+    await page.evaluate(() => studio.showTab("editor"));
+    for (const [mark, text, wanted] of [
+        ['force: "stylus.force"', "stylus.force", /Normal force of the tip.*125 Hz/s],
+        ['"synth": Derived', "synth", /Derived.*10000 Hz/s],
+        ['Param("gain")', "gain", /now 1\.0/],
+    ]) {
+        const at = await page.evaluate(
+            ([around, inside]) => {
+                const { editor } = studio;
+                const from = editor.state.doc.toString().indexOf(around) + around.indexOf(inside) + 1;
+                editor.dispatch({ selection: { anchor: from }, scrollIntoView: true });
+                return from;
+            },
+            [mark, text],
+        );
+        await page.mouse.move(5, 5);
+        await page.waitForSelector(".cm-tooltip .tip", { state: "detached" });
+        await page.waitForTimeout(300);
+        const { left, top, bottom } = await page.evaluate((from) => studio.editor.coordsAtPos(from), at);
+        await page.mouse.move(left + 2, (top + bottom) / 2);
+        await page.mouse.move(left + 3, (top + bottom) / 2);
+        await page.waitForSelector(".cm-tooltip .tip h4", { timeout: 5000 });
+        assert.match(await page.textContent(".cm-tooltip .tip"), wanted);
+    }
+    await picture(page, "hover-parameter");
+    await page.mouse.move(5, 5);
+});

@@ -11,6 +11,8 @@ import { Emitter } from "../page/events.js";
 import { density } from "../page/fft.js";
 import { pointers, read } from "../page/frames.js";
 import { Hands, tiltOf } from "../page/hands.js";
+import { completions, helpOf } from "../page/help.js";
+import { GRAPH } from "../page/keys.js";
 import { Levels } from "../page/levels.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
 import { simulatedAlone } from "../page/pads.js";
@@ -148,6 +150,125 @@ test("the editor knows where in the text it is", () => {
     assert.equal(at("no(", 1).comment, true);
     const end = placeOf(text, text.length);
     assert.deepEqual([around(end), end.key], [["Graph(", "{"], "c"]);
+});
+
+// What an engine says that it has, for the editor.
+const limit = {
+    name: "limit",
+    doc: "The limit.",
+    required: true,
+    choices: [],
+    parts: [
+        {
+            choice: null,
+            doc: "",
+            fields: [
+                { name: "peak_a", doc: "The peak.", unit: "A", required: true, choices: [], parts: [] },
+                { name: "window_s", doc: "The window.", unit: "s", default: "10.0", choices: [], parts: [] },
+            ],
+        },
+    ],
+};
+const radius = { name: "radius_mm", doc: "The radius.", unit: "mm", default: "30.0", min: 1, max: 100, choices: [], parts: [] };
+const stroke = {
+    name: "stroke",
+    doc: "The path.",
+    choices: ["Still", "Circles"],
+    parts: [
+        { choice: "Still", doc: "Nowhere.", fields: [] },
+        { choice: "Circles", doc: "Round and round.", fields: [radius] },
+    ],
+};
+const quantitySetting = { name: "quantity", doc: "What it is.", default: '"number"', is_quantity: true, choices: [], parts: [] };
+const writing = {
+    hello: {
+        kinds: [
+            {
+                name: "Sine",
+                group: "sources",
+                doc: "A tone.",
+                inputs: [],
+                outputs: [{ name: "value", doc: "The tone's value.", unit: "" }],
+                settings: [quantitySetting],
+            },
+            {
+                name: "Sink",
+                group: "sinks",
+                doc: "An end.",
+                inputs: [{ name: "current", doc: "What drives it.", unit: "A" }],
+                outputs: [{ name: "delivered", doc: "What the limits let through.", unit: "A" }],
+                settings: [limit],
+            },
+            { name: "Tablet", group: "devices", doc: "A tablet.", inputs: [], outputs: [], settings: [stroke] },
+        ],
+        bridges: [{ name: "Hold", gives: "the latest frame" }],
+        quantities: [
+            { name: "number", unit: "" },
+            { name: "angular speed", unit: "rad/s" },
+        ],
+    },
+    graph: {
+        ports: [{ name: "tone.value", node: "tone", quantity: "number", kind: "scalar", unit: "", rate_hz: 48000 }],
+        parameters: [{ name: "gain", value: "0.5", default: "1.0", doc: "How much.", unit: "", min: 0, max: 2, is_surface: false }],
+        surfaces: [],
+    },
+};
+const WRITTEN =
+    'Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000), "slow": Derived(of: "audio", rate_hz: 125) }, ' +
+    'nodes: { "tone": Sine(clock: "audio", quantity: "angular speed"), "end": Sink(current: Hold("tone.value"), ' +
+    'gain: Param("gain"), limit: (peak_a: 1)) }, endpoints: { "simulated": { "tone": Tablet(stroke: Circles(radius_mm: 3)) } })';
+
+// What is offered where `text` has its bar, by label, with the details.
+function offered(text) {
+    const at = text.indexOf("|");
+    const doc = text.replace("|", "");
+    const from = at - doc.slice(0, at).match(/\w*$/)[0].length;
+    const context = { state: { doc: { toString: () => doc } }, pos: at, explicit: true, matchBefore: () => ({ from, to: at }) };
+    return Object.fromEntries((completions(writing)(context)?.options ?? []).map(({ label, detail }) => [label, detail ?? ""]));
+}
+
+test("the editor completes what can stand at a place, with units, and nothing else", () => {
+    const nodes = (text) => offered(`Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) }, nodes: { ${text}`);
+    assert.deepEqual(nodes('"a": Sine(quantity: "|"'), { number: "1", "angular speed": "rad/s" });
+    assert.deepEqual(Object.keys(nodes('"a": Sink(limit: (pe|')), ["peak_a", "window_s"]);
+    assert.equal(nodes('"a": Sink(limit: (|').window_s, "s");
+    assert.equal(nodes('"a": Sink(limit: (window_s: |')["10.0"], "(s)");
+    assert.deepEqual(nodes('"a": Sine(clock: "|"'), { audio: "48000 Hz" });
+    // An output of the graph that runs, and one of a node that was just written.
+    assert.deepEqual(nodes('"b": Sink(), "a": Sink(current: "|"'), { "tone.value": "48000 Hz", "b.delivered": "A, Sink", "a.delivered": "A, Sink" });
+    assert.deepEqual(nodes('"a": Sink(current: |'), { Hold: "the latest frame", Param: "gain" });
+    assert.deepEqual(nodes('"a": Sink(gain: Param("|"'), { gain: "0.5" });
+    assert.deepEqual(Object.keys(nodes('"a": |')), ["Sine", "Sink"]);
+    assert.deepEqual(nodes('"|"'), {});
+    const device = 'Graph(endpoints: { "simulated": { "p": ';
+    assert.deepEqual(Object.keys(offered(`${device}|`)), ["Tablet"]);
+    assert.deepEqual(Object.keys(offered(`${device}Tablet(stroke: |`)), ["Still", "Circles"]);
+    assert.deepEqual(offered(`${device}Tablet(stroke: Circles(|`), { radius_mm: "mm" });
+    assert.deepEqual(Object.keys(offered("Graph(|")), Object.keys(GRAPH));
+    assert.deepEqual(Object.keys(offered('Graph(clocks: { "a": |')), ["Driver", "Derived"]);
+    assert.deepEqual(Object.keys(offered('Graph(clocks: { "a": Derived(|')), ["of", "rate_hz"]);
+    assert.deepEqual(offered('Graph(about: "|"'), {});
+});
+
+test("the editor explains settings, outputs, bridges, clocks, parameters and quantities", () => {
+    const at = (mark, more = 1) => {
+        const { title, doc, more: rest } = helpOf(writing, WRITTEN, WRITTEN.indexOf(mark) + more) ?? {};
+        return title && [title, doc, rest ?? ""].join("; ");
+    };
+    assert.equal(at("format"), `format; ${GRAPH.format}; of Graph`);
+    assert.match(at("rate_hz: 125"), /^rate_hz;.* ?of Derived$/);
+    assert.match(at("Driver("), /^Driver \(clock\)/);
+    assert.match(at('"slow"'), /^slow \(Derived\); .*; 125 Hz$/);
+    assert.match(at('clock: "audio"', 9), /^audio \(Driver\).* ?48000 Hz$/);
+    assert.match(at("angular speed", 9), /^angular speed; .*rad\/s/);
+    assert.match(at('"tone.value"', 3), /^tone.value; The tone's value.; .*48000 Hz$/);
+    assert.match(at("Hold("), /^Hold \(bridge\).* ?the latest frame/);
+    assert.match(at('Param("gain")', 8), /^gain \(0 to 2, default 1.0\); How much.; now 0.5$/);
+    assert.match(at("peak_a"), /^peak_a \(A, required\); The peak.; of limit$/);
+    assert.match(at("Circles("), /^Circles; Round and round.; fields: radius_mm$/);
+    assert.match(at("radius_mm"), /^radius_mm \(1 to 100 mm, default 30.0\).* ?of Circles$/);
+    assert.match(at("Sink("), /^Sink \(sinks\).* ?outputs: delivered/);
+    assert.equal(at("48000"), undefined);
 });
 
 test("tilt is what the browser says, by either way of saying it", () => {
