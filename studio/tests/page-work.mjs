@@ -477,3 +477,41 @@ test("the editor explains an output, a clock and a parameter where the mouse res
     await picture(page, "hover-parameter");
     await page.mouse.move(5, 5);
 });
+
+test("what is typed is undone by the keyboard, also what was applied", async (page) => {
+    await page.evaluate(() => studio.showTab("editor"));
+    const text = () => page.evaluate(() => studio.editor.state.doc.toString());
+    const runs = (wanted) => until(page, (given) => studio.graph.text === given, wanted);
+    // What is typed is in the text a moment later.
+    const becomes = (wanted) => until(page, (given) => studio.editor.state.doc.toString() === given, wanted);
+    const undo = async (key, wanted) => {
+        for (let count = 0; count < 5 && (await text()) !== wanted; count++) {
+            await page.keyboard.press(key);
+            await page.waitForTimeout(100);
+        }
+        assert.equal(await text(), wanted, key);
+    };
+    const before = await text();
+    await page.evaluate(() => studio.editor.dispatch({ selection: { anchor: 0 } }));
+    await page.focus(".cm-content");
+    await page.keyboard.type("// typed");
+    await becomes(`// typed${before}`);
+    await page.keyboard.press("Control+z");
+    await becomes(before);
+    assert(await page.isDisabled("#editor-apply"), "nothing is left to apply");
+
+    await page.keyboard.type("// typed");
+    await page.keyboard.press("Enter");
+    const typed = `// typed\n${before}`;
+    await becomes(typed);
+    await page.keyboard.press("Control+Enter");
+    await runs(typed);
+    assert.equal(await text(), typed);
+    await undo("Control+z", before); // what was applied is undone as well
+    await runs(typed); // until that is applied
+    await page.keyboard.press("Control+Enter");
+    await runs(before);
+    await undo("Control+y", typed); // and done again
+    await page.click("#editor-revert");
+    assert.equal(await text(), before);
+});
