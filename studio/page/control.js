@@ -1,4 +1,4 @@
-// One live setting: a slider with its number, generated from its range.
+// One live setting, or a parameter of the graph: a slider with its number, generated from its range.
 import { make } from "./dom.js";
 import { prose } from "./prose.js";
 
@@ -22,8 +22,16 @@ export function scaleFor({ min, max, value, whole }) {
 // No more digits than a slider can mean.
 const rounded = (value, whole) => (whole ? Math.round(value) : Number(value.toPrecision(4)));
 
-// The row of a setting; `dispose` ends its listening.
-export function controlRow(studio, setting, { compact = false } = {}) {
+// How a live setting is turned: at once, and its value comes from the studio.
+const live = (studio, { name, value }) => ({
+    isLive: true,
+    set: (to) => studio.set(name, to),
+    now: () => studio.values.get(name) ?? value,
+    follow: (show) => studio.on("value", (changed) => changed.name === name && show(changed.value)),
+});
+
+// The row of a setting; `dispose` ends its listening. What is not live is set when the slider is let go.
+export function controlRow(studio, setting, { compact = false, turn = live(studio, setting) } = {}) {
     const scale = scaleFor(setting);
     const label = `${setting.node} ${setting.field}`;
     const name = make("span", { class: "name", text: setting.field, title: setting.name });
@@ -34,33 +42,37 @@ export function controlRow(studio, setting, { compact = false } = {}) {
             slider.value = String(STEPS * scale.from(value));
             slider.setAttribute("aria-valuetext", `${value} ${setting.unit ?? ""}`);
         }
-        if (document.activeElement !== number) number.value = String(Number(Number(value).toPrecision(6)));
+        if (document.activeElement !== number) number.value = asNumber(value);
     };
     const change = (value) => {
-        if (!Number.isFinite(value)) return;
+        if (!Number.isFinite(value)) return null;
         const within = Math.max(
             setting.min ?? -Infinity,
             Math.min(setting.max ?? Infinity, setting.whole ? Math.round(value) : value),
         );
-        studio.set(setting.name, within);
+        return turn.set(within);
     };
     if (scale) {
-        slider.addEventListener("input", () => change(scale.to(slider.value / STEPS)));
+        const toValue = () => scale.to(slider.value / STEPS);
+        slider.addEventListener("input", () => (turn.isLive ? change(toValue()) : show(toValue())));
+        if (!turn.isLive) slider.addEventListener("change", () => change(toValue()));
         slider.addEventListener("dblclick", () => change(setting.value));
         slider.title = "Double click: back to the value of the graph";
     }
-    number.addEventListener("change", () => {
-        if (number.value !== "") change(Number(number.value));
-        const value = studio.values.get(setting.name);
-        number.value = String(Number(Number(value).toPrecision(6)));
+    number.addEventListener("change", async () => {
+        if (number.value !== "") await change(Number(number.value));
+        number.value = asNumber(turn.now());
     });
-    const dispose = studio.on("value", (changed) => changed.name === setting.name && show(changed.value));
-    show(studio.values.get(setting.name) ?? setting.value);
+    const dispose = turn.follow(show);
+    show(turn.now());
     const unit = make("span", { class: "unit", text: setting.unit ?? "" });
     const doc = compact ? null : make("span", { class: "doc" }, ...prose(setting.doc));
     const row = make("div", { class: "control", title: compact ? setting.doc : null }, name, slider, number, unit, doc);
     return { element: row, dispose };
 }
+
+// As a field shows it: no digits of rounding.
+const asNumber = (value) => String(Number(Number(value).toPrecision(6)));
 
 function sliderOf(scale, label) {
     if (!scale) return make("span", { class: "no-range" });

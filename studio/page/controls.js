@@ -11,7 +11,7 @@ export function mountControls(studio) {
     studio.on("graph", (graph) => {
         const now = JSON.stringify([
             graph.settings.map(({ value, ...rest }) => rest),
-            graph.parameters.map(({ name }) => name),
+            graph.parameters.map(({ value, ...rest }) => ({ ...rest, isTurned: isTurned({ value, ...rest }) })),
             graph.surfaces.map(({ path }) => path),
         ]);
         if (now !== shape) {
@@ -56,12 +56,44 @@ function rebuild(studio, graph) {
             "section",
             { class: "control-group", "aria-label": "Parameters" },
             make("h3", {}, "Parameters", make("span", { class: "soft", text: "of the graph; it is loaded anew with each" })),
-            ...graph.parameters.map((parameter) => parameterRow(studio, parameter)),
+            ...graph.parameters.map((parameter) => {
+                if (!isTurned(parameter)) return parameterRow(studio, parameter);
+                const row = turnedRow(studio, parameter);
+                rows.push(row);
+                return row.element;
+            }),
             list,
         );
     if (groups.length === 0) groups.push(make("p", { class: "soft", text: "No node of this graph has a live setting." }));
     find("controls").replaceChildren(...[parameters, ...groups].filter(Boolean));
     return rows;
+}
+
+// Is it a number that feeds a setting, whose unit and range it has then?
+const isTurned = ({ value, doc }) => Boolean(doc) && value.trim() !== "" && Number.isFinite(Number(value));
+
+// A parameter with the row of a setting: the graph is loaded anew when it is let go.
+function turnedRow(studio, parameter) {
+    const { name, value, default: otherwise } = parameter;
+    const usual = Number.isFinite(Number(otherwise)) ? Number(otherwise) : Number(value);
+    const error = make("span", { class: "error", role: "alert", hidden: true });
+    const now = () => Number(studio.graph.parameters.find((each) => each.name === name)?.value ?? value);
+    const listeners = [];
+    const show = () => listeners.forEach((listener) => listener(now()));
+    const set = async (to) => {
+        const reply = await studio.parameter(name, String(to));
+        error.hidden = reply.ok;
+        setText(error, reply.ok ? "" : reply.error);
+        show();
+    };
+    const follow = (listener) => {
+        listeners.push(listener);
+        return studio.on("graph", show);
+    };
+    const setting = { ...parameter, node: "parameter", field: name, value: usual };
+    const { element, dispose } = controlRow(studio, setting, { turn: { isLive: false, set, now, follow } });
+    element.append(error);
+    return { element, dispose };
 }
 
 function parameterRow(studio, parameter) {

@@ -1,6 +1,7 @@
 //! Descriptions of the node kinds and of the running graph for the page.
 
 use super::channels::{NoPad, PadSpec};
+use super::fed;
 use super::levels;
 use super::pads::FULL_N;
 use super::pages::Reach;
@@ -8,13 +9,13 @@ use super::scope::{self, Port};
 use super::stage::{Host, Stage};
 use super::wire::VERSION;
 use haptograph_engine::graph::{Graph, NodeId};
-use haptograph_engine::registry::Registry;
 use haptograph_engine::node::{InputSpec, NodeEntry, OutputSpec, QuantityRule};
+use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::{Part, SettingSpec};
 use haptograph_report::{drawing, swatch};
 use haptograph_signal::files::{is_file, is_folder, list};
-use haptograph_signal::units;
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units;
 use haptograph_surfaces::files;
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
@@ -41,10 +42,10 @@ pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
     });
     let bridges = registry.bridges().iter();
     let bridges = bridges.map(|entry| json!({ "name": entry.spec.name, "gives": entry.spec.gives }));
-    let is_here = reach == Reach::Machine;
     let quantities = Quantity::NAMED.iter();
     let quantities =
         quantities.map(|(quantity, name, _)| json!({ "name": name, "unit": printed_unit(*quantity) }));
+    let is_here = reach == Reach::Machine;
     json!({
         "type": "hello", "version": VERSION, "haptograph": env!("CARGO_PKG_VERSION"), "host": host.name,
         "from": if is_here { "machine" } else { "network" },
@@ -54,7 +55,6 @@ pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
         },
         "kinds": nodes.chain(devices).collect::<Vec<_>>(),
         "bridges": bridges.collect::<Vec<_>>(),
-    })
         "quantities": quantities.collect::<Vec<_>>(),
     })
 }
@@ -84,23 +84,23 @@ fn node(entry: &NodeEntry) -> Value {
         "inputs": spec.inputs.iter().map(input).collect::<Vec<_>>(),
         "outputs": spec.outputs.iter().map(output).collect::<Vec<_>>(),
         "settings": settings.collect::<Vec<_>>(),
+    })
 }
 
 fn setting(spec: &SettingSpec) -> Value {
     let choices: Vec<&str> = spec.parts.iter().filter_map(|part| part.choice).collect();
-    json!({
     let part = |part: &Part| {
         let fields: Vec<Value> = part.fields.iter().map(setting).collect();
         json!({ "choice": part.choice, "doc": part.doc, "fields": fields })
     };
+    json!({
         "name": spec.name, "doc": spec.doc, "unit": unit_of(spec.name), "default": spec.default,
         "required": spec.default.is_none(), "live": spec.live,
         "min": spec.range.map(|range| range.0), "max": spec.range.map(|range| range.1), "choices": choices,
-    })
         "parts": spec.parts.iter().map(part).collect::<Vec<_>>(),
+    })
 }
 
-/// The unit in which a setting's name ends, for display.
 /// The SI unit of a port, if neither its node's settings nor its connections decide it.
 fn unit_by(rule: QuantityRule) -> String {
     match rule {
@@ -117,6 +117,7 @@ fn printed_unit(quantity: Quantity) -> String {
     }
 }
 
+/// The unit in which a setting's name ends, for display.
 fn unit_of(name: &str) -> &'static str {
     match name.ends_with("_db") {
         true => "dB",
@@ -217,9 +218,17 @@ fn parameters(stage: &Stage) -> Vec<Value> {
         let path = value.trim_matches('"');
         name.contains("surface") || is_file(&stage.source.folder().join(path)) && path.ends_with(".ron")
     };
+    let fed = fed::settings(&stage.loaded.text, &stage.source.registry);
     let each = stage.loaded.parameters.iter();
     let each = each.map(|(name, value, default)| {
-        json!({ "name": name, "value": value, "default": default, "is_surface": is_surface(name, value) })
+        let spec = fed.get(name);
+        let range = spec.and_then(|spec| spec.range);
+        json!({
+            "name": name, "value": value, "default": default, "is_surface": is_surface(name, value),
+            "unit": spec.map_or("", |spec| unit_of(spec.name)), "doc": spec.map_or("", |spec| &spec.doc),
+            "min": range.map(|range| range.0), "max": range.map(|range| range.1),
+            "whole": spec.is_some_and(|spec| spec.whole),
+        })
     });
     each.collect()
 }

@@ -15,6 +15,7 @@ mod channels;
 mod describe;
 mod drive;
 mod envelope;
+mod fed;
 mod learn;
 mod levels;
 mod load;

@@ -515,3 +515,61 @@ test("what is typed is undone by the keyboard, also what was applied", async (pa
     await page.click("#editor-revert");
     assert.equal(await text(), before);
 });
+
+programTest("a parameter that feeds one setting has its unit and range, and is set when it is let go", async () => {
+    const text = readFileSync(join(HOME, "graphs/texturepad.ron"), "utf8")
+        .replace("parameters: {", 'parameters: { "soft_hz": 20.0,')
+        .replace("cutoff_hz: 20", 'cutoff_hz: Param("soft_hz")');
+    const own = await studioOf("graphs/soft.ron", { files: { "graphs/soft.ron": text } });
+    const page = await open({ at: own.address });
+    try {
+        await turnSoft(page);
+    } finally {
+        await page.context().close();
+        await own.end();
+    }
+});
+
+async function turnSoft(page) {
+    await page.evaluate(() => studio.showTab("controls"));
+    const { name, min, max, value } = await page.evaluate(() => studio.graph.parameters.find((each) => each.name === "soft_hz"));
+    const row = page.locator(".control", { has: page.locator(`[aria-label="parameter ${name}, number"]`) });
+    const [slider, number] = [row.locator("input[type=range]"), row.locator("input[type=number]")];
+    assert.deepEqual([await number.getAttribute("min"), await number.getAttribute("max")], [String(min), String(max)]);
+    assert.equal(await row.locator(".unit").innerText(), "Hz");
+    assert.match(await row.locator(".doc").innerText(), /cut-off/i);
+    // One that feeds nothing alone has a field for its text.
+    assert.equal(await page.locator('[data-parameter="hand"]').count(), 1);
+    const now = () => page.evaluate((of) => Number(studio.graph.parameters.find((each) => each.name === of).value), name);
+    const shows = async (wanted) => {
+        await until(
+            page,
+            ([of, to]) =>
+                Number(studio.graph.parameters.find((each) => each.name === of).value) === to &&
+                Number(document.querySelector(`[aria-label="parameter ${of}, number"]`).value) === to,
+            [name, wanted],
+        );
+    };
+    await shows(Number(value));
+    await slider.focus();
+    await page.keyboard.press("ArrowLeft");
+    await until(page, ([of, was]) => Number(studio.graph.parameters.find((each) => each.name === of).value) < was, [
+        name,
+        Number(value),
+    ]);
+    await shows(await now());
+    await number.fill("30");
+    await number.press("Enter");
+    await shows(30);
+    await picture(page, "parameters");
+    // Beyond the range is its end, which is more than half the rate: the engine's error is shown, and what runs.
+    await number.fill(String(10 * max));
+    await number.press("Enter");
+    await row.locator(".error").waitFor();
+    assert.match(await row.locator(".error").innerText(), /125|62\.5/);
+    await shows(30);
+    await number.fill(value);
+    await number.press("Enter");
+    await shows(Number(value));
+    assert.equal(await row.locator(".error").isVisible(), false);
+}

@@ -45,6 +45,109 @@ fn copied() -> (tempfile::TempDir, PathBuf) {
     (folder, graph)
 }
 
+/// The one of a list that has this name.
+fn named<'a>(list: &'a Value, name: &str) -> &'a Value {
+    let mut all = list.as_array().expect("a list").iter();
+    all.find(|each| each["name"] == name)
+        .unwrap_or_else(|| panic!("no {name}"))
+}
+
+#[test]
+fn the_page_is_told_units_quantities_and_nested_settings_and_what_each_parameter_feeds() {
+    let (_folder, path) = copied();
+    let text = std::fs::read_to_string(&path).expect("it is there");
+    let text = text.replace("parameters: {", "parameters: { \"soft_hz\": 20.0,");
+    let text = text.replace("cutoff_hz: 20", "cutoff_hz: Param(\"soft_hz\")");
+    std::fs::write(&path, text).expect("written");
+    let studio = open(&path);
+    let page = Page::of(&studio);
+    let kinds = &page.hello["kinds"];
+    let limit = named(&named(kinds, "ActuatorSink")["settings"], "limit");
+    let peak = named(&limit["parts"][0]["fields"], "peak_a");
+    assert_eq!((&peak["unit"], &peak["required"]), (&json!("A"), &json!(true)));
+    let stroke = named(&named(kinds, "SimulatedTablet")["settings"], "stroke");
+    let parts = stroke["parts"].as_array().expect("a list");
+    let circles = parts
+        .iter()
+        .find(|part| part["choice"] == "Circles")
+        .expect("a choice");
+    assert_eq!(named(&circles["fields"], "radius_mm")["unit"], "mm");
+    let tablet = &named(kinds, "Tablet")["outputs"];
+    let units = ["force", "touching"].map(|name| named(tablet, name)["unit"].clone());
+    assert_eq!(units, [json!("N"), json!("")]);
+    assert_eq!(
+        named(&named(kinds, "SpeedEstimator")["inputs"], "position")["unit"],
+        "m"
+    );
+    assert_eq!(named(&page.hello["quantities"], "angular speed")["unit"], "rad/s");
+    let wav = &named(kinds, "WavSource")["settings"];
+    let are = ["quantity", "file"].map(|name| named(wav, name)["is_quantity"].clone());
+    assert_eq!(are, [json!(true), json!(false)]);
+
+    let parameters = &page.graph["parameters"];
+    for (parameter, kind, setting) in [
+        ("soft_hz", "SpeedEstimator", "cutoff_hz"),
+        ("gain", "ActuatorSink", "gain"),
+    ] {
+        let (fed, setting) = (
+            named(parameters, parameter),
+            named(&named(kinds, kind)["settings"], setting),
+        );
+        for fact in ["unit", "min", "max", "doc"] {
+            assert_eq!(fed[fact], setting[fact], "{fact} of {parameter}");
+        }
+        assert_ne!(fed["doc"], "");
+    }
+    let soft = named(parameters, "soft_hz");
+    assert!(
+        soft["max"].is_number() && soft["unit"] == "Hz" && soft["whole"] == false,
+        "{soft}"
+    );
+    // A set of endpoints each.
+    assert_eq!(named(parameters, "hand")["doc"], "");
+}
+
+/// The names of a list of keys in the page's own table.
+fn keys_of(table: &str) -> Vec<String> {
+    let text = include_str!("../page/keys.js");
+    let after = text
+        .split_once(&format!("export const {table} = {{"))
+        .expect("a table")
+        .1;
+    let lines = after.split_once("\n};").expect("its end").0.lines();
+    let names = lines.filter_map(|line| line.trim().split_once(": \""));
+    let mut names: Vec<String> = names.map(|(name, _)| name.to_owned()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn the_keys_that_the_page_completes_are_those_that_the_engine_reads() {
+    let studio = open(&shipped("texturepad.ron"));
+    let mut page = Page::of(&studio);
+    for (table, text) in [
+        ("GRAPH", "Graph(format: 1, qqqqqqqq: 1, clocks: {}, nodes: {})"),
+        (
+            "DRIVER",
+            "Graph(format: 1, clocks: { \"a\": Driver(rate_hz: 1, qqqqqqqq: 1) }, nodes: {})",
+        ),
+        (
+            "DERIVED",
+            "Graph(format: 1, clocks: { \"b\": Driver(rate_hz: 2), \"a\": Derived(of: \"b\", rate_hz: 1, qqqqqqqq: 1) }, nodes: {})",
+        ),
+    ] {
+        let reply = page.request(json!({ "type": "check", "text": text }));
+        let diagnostics = reply["diagnostics"].as_array().expect("a list");
+        let unknown = diagnostics.iter().find(|each| each["code"] == "E0204");
+        let help = unknown.expect("an unknown field")["help"][0]
+            .as_str()
+            .expect("a text");
+        let mut read: Vec<String> = help.split('`').skip(1).step_by(2).map(str::to_owned).collect();
+        read.sort();
+        assert_eq!(read, keys_of(table), "{help}");
+    }
+}
+
 fn rms(samples: &[f32]) -> f64 {
     (samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / samples.len() as f64).sqrt()
 }
