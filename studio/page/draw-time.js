@@ -32,16 +32,18 @@ export function drawTime(context, surface, { trace, end_s, back_s, span_s, memor
     context.rect(box.left, box.top - 1, box.width, box.height + 2);
     context.clip();
     for (let lane = trace.lanes - 1; lane >= 0; lane--) drawLane(context, box, columns, lane, y);
+    drawFaults(context, box, columns);
     context.restore();
     if (trace.lanes > 1) drawNames(context, box, port.lanes);
 }
 
-// For every lane least and most of each column; NaN where there is nothing.
-function columnsOf(trace, end_s, span_s, width) {
+// For every lane least and most of each column, NaN where there is nothing; and the columns with NaN beside a number.
+export function columnsOf(trace, end_s, span_s, width) {
     const low = Array.from({ length: trace.lanes }, () => new Float32Array(width).fill(NaN));
     const high = low.map((lane) => new Float32Array(lane));
     let first = 0,
         last = 0;
+    const faults = new Set();
     const scale = width / span_s;
     for (let back = 0; back < trace.count; back++) {
         const x = Math.floor((trace.end_s - (back + 1) * trace.interval_s - end_s + span_s) * scale);
@@ -50,13 +52,15 @@ function columnsOf(trace, end_s, span_s, width) {
         const at = trace.place(back);
         for (let lane = 0; lane < trace.lanes; lane++) {
             const [least, most] = [trace.least[at + lane], trace.most[at + lane]];
-            if (!(low[lane][x] <= least)) low[lane][x] = least;
-            if (!(high[lane][x] >= most)) high[lane][x] = most;
+            const [under, over] = Number.isNaN(least) ? [most, most] : [least, most];
+            if (under < low[lane][x] || Number.isNaN(low[lane][x])) low[lane][x] = under;
+            if (over > high[lane][x] || Number.isNaN(high[lane][x])) high[lane][x] = over;
+            if (Number.isNaN(least) && !Number.isNaN(most)) faults.add(x);
         }
         last = Math.max(last, x);
         first = x;
     }
-    return { low, high, first, last, sparse: trace.interval_s * scale > 0.9 };
+    return { low, high, first, last, faults, sparse: trace.interval_s * scale > 0.9 };
 }
 
 // Follows what is seen: wider at once, narrower slowly, by the part `narrower` a frame.
@@ -142,6 +146,12 @@ function drawLane(context, box, { low, high, first, last, sparse }, lane, y) {
     context.lineWidth = 1.3;
     context.lineJoin = "round";
     context.stroke();
+}
+
+// Where NaN was.
+function drawFaults(context, box, { faults }) {
+    context.fillStyle = colours.bad;
+    for (const x of faults) context.fillRect(box.left + x - 1, box.top, 3, box.height);
 }
 
 function drawNames(context, box, names) {

@@ -56,9 +56,11 @@ export class Trace {
             for (let lane = 0; lane < this.lanes; lane++) {
                 const low = this.least[at + lane],
                     high = this.most[at + lane];
-                if (Number.isNaN(low)) continue;
+                if (Number.isNaN(high)) continue;
+                peak = Math.max(peak, Math.abs(high));
+                if (Number.isNaN(low)) continue; // NaN was beside it
                 sum += (low * low + high * high) / 2;
-                peak = Math.max(peak, -low, high);
+                peak = Math.max(peak, -low);
                 taken++;
             }
         }

@@ -64,12 +64,56 @@ pub struct Scope {
     /// processed.
     fresh: Vec<f64>,
     seen: usize,
-    /// Frames in an interval, and the minimum and maximum of each component in the unfinished one.
+    thinning: Thinning,
+    thinned_from: u64,
+}
+
+/// The extremes of each component in intervals of several frames.
+#[derive(Debug)]
+struct Thinning {
+    /// Frames in an interval, and in the unfinished one.
     group: usize,
     grouped: usize,
+    /// Minimum and maximum of each component in the unfinished interval.
     open: Vec<(f64, f64)>,
-    thinned: Vec<f32>,
-    thinned_from: u64,
+    /// The pairs of the finished intervals.
+    pairs: Vec<f32>,
+}
+
+impl Thinning {
+    const EMPTY: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
+
+    fn of(lanes: usize, rate_hz: f64) -> Self {
+        Self {
+            group: (rate_hz / THINNED_HZ).ceil().max(1.0) as usize,
+            grouped: 0,
+            open: vec![Self::EMPTY; lanes],
+            pairs: Vec::new(),
+        }
+    }
+
+    /// Takes frames with interleaved components. An interval with NaN becomes NaN and the maximum of the
+    /// rest, NaN twice without a rest.
+    fn take(&mut self, frames: &[f64]) {
+        for frame in frames.chunks_exact(self.open.len()) {
+            for ((least, most), value) in self.open.iter_mut().zip(frame) {
+                // `f64::min` and `f64::max` return the other operand for NaN.
+                let is_nan = least.is_nan() || value.is_nan();
+                *least = if is_nan { f64::NAN } else { least.min(*value) };
+                *most = most.max(*value);
+            }
+            self.grouped += 1;
+            if self.grouped == self.group {
+                self.grouped = 0;
+                for extremes in &mut self.open {
+                    let (least, most) = std::mem::replace(extremes, Self::EMPTY);
+                    let has_rest = !least.is_nan() || most > f64::NEG_INFINITY;
+                    let most = if has_rest { most } else { f64::NAN };
+                    self.pairs.extend([least as f32, most as f32]);
+                }
+            }
+        }
+    }
 }
 
 impl Scope {
@@ -92,10 +136,7 @@ impl Scope {
             count: 0,
             fresh: Vec::with_capacity((rate_hz * ROOM_S) as usize * lanes),
             seen: 0,
-            group: (rate_hz / THINNED_HZ).ceil().max(1.0) as usize,
-            grouped: 0,
-            open: vec![(f64::INFINITY, f64::NEG_INFINITY); lanes],
-            thinned: Vec::new(),
+            thinning: Thinning::of(lanes, rate_hz),
             thinned_from: 0,
         }
     }
@@ -106,7 +147,7 @@ impl Scope {
         if self.seen > 0 {
             self.count += (self.seen / lanes) as u64;
             self.fresh.drain(..self.seen);
-            self.thinned.clear();
+            self.thinning.pairs.clear();
             self.seen = 0;
         }
         let before = self.fresh.len();
@@ -135,24 +176,8 @@ impl Scope {
         }
         self.level.take(self.port.kind, &self.fresh);
         if self.port.is_shown() {
-            self.thin();
-        }
-    }
-
-    fn thin(&mut self) {
-        self.thinned_from = self.count - self.grouped as u64;
-        for frame in self.fresh.chunks_exact(self.port.kind.width()) {
-            for ((least, most), value) in self.open.iter_mut().zip(frame) {
-                (*least, *most) = (least.min(*value), most.max(*value));
-            }
-            self.grouped += 1;
-            if self.grouped == self.group {
-                self.grouped = 0;
-                for extremes in &mut self.open {
-                    self.thinned.extend([extremes.0 as f32, extremes.1 as f32]);
-                    *extremes = (f64::INFINITY, f64::NEG_INFINITY);
-                }
-            }
+            self.thinned_from = self.count - self.thinning.grouped as u64;
+            self.thinning.take(&self.fresh);
         }
     }
 
@@ -176,12 +201,51 @@ impl Scope {
         let interval_s = 1.0 / self.port.rate_hz;
         if is_thinned {
             let at_s = self.begin_s.unwrap_or(0.0) + self.thinned_from as f64 * interval_s;
-            let times = (at_s, interval_s * self.group as f64);
-            return (!self.thinned.is_empty())
-                .then(|| super::wire::samples(place, self.lanes(), true, times, &self.thinned));
+            let times = (at_s, interval_s * self.thinning.group as f64);
+            let pairs = &self.thinning.pairs;
+            return (!pairs.is_empty())
+                .then(|| super::wire::samples(place, self.lanes(), true, times, pairs));
         }
         let values: Vec<f32> = self.fresh.iter().map(|value| *value as f32).collect();
         let times = (self.fresh_s(), interval_s);
         (!values.is_empty()).then(|| super::wire::samples(place, self.lanes(), false, times, &values))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A second of zeros at 48 kHz with these frames, in blocks that do not fit the intervals.
+    fn thinned(odd: &[(usize, f64)]) -> Vec<(f32, f32)> {
+        let mut frames = vec![0.0; 48_000];
+        odd.iter().for_each(|(at, value)| frames[*at] = *value);
+        let mut thinning = Thinning::of(1, 48_000.0);
+        frames.chunks(77).for_each(|block| thinning.take(block));
+        let pairs: Vec<_> = thinning.pairs.chunks(2).map(|pair| (pair[0], pair[1])).collect();
+        assert_eq!(pairs.len(), 2000);
+        pairs
+    }
+
+    #[test]
+    fn one_spike_and_one_nan_of_a_second_are_in_the_pairs() {
+        let pairs = thinned(&[(12_345, 7.0), (20_000, -5.0), (30_001, f64::NAN)]);
+        let odd: Vec<usize> = (0..2000).filter(|at| pairs[*at] != (0.0, 0.0)).collect();
+        assert_eq!(odd, [12_345 / 24, 20_000 / 24, 30_001 / 24]);
+        assert_eq!([pairs[odd[0]], pairs[odd[1]]], [(0.0, 7.0), (-5.0, 0.0)]);
+        assert!(
+            pairs[odd[2]].0.is_nan() && pairs[odd[2]].1 == 0.0,
+            "{:?}",
+            pairs[odd[2]]
+        );
+    }
+
+    #[test]
+    fn a_spike_beside_nan_is_kept_and_an_interval_of_nan_alone_is_no_number() {
+        let all: Vec<(usize, f64)> = (0..24).map(|at| (24 + at, f64::NAN)).collect();
+        let pairs = thinned(&[&all[..], &[(2, 9.0), (7, f64::NAN)]].concat());
+        assert!(pairs[0].0.is_nan() && pairs[0].1 == 9.0, "{:?}", pairs[0]);
+        assert!(pairs[1].0.is_nan() && pairs[1].1.is_nan(), "{:?}", pairs[1]);
+        assert_eq!(pairs[2], (0.0, 0.0));
     }
 }

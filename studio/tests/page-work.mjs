@@ -573,3 +573,40 @@ async function turnSoft(page) {
     await shows(Number(value));
     assert.equal(await row.locator(".error").isVisible(), false);
 }
+
+const VIEWS = ["time", "spectrum", "spectrogram", "meter", "number"];
+
+test("a scope opens as each of its views, and what it draws moves", async (page) => {
+    const port = await feltPort(page);
+    const before = await page.evaluate(() => studio.scopeCount());
+    await page.evaluate((name) => studio.addScope(name), port);
+    const card = page.locator("#scopes .scope").last();
+    const choice = card.locator("select");
+    assert.deepEqual(await choice.locator("option").allInnerTexts(), VIEWS);
+    await card.scrollIntoViewIfNeeded();
+    await demo(page, true);
+    await page.waitForTimeout(500);
+    // What a canvas shows, and the share of its pixels that are painted.
+    const seen = () =>
+        card.locator("canvas").evaluate((canvas) => {
+            const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", { willReadFrequently: true });
+            copy.drawImage(canvas, 0, 0);
+            const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
+            const painted = data.filter((value, i) => i % 4 === 3 && value > 0).length;
+            return { part: (4 * painted) / data.length, url: canvas.toDataURL() };
+        });
+    const pictures = new Set();
+    for (const view of VIEWS) {
+        await choice.selectOption(view);
+        await page.waitForTimeout(900);
+        const [first, , second] = [await seen(), await page.waitForTimeout(400), await seen()];
+        await picture(page, `view-${view}`);
+        assert(second.part > 0.005, `${view}: ${second.part} of it is painted`);
+        assert.notEqual(first.url, second.url, `${view} stands still`);
+        pictures.add(second.url);
+    }
+    assert.equal(pictures.size, VIEWS.length);
+    await demo(page, false);
+    await card.locator('[aria-label^="Remove"]').click();
+    assert.equal(await page.evaluate(() => studio.scopeCount()), before);
+});

@@ -371,6 +371,16 @@ async function within(globals, work) {
     }
 }
 
+// As in a page whose colours are their own names.
+const inTheme = (work) => {
+    const globals = {
+        matchMedia: () => ({ addEventListener: () => {} }),
+        document: { documentElement: {} },
+        getComputedStyle: () => ({ getPropertyValue: (name) => name }),
+    };
+    return within(globals, work);
+};
+
 // A connection whose worker is the test: what it was told to send, and what comes from the engine.
 function connectionOf(work) {
     const sent = [];
@@ -491,6 +501,58 @@ test("a copy of a trace stays as it was", () => {
         assert.equal(trace.latest(), 9);
     }
 });
+
+test("an interval with NaN keeps the peak beside it and is marked, in any order", () =>
+    inTheme(async () => {
+        const { columnsOf } = await import("../page/draw-time.js");
+        const trace = new Trace("a.b", false);
+        trace.push(read(samples(1, true, 0, 0.001, [0, 1, NaN, 7, -2, 1, NaN, NaN])));
+        const { low, high, faults } = columnsOf(trace, 0.004, 0.004, 1);
+        assert.deepEqual([low[0][0], high[0][0], [...faults]], [-2, 7, [0]]);
+        const each = columnsOf(trace, 0.004, 0.004, 4);
+        assert.deepEqual([[...each.low[0]], [...each.high[0]]], [[0, 7, -2, NaN], [1, 7, 1, NaN]]);
+        assert.deepEqual([...each.faults], [1]);
+        assert.deepEqual([trace.level(1).peak, Math.round(1000 * trace.level(1).rms)], [7, 1225]);
+    }));
+
+test("a meter stands against the limit, and holds its peak for a second and a half", () =>
+    inTheme(async () => {
+        const { drawMeter } = await import("../page/draw-meter.js");
+        const [memory, port] = [{}, { unit: "A" }];
+        const limits = { peak: 0.5, continuous: 0.25 };
+        // What is drawn of a level and peak: bars and marks as [left, width, colour], and texts.
+        const drawn = (rms, peak, now_ms, more = { limits, actuator: { heat: 0.3 } }) => {
+            const [rects, texts] = [[], []];
+            const context = {
+                fillRect: (x, y, width) => rects.push([x, width, context.fillStyle]),
+                fillText: (text) => texts.push(text),
+            };
+            for (const name of ["beginPath", "roundRect", "fill", "save", "restore", "clip"]) context[name] = () => {};
+            const trace = { level: () => ({ rms, peak }) };
+            drawMeter(context, { width: 338, height: 120 }, { trace, memory, port, now_ms, paused: false, ...more });
+            return { rects, texts, held: rects.at(-1) };
+        };
+        const LEFT = 52;
+        const WIDTH = 200;
+        const first = drawn(0.1, 0.4, 0);
+        const bars = first.rects.filter(([left, width]) => left === LEFT && width !== 2).map(([, width]) => Math.round(width));
+        assert.deepEqual(bars, [40, 160, 60], "level, peak and heat, each of its limit");
+        assert.deepEqual(first.rects.find(([, width]) => width === 2), [LEFT + 99, 2, "--bad"], "the continuous limit");
+        assert.deepEqual(first.held, [LEFT + 160 - 1.5, 3, "--ink"]);
+        assert.deepEqual(first.texts, ["level", "100 mA", "peak", "400 mA", "heat", "30 %", "limit 500 mA peak, 250 mA continuous"]);
+        // The mark holds what was the most, then falls to what is.
+        assert.equal(drawn(0.01, 0.02, 1500).held[0], LEFT + 160 - 1.5);
+        assert.equal(drawn(0.01, 0.02, 1501).held[0], LEFT + 8 - 1.5);
+        assert.equal(drawn(0.01, 0.3, 1502).held[0], LEFT + 120 - 1.5);
+        // At the limit it is red; beyond the bar it stays in it.
+        assert.deepEqual(drawn(0.2, 0.5, 1600).held, [LEFT + WIDTH - 1.5, 3, "--bad"]);
+        assert.deepEqual(drawn(0.2, 0.9, 1700).held, [LEFT + WIDTH - 1.5, 3, "--bad"]);
+        // Without a limit the bar is what a round number above the peak is.
+        memory.held_ms = -Infinity;
+        memory.full = 0;
+        const free = drawn(0.1, 0.4, 9000, { limits: null, actuator: null });
+        assert.deepEqual([free.held[0], free.texts.at(-1)], [LEFT + 160 - 1.5, "full bar 500 mA"]);
+    }));
 
 test("an engine of a page says why it cannot run at an address, and what to do", () => {
     const engine = new PageEngine("site.json");
