@@ -1,6 +1,7 @@
 // The force-speed plane of a texture: its triangles, the hand's point in it with the weights of the three models, its trail.
 import { find, make, setText } from "./dom.js";
 import { mostFrames } from "./frame.js";
+import { locate } from "./locate.js";
 import { colours, FONT, FONT_STRONG, haloText, onTheme, Surface } from "./theme.js";
 
 const INSET = { left: 44, right: 16, top: 12, bottom: 34 };
@@ -73,30 +74,6 @@ const said = (found, speed, force) => {
     const where = found?.clamped ? "beyond the map: " : "";
     return `${where}${wide((1000 * speed).toFixed(0), 4)} mm/s   ${force.toFixed(2)} N   weights ${weights}`;
 };
-
-// The triangle around the point (brought into the map first, as the engine does) and the weight of each corner.
-function locate({ points, triangles }, speed, force) {
-    const most = points.reduce(([s, f], [a, b]) => [Math.max(s, a), Math.max(f, b)], [0, 0]);
-    const [x, y] = [Math.max(0, Math.min(speed, most[0])), Math.max(0, Math.min(force, most[1]))];
-    let best = null;
-    for (const triangle of triangles) {
-        const [[ax, ay], [bx, by], [cx, cy]] = triangle.map((i) => points[i]);
-        const area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay);
-        if (area === 0) continue;
-        const second = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / area;
-        const third = ((bx - ax) * (y - ay) - (x - ax) * (by - ay)) / area;
-        const least = Math.min(second, third, 1 - second - third);
-        if (best === null || least > best.least) best = { least, triangle, weights: [1 - second - third, second, third] };
-        if (least >= 0) break;
-    }
-    if (!best || best.least < -0.02) return null;
-    return {
-        x,
-        y,
-        clamped: x !== speed || y !== force,
-        corners: best.triangle.map((i, k) => ({ point: points[i], weight: Math.max(0, best.weights[k]) })),
-    };
-}
 
 // Triangles, axes and their labels, drawn once for a map, a size and a theme.
 function drawGround(surface, map) {

@@ -14,6 +14,7 @@ import { Hands, tiltOf } from "../page/hands.js";
 import { completions, helpOf } from "../page/help.js";
 import { GRAPH } from "../page/keys.js";
 import { Levels } from "../page/levels.js";
+import { locate } from "../page/locate.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
 import { simulatedAlone } from "../page/pads.js";
 import { placeOf } from "../page/ron.js";
@@ -269,6 +270,24 @@ test("the editor explains settings, outputs, bridges, clocks, parameters and qua
     assert.match(at("radius_mm"), /^radius_mm \(1 to 100 mm, default 30.0\).* ?of Circles$/);
     assert.match(at("Sink("), /^Sink \(sinks\).* ?outputs: delivered/);
     assert.equal(at("48000"), undefined);
+});
+
+test("the map's weights are those of the engine, within the map and beyond it", () => {
+    const { points, triangles, cases } = JSON.parse(readFileSync(new URL("weights.json", import.meta.url), "utf8"));
+    const most = [0, 1].map((axis) => Math.max(...points.map((point) => point[axis])));
+    let beyond = 0;
+    for (const [speed, force, weights] of cases) {
+        const { corners, clamped } = locate({ points, triangles }, speed, force);
+        const isBeyond = speed < 0 || force < 0 || speed > most[0] || force > most[1];
+        assert.equal(clamped, isBeyond);
+        beyond += isBeyond;
+        // On a side of two triangles either is right: what counts is the weight of each model.
+        const apart = new Map(weights);
+        for (const { vertex, weight } of corners) apart.set(vertex, (apart.get(vertex) ?? 0) - weight);
+        const worst = Math.max(...[...apart.values()].map(Math.abs));
+        assert(worst < 1e-9, `${worst} apart at ${speed} m/s and ${force} N`);
+    }
+    assert(cases.length === 100 && beyond > 20, `${beyond} of ${cases.length} points are beyond the map`);
 });
 
 test("tilt is what the browser says, by either way of saying it", () => {
