@@ -610,3 +610,60 @@ test("a scope opens as each of its views, and what it draws moves", async (page)
     await card.locator('[aria-label^="Remove"]').click();
     assert.equal(await page.evaluate(() => studio.scopeCount()), before);
 });
+
+const FAULTY = `Graph(format: 1, about: "An infinity and a limit, for the test of the drawing.", clocks: { "servo": Driver(rate_hz: 1000) }, nodes: {
+    "one": Constant(clock: "servo", value: 1e200, quantity: "current"),
+    "many": Constant(clock: "servo", value: 1e200),
+    "product": Multiply(input: "one", by: "many"),
+    "broken": ActuatorSink(current: "product", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
+    "much": Constant(clock: "servo", value: 5, quantity: "current"),
+    "held": ActuatorSink(current: "much", endpoint: "other", limit: (peak_a: 0.5, continuous_a: 0.5)),
+}, endpoints: { "simulated": { "coil": SimulatedHaptuator(), "other": SimulatedHaptuator() } })`;
+
+programTest("the drawing marks where NaN came out and where a limit held", async () => {
+    const own = await studioOf("faulty.ron", { files: { "faulty.ron": FAULTY } });
+    const page = await open({ at: own.address });
+    try {
+        await page.evaluate(() => studio.showTab("graph"));
+        // The marks by node, as they are seen.
+        const marks = () =>
+            page.evaluate(() => {
+                const { shadowRoot } = document.querySelector("#graph > div");
+                return [...shadowRoot.querySelectorAll(".mark")].map((mark) => {
+                    const circle = mark.querySelector("circle");
+                    const { width } = circle.getBoundingClientRect();
+                    return {
+                        node: mark.closest("[data-node]").getAttribute("data-node"),
+                        isFault: mark.classList.contains("fault"),
+                        isSeen: width > 4,
+                        colour: getComputedStyle(circle).fill,
+                        says: mark.querySelector("title").textContent,
+                    };
+                });
+            });
+        await until(page, () => {
+            const { shadowRoot } = document.querySelector("#graph > div");
+            return shadowRoot.querySelector(".mark.fault") && shadowRoot.querySelector(".mark:not(.fault)");
+        });
+        const found = await marks();
+        const of = (node) => found.find((mark) => mark.node === node);
+        assert(of("product")?.isFault && of("product").isSeen, JSON.stringify(found));
+        assert.match(of("product").says, /NaN or infinity in \d+ frames of product\..*it was the first/);
+        assert(of("held") && !of("held").isFault && of("held").isSeen, JSON.stringify(found));
+        assert.match(of("held").says, /^limited: /);
+        assert.notEqual(of("product").colour, of("held").colour);
+        assert(!of("one") && !of("much"), JSON.stringify(found));
+        const wires = await page.evaluate(() => {
+            const { shadowRoot } = document.querySelector("#graph > div");
+            return [...shadowRoot.querySelectorAll("path[data-port].faulty")].map((wire) => wire.getAttribute("data-port"));
+        });
+        assert(wires.length > 0 && wires.every((port) => port.startsWith("product.")), wires.join(" "));
+        await page.waitForTimeout(300);
+        await picture(page, "faulty");
+        await page.evaluate(() => studio.showNode("product"));
+        await until(page, () => document.getElementById("node").textContent.includes("NaN or infinity"));
+    } finally {
+        await page.context().close();
+        await own.end();
+    }
+});
