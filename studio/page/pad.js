@@ -1,7 +1,7 @@
 // The pad: a picture of the surface, the hands on it, and the force of those that cannot press.
 import { showHalves } from "./compare.js";
 import { DemoHand } from "./demo.js";
-import { find, imageOf, setText } from "./dom.js";
+import { find, imageOf, kept, setText } from "./dom.js";
 import { everyFrame } from "./frame.js";
 import { followKeys, followPointers, Hands } from "./hands.js";
 import { digits } from "./numbers.js";
@@ -10,6 +10,8 @@ import { toneOf } from "./surfaces.js";
 import { colours, FONT, FONT_STRONG, haloText, Surface } from "./theme.js";
 
 const MARGIN = 14;
+const LEAST_FULL_N = 0.1;
+const MOST_FULL_N = 20;
 const GRID_MM = 10;
 const TRAIL_MS = 1600;
 const TRAIL_STEPS = 10; // of fading
@@ -40,11 +42,15 @@ export function mountPad(studio) {
     const force = mountForce(studio, hands, element);
     followKeys(element, hands, force.change);
     const demo = mountDemo(studio, hands);
+    const calibration = mountCalibration(() => takePads(studio.graph));
+    const takePads = (graph) => {
+        const pads = calibration.calibrated(graph.pads);
+        if (JSON.stringify(pads) === JSON.stringify(hands.pads)) return;
+        hands.setPads(pads);
+        force.show();
+    };
     studio.on("graph", (graph) => {
-        if (JSON.stringify(graph.pads) !== JSON.stringify(hands.pads)) {
-            hands.setPads(graph.pads);
-            force.show();
-        }
+        takePads(graph);
         layOut(canvas, grid, hands, place);
         showSwatch(studio);
     });
@@ -96,6 +102,34 @@ function layOut(canvas, grid, hands, place) {
     drawGrid(grid, place);
 }
 
+// What a pen presses with at full pressure, as no tablet states newtons: the engine's own until a person says otherwise, which
+// is kept. `changed` is called when it changes.
+function mountCalibration(changed) {
+    const field = find("full-force");
+    let said = kept.get("full_force_n", null);
+    const show = (force_n) => {
+        if (document.activeElement !== field) field.value = force_n > 0 ? String(Number(force_n.toPrecision(4))) : "";
+    };
+    const calibrated = (pads) => {
+        const most = Math.min(...pads.map(({ most_force_n }) => most_force_n ?? MOST_FULL_N));
+        const own = pads[0]?.force_n ?? 0;
+        [field.min, field.max, field.disabled] = [String(LEAST_FULL_N), String(most), pads.length === 0];
+        const force_n = Number.isFinite(said) && said !== null ? Math.max(LEAST_FULL_N, Math.min(most, said)) : own;
+        show(force_n);
+        return pads.map((pad) => ({ ...pad, force_n }));
+    };
+    field.addEventListener("change", () => {
+        const value = Number(field.value);
+        const within = Math.max(Number(field.min), Math.min(Number(field.max), value));
+        said = field.value === "" || !Number.isFinite(value) ? null : within; // empty: the engine's own
+        kept.set("full_force_n", said);
+        field.value = said === null ? "" : String(said);
+        field.blur();
+        changed();
+    });
+    return { calibrated };
+}
+
 // The surface that runs, as a picture: a photograph where the user gave one, else its swatch.
 function showSwatch(studio) {
     showHalves(studio, find("pad-swatch"));
@@ -105,7 +139,8 @@ function showSwatch(studio) {
     find("pad-swatch").style.backgroundImage = picture ? `${studio.photo ? "" : `${VEIL}, `}url("${picture}")` : "none";
     find("pad-swatch").style.backgroundColor = studio.photo ? "" : toneOf(studio.graph, surface);
     const pads = studio.graph?.pads ?? [];
-    setText(find("pad-surface-name"), [surface?.name ?? pads[0]?.endpoint, ...pads.map(laidOn)].filter(Boolean).join(" · "));
+    const name = surface?.name ?? pads.map(({ endpoint }) => endpoint).join(" and ");
+    setText(find("pad-surface-name"), [name, ...pads.map(laidOn)].filter(Boolean).join(" · "));
     find("pad-surface-name").title = whatMoves(studio.graph);
 }
 

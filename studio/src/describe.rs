@@ -7,7 +7,7 @@ use super::pads::FULL_N;
 use super::pages::Reach;
 use super::scope::{self, Port};
 use super::stage::{Host, Stage};
-use super::wire::VERSION;
+use super::wire::{MAX_N, VERSION};
 use haptograph_engine::graph::{Graph, NodeId};
 use haptograph_engine::node::{InputSpec, NodeEntry, OutputSpec, QuantityRule};
 use haptograph_engine::registry::Registry;
@@ -173,7 +173,7 @@ fn pad(pad: &PadSpec) -> Value {
     // JSON has no infinity: a rigid surface is null.
     let gives_n_per_m = pad.on.as_ref().map(|on| on.gives_n_per_m);
     json!({
-        "endpoint": pad.endpoint, "width_mm": pad.size_mm.0, "height_mm": pad.size_mm.1, "force_n": FULL_N,
+        "endpoint": pad.endpoint, "width_mm": pad.size_mm.0, "height_mm": pad.size_mm.1, "force_n": FULL_N, "most_force_n": MAX_N,
         "channels": names.collect::<Vec<_>>(), "is_laid": pad.on.is_some(),
         "gives_n_per_mm": gives_n_per_m.filter(|gives| gives.is_finite()).map(|gives| gives * 1e-3),
     })

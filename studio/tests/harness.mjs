@@ -98,15 +98,16 @@ export async function studioOf(graph, { files = {}, more = [] } = {}) {
     return { root, address: addresses[0], addresses, end };
 }
 
-// A pen by DevTools' own input events, so that pressure and kind arrive as from a tablet.
+// A pen by DevTools' own input events, so that pressure, tilt ({ tiltX, tiltY } in degrees) and kind arrive as from a tablet.
 export async function pen(page) {
     const session = await page.context().newCDPSession(page);
-    const send = (type, x, y, force) =>
+    const send = (type, x, y, force, tilt = {}) =>
         session.send("Input.dispatchMouseEvent", {
             type,
             x,
             y,
             force,
+            ...tilt,
             button: type === "mouseMoved" ? "none" : "left",
             buttons: type === "mouseReleased" ? 0 : 1,
             clickCount: 1,
@@ -114,8 +115,8 @@ export async function pen(page) {
         });
     const at = await padPlace(page);
     return {
-        press: (x, y, force) => send("mousePressed", ...at(x, y), force),
-        move: (x, y, force) => send("mouseMoved", ...at(x, y), force),
+        press: (x, y, force, tilt) => send("mousePressed", ...at(x, y), force, tilt),
+        move: (x, y, force, tilt) => send("mouseMoved", ...at(x, y), force, tilt),
         lift: (x, y) => send("mouseReleased", ...at(x, y), 0),
     };
 }
@@ -130,6 +131,22 @@ export async function finger(page) {
         press: (x, y) => send("touchStart", at(x, y)),
         move: (x, y) => send("touchMove", at(x, y)),
         lift: () => send("touchEnd"),
+    };
+}
+
+// Several fingers at once; each of `places` is where one is, by its number. Without any all are lifted.
+export async function fingers(page) {
+    const session = await page.context().newCDPSession(page);
+    const at = await padPlace(page);
+    let count = 0;
+    return async (places) => {
+        const points = Object.entries(places).map(([id, [x, y]]) => {
+            const [left, top] = at(x, y);
+            return { x: left, y: top, id: Number(id) };
+        });
+        const type = points.length === 0 ? "touchEnd" : points.length > count ? "touchStart" : "touchMove";
+        count = points.length;
+        await session.send("Input.dispatchTouchEvent", { type, touchPoints: points });
     };
 }
 
@@ -154,8 +171,11 @@ export async function stroke(page, force, time_ms, look = () => {}, hand = null)
     await hand.lift(0.5, 0.5);
 }
 
-export const latest = (page, name) =>
-    page.evaluate((port) => studio.taps.traces.find((trace) => trace.name === port)?.latest() ?? null, name);
+export const latest = (page, name, lane = 0) =>
+    page.evaluate(
+        ([port, of]) => studio.taps.traces.find((trace) => trace.name === port)?.latest(of) ?? null,
+        [name, lane],
+    );
 export const level = (page, name, span_s) =>
     page.evaluate(
         ([port, span]) => studio.taps.traces.find((trace) => trace.name === port)?.level(span).rms ?? null,

@@ -8,6 +8,7 @@ import {
     demo,
     drop,
     feltPort,
+    fingers,
     gather,
     HOME,
     latest,
@@ -666,4 +667,115 @@ programTest("the drawing marks where NaN came out and where a limit held", async
         await page.context().close();
         await own.end();
     }
+});
+
+programTest("two fingers are two hands, each on the tablet of its own", async () => {
+    const own = await studioOf("graphs/cookbook/two-hands.ron");
+    const page = await open({ at: own.address, hasTouch: true });
+    try {
+        const ports = ["left.force", "right.force", "left.position", "right.position"];
+        await page.evaluate((names) => names.forEach((name) => studio.taps.watch(name)), ports);
+        const touch = await fingers(page);
+        const force_n = await page.evaluate(() => studio.pad.hands.force_n);
+        const are = (left, right) =>
+            until(
+                page,
+                ([names, wanted]) =>
+                    names.every((name, i) => {
+                        const now = studio.taps.traces.find((trace) => trace.name === name)?.latest();
+                        return Math.abs(now - wanted[i]) < 0.01;
+                    }),
+                [ports.slice(0, 2), [left, right]],
+            );
+        await touch({ 0: [0.25, 0.5] });
+        await are(force_n, 0);
+        await touch({ 0: [0.25, 0.5], 1: [0.75, 0.4] });
+        await are(force_n, force_n);
+        await page.waitForTimeout(200);
+        const [left, right] = [await latest(page, "left.position"), await latest(page, "right.position")];
+        assert(Math.abs(left + 0.04) < 0.003 && Math.abs(right - 0.04) < 0.003, `${left} and ${right} m`);
+        await picture(page, "two-hands");
+        // Each moves by itself.
+        await touch({ 0: [0.25, 0.5], 1: [0.9, 0.4] });
+        await page.waitForTimeout(200);
+        assert(Math.abs((await latest(page, "right.position")) - 0.064) < 0.003);
+        assert(Math.abs((await latest(page, "left.position")) + 0.04) < 0.003);
+        await touch({});
+        await are(0, 0);
+    } finally {
+        await page.context().close();
+        await own.end();
+    }
+});
+
+programTest("the tilt of a pen is the orientation of the pad", async () => {
+    const own = await studioOf("graphs/cookbook/pen-tilt.ron");
+    const page = await open({ at: own.address });
+    try {
+        const port = "pen.orientation";
+        await page.evaluate((name) => studio.taps.watch(name), port);
+        assert((await page.evaluate(() => studio.graph.pads[0].channels)).includes("orientation"));
+        const hand = await pen(page);
+        const turns = (x_deg, y_deg) =>
+            until(
+                page,
+                ([name, wanted]) => {
+                    const trace = studio.taps.traces.find((each) => each.name === name);
+                    return wanted.every((deg, lane) => Math.abs((trace.latest(lane) * 180) / Math.PI - deg) < 0.1);
+                },
+                [port, [x_deg, y_deg, 0]],
+            );
+        await hand.press(0.5, 0.5, 0.4, { tiltX: 0, tiltY: 0 });
+        await turns(0, 0);
+        // To the right it turns about the axis that points away; towards the person about the one to the right.
+        await hand.move(0.52, 0.5, 0.4, { tiltX: 30, tiltY: 0 });
+        await turns(0, 30);
+        await hand.move(0.54, 0.5, 0.4, { tiltX: 0, tiltY: 20 });
+        await turns(20, 0);
+        await hand.lift(0.5, 0.5);
+    } finally {
+        await page.context().close();
+        await own.end();
+    }
+});
+
+test("full pressure is as many newtons as a person says, within bounds, and that is kept", async (page) => {
+    const port = await page.evaluate(() => studio.graph.maps[0].force_port);
+    const pressed = async (on, wanted_n) => {
+        const hand = await pen(on);
+        await hand.press(0.5, 0.5, 0.5);
+        await until(
+            on,
+            ([name, wanted]) =>
+                Math.abs(studio.taps.traces.find((trace) => trace.name === name)?.latest() / wanted - 1) < 0.02,
+            [port, wanted_n],
+        );
+        await hand.lift(0.5, 0.5);
+    };
+    const say = async (on, text) => {
+        await on.fill("#full-force", text);
+        await on.press("#full-force", "Enter");
+    };
+    const own_n = await page.evaluate(() => studio.graph.pads[0].force_n);
+    assert.equal(Number(await page.inputValue("#full-force")), own_n);
+    assert.equal(own_n, 3);
+    await pressed(page, 1.5);
+    await say(page, "6");
+    await pressed(page, 3);
+    await picture(page, "calibrated");
+    await page.reload();
+    await ready(page);
+    await page.evaluate(() => studio.own());
+    await until(page, () => studio.status.owner);
+    assert.equal(await page.inputValue("#full-force"), "6");
+    await pressed(page, 3);
+    // No more than the engine takes, and no less than something.
+    await say(page, "500");
+    assert.equal(await page.inputValue("#full-force"), "20");
+    await pressed(page, 10);
+    await say(page, "-1");
+    assert.equal(await page.inputValue("#full-force"), "0.1");
+    await say(page, "");
+    await until(page, (own) => Number(document.getElementById("full-force").value) === own, own_n);
+    await pressed(page, 1.5);
 });

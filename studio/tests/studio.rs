@@ -105,6 +105,7 @@ fn the_page_is_told_units_quantities_and_nested_settings_and_what_each_parameter
     );
     // A set of endpoints each.
     assert_eq!(named(parameters, "hand")["doc"], "");
+    assert_eq!(page.graph["pads"][0]["most_force_n"], 20.0);
 }
 
 /// The names of a list of keys in the page's own table.

@@ -67,6 +67,12 @@ impl DeviceKind for SimulatedTablet {
                 Quantity::NUMBER,
                 "1 while the tip touches.",
             ),
+            Channel::new(
+                "orientation",
+                Kind::VECTOR,
+                Quantity::ANGLE,
+                "Tilt of the pen: axis times angle, rad. The simulated hand holds it upright: zero.",
+            ),
         ],
         drives: &[],
         example: r#""stylus": SimulatedTablet(stroke: Circles(radius_mm: 30.0, period_s: 1.2), force_n: 1.0)"#,
@@ -109,7 +115,8 @@ impl Device for Drawn {
         match channel {
             0 => frame.copy_from_slice(&[x, y, 0.0]),
             1 => frame.fill(self.reading.force_n),
-            _ => frame.fill(f64::from(u8::from(self.reading.force_n > 0.0))),
+            2 => frame.fill(f64::from(u8::from(self.reading.force_n > 0.0))),
+            _ => frame.fill(0.0),
         }
     }
 
