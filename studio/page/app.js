@@ -27,7 +27,8 @@ class Studio extends Emitter {
         this.connection = new Connection();
         this.taps = new Taps(this.connection);
         this.values = new Map();
-        this.hello = this.graph = this.status = this.photo = null;
+        this.hello = this.graph = this.status = null;
+        this.photos = new Map(); // by surface
         this.lost = null; // how the connection was lost, while it is
         this.heard_ms = -Infinity; // when the last status came
         this.stop_ms = -Infinity; // when STOP was pressed
@@ -95,9 +96,9 @@ class Studio extends Emitter {
     }
 
     #greet(hello) {
-        this.hello = hello;
         const ports = hello.kinds.flatMap(({ inputs, outputs }) => [...inputs, ...outputs]);
         for (const item of [...ports, ...(hello.quantities ?? [])]) item.unit = printed(item.unit);
+        this.hello = hello;
         this.lost = null;
         find("banner").hidden = hello.version === VERSION;
         if (hello.version !== VERSION)

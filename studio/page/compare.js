@@ -81,14 +81,25 @@ export function showHalves(studio, element) {
     element.replaceChildren(
         ...(compared ?? []).map((surface, i) => {
             const half = make("div", { class: "pad-half" });
-            if (!blind)
-                Object.assign(half.style, {
-                    backgroundImage: `url("${imageOf(surface.swatch)}")`,
-                    backgroundColor: toneOf(studio.graph, surface),
-                });
+            if (!blind) Object.assign(half.style, pictureOf(studio, surface));
             half.append(make("span", { text: blind ? String(i + 1) : surface.name }));
             return half;
         }),
     );
     if (compared) setText(find("pad-surface-name"), blind ? "1 or 2?" : compared.map(({ name }) => name).join(" or "));
+}
+
+// What the photograph of a surface is kept under.
+export const photoName = (surface) => surface?.path ?? "";
+
+// The picture of a surface as a background: its own photograph, else its swatch on its tone below `veil`.
+export function pictureOf(studio, surface, veil = null) {
+    const photo = studio.photos.get(photoName(surface));
+    if (photo) return { backgroundImage: `url("${photo}")`, backgroundColor: "", backgroundBlendMode: "normal" };
+    const swatch = surface?.swatch ? `url("${imageOf(surface.swatch)}")` : null;
+    return {
+        backgroundImage: swatch ? [veil, swatch].filter(Boolean).join(", ") : "none",
+        backgroundColor: toneOf(studio.graph, surface),
+        backgroundBlendMode: "",
+    };
 }

@@ -1,12 +1,11 @@
 // The pad: a picture of the surface, the hands on it, and the force of those that cannot press.
-import { showHalves } from "./compare.js";
+import { photoName, pictureOf, showHalves } from "./compare.js";
 import { DemoHand } from "./demo.js";
-import { find, imageOf, kept, setText } from "./dom.js";
+import { find, kept, setText } from "./dom.js";
 import { everyFrame } from "./frame.js";
 import { followKeys, followPointers, Hands } from "./hands.js";
 import { digits } from "./numbers.js";
 import { laidOn, whatMoves } from "./pads.js";
-import { toneOf } from "./surfaces.js";
 import { colours, FONT, FONT_STRONG, haloText, Surface } from "./theme.js";
 
 const MARGIN = 14;
@@ -130,14 +129,12 @@ function mountCalibration(changed) {
     return { calibrated };
 }
 
-// The surface that runs, as a picture: a photograph where the user gave one, else its swatch.
+// The surface that runs, as a picture: a photograph where the user gave one for it, else its swatch.
 function showSwatch(studio) {
     showHalves(studio, find("pad-swatch"));
     if (studio.compared) return;
     const surface = studio.currentSurface();
-    const picture = studio.photo ?? (surface?.swatch ? imageOf(surface.swatch) : null);
-    find("pad-swatch").style.backgroundImage = picture ? `${studio.photo ? "" : `${VEIL}, `}url("${picture}")` : "none";
-    find("pad-swatch").style.backgroundColor = studio.photo ? "" : toneOf(studio.graph, surface);
+    Object.assign(find("pad-swatch").style, pictureOf(studio, surface, VEIL));
     const pads = studio.graph?.pads ?? [];
     const name = surface?.name ?? pads.map(({ endpoint }) => endpoint).join(" and ");
     setText(find("pad-surface-name"), [name, ...pads.map(laidOn)].filter(Boolean).join(" · "));
@@ -146,11 +143,17 @@ function showSwatch(studio) {
 
 function mountPhoto(studio) {
     studio.usePhoto = (file) => {
-        if (studio.photo) URL.revokeObjectURL(studio.photo);
-        studio.photo = URL.createObjectURL(file);
-        showSwatch(studio);
+        const name = photoName(studio.currentSurface());
+        const before = studio.photos.get(name);
+        if (before) URL.revokeObjectURL(before);
+        studio.photos.set(name, URL.createObjectURL(file));
+        studio.emit("photo", name);
     };
-    find("photo").addEventListener("change", (event) => event.target.files[0] && studio.usePhoto(event.target.files[0]));
+    studio.on("photo", () => showSwatch(studio));
+    find("photo").addEventListener("change", ({ target }) => {
+        if (target.files[0]) studio.usePhoto(target.files[0]);
+        target.value = "";
+    });
 }
 
 // The slider of force: finer for small forces, as the hand is.

@@ -779,3 +779,45 @@ test("full pressure is as many newtons as a person says, within bounds, and that
     await until(page, (own) => Number(document.getElementById("full-force").value) === own, own_n);
     await pressed(page, 1.5);
 });
+
+// A picture of one colour.
+const PNG = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNkYPhfDwAChwGA60e6kgAAAABJRU5ErkJggg==";
+
+test("a photograph that is dropped is that of the surface on the pad, and of no other", async (page) => {
+    await page.evaluate(() => studio.showTab("surfaces"));
+    const cards = page.locator("#surfaces .surface");
+    if ((await cards.count()) < 2 || (await cards.first().isDisabled())) return;
+    const shown = () => page.evaluate(() => document.getElementById("pad-swatch").style.backgroundImage);
+    const choose = async (path) => {
+        await page.click(`#surfaces .surface[data-path=${JSON.stringify(path)}]`);
+        await until(page, (wanted) => studio.currentSurface()?.path === wanted, path);
+    };
+    const [first, second] = await page.evaluate(() => {
+        const now = studio.currentSurface().path;
+        return [now, studio.graph.surfaces.find(({ path }) => path !== now).path];
+    });
+    const swatch = await shown();
+    assert(!swatch.includes("blob:"), "it has a photograph already");
+    const transfer = await page.evaluateHandle((base64) => {
+        const data = new DataTransfer();
+        const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+        data.items.add(new File([bytes], "my-tile.png", { type: "image/png" }));
+        return data;
+    }, PNG);
+    await page.dispatchEvent("body", "drop", { dataTransfer: transfer });
+    await until(page, () => document.getElementById("pad-swatch").style.backgroundImage.includes("blob:"));
+    const photo = await shown();
+    // The browser shows it: the policy of the page lets it.
+    const address = photo.match(/blob:[^"]+/)[0];
+    assert(await page.evaluate((src) => Object.assign(new Image(), { src }).decode().then(() => true), address));
+    await picture(page, "photo");
+    await choose(second);
+    assert(!(await shown()).includes("blob:"), "the photograph hides another surface");
+    await choose(first);
+    assert.equal(await shown(), photo);
+    await page.evaluate(() => {
+        studio.photos.clear();
+        studio.emit("photo");
+    });
+    assert.equal(await shown(), swatch);
+});
