@@ -363,3 +363,28 @@ fn hostile_pages_that_do_not_own_a_real_actuator_do_not_move_it() {
     rig.assert_silent(&mut owner);
     assert_eq!(fresh_status(&mut owner)["owner"], true);
 }
+
+#[test]
+fn ten_thousand_hostile_messages_of_owners_give_a_real_actuator_that_is_not_armed_zeros_alone() {
+    let rig = Rig::new(Some("live"));
+    let mut page = rig.page();
+    let file = rig.folder.path().join("g.ron");
+    let before = std::fs::read_to_string(&file).expect("it is there");
+    // The graph asks for it all the while.
+    page.wait(|said| said["actuators"][0]["rms"].as_f64() > Some(0.4));
+    rig.coil.take();
+    common::attack(&rig.studio);
+    let driven = rig.coil.take();
+    assert!(driven.len() > ENOUGH, "{}", driven.len());
+    assert!(driven.iter().all(|current| *current == 0.0));
+    page.wait(|said| {
+        let few = said["pages"].as_u64().is_some_and(|pages| pages <= 2);
+        said["type"] == "status" && few && said["state"] == "running"
+    });
+    page.say(&json!({ "type": "own" }));
+    page.wait(|said| said["type"] == "status" && said["owner"] == true);
+    rig.assert_silent(&mut page);
+    assert_eq!(std::fs::read_to_string(&file).expect("it is there"), before);
+    // The device is there and would have moved.
+    rig.arm(&mut page);
+}

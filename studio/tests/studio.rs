@@ -678,89 +678,14 @@ fn only_its_own_page_with_the_token_is_let_in() {
     }
 }
 
-/// A message that only the owner may send, damaged in what it carries.
-fn owners_attack(next: &mut impl FnMut(usize) -> usize, request: usize) -> Value {
-    let text = [
-        "",
-        "Graph(format: 1)",
-        "Graph(format: 1, nodes: { \"a\": Sine(",
-        "((((((((",
-        "\u{0}",
-    ][next(5)];
-    let far = [i64::MAX, -1, 0, 4_000_000_000][next(4)];
-    let no_switch = [json!("yes"), json!(false), json!(1)][next(3)].clone();
-    match next(8) {
-        0 => json!({ "type": "apply", "request": request, "text": text }),
-        1 => json!({ "type": "save", "request": request, "text": text }),
-        2 => {
-            json!({ "type": "parameter", "request": request, "name": "surface", "value": "\"/etc/passwd\"" })
-        }
-        3 => json!({ "type": "parameter", "request": request, "name": "gain", "value": text }),
-        4 => json!({ "type": "learn", "request": request, "name": "../../x.csv", "csv": text }),
-        5 => json!({ "type": "record", "on": no_switch }),
-        6 if request % 1000 < 20 => json!({ "type": "record", "on": true }),
-        _ => json!({ "type": "replay", "request": request, "recording": {
-            "format": 1, "haptograph": "", "graph": "", "text": text, "set": [], "rate_hz": 48000.0, "frames": 9,
-            "moves": [[9, next(9), far.unsigned_abs(), [far, far], 1_000_000]], "turns": [[9, "out.gain", far]],
-        } }),
-    }
-}
-
 #[test]
 fn ten_thousand_hostile_messages_move_nothing_and_end_nothing() {
     let (folder, path) = copied();
     let before = std::fs::read_to_string(&path).expect("it is there");
     let studio = open(&path);
     let mut watching = Page::of(&studio);
-    let words = [
-        "{",
-        "\"type\"",
-        ":",
-        "\"set\"",
-        "\"scope\"",
-        "[",
-        "]",
-        "}",
-        ",",
-        "null",
-        "1e999",
-        "\u{202e}",
-        "\"ports\"",
-    ];
-    let (mut seed, mut sent) = (7_u64, 0);
-    let mut next = |bound: usize| {
-        seed = seed
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (seed >> 33) as usize % bound
-    };
-    while sent < 10_000 {
-        let mut hostile = Page::of(&studio);
-        // The first is the guest of the page that watches, the others own what they attack.
-        if sent > 0 {
-            hostile.say(&json!({ "type": "own" }));
-        }
-        // Fewer than what ends a connection.
-        for _ in 0..90 {
-            let message = match next(4) {
-                3 => Message::text(owners_attack(&mut next, sent).to_string()),
-                0 => Message::text(
-                    (0..next(12))
-                        .map(|_| words[next(words.len())])
-                        .collect::<String>(),
-                ),
-                1 => Message::binary((0..next(80)).map(|_| next(256) as u8).collect::<Vec<u8>>()),
-                _ => Message::text(
-                    json!({ "type": "set", "name": "out.gain", "value": "x".repeat(next(50)) }).to_string(),
-                ),
-            };
-            sent += 1;
-            hostile.socket.send(message).expect("it is heard");
-        }
-        // Messages are handled in order: the last reply says that all were.
-        hostile.say(&json!({ "type": "check", "request": u32::MAX, "text": "" }));
-        hostile.wait(|said| said["type"] == "reply" && said["request"] == u32::MAX);
-    }
+    // It is the first: the others own what they attack.
+    common::attack(&studio);
     let status = watching.wait(|said| {
         let few = said["pages"].as_u64().is_some_and(|pages| pages <= 2);
         said["type"] == "status" && few && said["state"] == "running"
