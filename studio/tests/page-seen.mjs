@@ -1,6 +1,21 @@
 // What is seen and reached: on a phone, in the dark, by keys, without things that jump, and where no engine can run.
 import assert from "node:assert/strict";
-import { address, AS_PHONE, demo, FAR_NAME, finger, latest, open, picture, siteTest, stroke, test, until } from "./harness.mjs";
+import {
+    address,
+    AS_PHONE,
+    demo,
+    FAR_NAME,
+    finger,
+    latest,
+    open,
+    picture,
+    serverTest,
+    siteTest,
+    stroke,
+    test,
+    until,
+} from "./harness.mjs";
+import { proxyTo } from "./proxy.mjs";
 
 const LEAST_TEXT = 4.5; // WCAG AA
 const LEAST_LARGE_TEXT = 3;
@@ -158,10 +173,8 @@ async function assertFits(page, when) {
     assert.deepEqual(beyond, [], `${when}: beyond the edge`);
 }
 
-test("nothing jumps while one strokes, stops and goes on", async (main) => {
-    const page = await open();
-    await takeOver(page);
-    await page.waitForTimeout(1000);
+// Notes what jumps from now on; the result fails where that is too much.
+async function watchShifts(page) {
     await page.evaluate(() => {
         window.shifts = [];
         const keep = (list) =>
@@ -175,6 +188,18 @@ test("nothing jumps while one strokes, stops and goes on", async (main) => {
                 );
         new PerformanceObserver(keep).observe({ type: "layout-shift", buffered: false });
     });
+    return async () => {
+        const shifts = await page.evaluate(() => window.shifts);
+        const sum = shifts.reduce((all, [value]) => all + value, 0);
+        assert(sum < MOST_SHIFT, `${sum.toFixed(4)}: ${JSON.stringify(shifts)}`);
+    };
+}
+
+test("nothing jumps while one strokes, stops and goes on", async (main) => {
+    const page = await open();
+    await takeOver(page);
+    await page.waitForTimeout(1000);
+    const assertStill = await watchShifts(page);
     await stroke(page, 0.4, 2000);
     await demo(page, true);
     await page.waitForTimeout(1500);
@@ -183,10 +208,63 @@ test("nothing jumps while one strokes, stops and goes on", async (main) => {
     await page.click("#pad-cover-button");
     await until(page, () => studio.runs);
     await page.waitForTimeout(800);
-    const shifts = await page.evaluate(() => window.shifts);
-    const sum = shifts.reduce((all, [value]) => all + value, 0);
-    assert(sum < MOST_SHIFT, `${sum.toFixed(4)}: ${JSON.stringify(shifts)}`);
+    await assertStill();
     await page.context().close();
+    await takeOver(main);
+});
+
+test("nothing jumps while one changes the tab and edits", async (main) => {
+    const page = await open();
+    await takeOver(page);
+    for (const tab of TABS) await page.evaluate((name) => studio.showTab(name), tab);
+    await page.waitForTimeout(1000);
+    const assertStill = await watchShifts(page);
+    for (const tab of [...TABS, ...TABS]) {
+        await page.evaluate((name) => studio.showTab(name), tab);
+        await page.waitForTimeout(250);
+    }
+    await page.evaluate(() => studio.showTab("editor"));
+    // Nothing that is written moves what stands after it.
+    const write = (changes) => page.evaluate((given) => studio.editor.dispatch({ changes: given }), changes);
+    const { length, at } = await page.evaluate(() => {
+        const text = studio.graph.text;
+        return { length: text.length, at: text.indexOf("SpeedEstimator(") };
+    });
+    await write({ from: at + 2, to: at + 3, insert: "E" });
+    await page.waitForSelector("#problems li");
+    await page.waitForTimeout(300);
+    await write({ from: at + 2, to: at + 3, insert: "e" });
+    await until(page, () => document.querySelectorAll("#problems li").length === 0);
+    for (const change of [
+        { from: length, insert: "// an edit" },
+        { from: length, to: length + 10 },
+    ]) {
+        await write(change);
+        await page.evaluate(() => document.getElementById("editor-apply").click());
+        await until(page, () => studio.graph.text === studio.editor.state.doc.toString());
+        await page.waitForTimeout(500);
+    }
+    await assertStill();
+    await page.context().close();
+    await takeOver(main);
+});
+
+serverTest("nothing jumps where the connection is lost and comes back", async (main) => {
+    const proxy = await proxyTo(address);
+    const page = await open({ at: proxy.address, expected: /WebSocket|ERR_|Failed to load/ });
+    await takeOver(page);
+    await page.waitForTimeout(1000);
+    const assertStill = await watchShifts(page);
+    proxy.cut();
+    await until(page, () => !document.getElementById("banner").hidden);
+    await picture(page, "lost");
+    await page.waitForTimeout(1500);
+    proxy.mend();
+    await until(page, () => document.getElementById("banner").hidden && studio.runs);
+    await page.waitForTimeout(1000);
+    await assertStill();
+    await page.context().close();
+    proxy.close();
     await takeOver(main);
 });
 
