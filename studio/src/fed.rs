@@ -100,7 +100,10 @@ fn text(value: &Value) -> Option<&str> {
 mod tests {
     use super::*;
 
-    fn fed(nodes: &str) -> Vec<(String, &'static str, Option<(f64, f64)>)> {
+    /// A parameter, the setting that it feeds, and the range of that.
+    type Fed = (String, &'static str, Option<(f64, f64)>);
+
+    fn fed(nodes: &str) -> Vec<Fed> {
         let text = format!("Graph(format: 1, nodes: {{ {nodes} }})");
         let found = settings(&text, &haptograph_nodes::registry());
         let mut found: Vec<_> = found
