@@ -29,6 +29,7 @@
 //! | feature | default | what it adds |
 //! |---|---|---|
 //! | `touch` | yes | contact, friction, taps, textures, actuators, simulated bodies, devices, recording and plots; without it a program builds 51 crates in place of 115 |
+//! | `serde` | | the counts of a device's packets can be serialised |
 
 #[cfg(feature = "touch")]
 pub mod actuators;
