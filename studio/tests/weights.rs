@@ -27,7 +27,7 @@ fn table() -> Value {
         let (speed, force) = (of(part(), map.max_speed_m_s()), of(part(), map.max_force_n()));
         match texture.models().get(number) {
             // Some models themselves, and the corners of the map.
-            Some(at) if number % 3 == 0 => (at.speed_m_s, at.force_n),
+            Some(at) if number.is_multiple_of(3) => (at.speed_m_s, at.force_n),
             _ => (speed, force),
         }
     };
