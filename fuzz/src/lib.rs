@@ -246,13 +246,13 @@ pub fn mesh(bytes: &[u8]) -> bool {
 
 /// Any packet is settings that can be shown on one line, news of a device or a command; or none of these.
 pub fn packet(bytes: &[u8]) -> bool {
-    let told = parse_settings(bytes);
-    for told in told.iter().flatten() {
-        assert!(!told.name.is_empty());
-        for text in [&told.name, &told.value] {
+    let parsed = parse_settings(bytes);
+    for setting in parsed.iter().flatten() {
+        assert!(!setting.name.is_empty());
+        for text in [&setting.name, &setting.value.to_string()] {
             assert!(
                 text.len() <= 200 && !text.chars().any(char::is_control),
-                "{told:?}"
+                "{setting:?}"
             );
         }
     }
@@ -271,7 +271,7 @@ pub fn packet(bytes: &[u8]) -> bool {
     if let Some(command) = &command {
         assert_eq!(Command::from_bytes(&command.to_bytes()).as_ref(), Ok(command));
     }
-    told.is_some() || state.is_some() || command.is_some()
+    parsed.is_some() || state.is_some() || command.is_some()
 }
 
 /// A recorded sweep is identified or refused.

@@ -1,11 +1,7 @@
 //! The synthesis of a texture is right: what the four nodes of the `Texture` template put out has the power and the
 //! spectrum of the surface's models, is silent at rest, and shows no trace of its coefficients' changing. Surfaces on a warped
 //! frequency axis are rendered at their rate and, interpolated, at that of a soundcard.
-#![expect(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "helpers of tests; a skip is said"
-)]
+#![expect(clippy::unwrap_used, reason = "helpers of tests; a skip is said")]
 
 use haptograph_engine::frame::{Kind, OneKind};
 use haptograph_engine::testing::{Bench, MAX_FRAMES};
