@@ -91,7 +91,7 @@ impl Triangulation {
     /// barycentric weights (Eq. 2.4.1).
     ///
     /// The result does not depend on `start`: on a shared side or vertex the triangle with the lowest number is found. The
-    /// walk visits at most as many triangles as exist; then every triangle is tried.
+    /// walk visits at most as many triangles as exist; then, and at a vertex, every triangle is tried.
     pub fn locate_from(&self, start: u32, speed_m_s: f64, force_n: f64) -> Location {
         let mut at = if (start as usize) < self.cells.len() {
             start
@@ -109,7 +109,20 @@ impl Triangulation {
                         weights: cell.weights(&sides),
                     };
                 }
-                WalkStep::OnSide => break,
+                WalkStep::OnSide(neighbour) => {
+                    let other = &self.cells[neighbour as usize];
+                    let others = other.sides(speed_m_s, force_n);
+                    // At a vertex there may be more triangles.
+                    if !(cell.is_within_a_side(&sides) && other.is_within_a_side(&others)) {
+                        break;
+                    }
+                    let (triangle, cell, sides) = match at < neighbour {
+                        true => (at, cell, sides),
+                        false => (neighbour, other, others),
+                    };
+                    let weights = cell.weights(&sides);
+                    return Location { triangle, weights };
+                }
             }
         }
         self.locate_by_trying_all(speed_m_s, force_n)
@@ -144,7 +157,8 @@ impl Triangulation {
 
 enum WalkStep {
     Inside,
-    OnSide,
+    /// On the side of this neighbour.
+    OnSide(u32),
     Into(u32),
 }
 
@@ -167,11 +181,15 @@ impl Cell {
         if let Some(side) = (0..3).filter(inner).find(|&i| sides[i] < 0.0) {
             return WalkStep::Into(self.neighbour[side]);
         }
-        if (0..3).filter(inner).any(|i| sides[i] == 0.0) {
-            WalkStep::OnSide
-        } else {
-            WalkStep::Inside
+        match (0..3).filter(inner).find(|&i| sides[i] == 0.0) {
+            Some(side) => WalkStep::OnSide(self.neighbour[side]),
+            None => WalkStep::Inside,
         }
+    }
+
+    /// Whether the point is on one side, and at none of its ends.
+    fn is_within_a_side(&self, sides: &[f64; 3]) -> bool {
+        sides.iter().filter(|side| **side > 0.0).count() == 2
     }
 
     /// Exactly 1 and 0 at a vertex, exactly 0 for the vertex opposite a side of the map that the point is on.

@@ -80,6 +80,25 @@ fn a_walk_ends_where_trying_all_ends_whatever_its_start() {
 }
 
 #[test]
+fn on_the_sides_of_a_grid_a_walk_ends_where_trying_all_ends() {
+    let places = (0..6).flat_map(|i| (0..5).map(move |j| (0.05 * f64::from(i), 0.7 * f64::from(j))));
+    let points: Vec<(f64, f64)> = places.collect();
+    let map = Triangulation::new(&points, delaunay(&points).unwrap()).unwrap();
+    for triangle in map.triangles() {
+        for i in 0..3 {
+            let [a, b] = [triangle[i], triangle[(i + 1) % 3]].map(|vertex| points[vertex as usize]);
+            for part in [0.0, 1e-300, 1e-17, 0.3, 0.5, 1.0 - 1e-16] {
+                let (speed, force) = (a.0 + part * (b.0 - a.0), a.1 + part * (b.1 - a.1));
+                let expected = map.locate_by_trying_all(speed, force);
+                for start in 0..map.triangles().len() as u32 {
+                    assert_eq!(map.locate_from(start, speed, force), expected);
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn at_a_vertex_its_weight_is_exactly_one_whatever_the_start() {
     let (points, map) = random_map(25, 3);
     for (vertex, &(speed, force)) in points.iter().enumerate() {
