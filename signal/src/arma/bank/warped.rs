@@ -22,20 +22,37 @@ type Lanes = [f64; LANES];
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(super) struct WarpedGroup {
-    /// `-k_m delta_m p_{m-1}^2 / C`.
-    turned: [Lanes; MAX_ORDER],
-    /// `s^2 alpha_{m-1} C / p_{m-1}^2`.
-    share: [Lanes; MAX_ORDER],
+    stages: [Stage; MAX_ORDER],
     /// `F_p` of an excitation of 1.
     drive: [Lanes; 1],
-    state: [Lanes; MAX_ORDER],
     /// `p_{m-1}`.
     scale: [Lanes; MAX_ORDER],
-    /// `u_0`, which is 0, to `u_p`, within a sample.
-    rising: [Lanes; MAX_ORDER + 1],
     order: usize,
     warping: f64,
     arch: Arch,
+}
+
+/// What a sample needs of stage m, side by side: rows of their own would lie whole pages apart, where a processor takes what it
+/// reads for what it has just written elsewhere, and keeps few of them in its cache.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+struct Stage {
+    /// `-k_m delta_m p_{m-1}^2 / C`.
+    turned: [Lanes; 1],
+    /// `s^2 alpha_{m-1} C / p_{m-1}^2`.
+    share: [Lanes; 1],
+    state: [Lanes; 1],
+    /// `u_{m-1}`, within a sample.
+    below: [Lanes; 1],
+}
+
+impl Stage {
+    const SILENT: Self = Self {
+        turned: [[0.0; LANES]],
+        share: [[0.0; LANES]],
+        state: [[0.0; LANES]],
+        below: [[0.0; LANES]],
+    };
 }
 
 impl Group for WarpedGroup {
@@ -43,12 +60,9 @@ impl Group for WarpedGroup {
 
     fn new() -> Self {
         Self {
-            turned: [[0.0; LANES]; MAX_ORDER],
-            share: [[0.0; LANES]; MAX_ORDER],
+            stages: [Stage::SILENT; MAX_ORDER],
             drive: [[0.0; LANES]],
-            state: [[0.0; LANES]; MAX_ORDER],
             scale: [[1.0; LANES]; MAX_ORDER],
-            rising: [[0.0; LANES]; MAX_ORDER + 1],
             order: 0,
             warping: 0.0,
             arch: Arch::new(),
@@ -68,15 +82,20 @@ impl Group for WarpedGroup {
 
     fn settle(&mut self) {
         for lane in 0..LANES {
-            let column: [f64; MAX_ORDER] = std::array::from_fn(|m| self.state[m][lane] * self.scale[m][lane]);
+            let column: [f64; MAX_ORDER] =
+                std::array::from_fn(|m| self.stages[m].state[0][lane] * self.scale[m][lane]);
             if is_over(&[], &column[..self.order]) || !are_finite(&column) {
-                self.state.iter_mut().for_each(|row| row[lane] = 0.0);
+                for stage in &mut self.stages {
+                    stage.state[0][lane] = 0.0;
+                }
             }
         }
     }
 
     fn reset(&mut self) {
-        self.state.fill([0.0; LANES]);
+        for stage in &mut self.stages {
+            stage.state = [[0.0; LANES]];
+        }
     }
 }
 
@@ -84,31 +103,30 @@ impl WarpedGroup {
     /// Takes the samples of some voices through all stages.
     #[inline(always)]
     fn step<S: Simd>(&mut self, simd: S, part: usize, samples: &mut [S::f64s; UNDER_WAY]) {
-        let order = self.order.min(MAX_ORDER);
-        let parts = LANES / S::F64_LANES / UNDER_WAY;
-        let (turned, share) = (vectors::<S>(&self.turned), vectors::<S>(&self.share));
-        let (drive, state) = (vectors::<S>(&self.drive)[part], vectors_mut::<S>(&mut self.state));
+        let stages = &mut self.stages[..self.order.min(MAX_ORDER)];
+        let drive = vectors::<S>(&self.drive)[part];
         let (warping, against) = (simd.splat_f64s(self.warping), simd.splat_f64s(-self.warping));
-        let rising = vectors_mut::<S>(&mut self.rising);
         let mut u = [simd.splat_f64s(0.0); UNDER_WAY];
-        for m in 0..order {
-            let at = m * parts + part;
+        for stage in &mut *stages {
+            vectors_mut::<S>(&mut stage.below)[part] = u;
+            let state = vectors::<S>(&stage.state)[part];
             for i in 0..UNDER_WAY {
-                u[i] = mul_add_lanes(simd, against, u[i], state[at][i]);
+                u[i] = mul_add_lanes(simd, against, u[i], state[i]);
             }
-            rising[at + parts] = u;
         }
         let mut forward = *samples;
         for i in 0..UNDER_WAY {
             forward[i] = simd.mul_f64s(forward[i], drive[i]);
         }
-        for m in (0..order).rev() {
-            let at = m * parts + part;
-            let below = rising[at];
+        for stage in stages.iter_mut().rev() {
+            let turned = vectors::<S>(&stage.turned)[part];
+            let share = vectors::<S>(&stage.share)[part];
+            let below = vectors::<S>(&stage.below)[part];
+            let state = &mut vectors_mut::<S>(&mut stage.state)[part];
             for i in 0..UNDER_WAY {
-                forward[i] = mul_add_lanes(simd, turned[at][i], u[i], forward[i]);
+                forward[i] = mul_add_lanes(simd, turned[i], u[i], forward[i]);
                 let onwards = mul_add_lanes(simd, warping, u[i], below[i]);
-                state[at][i] = mul_add_lanes(simd, share[at][i], forward[i], onwards);
+                state[i] = mul_add_lanes(simd, share[i], forward[i], onwards);
             }
             u = below;
         }
@@ -130,11 +148,14 @@ impl WarpedGroup {
 
     /// Takes all voices to another order and warping factor: signals of stages that are gone must not come back with them.
     fn begin(&mut self, order: usize, warping: f64) {
-        self.state[order.min(self.order)..].fill([0.0; LANES]);
+        for stage in &mut self.stages[order.min(self.order)..] {
+            stage.state = [[0.0; LANES]];
+        }
         if warping != self.warping {
             let turn = |warping: f64| 1.0 - warping * warping;
             let scale = (turn(warping) / turn(self.warping)).sqrt();
-            self.state.as_flattened_mut().iter_mut().for_each(|y| *y *= scale);
+            let states = self.stages.iter_mut().flat_map(|stage| &mut stage.state[0]);
+            states.for_each(|y| *y *= scale);
         }
         (self.order, self.warping) = (order, warping);
     }

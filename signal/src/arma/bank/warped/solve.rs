@@ -83,7 +83,8 @@ impl WarpedGroup {
         let (mut a, mut b, mut below) = ([1.0_f64; WIDTH], [1.0_f64; WIDTH], [1.0_f64; WIDTH]);
         let (mut brought, mut onwards) = ([0.0_f64; WIDTH], 1.0);
         for (m, k) in k.iter().enumerate().take(MAX_ORDER) {
-            let state = &mut self.state[m].as_chunks_mut::<WIDTH>().0[part];
+            let stage = &mut self.stages[m];
+            let state = &mut stage.state[0].as_chunks_mut::<WIDTH>().0[part];
             let scale = &mut self.scale[m].as_chunks_mut::<WIDTH>().0[part];
             // Copies, so that nothing can overlap and all is made into vectors.
             let (k, mut y, mut p) = (k.as_chunks::<WIDTH>().0[part], *state, *scale);
@@ -104,8 +105,8 @@ impl WarpedGroup {
                 (a[l], b[l]) = (next_a, next_b);
             }
             (*state, *scale) = (y, p);
-            self.turned[m].as_chunks_mut().0[part] = turned;
-            self.share[m].as_chunks_mut().0[part] = share;
+            stage.turned[0].as_chunks_mut().0[part] = turned;
+            stage.share[0].as_chunks_mut().0[part] = share;
             onwards *= -warping;
         }
         let mut drive = [0.0; WIDTH];
