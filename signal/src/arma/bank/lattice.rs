@@ -197,12 +197,15 @@ impl WithSimd for SetAll<'_> {
         taps[0] = [1.0; LANES];
         taps[1..=ma.len()].copy_from_slice(ma);
         let is_sound = ladder_lanes(has_ladder, sine, cosine, taps);
+        let mut sum = [0.0; LANES];
         for tap in &mut *taps {
             for l in 0..LANES {
                 tap[l] *= gain[l];
+                // Nothing times those is nothing; times the others it is not a number.
+                sum[l] += tap[l] * 0.0;
             }
         }
-        if !is_sound || !taps.as_flattened().iter().all(|tap| tap.is_finite()) {
+        if !is_sound || sum != [0.0; LANES] {
             return false;
         }
         if group.order != [order; LANES] {
