@@ -427,7 +427,7 @@ def render(
     if len({one.rate for one in surfaces}) > 1:
         raise Error("the surfaces have different rates: render those of one rate at once")
     # Neither is copied: few of the samples are read.
-    given = [np.atleast_2d(finite(name, shared(name, x))) for name, x in (("force", force), ("speed", speed))]
+    given = [np.atleast_2d(shared(name, x)) for name, x in (("force", force), ("speed", speed))]
     try:
         seeded = 0 if seeds is None else len(seeds)
     except (TypeError, OverflowError):
@@ -454,7 +454,10 @@ def render(
     update = number("update", update, 0, above=True)
     made = np.empty(force.shape) if out is None else writable("out", out, force.shape)
     read = _native.update_samples(surfaces[0].rate, update, force.shape[1])
-    # Copies, checked again: another thread may have changed what was checked above.
-    force, speed = finite("force", force.take(read, axis=1)), finite("speed", speed.take(read, axis=1))
-    _native.render(inner, force, speed, seeds, update, threads, progress, made)
+    points = []
+    for name, one, everywhere in zip(("force", "speed"), given, (force, speed)):
+        finite(name, one)
+        # Read while it is in the cache. It is a copy, checked again: another thread may have changed what was checked.
+        points.append(finite(name, everywhere.take(read, axis=1)))
+    _native.render(inner, *points, seeds, update, threads, progress, made)
     return Samples.of(made, surfaces[0].rate, "acceleration", "m/s2") if out is None else out
