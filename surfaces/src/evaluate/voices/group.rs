@@ -109,6 +109,16 @@ impl<'a> Lane<'a> {
         block.start.min(samples)..block.end.min(samples)
     }
 
+    /// Has the processor fetch the memory that the samples of a block go to: it would wait for it when it writes them.
+    #[cfg(target_arch = "x86_64")]
+    fn fetch(&self, block: &Range<usize>) {
+        if let Some(sse) = pulp::core_arch::x86::Sse::try_new() {
+            for line in self.out[self.of(block)].chunks(size_of::<CacheLines<f64>>() / size_of::<f64>()) {
+                sse._mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(line.as_ptr().cast());
+            }
+        }
+    }
+
     /// Writes the samples of a block, and adds the lines.
     fn write(&mut self, block: &Range<usize>, samples: &[f64; BLOCK]) {
         let own = self.of(block);
@@ -182,6 +192,8 @@ impl<'a> Group<'a> {
         let mut reported = 0;
         for (number, start) in (0..samples).step_by(BLOCK).enumerate() {
             let block = start..samples.min(start + BLOCK);
+            #[cfg(target_arch = "x86_64")]
+            self.lanes.iter().for_each(|lane| lane.fetch(&block));
             self.excite(&block);
             let mut at = start;
             while at < block.end {
@@ -241,17 +253,29 @@ impl<'a> Group<'a> {
         let Buffers {
             mix, coefficients, ..
         } = &mut *self.buffers;
-        self.arch.dispatch(Move {
-            lanes: &mut self.lanes,
-            interpolators: &self.interpolators,
-            orders: self.orders,
-            mix,
-            coefficients,
-            number,
-            frame,
-        });
         let [p, q] = self.orders;
-        let (ar, ma) = coefficients[..p + q].split_at(p);
+        // Not by the widest instructions: those that write to many places are slower than as many writes.
+        for (l, lane) in self.lanes.iter_mut().enumerate() {
+            let points = lane.points;
+            // What has ended changes no more.
+            let Some((&speed_m_s, &force_n)) = points.speed_m_s.get(number).zip(points.force_n.get(number))
+            else {
+                continue;
+            };
+            let interpolator = &self.interpolators[lane.interpolator];
+            let spot = interpolator.locate_from(&mut lane.last_triangle, speed_m_s, force_n);
+            interpolator.mix_into(&spot, l, &mut mix[..p + q + 2]);
+            // All models at rest are silent; rounding could leave weight on a model that is not.
+            if spot.speed_m_s == 0.0 || spot.force_n == 0.0 {
+                mix[p + q + 1][l] = 0.0;
+            }
+            lane.move_lines(&spot, frame);
+        }
+        let (ar, ma) = coefficients[..p + q].split_at_mut(p);
+        let (ar_lsf, ma_lsf) = mix[..p + q].split_at(p);
+        for (lsf, coefficients) in [(ar_lsf, &mut *ar), (ma_lsf, &mut *ma)] {
+            self.arch.dispatch(Convert { lsf, coefficients });
+        }
         let (gain, level) = (&mix[p + q], mix[p + q + 1]);
         let set = match &mut self.filters {
             Filters::Plain { bank, deviation } => {
@@ -333,68 +357,58 @@ fn flat(orders: [usize; 2]) -> [Row; MIX] {
 }
 
 /// Puts the samples of [`DRAWN`] voices into the lanes from `first` on.
-///
-/// Made without the widest instructions on purpose: those that gather from many places are slower on many processors.
 fn put_side_by_side(drawn: &[[f64; BLOCK]; DRAWN], first: usize, rows: &mut [Row; BLOCK]) {
-    for (n, row) in rows.iter_mut().enumerate() {
-        if let Some(lanes) = row[first..].first_chunk_mut::<DRAWN>() {
-            for l in 0..DRAWN {
-                lanes[l] = drawn[l][n];
-            }
+    for (n, rows) in rows.as_chunks_mut::<2>().0.iter_mut().enumerate() {
+        let [Some(one), Some(next)] = rows.each_mut().map(|row| row[first..].first_chunk_mut::<DRAWN>())
+        else {
+            return;
+        };
+        for l in (0..DRAWN).step_by(2) {
+            let [a, b] = [l, l + 1].map(|l| drawn[l].as_chunks().0[n]);
+            let [a, b] = turn(a, b);
+            (one.as_chunks_mut().0[l / 2], next.as_chunks_mut().0[l / 2]) = (a, b);
         }
     }
 }
 
-/// Takes the samples of [`DRAWN`] voices out of the lanes from `first` on; made as [`put_side_by_side`].
+/// Takes the samples of [`DRAWN`] voices out of the lanes from `first` on.
 fn take_apart(rows: &[Row; BLOCK], first: usize, voices: &mut [[f64; BLOCK]; DRAWN]) {
-    for (n, row) in rows.iter().enumerate() {
-        if let Some(lanes) = row[first..].first_chunk::<DRAWN>() {
-            for l in 0..DRAWN {
-                voices[l][n] = lanes[l];
-            }
+    for (n, rows) in rows.as_chunks::<2>().0.iter().enumerate() {
+        let [Some(one), Some(next)] = rows.each_ref().map(|row| row[first..].first_chunk::<DRAWN>()) else {
+            return;
+        };
+        for l in (0..DRAWN).step_by(2) {
+            let [a, b] = [one, next].map(|row| row.as_chunks().0[l / 2]);
+            let [a, b] = turn(a, b);
+            (voices[l].as_chunks_mut().0[n], voices[l + 1].as_chunks_mut().0[n]) = (a, b);
         }
     }
 }
 
-/// Moves each voice to its speed and force at an update, from a frame of the block on: its coefficients, gain and level.
-struct Move<'a, 'v> {
-    lanes: &'a mut [Lane<'v>],
-    interpolators: &'a [Interpolator],
-    orders: [usize; 2],
-    mix: &'a mut [Row; MIX],
-    coefficients: &'a mut [Row; MIX],
-    number: usize,
-    frame: usize,
+/// Two numbers of two voices as two of two frames, or back.
+#[inline(always)]
+fn turn(a: [f64; 2], b: [f64; 2]) -> [[f64; 2]; 2] {
+    // Written out: made of loops, it goes number by number, or with the widest instructions, which are slow at gathering.
+    #[cfg(target_arch = "x86_64")]
+    if let Some(sse2) = pulp::core_arch::x86::Sse2::try_new() {
+        let (a, b) = (pulp::cast(a), pulp::cast(b));
+        return [sse2._mm_unpacklo_pd(a, b), sse2._mm_unpackhi_pd(a, b)].map(pulp::cast);
+    }
+    [[a[0], b[0]], [a[1], b[1]]]
 }
 
-impl WithSimd for Move<'_, '_> {
+/// Makes coefficients of line spectral frequencies.
+struct Convert<'a> {
+    lsf: &'a [Row],
+    coefficients: &'a mut [Row],
+}
+
+impl WithSimd for Convert<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let [p, q] = self.orders;
-        for (l, lane) in self.lanes.iter_mut().enumerate() {
-            let points = lane.points;
-            let here = points
-                .speed_m_s
-                .get(self.number)
-                .zip(points.force_n.get(self.number));
-            // What has ended changes no more.
-            let Some((&speed_m_s, &force_n)) = here else {
-                continue;
-            };
-            let interpolator = &self.interpolators[lane.interpolator];
-            let spot = interpolator.locate_from(&mut lane.last_triangle, speed_m_s, force_n);
-            interpolator.mix_into(&spot, l, &mut self.mix[..p + q + 2]);
-            // All models at rest are silent; rounding could leave weight on a model that is not.
-            if spot.speed_m_s == 0.0 || spot.force_n == 0.0 {
-                self.mix[p + q + 1][l] = 0.0;
-            }
-            lane.move_lines(&spot, self.frame);
-        }
-        for of in [0..p, p..p + q] {
-            lsf_to_ar_lanes(&self.mix[of.clone()], &mut self.coefficients[of]);
-        }
+        lsf_to_ar_lanes(self.lsf, self.coefficients);
     }
 }
 
