@@ -24,6 +24,7 @@ pub use entry::NodeEntry;
 pub(crate) use entry::{Advised, Build, Finish, Measured, Read};
 pub use port::{Held, Input, Many, Mode, OneSignal, Optional, Output, Outputs, Sampled};
 pub use spec::{
+    OutputRole,
     Flow, InputSpec, KindRule, NodeSpec, OutputSpec, Presence, QuantityRule, any_input, input, output,
     output_like,
 };

@@ -3,15 +3,18 @@
 
 #[macro_use]
 mod declare;
+mod expected;
 mod fields;
 mod live;
 mod spelling;
 mod values;
 
+pub(crate) use expected::written;
+pub use expected::{Expected, Form};
 pub use fields::{Fields, fields_of};
 #[doc(hidden)]
 pub use live::any;
-pub(crate) use live::same;
+pub(crate) use live::{has_limit, same};
 pub use live::{DeclaredField, SettingId};
 pub use spelling::closest;
 
@@ -26,8 +29,8 @@ pub struct SettingSpec {
     pub name: &'static str,
     /// From the doc comment.
     pub doc: String,
-    /// Description of valid values: `a number`, `one of Direct, Lattice`.
-    pub expected: String,
+    /// What a value has to be.
+    pub expected: Expected,
     /// Default in RON; `None` if it has to be given.
     pub default: Option<String>,
     /// Smallest and largest value.
@@ -38,8 +41,41 @@ pub struct SettingSpec {
     pub whole: bool,
     /// Whether it is a frequency that must stay below half the rate of its node.
     pub below_nyquist: bool,
+    /// What the engine takes it for.
+    pub role: SettingRole,
     /// Its fields or choices, if it is a structure or an enum.
     pub parts: Vec<Part>,
+}
+
+/// What the engine takes a setting for, whatever its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SettingRole {
+    /// A setting of the node alone.
+    #[default]
+    Plain,
+    /// The limit of an actuator sink, which an edit from afar must not raise.
+    Limit,
+    /// The file in the run's folder that a sink writes.
+    OutputFile,
+}
+
+impl SettingSpec {
+    /// A setting of type `T` that is not live; `default` as [`settings!`](crate::settings!) has it.
+    pub fn new<T: Setting>(name: &'static str, doc: String, default: Option<&T>, range: Option<(f64, f64)>) -> Self {
+        let expected = T::expected();
+        Self {
+            name,
+            doc,
+            default: default.map(T::show),
+            range,
+            live: false,
+            whole: expected.is_whole(),
+            below_nyquist: false,
+            role: SettingRole::Plain,
+            parts: T::parts(),
+            expected,
+        }
+    }
 }
 
 /// The fields of a structure, or one of the choices of an enum with the fields of its own.
@@ -55,7 +91,8 @@ pub struct Part {
 
 /// A set of named settings; declared by [`settings!`](crate::settings!).
 pub trait Settings: Sized + 'static {
-    /// The fields among which [`SettingId::of`] looks a name up, in the order of declaration; may be empty if none is live.
+    /// The fields among which [`SettingId::of`] looks a name up, in the order of declaration; may be empty if none is live
+    /// or a limit.
     const FIELDS: &'static [DeclaredField];
     /// Its fields, in the order of declaration.
     fn specs() -> Vec<SettingSpec>;
@@ -65,8 +102,8 @@ pub trait Settings: Sized + 'static {
 
 /// A type that a setting can have.
 pub trait Setting: Sized {
-    /// Description of valid values, for messages.
-    fn expected() -> String;
+    /// What a value has to be.
+    fn expected() -> Expected;
     /// Reads a value. `None` after at least one reported diagnostic.
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self>;
     /// The value in RON.
@@ -74,10 +111,6 @@ pub trait Setting: Sized {
     /// Its fields or choices, for the reference.
     fn parts() -> Vec<Part> {
         Vec::new()
-    }
-    /// Whether it is a whole number.
-    fn is_whole() -> bool {
-        false
     }
     /// Its value as a number, for the check of the range.
     fn number(&self) -> Option<f64> {
@@ -101,24 +134,26 @@ pub struct Reading<'a> {
 
 impl Reading<'_> {
     /// Reports that `value` is not what was expected there.
-    pub fn mismatch(&mut self, value: &Value, expected: &str) {
+    pub fn mismatch(&mut self, value: &Value, expected: &Expected) {
         let found = match &value.shape {
             Shape::Number(_, text) => text.clone(),
             Shape::Tagged(Tagged { name: Some(name), .. }) => format!("`{}`", name.text),
             _ => value.describe().to_owned(),
         };
-        let mut diagnostic = self.wrong(value, expected, &found);
+        let mut diagnostic = self.wrong(value, &expected.in_message(), &found);
         let is_written = value.span.source.0 < self.first_given;
-        diagnostic.help.extend(correction(value, expected, is_written));
+        diagnostic
+            .help
+            .extend(correction(value, expected.form(), is_written));
         self.diagnostics.push(diagnostic);
     }
 
     /// Reports that `value` is none of `choices`, which are written without quotes.
-    pub fn not_a_choice(&mut self, value: &Value, choices: &[&str]) {
-        let expected = format!("one of {}", choices.join(", "));
+    pub fn not_a_choice(&mut self, value: &Value, choices: &[&'static str]) {
+        let expected = Expected::Choice(choices.to_vec());
         match &value.shape {
             Shape::String(text) if choices.contains(&text.as_str()) => {
-                let diagnostic = self.wrong(value, &expected, value.describe());
+                let diagnostic = self.wrong(value, &expected.in_message(), value.describe());
                 self.diagnostics
                     .push(diagnostic.help(format!("write `{text}` without quotes")));
             }
@@ -150,10 +185,10 @@ impl Reading<'_> {
 }
 
 /// Help for a value of the wrong type, if the correct form can be inferred; `is_written` if it stands in a file.
-fn correction(value: &Value, expected: &str, is_written: bool) -> Option<String> {
-    let wants_number = expected.contains("number");
+fn correction(value: &Value, expected: Form, is_written: bool) -> Option<String> {
+    let wants_number = matches!(expected, Form::Number | Form::NumberList);
     match (&value.shape, value.bare_name()) {
-        (Shape::String(_), _) if expected.starts_with("a list") => {
+        (Shape::String(_), _) if matches!(expected, Form::List | Form::NumberList) => {
             Some("its values are written into the graph: `[...]`".to_owned())
         }
         (Shape::String(text), _) if wants_number => {
@@ -174,7 +209,7 @@ fn correction(value: &Value, expected: &str, is_written: bool) -> Option<String>
         (_, Some(name)) if wants_number => Some(format!(
             "write a number; in a graph the value of a parameter is `Param(\"{name}\")`"
         )),
-        (_, Some(name)) if expected.contains("in quotes") => Some(format!("write `\"{name}\"`")),
+        (_, Some(name)) if expected == Form::Quoted => Some(format!("write `\"{name}\"`")),
         _ => None,
     }
 }

@@ -42,17 +42,8 @@ impl ScriptedKind for Counter {
     }
 
     fn settings(&self) -> Vec<SettingSpec> {
-        vec![SettingSpec {
-            name: "step",
-            doc: "What a frame adds.".to_owned(),
-            expected: "a number".to_owned(),
-            default: Some("1.0".to_owned()),
-            range: Some((0.0, 10.0)),
-            live: false,
-            whole: false,
-            below_nyquist: false,
-            parts: Vec::new(),
-        }]
+        let doc = "What a frame adds.".to_owned();
+        vec![SettingSpec::new("step", doc, Some(&1.0), Some((0.0, 10.0)))]
     }
 
     fn read(&'static self, fields: &mut Fields, reading: &mut Reading<'_>) -> Option<ScriptBuild> {

@@ -10,7 +10,9 @@ pub mod wav;
 pub mod waves;
 
 use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{AfterData, BuildContext, DataEnd, KindRule, OutputSpec, QuantityRule};
+use haptograph_engine::node::{
+    AfterData, BuildContext, DataEnd, KindRule, OutputRole, OutputSpec, QuantityRule,
+};
 
 haptograph_engine::choices! {
     /// What a source outputs after the end of its file.
@@ -50,6 +52,7 @@ const fn made(doc: &'static str) -> OutputSpec {
         name: "output",
         kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Setting("quantity"),
+        role: OutputRole::Plain,
         doc,
     }
 }

@@ -5,7 +5,7 @@ use super::spectra::Spectra;
 use super::thinning::{Decimated, Envelope};
 use haptograph_engine::frame::{Event, Kind, OneKind, Record as _};
 use haptograph_engine::graph::{Graph, Node, NodeId};
-use haptograph_engine::node::{FrameWriter, Stream};
+use haptograph_engine::node::{FrameWriter, OutputRole, Stream};
 use haptograph_nodes::contact::Contact;
 use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_nodes::texture::frames::Weights;
@@ -116,14 +116,13 @@ pub fn friction(graph: &Graph) -> Option<Friction> {
     })
 }
 
-/// Outputs are identified by their description; their quantity is a plain number.
+/// Whether an output declares itself a coefficient of friction, which its quantity, a plain number, does not tell.
 fn is_friction_coefficient(node: &Node, output: usize) -> bool {
     let Some(port) = node.outputs.get(output) else {
         return false;
     };
     let declared = node.entry.spec.outputs.iter().find(|spec| spec.name == port.name);
-    port.quantity == Quantity::NUMBER
-        && declared.is_some_and(|spec| spec.doc.starts_with("Friction coefficient"))
+    declared.is_some_and(|spec| spec.role == OutputRole::FrictionCoefficient)
 }
 
 /// An output of a graph for recording; `None` if it does not exist or has no clock.
@@ -306,6 +305,19 @@ mod tests {
             rate: Rate::from_hz(hz).unwrap(),
             simulated: true,
         }
+    }
+
+    #[test]
+    fn the_brakes_own_measurement_of_friction_is_found_by_its_role() {
+        use haptograph_engine::document::{Document, LoadOptions};
+        use haptograph_engine::graph::{CheckOptions, check};
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/ar-pen.ron");
+        let graph = Document::load(path, &LoadOptions::default()).and_then(|document| {
+            let registry = haptograph_nodes::registry();
+            check(&document, &registry, &CheckOptions::default())
+        });
+        let graph = graph.unwrap_or_else(|wrong| panic!("{wrong}"));
+        assert!(matches!(friction(&graph), Some(Friction::Measured(name)) if name.ends_with(".measured")));
     }
 
     #[test]

@@ -158,7 +158,7 @@ fn setting(spec: &SettingSpec) -> Value {
         })
     };
     json!({
-        "name": spec.name, "doc": spec.doc, "expected": spec.expected, "default": spec.default,
+        "name": spec.name, "doc": spec.doc, "expected": spec.expected.to_string(), "default": spec.default,
         "min": spec.range.map(|range| range.0), "max": spec.range.map(|range| range.1), "live": spec.live,
         "parts": spec.parts.iter().map(part).collect::<Vec<_>>(),
     })

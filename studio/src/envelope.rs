@@ -165,7 +165,7 @@ impl SafetyEnvelope {
         });
         Ok(Self {
             sets: sets.collect(),
-            depends: document.dependent_safety(),
+            depends: document.dependent_safety(&source.registry),
         })
     }
 

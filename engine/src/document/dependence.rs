@@ -4,13 +4,15 @@ use super::value::{Body, Shape, Tagged, Value};
 use super::{Document, Name};
 use crate::diagnostic::Span;
 use crate::formula::names;
+use crate::registry::Registry;
+use crate::settings::SettingRole;
 use std::collections::BTreeMap;
 
 impl Document {
     /// Limits of nodes and endpoints that are computed or taken from parameters and settings, with all formulas and uses of templates
     /// that they come from: where each stands, and its text. Where two documents agree in these and in the values that they
     /// come to, they agree for all parameters.
-    pub fn dependent_safety(&self) -> BTreeMap<String, String> {
+    pub fn dependent_safety(&self, registry: &Registry) -> BTreeMap<String, String> {
         let mut found = BTreeMap::new();
         let mut parameters = Vec::new();
         let templates = self.templates.iter();
@@ -28,7 +30,7 @@ impl Document {
                 // What it hands in may be a limit inside.
                 true => self.note(place, value, &mut found, &mut parameters),
                 false => {
-                    for (_, limit) in fields(value).iter().filter(|(name, _)| name.text == "limit") {
+                    for limit in limits(value, registry) {
                         // Each part by itself: another that is plain may be lowered.
                         for (part, value) in fields(limit) {
                             let place = format!("{} of the limit of {place}", part.text);
@@ -101,6 +103,19 @@ impl Document {
             .collect::<Vec<_>>()
             .join(" ")
     }
+}
+
+/// The limits of a node, if it is an actuator sink.
+fn limits<'v>(value: &'v Value, registry: &Registry) -> impl Iterator<Item = &'v Value> {
+    let kind = match &value.shape {
+        Shape::Tagged(Tagged { name: Some(kind), .. }) => registry.node(&kind.text),
+        _ => None,
+    };
+    let limit = kind.and_then(|kind| kind.setting_for(SettingRole::Limit));
+    let written = fields(value).iter();
+    written
+        .filter(move |(name, _)| limit.as_ref().is_some_and(|limit| limit.name == name.text))
+        .map(|(_, value)| value)
 }
 
 fn fields(value: &Value) -> &[(Name, Value)] {

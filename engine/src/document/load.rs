@@ -3,7 +3,7 @@
 use super::value::{Body, Name, Shape, Tagged, Value};
 use super::{Document, LoadOptions, Template, folder, text as ron_text};
 use crate::diagnostic::{Diagnostic, Diagnostics, SourceId, Sources, Span};
-use crate::settings::{Fields, Reading, Setting, closest};
+use crate::settings::{Expected, Fields, Form, Reading, Setting, closest};
 use haptograph_signal::files::{self, Refusal};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -283,7 +283,7 @@ impl Loader {
         let pairs = match value.shape {
             Shape::Map(pairs) => pairs,
             shape => {
-                let expected = format!("a map from names, {{ \"{what}\": ... }}");
+                let expected = Expected::described(format!("a map from names, {{ \"{what}\": ... }}"));
                 let value = Value {
                     span: value.span,
                     shape,
@@ -299,7 +299,8 @@ impl Loader {
             let text = match key.shape {
                 Shape::String(text) => text,
                 shape => {
-                    let expected = format!("the name of a {what} in quotes");
+                    let words = format!("the name of a {what} in quotes");
+                    let expected = Expected::Described(Form::Quoted, words.into());
                     let key = Value { span, shape };
                     self.reading(|reading| reading.mismatch(&key, &expected));
                     // What was meant is known: others may refer to it.
@@ -328,7 +329,8 @@ impl Loader {
             return;
         };
         let Shape::List(files) = &value.shape else {
-            self.reading(|reading| reading.mismatch(&value, "a list of paths, [\"parts.ron\"]"));
+            let expected = Expected::Described(Form::List, "a list of paths, [\"parts.ron\"]".into());
+            self.reading(|reading| reading.mismatch(&value, &expected));
             return;
         };
         for file in files {
@@ -466,7 +468,7 @@ impl Loader {
             Shape::Tagged(Tagged {
                 name: Some(written), ..
             }) if closest(&written.text, [name]).is_some() => {
-                let expected = format!("`{name}(...)` with fields");
+                let expected = Expected::described(format!("`{name}(...)` with fields"));
                 let at = Value {
                     span: written.span,
                     shape: value.shape.clone(),
@@ -475,12 +477,8 @@ impl Loader {
                 None
             }
             _ => {
-                self.reading(|reading| {
-                    reading.mismatch(
-                        value,
-                        &format!("`{name}(inputs: [...], nodes: {{...}}, outputs: {{...}})`"),
-                    )
-                });
+                let words = format!("`{name}(inputs: [...], nodes: {{...}}, outputs: {{...}})`");
+                self.reading(|reading| reading.mismatch(value, &Expected::described(words)));
                 None
             }
         }
@@ -489,7 +487,9 @@ impl Loader {
     /// A list of names, none twice.
     fn names(&mut self, value: &Value) -> Vec<Name> {
         let Shape::List(items) = &value.shape else {
-            self.reading(|reading| reading.mismatch(value, "a list of names, [\"force\", \"speed\"]"));
+            let words = "a list of names, [\"force\", \"speed\"]";
+            let expected = Expected::Described(Form::List, words.into());
+            self.reading(|reading| reading.mismatch(value, &expected));
             return Vec::new();
         };
         let mut names: Vec<Name> = Vec::new();

@@ -12,6 +12,7 @@ use crate::device::BuiltDevice;
 use crate::diagnostic::Diagnostic;
 use crate::frame::Kind;
 use crate::node::{Build, BuildContext, FileContext, MAX_BLOCK, Stream};
+use crate::settings::{Expected, SettingRole, SettingSpec, written};
 pub(super) use assemble::assemble;
 pub(super) use findings::part_of_text;
 use findings::{Places, explain};
@@ -82,9 +83,9 @@ fn refuse_shared_files(cx: &mut Context<'_>, draft: &Draft, works: &[Option<Work
             };
             let at = |node: usize| {
                 let fields = &draft.nodes[node].fields;
-                let mut written = fields.remaining().iter();
-                let written = written.find(|(name, _)| name.text == "file");
-                written.map_or(fields.span, |(_, value)| value.span)
+                let file = draft.nodes[node].entry.setting_for(SettingRole::OutputFile);
+                file.and_then(|file| fields.given(file.name))
+                    .map_or(fields.span, |value| value.span)
             };
             let (first_path, path) = (&draft.nodes[first].path, &draft.nodes[node].path);
             let message =
@@ -172,7 +173,9 @@ fn work(
             }
         }
         Build::Actuator(read) => {
-            fields.if_missing("limit", Some(no_limit(target)));
+            if let Some(limit) = target.entry.setting_for(SettingRole::Limit) {
+                fields.if_missing(limit.name, Some(no_limit(target, &limit)));
+            }
             let finish = cx.reading(|reading| read(&mut fields, reading));
             let limit = finish.and_then(|finish| places.or_report(cx, finish(&())));
             let device = target.device.filter(|_| sound);
@@ -227,19 +230,19 @@ fn work(
     work
 }
 
-fn no_limit(node: &DraftNode) -> Diagnostic {
-    let kind = node.entry.spec.name;
-    let settings = node.entry.settings();
-    let limit = settings.iter().find(|setting| setting.name == "limit");
-    let expected = limit.map_or_else(|| "...".to_owned(), |setting| setting.expected.clone());
-    let expected = expected.trim_start_matches("a structure ");
+fn no_limit(node: &DraftNode, limit: &SettingSpec) -> Diagnostic {
+    let (kind, name) = (node.entry.spec.name, limit.name);
+    let expected = match &limit.expected {
+        Expected::Structure(fields) => written(fields),
+        _ => "...".to_owned(),
+    };
     Diagnostic::error(
         "E0605",
         node.fields.span,
         format!("actuator sink `{kind}` has no limit"),
     )
-    .label("`limit` is missing")
-    .help(format!("set the limit of the actuator: `limit: {expected}`"))
+    .label(format!("`{name}` is missing"))
+    .help(format!("set the limit of the actuator: `{name}: {expected}`"))
     .help("every actuator needs a limit")
 }
 

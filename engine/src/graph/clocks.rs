@@ -6,7 +6,7 @@ use super::values::{Parameters, Place, suggest};
 use super::{Bridge, Clock};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
-use crate::settings::{Fields, Setting};
+use crate::settings::{Expected, Fields, Form, Setting};
 use haptograph_signal::time::{Rate, RateError, TimeBase};
 use std::collections::{HashMap, VecDeque};
 
@@ -154,7 +154,9 @@ fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
             Rate::new(parts[0]?, parts[1]?)
         }
         _ => {
-            cx.reading(|reading| reading.mismatch(value, "a rate in hertz, a number or a ratio (1000, 3)"));
+            let words = "a rate in hertz, a number or a ratio (1000, 3)";
+            let expected = Expected::Described(Form::Number, words.into());
+            cx.reading(|reading| reading.mismatch(value, &expected));
             return None;
         }
     };

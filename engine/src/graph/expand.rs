@@ -6,7 +6,7 @@ use crate::diagnostic::{Diagnostic, SourceId, Span};
 use crate::document::library;
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::{NodeEntry, Presence};
-use crate::settings::{Fields, Setting};
+use crate::settings::{Expected, Fields, Setting};
 use std::collections::{HashMap, HashSet};
 
 /// Largest number of nodes: nested templates can expand to any number.
@@ -323,7 +323,7 @@ pub(super) fn missing_input(kind: &Name, input: &str, declared: Span) -> Diagnos
 pub(super) fn parts<'v>(
     cx: &mut Context<'_>,
     value: &'v Value,
-    expected: &str,
+    expected: &'static str,
 ) -> Option<(&'v Name, &'v [(Name, Value)])> {
     if let Shape::Tagged(Tagged {
         name: Some(name),
@@ -336,7 +336,7 @@ pub(super) fn parts<'v>(
             Body::Tuple(values) if values.is_empty() => return Some((name, &[])),
             Body::Tuple(values) => {
                 let at = &values[0];
-                let expected = format!("fields of `{}`, `name: value`", name.text);
+                let expected = Expected::described(format!("fields of `{}`, `name: value`", name.text));
                 let first = cx
                     .registry
                     .node(&name.text)
@@ -357,6 +357,6 @@ pub(super) fn parts<'v>(
             }
         }
     }
-    cx.reading(|reading| reading.mismatch(value, expected));
+    cx.reading(|reading| reading.mismatch(value, &Expected::described(expected)));
     None
 }

@@ -8,7 +8,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::document::text;
 use crate::document::value::{Body, Shape, Tagged, Value};
 use crate::formula::{Formula, names, reserved};
-use crate::settings::closest;
+use crate::settings::{Expected, closest};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -433,7 +433,7 @@ fn only_text(body: &Body) -> Option<(&str, Span)> {
 
 fn malformed<T>(cx: &mut Context<'_>, value: &Value, name: &str) -> Option<T> {
     let inside = if name == "Expr" { "2 * 40" } else { "name" };
-    cx.reading(|reading| reading.mismatch(value, &format!("`{name}(\"{inside}\")`")));
+    cx.reading(|reading| reading.mismatch(value, &Expected::described(format!("`{name}(\"{inside}\")`"))));
     None
 }
 

@@ -5,7 +5,7 @@ use super::{
     Processor, ScriptedKind,
 };
 use crate::scripted;
-use crate::settings::{Fields, Reading, SettingId, SettingSpec, Settings};
+use crate::settings::{Fields, Reading, SettingId, SettingRole, SettingSpec, Settings, has_limit};
 
 /// A registered node kind, its types erased.
 #[derive(Clone, Copy)]
@@ -84,8 +84,15 @@ impl NodeEntry {
         }
     }
 
-    /// Erases the types of a sink that drives a device through the engine's limiter.
+    /// Erases the types of a sink that drives a device through the engine's limiter. Its settings have one that is
+    /// marked `[limit]`; without it, this does not compile.
     pub fn actuator<K: ActuatorKind>() -> Self {
+        const {
+            assert!(
+                has_limit(K::Settings::FIELDS),
+                "an actuator sink has a setting that is marked `[limit]`"
+            );
+        }
         Self {
             spec: &const { K::SPEC },
             settings: K::Settings::specs,
@@ -132,6 +139,11 @@ impl NodeEntry {
             Build::Scripted(kind) => kind.settings(),
             _ => (self.settings)(),
         }
+    }
+
+    /// Its setting of a role.
+    pub fn setting_for(&self, role: SettingRole) -> Option<SettingSpec> {
+        self.settings().into_iter().find(|spec| spec.role == role)
     }
 
     /// Its live settings, with the handles that [`Processor::set`] takes.

@@ -48,8 +48,29 @@ pub struct OutputSpec {
     pub kind: KindRule,
     /// What its numbers are.
     pub quantity: QuantityRule,
+    /// What reports take it for, beyond its quantity.
+    pub role: OutputRole,
     /// What it is.
     pub doc: &'static str,
+}
+
+/// What reports take an output for, beyond its kind and quantity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum OutputRole {
+    /// What its quantity says.
+    #[default]
+    Plain,
+    /// A measured coefficient of friction, which is a plain number.
+    FrictionCoefficient,
+}
+
+impl OutputSpec {
+    /// The same with a role.
+    #[must_use]
+    pub const fn with_role(mut self, role: OutputRole) -> Self {
+        self.role = role;
+        self
+    }
 }
 
 /// How an input reads its signal.
@@ -152,6 +173,7 @@ pub const fn output(name: &'static str, kind: Kind, quantity: Quantity, doc: &'s
         name,
         kind: KindRule::Is(kind),
         quantity: QuantityRule::Is(quantity),
+        role: OutputRole::Plain,
         doc,
     }
 }
@@ -162,6 +184,7 @@ pub const fn output_like(name: &'static str, like: &'static str, doc: &'static s
         name,
         kind: KindRule::Same(like),
         quantity: QuantityRule::Same(like),
+        role: OutputRole::Plain,
         doc,
     }
 }

@@ -15,8 +15,8 @@
 /// ```
 /// A field without `= default` has to be given. `[live]` marks what may change while the graph runs, whose handle is
 /// `LowPassSettings::live("cutoff_hz")` (see [`SettingId`](crate::settings::SettingId)), and `[live, below_nyquist]` a frequency
-/// that has to stay below half of the node's rate when it does. There are no other flags, and a misspelt one does not
-/// compile:
+/// that has to stay below half of the node's rate when it does. `[limit]` marks the limit of an actuator sink, and
+/// `[output_file]` the file that a sink writes. There are no other flags, and a misspelt one does not compile:
 ///
 /// ```compile_fail
 /// haptograph_engine::settings! {
@@ -30,14 +30,19 @@
 #[macro_export]
 macro_rules! settings {
     (@live live) => { true };
-    (@live below_nyquist) => { false };
-    (@live $other:ident) => {
+    (@live $other:ident) => { false };
+    (@limit limit) => { true };
+    (@limit $other:ident) => { false };
+    (@mark live $spec:ident) => { $spec.live = true };
+    (@mark below_nyquist $spec:ident) => { $spec.below_nyquist = true };
+    (@mark limit $spec:ident) => { $spec.role = $crate::settings::SettingRole::Limit };
+    (@mark output_file $spec:ident) => { $spec.role = $crate::settings::SettingRole::OutputFile };
+    (@mark $other:ident $spec:ident) => {
         compile_error!(concat!(
-            "unknown flag `", stringify!($other), "` of a setting; the flags are `live` and `below_nyquist`"
+            "unknown flag `", stringify!($other),
+            "` of a setting; the flags are `live`, `below_nyquist`, `limit` and `output_file`"
         ))
     };
-    (@below_nyquist below_nyquist) => { true };
-    (@below_nyquist $other:ident) => { false };
     ($(#[doc = $summary:expr])* $vis:vis struct $name:ident {
         $($(#[doc = $doc:expr])* $([$($flag:ident),+])? $field:ident : $type:ty $(= $default:expr)? $(, in $range:expr)? ;)*
     }) => {
@@ -57,29 +62,20 @@ macro_rules! settings {
             const FIELDS: &'static [$crate::settings::DeclaredField] = &[$($crate::settings::DeclaredField {
                 name: stringify!($field),
                 is_live: $crate::settings::any(&[$($($crate::settings!(@live $flag)),+)?]),
+                is_limit: $crate::settings::any(&[$($($crate::settings!(@limit $flag)),+)?]),
             }),*];
 
             fn specs() -> Vec<$crate::settings::SettingSpec> {
-                vec![$($crate::settings::SettingSpec {
-                    name: stringify!($field),
-                    doc: [$($doc),*].concat().trim().to_owned(),
-                    expected: <$type as $crate::settings::Setting>::expected(),
-                    default: {
-                        #[allow(unused_mut, unused_assignments)]
-                        let mut default: Option<$type> = None;
-                        $(default = Some($default);)?
-                        default.map(|value| $crate::settings::Setting::show(&value))
-                    },
-                    range: {
-                        #[allow(unused_mut, unused_assignments)]
-                        let mut range = None;
-                        $(range = Some((f64::from(*($range).start()), f64::from(*($range).end())));)?
-                        range
-                    },
-                    live: [$($($crate::settings!(@live $flag)),+)?].contains(&true),
-                    whole: <$type as $crate::settings::Setting>::is_whole(),
-                    below_nyquist: [$($($crate::settings!(@below_nyquist $flag)),+)?].contains(&true),
-                    parts: <$type as $crate::settings::Setting>::parts(),
+                vec![$({
+                    #[allow(unused_mut, unused_assignments)]
+                    let (mut default, mut range): (Option<$type>, Option<(f64, f64)>) = (None, None);
+                    $(default = Some($default);)?
+                    $(range = Some((f64::from(*($range).start()), f64::from(*($range).end())));)?
+                    let doc = [$($doc),*].concat().trim().to_owned();
+                    #[allow(unused_mut)]
+                    let mut spec = $crate::settings::SettingSpec::new(stringify!($field), doc, default.as_ref(), range);
+                    $($($crate::settings!(@mark $flag spec);)+)?
+                    spec
                 }),*]
             }
 
@@ -101,9 +97,8 @@ macro_rules! settings {
         }
 
         impl $crate::settings::Setting for $name {
-            fn expected() -> String {
-                let fields: Vec<&str> = vec![$(stringify!($field)),*];
-                format!("a structure ({})", fields.join(": ..., ") + ": ...")
+            fn expected() -> $crate::settings::Expected {
+                $crate::settings::Expected::Structure(vec![$(stringify!($field)),*])
             }
             fn parts() -> Vec<$crate::settings::Part> {
                 let doc: &[&str] = &[$($summary),*];
@@ -163,9 +158,8 @@ macro_rules! choices {
         $vis enum $name { $($(#[doc = $doc])* $variant $(($payload))?,)* }
 
         impl $crate::settings::Setting for $name {
-            fn expected() -> String {
-                let names: Vec<&str> = vec![$(stringify!($variant)),*];
-                format!("one of {}", names.join(", "))
+            fn expected() -> $crate::settings::Expected {
+                $crate::settings::Expected::Choice(vec![$(stringify!($variant)),*])
             }
             fn parts() -> Vec<$crate::settings::Part> {
                 vec![$($crate::settings::Part {

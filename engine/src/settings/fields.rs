@@ -1,6 +1,6 @@
 //! The fields of a structure while it is read.
 
-use super::{Reading, Setting, closest, spelling};
+use super::{Expected, Reading, Setting, closest, spelling};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use haptograph_signal::units;
@@ -89,6 +89,14 @@ impl Fields {
     /// Whether an error was reported for the value of any field.
     pub(crate) fn has_reported(&self) -> bool {
         self.missing.iter().any(|(_, special)| special.is_none())
+    }
+
+    /// The value of the field called `name`, if it was given and not taken.
+    pub fn given(&self, name: &str) -> Option<&Value> {
+        let mut entries = self.entries.iter();
+        entries
+            .find(|(given, _)| given.text == name)
+            .map(|(_, value)| value)
     }
 
     /// The fields that have not been taken.
@@ -202,7 +210,8 @@ pub fn fields_of(value: &Value, owner: &str, reading: &mut Reading<'_>) -> Optio
             ..
         }) if values.is_empty() => Vec::new(),
         _ => {
-            reading.mismatch(value, &format!("the settings of {owner}, like (name: value)"));
+            let expected = Expected::described(format!("the settings of {owner}, like (name: value)"));
+            reading.mismatch(value, &expected);
             return None;
         }
     };

@@ -9,6 +9,8 @@ pub struct DeclaredField {
     pub name: &'static str,
     /// Whether it can change while the graph runs.
     pub is_live: bool,
+    /// Whether it is the limit of an actuator sink.
+    pub is_limit: bool,
 }
 
 /// Handle of a live setting, by which [`Processor::set`](crate::node::Processor::set) gets its new values.
@@ -131,6 +133,18 @@ pub(crate) const fn same(one: &str, other: &str) -> bool {
         at += 1;
     }
     true
+}
+
+/// Whether one of the fields is the limit of an actuator sink, in constants too.
+pub(crate) const fn has_limit(fields: &[DeclaredField]) -> bool {
+    let mut at = 0;
+    while at < fields.len() {
+        if fields[at].is_limit {
+            return true;
+        }
+        at += 1;
+    }
+    false
 }
 
 /// Whether any of the flags is set, in constants too. For [`settings!`](crate::settings!).

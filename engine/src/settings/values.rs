@@ -1,20 +1,20 @@
 //! The types that settings can have.
 
-use super::{Part, Reading, Setting};
+use super::{Expected, Part, Reading, Setting};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Shape, Tagged, Value};
 use haptograph_signal::files::{self, Roots};
 use std::path::PathBuf;
 
 impl Setting for f64 {
-    fn expected() -> String {
-        "a number".into()
+    fn expected() -> Expected {
+        Expected::Number
     }
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
         match value.shape {
             Shape::Number(number, _) if number.is_finite() => Some(number),
             _ => {
-                reading.mismatch(value, "a finite number");
+                reading.mismatch(value, &Self::expected());
                 None
             }
         }
@@ -30,8 +30,8 @@ impl Setting for f64 {
 macro_rules! whole_number {
     ($($type:ty),*) => {$(
         impl Setting for $type {
-            fn expected() -> String {
-                "a whole number".into()
+            fn expected() -> Expected {
+                Expected::Whole { most: <$type>::MAX as u64 }
             }
             fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
                 if let Shape::Number(_, text) = &value.shape
@@ -39,14 +39,11 @@ macro_rules! whole_number {
                 {
                     return Some(number);
                 }
-                reading.mismatch(value, &format!("a whole number from {} to {}", <$type>::MIN, <$type>::MAX));
+                reading.mismatch(value, &Self::expected());
                 None
             }
             fn show(&self) -> String {
                 self.to_string()
-            }
-            fn is_whole() -> bool {
-                true
             }
             fn number(&self) -> Option<f64> {
                 Some(*self as f64)
@@ -57,14 +54,14 @@ macro_rules! whole_number {
 whole_number!(u32, u64, usize);
 
 impl Setting for bool {
-    fn expected() -> String {
-        "true or false".into()
+    fn expected() -> Expected {
+        Expected::Flag
     }
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
         if let Shape::Bool(flag) = value.shape {
             return Some(flag);
         }
-        reading.mismatch(value, "true or false");
+        reading.mismatch(value, &Self::expected());
         None
     }
     fn show(&self) -> String {
@@ -73,14 +70,14 @@ impl Setting for bool {
 }
 
 impl Setting for String {
-    fn expected() -> String {
-        "a string".into()
+    fn expected() -> Expected {
+        Expected::Text
     }
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
         if let Shape::String(text) = &value.shape {
             return Some(text.clone());
         }
-        reading.mismatch(value, "a string in quotes");
+        reading.mismatch(value, &Self::expected());
         None
     }
     fn show(&self) -> String {
@@ -89,8 +86,8 @@ impl Setting for String {
 }
 
 impl Setting for PathBuf {
-    fn expected() -> String {
-        "a path in quotes, relative to this file".into()
+    fn expected() -> Expected {
+        Expected::Path
     }
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
         if let Shape::String(text) = &value.shape {
@@ -107,7 +104,7 @@ impl Setting for PathBuf {
             reading.files.push(path.clone());
             return Some(path);
         }
-        reading.mismatch(value, "a path in quotes");
+        reading.mismatch(value, &Self::expected());
         None
     }
     fn show(&self) -> String {
@@ -132,8 +129,8 @@ fn outside(span: Span, written: &str, roots: &Roots) -> Diagnostic {
 }
 
 impl<T: Setting> Setting for Option<T> {
-    fn expected() -> String {
-        format!("{} or None", T::expected())
+    fn expected() -> Expected {
+        Expected::Optional(Box::new(T::expected()))
     }
     fn parts() -> Vec<Part> {
         T::parts()
@@ -157,17 +154,14 @@ impl<T: Setting> Setting for Option<T> {
     fn show(&self) -> String {
         self.as_ref().map_or_else(|| "None".into(), T::show)
     }
-    fn is_whole() -> bool {
-        T::is_whole()
-    }
     fn number(&self) -> Option<f64> {
         self.as_ref().and_then(T::number)
     }
 }
 
 impl<T: Setting> Setting for Vec<T> {
-    fn expected() -> String {
-        format!("a list [...], each {}", T::expected())
+    fn expected() -> Expected {
+        Expected::List(Box::new(T::expected()))
     }
     fn parts() -> Vec<Part> {
         T::parts()
@@ -187,12 +181,8 @@ impl<T: Setting> Setting for Vec<T> {
 }
 
 impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
-    fn expected() -> String {
-        match N {
-            2 => format!("a pair [x, y], each {}", T::expected()),
-            3 => format!("three values [x, y, z], each {}", T::expected()),
-            _ => format!("a list of {N} values, each {}", T::expected()),
-        }
+    fn expected() -> Expected {
+        Expected::Array(N, Box::new(T::expected()))
     }
     fn parts() -> Vec<Part> {
         T::parts()

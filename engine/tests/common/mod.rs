@@ -5,8 +5,8 @@ use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, Device
 use haptograph_engine::frame::{Kind, KindSpec, Level};
 use haptograph_engine::node::{
     ActuatorKind, BuildContext, BuildError, FileContext, FileKind, FileSink, Flow, FrameWriter, InputSpec,
-    Io, KindRule, Limit, NodeEntry, NodeKind, NodeSpec, OutputSpec, Presence, Processor, QuantityRule,
-    Stream, Tick, any_input, input, output, output_like,
+    Io, KindRule, Limit, NodeEntry, NodeKind, NodeSpec, OutputRole, OutputSpec, Presence, Processor,
+    QuantityRule, Stream, Tick, any_input, input, output, output_like,
 };
 use haptograph_engine::registry::Registry;
 use haptograph_engine::{choices, settings};
@@ -117,6 +117,7 @@ impl NodeKind for Sine {
             name: "output",
             kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Setting("quantity"),
+            role: OutputRole::Plain,
             doc: "The tone.",
         }],
     );
@@ -196,6 +197,7 @@ silent!(
             name: "output",
             kind: KindRule::Same("a"),
             quantity: QuantityRule::Product("a", "b"),
+            role: OutputRole::Plain,
             doc: "The product.",
         }],
     )
@@ -212,6 +214,7 @@ silent!(
             name: "output",
             kind: KindRule::Same("input"),
             quantity: QuantityRule::PerSecond("input"),
+            role: OutputRole::Plain,
             doc: "Its change.",
         }],
     )
@@ -325,7 +328,7 @@ settings! {
     /// A file.
     pub struct WavSettings {
         /// Its name.
-        file: String;
+        [output_file] file: String;
     }
 }
 struct Wav;
@@ -373,7 +376,7 @@ settings! {
     /// A drive.
     pub struct DriveSettings {
         /// Largest current.
-        limit: CoilLimit;
+        [limit] limit: CoilLimit;
     }
 }
 struct Drive;

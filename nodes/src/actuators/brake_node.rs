@@ -7,7 +7,7 @@ use crate::texture::load_surface;
 use crate::vector::norm;
 use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Input, Io, Limit, NodeKind, NodeSpec, Output, Processor,
+    ActuatorKind, BuildContext, BuildError, Input, Io, Limit, NodeKind, NodeSpec, Output, OutputRole, Processor,
     SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
@@ -96,7 +96,8 @@ impl NodeKind for BrakeController {
                 Kind::SCALAR,
                 Quantity::NUMBER,
                 "Measured coefficient of friction; it holds its last value at rest.",
-            ),
+            )
+            .with_role(OutputRole::FrictionCoefficient),
             output(
                 "trim",
                 Kind::SCALAR,
@@ -219,7 +220,7 @@ haptograph_engine::settings! {
     /// Settings of [`BrakeSink`].
     pub struct BrakeSinkSettings {
         /// Limit of the solenoid.
-        limit: CurrentLimitSettings;
+        [limit] limit: CurrentLimitSettings;
     }
 }
 

@@ -126,7 +126,7 @@ haptograph_engine::settings! {
         /// Gain on the current, without unit, before the limit.
         [live] gain: f64 = 1.0;
         /// Limit of the actuator.
-        limit: CurrentLimitSettings;
+        [limit] limit: CurrentLimitSettings;
     }
 }
 

@@ -11,7 +11,7 @@ haptograph_engine::settings! {
         /// Gain on the force, without unit, before the limit.
         [live] gain: f64 = 1.0;
         /// Limit of the arm. Peak and window allow a short overload, which the thesis's taps need.
-        limit: ForceLimitSettings;
+        [limit] limit: ForceLimitSettings;
     }
 }
 

@@ -3,7 +3,7 @@
 use haptograph_engine::frame::{Event, Kind, Linear, Record};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, Optional, Output,
-    OutputSpec, Processor, QuantityRule, Single, Tick, any_input,
+    OutputRole, OutputSpec, Processor, QuantityRule, Single, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
 
@@ -28,6 +28,7 @@ impl NodeKind for Derivative {
             name: "output",
             kind: KindRule::Same("input"),
             quantity: QuantityRule::PerSecond("input"),
+            role: OutputRole::Plain,
             doc: "Its derivative.",
         }],
         example: r#""velocity": Derivative(input: "stylus.position")"#,
@@ -129,6 +130,7 @@ impl NodeKind for Integrator {
             name: "output",
             kind: KindRule::Same("input"),
             quantity: QuantityRule::TimesSeconds("input"),
+            role: OutputRole::Plain,
             doc: "The integral up to this frame.",
         }],
         example: r#""distance": Integrator(input: "speed.speed")"#,

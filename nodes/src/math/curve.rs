@@ -4,8 +4,8 @@ use crate::csv_table::{CsvTable, at_file, si_of_column};
 use crate::units;
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
-    Processor, QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
+    OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 use std::path::PathBuf;
 
@@ -72,6 +72,7 @@ impl NodeKind for Curve {
             name: "output",
             kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Setting("quantity"),
+            role: OutputRole::Plain,
             doc: "The value there, y, of the quantity that `quantity` names.",
         }],
         example: r#""louder when pressed": Curve(input: "stylus.force", points: [[0, 0], [0.5, 0.2], [2, 1]], between: Smooth)"#,

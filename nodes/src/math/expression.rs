@@ -4,7 +4,7 @@ use haptograph_engine::formula::{Formula, is_free};
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
     BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, Many, NodeKind, NodeSpec, Output,
-    OutputSpec, Presence, Processor, QuantityRule, Tick,
+    OutputRole, OutputSpec, Presence, Processor, QuantityRule, Tick,
 };
 
 /// Default names of the inputs.
@@ -50,6 +50,7 @@ impl NodeKind for Expression {
             name: "output",
             kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Setting("quantity"),
+            role: OutputRole::Plain,
             doc: "The value of the formula, of the quantity that `quantity` names.",
         }],
         example: r#""ridges": Expression(inputs: ["texture.acceleration", "hum.output"], names: ["texture", "hum"], formula: "0.5 * texture + clamp(hum, -2, 2)", quantity: "acceleration")"#,

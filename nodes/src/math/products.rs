@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
     Processor, QuantityRule, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
@@ -32,6 +32,7 @@ impl NodeKind for Multiply {
             name: "output",
             kind: KindRule::Same("input"),
             quantity: QuantityRule::Product("input", "by"),
+            role: OutputRole::Plain,
             doc: "The product, of the product's quantity.",
         }],
         example: r#""power": Multiply(input: "stylus.force", by: "speed.speed")"#,
@@ -92,6 +93,7 @@ impl NodeKind for Divide {
             name: "output",
             kind: KindRule::Same("input"),
             quantity: QuantityRule::Quotient("input", "by"),
+            role: OutputRole::Plain,
             doc: "The quotient, of the quotient's quantity.",
         }],
         example: r#""mu": Divide(input: "friction.magnitude", by: "normal.magnitude")"#,

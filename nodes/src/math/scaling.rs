@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
+    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
     Presence, Processor, QuantityRule, SettingId, Single, Tick, any_input, output_like,
 };
 use haptograph_engine::settings::NoSettings;
@@ -73,6 +73,7 @@ impl NodeKind for Calibrate {
             name: "output",
             kind: KindRule::Same("input"),
             quantity: QuantityRule::Setting("to"),
+            role: OutputRole::Plain,
             doc: "The signal times the factor, of the quantity that `to` names.",
         }],
         example: r#""drive": Calibrate(input: "texture.acceleration", from: "acceleration", to: "current", factor: 0.02)"#,

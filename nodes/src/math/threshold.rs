@@ -3,7 +3,7 @@
 use crate::successor;
 use haptograph_engine::frame::{Event, Kind, Record, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
     Processor, QuantityRule, SettingId, Tick, any_input,
 };
 
@@ -36,6 +36,7 @@ impl NodeKind for Threshold {
             name: "event",
             kind: KindRule::Is(Kind::EVENT),
             quantity: QuantityRule::Same("input"),
+            role: OutputRole::Plain,
             doc: "Event with the signal's value.",
         }],
         example: r#""pressed": Threshold(input: "stylus.force", rises_to: 0.5, falls_to: 0.3)"#,

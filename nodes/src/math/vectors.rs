@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::{Kind, Scalar, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
     Processor, QuantityRule, Tick, any_input, input, output,
 };
 use haptograph_engine::settings::NoSettings;
@@ -22,6 +22,7 @@ const fn scalar_of(name: &'static str, like: &'static str, doc: &'static str) ->
         name,
         kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Same(like),
+        role: OutputRole::Plain,
         doc,
     }
 }
@@ -81,6 +82,7 @@ impl NodeKind for Dot {
             name: "output",
             kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Product("a", "b"),
+            role: OutputRole::Plain,
             doc: "a . b",
         }],
         example: r#""power": Dot(a: "arm.force", b: "arm.velocity")"#,
@@ -127,6 +129,7 @@ impl NodeKind for Cross {
             name: "output",
             kind: KindRule::Is(Kind::VECTOR),
             quantity: QuantityRule::Product("a", "b"),
+            role: OutputRole::Plain,
             doc: "a x b",
         }],
         example: r#""torque": Cross(a: "arm.position", b: "arm.force")"#,
@@ -229,6 +232,7 @@ impl NodeKind for Pack {
             name: "output",
             kind: KindRule::Is(Kind::VECTOR),
             quantity: QuantityRule::Same("x"),
+            role: OutputRole::Plain,
             doc: "The vector.",
         }],
         example: r#""path": Pack(x: "east.output", y: "north.output", z: "up.output")"#,

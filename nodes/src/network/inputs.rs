@@ -12,7 +12,9 @@ pub use serial::{SERIAL_RATES, SerialInput, SerialInputSettings};
 use super::link::{Link, Reader};
 use haptograph_engine::device::{Channel, Device};
 use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{BuildContext, BuildError, KindRule, NodeSpec, OutputSpec, QuantityRule};
+use haptograph_engine::node::{
+    BuildContext, BuildError, KindRule, NodeSpec, OutputRole, OutputSpec, QuantityRule,
+};
 use haptograph_engine::run::AgeMeter;
 use haptograph_engine::silence::{LiveInput, OnSilence};
 use haptograph_signal::quantity::Quantity;
@@ -39,6 +41,7 @@ pub const LIVE_INPUT: NodeSpec = NodeSpec {
         name: "value",
         kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Setting("quantity"),
+        role: OutputRole::Plain,
         doc: "The number, in the SI unit of `quantity`; it holds while the input is silent.",
     }],
     example: r#""pitch": LiveInput(clock: "control", endpoint: "pitch", quantity: "frequency")"#,

@@ -18,7 +18,7 @@ haptograph_engine::settings! {
     /// Settings of [`CsvSink`].
     pub struct CsvSinkSettings {
         /// Name of the file in the run's folder.
-        file: String;
+        [output_file] file: String;
     }
 }
 

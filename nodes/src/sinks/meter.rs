@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec, Processor,
+    BuildContext, BuildError, Input, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec, Processor,
     QuantityRule, Tick, any_input,
 };
 
@@ -55,6 +55,7 @@ const fn level(name: &'static str, doc: &'static str) -> OutputSpec {
         name,
         kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Same("input"),
+        role: OutputRole::Plain,
         doc,
     }
 }

@@ -47,7 +47,7 @@ haptograph_engine::settings! {
     /// Settings of [`RecordingSink`].
     pub struct RecordingSinkSettings {
         /// Name of the file in the run's folder: our own archive, or a table where it ends in `.csv`.
-        file: String;
+        [output_file] file: String;
         /// The gesture: Drag, Circle, Tap or Press.
         motion: Motion = Motion::Drag;
         /// Name of the material.

@@ -15,7 +15,7 @@ haptograph_engine::settings! {
     /// Settings of [`WavSink`].
     pub struct WavSinkSettings {
         /// Name of the file in the run's folder.
-        file: String;
+        [output_file] file: String;
         /// Value of a full-scale sample (1.0), in the SI unit of the signal. Larger values are not clipped.
         full_scale: f64 = 1.0, in 1e-12..=1e12;
     }

@@ -198,7 +198,7 @@ haptograph_engine::settings! {
         /// Gain on the voltage, without unit, before the limit.
         [live] gain: f64 = 1.0;
         /// Limit of the actuator.
-        limit: VoltageLimitSettings;
+        [limit] limit: VoltageLimitSettings;
     }
 }
 

@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, KindRule, NodeKind, NodeSpec, Output, OutputSpec, Processor, QuantityRule,
-    SettingId, Tick,
+    BuildContext, BuildError, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec, Processor,
+    QuantityRule, SettingId, Tick,
 };
 
 use super::{made, tick_at};
@@ -87,6 +87,7 @@ impl NodeKind for ConstantVector {
             name: "output",
             kind: KindRule::Is(Kind::VECTOR),
             quantity: QuantityRule::Setting("quantity"),
+            role: OutputRole::Plain,
             doc: "The value.",
         }],
         example: r#""weight": ConstantVector(clock: "servo", value: [0.0, 0.0, -0.5], quantity: "force")"#,

@@ -48,17 +48,8 @@ impl Declared {
     }
 
     fn spec_of<T: Setting>(&self, value: &T) -> SettingSpec {
-        SettingSpec {
-            name: self.name,
-            doc: self.doc.clone(),
-            expected: T::expected(),
-            default: (!self.is_required).then(|| value.show()),
-            range: self.range,
-            live: false,
-            whole: T::is_whole(),
-            below_nyquist: false,
-            parts: Vec::new(),
-        }
+        let default = Some(value).filter(|_| !self.is_required);
+        SettingSpec::new(self.name, self.doc.clone(), default, self.range)
     }
 
     /// Takes it out of the fields of a node.

@@ -9,6 +9,7 @@ use crate::graph::devices::Devices;
 use crate::graph::draft::{Context, Draft, DraftNode, Slot, Type};
 use crate::graph::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint, wires};
 use crate::node::{Flow, KindRule, OutputSpec, QuantityRule, SettingId};
+use crate::settings::SettingRole;
 use haptograph_signal::quantity::Quantity;
 use petgraph::graph::{DiGraph, NodeIndex};
 
@@ -120,9 +121,9 @@ fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice])
     );
     limit.peak = most;
     limit.continuous = limit.continuous.min(most);
-    let written = node.fields.remaining().iter();
-    let written = written.clone().find(|(name, _)| name.text == "limit");
-    let span = written.map_or(node.fields.span, |(_, value)| value.span);
+    let written = node.entry.setting_for(SettingRole::Limit);
+    let written = written.and_then(|limit| node.fields.given(limit.name));
+    let span = written.map_or(node.fields.span, |value| value.span);
     let warning = Diagnostic::warning("W0108", span, message);
     Some(
         warning
@@ -137,9 +138,7 @@ fn live_values(node: &DraftNode) -> Vec<(SettingId, f64)> {
     specs
         .filter(|(_, spec)| spec.live)
         .filter_map(|(place, spec)| {
-            let written = node.fields.remaining().iter();
-            let written = written.clone().find(|(name, _)| name.text == spec.name);
-            let value = match written.map(|(_, value)| &value.shape) {
+            let value = match node.fields.given(spec.name).map(|value| &value.shape) {
                 Some(Shape::Number(number, _)) => Some(*number),
                 Some(_) => None,
                 None => spec.default?.parse().ok(),
