@@ -20,17 +20,20 @@ pub use spelling::closest;
 
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Shape, Tagged, Value};
+use haptograph_signal::units::{self, Unit};
 use std::path::{Path, PathBuf};
 
 /// Specification of a setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SettingSpec {
-    /// DeclaredField name, with its unit: `cutoff_hz`.
+    /// Its name, with its unit: `cutoff_hz`.
     pub name: &'static str,
     /// From the doc comment.
     pub doc: String,
     /// What a value has to be.
     pub expected: Expected,
+    /// The unit of its numbers, as its name says, with the scale to SI.
+    pub unit: Option<Unit>,
     /// Default in RON; `None` if it has to be given.
     pub default: Option<String>,
     /// Smallest and largest value.
@@ -73,6 +76,7 @@ impl SettingSpec {
             below_nyquist: false,
             role: SettingRole::Plain,
             parts: T::parts(),
+            unit: units::of_name(name).filter(|_| expected.is_numeric()),
             expected,
         }
     }

@@ -367,10 +367,12 @@ fn fields(text: &mut String, list: &[SettingSpec], depth: usize) {
         } else {
             ""
         };
+        let unit = setting.unit.as_ref();
+        let unit = unit.map_or_else(String::new, |unit| format!(", in {}", unit.symbol));
         let (name, expected, doc) = (setting.name, &setting.expected, one_line(&setting.doc));
         let _ = writeln!(
             text,
-            "{indent}- `{name}` ({expected}{range}, {default}{live}): {doc}"
+            "{indent}- `{name}` ({expected}{unit}{range}, {default}{live}): {doc}"
         );
         for part in &setting.parts {
             let Some(choice) = part.choice else {

@@ -2,7 +2,18 @@
 
 use crate::quantity::Quantity;
 
-struct Unit {
+use std::borrow::Cow;
+
+/// The unit of a setting, as the end of its name says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unit {
+    /// As people write it: `mm/s`.
+    pub symbol: Cow<'static, str>,
+    /// What is measured, and SI per unit; none of a unit that no factor converts: °C and dB.
+    pub scale: Option<(Quantity, f64)>,
+}
+
+struct Row {
     /// The end of a name with this unit.
     suffix: &'static str,
     /// The symbol that people write.
@@ -12,8 +23,8 @@ struct Unit {
     si: f64,
 }
 
-const fn unit(suffix: &'static str, symbol: &'static str, quantity: Quantity, si: f64) -> Unit {
-    Unit {
+const fn unit(suffix: &'static str, symbol: &'static str, quantity: Quantity, si: f64) -> Row {
+    Row {
         suffix,
         symbol,
         quantity,
@@ -22,7 +33,7 @@ const fn unit(suffix: &'static str, symbol: &'static str, quantity: Quantity, si
 }
 
 /// All units. The first of a quantity is the one that is written into files.
-const UNITS: &[Unit] = &[
+const UNITS: &[Row] = &[
     unit("_m", "m", Quantity::LENGTH, 1.0),
     unit("_mm", "mm", Quantity::LENGTH, 1e-3),
     unit("_cm", "cm", Quantity::LENGTH, 1e-2),
@@ -56,7 +67,23 @@ const UNITS: &[Unit] = &[
     unit("_n_per_mm", "N/mm", Quantity::STIFFNESS, 1e3),
     unit("_n_s_per_m", "N s/m", Quantity::DAMPING, 1.0),
     unit("_n_per_a", "N/A", Quantity::FORCE.per(Quantity::CURRENT), 1.0),
+    unit(
+        "_n_per_a2",
+        "N/A²",
+        Quantity::FORCE.per(Quantity::CURRENT).per(Quantity::CURRENT),
+        1.0,
+    ),
+    unit("_ohm", "Ω", Quantity::VOLTAGE.per(Quantity::CURRENT), 1.0),
+    unit(
+        "_j_per_k",
+        "J/K",
+        Quantity::FORCE.times(Quantity::LENGTH).per(Quantity::TEMPERATURE),
+        1.0,
+    ),
 ];
+
+/// Units that no factor converts: the ends of their names, and their symbols.
+const WITHOUT_A_FACTOR: [(&str, &str); 2] = [("_db", "dB"), ("_c", "°C")];
 
 /// Units that people read in place of those of SI.
 const SHOWN: [&str; 4] = ["_mm", "_mm_s", "_n_mm", "_n_per_mm"];
@@ -84,12 +111,12 @@ pub fn shown(quantity: Quantity) -> (String, f64) {
     }
 }
 
-fn of(quantity: Quantity) -> impl Iterator<Item = &'static Unit> {
+fn of(quantity: Quantity) -> impl Iterator<Item = &'static Row> {
     UNITS.iter().filter(move |unit| unit.quantity == quantity)
 }
 
 /// The units with which a name ends, of one suffix: the longest.
-fn at_end(name: &str) -> impl Iterator<Item = &'static Unit> {
+fn at_end(name: &str) -> impl Iterator<Item = &'static Row> {
     let lower = name.to_lowercase();
     let fitting = UNITS.iter().filter(|unit| lower.ends_with(unit.suffix));
     let longest = fitting.map(|unit| unit.suffix).max_by_key(|suffix| suffix.len());
@@ -108,11 +135,34 @@ pub fn of_header_as(name: &str, quantity: Quantity) -> Option<f64> {
     unit.map(|unit| unit.si)
 }
 
-/// The symbol of the unit at the end of a name; none where that is only a part of its unit, as in `volts_per_m`.
-pub fn symbol(name: &str) -> Option<&'static str> {
-    let unit = at_end(name).next()?;
+/// The unit at the end of a setting's name, which may be the quotient of two: `most_a_per_m_s2`. None where only a part
+/// of its unit is known, as in `counts_per_mm`.
+pub fn of_name(name: &str) -> Option<Unit> {
+    if let Some((_, symbol)) = WITHOUT_A_FACTOR.iter().find(|(suffix, _)| name.ends_with(suffix)) {
+        return Some(Unit {
+            symbol: (*symbol).into(),
+            scale: None,
+        });
+    }
+    let unit = at_end(name).last()?;
     let before = name.get(..name.len().checked_sub(unit.suffix.len())?)?;
-    (!before.ends_with("_per")).then_some(unit.symbol)
+    let Some(dividend) = before.strip_suffix("_per") else {
+        return Some(Unit {
+            symbol: unit.symbol.into(),
+            scale: Some((unit.quantity, unit.si)),
+        });
+    };
+    // It may be all of the name: `m_s2_per_v`.
+    let dividend = at_end(&format!("_{dividend}")).last()?;
+    let is_simple = |symbol: &str| !symbol.contains(['/', ' ']);
+    let sign = match is_simple(dividend.symbol) && is_simple(unit.symbol) {
+        true => "/",
+        false => " per ",
+    };
+    Some(Unit {
+        symbol: format!("{}{sign}{}", dividend.symbol, unit.symbol).into(),
+        scale: Some((dividend.quantity.per(unit.quantity), dividend.si / unit.si)),
+    })
 }
 
 /// SI per `unit` of a quantity, written as in names (`mm_s`) or as usual (`mm/s`, `m/s²`, `N m`).
@@ -160,18 +210,34 @@ mod tests {
     #[test]
     fn symbols_are_what_they_say() {
         for (quantity, _, si) in Quantity::NAMED {
-            let symbol = symbol(&format!("signal{}", suffix(*quantity)));
-            let symbol = symbol.map(|symbol| symbol.replace('²', "2"));
+            let unit = of_name(&format!("signal{}", suffix(*quantity)));
+            let symbol = unit.map(|unit| unit.symbol.replace('²', "2"));
             assert_eq!(symbol.as_deref().unwrap_or("1"), *si);
         }
         for (name, symbol_of_it) in [
             ("stiffness_n_per_mm", Some("N/mm")),
             ("force_n_per_a", Some("N/A")),
-            ("gain_m_s2_per_v", None),
-            ("most_a_per_m_s2", None),
+            ("gain_m_s2_per_v", Some("m/s² per V")),
+            ("m_s2_per_v", Some("m/s² per V")),
+            ("most_a_per_m_s2", Some("A per m/s²")),
+            ("slew_a_per_s", Some("A/s")),
+            ("level_db", Some("dB")),
+            ("ambient_c", Some("°C")),
+            ("counts_per_mm", None),
             ("level", None),
         ] {
-            assert_eq!(symbol(name), symbol_of_it, "{name}");
+            let symbol = of_name(name).map(|unit| unit.symbol);
+            assert_eq!(symbol.as_deref(), symbol_of_it, "{name}");
+        }
+        for (name, scale) in [
+            ("mass_g", Some((Quantity::MASS, 1e-3))),
+            (
+                "slope_s_per_mm",
+                Some((Quantity::TIME.per(Quantity::LENGTH), 1e3)),
+            ),
+            ("level_db", None),
+        ] {
+            assert_eq!(of_name(name).and_then(|unit| unit.scale), scale, "{name}");
         }
         for (quantity, symbol, si) in [
             (Quantity::STIFFNESS, "N/mm", 1e3),

@@ -254,9 +254,11 @@ fn detail(setting: &SettingSpec) -> String {
     let range = setting
         .range
         .map_or_else(String::new, |(low, high)| format!(", {low} to {high}"));
+    let unit = setting.unit.as_ref();
+    let unit = unit.map_or_else(String::new, |unit| format!(", in {}", unit.symbol));
     match &setting.default {
-        Some(default) => format!("{}{range}, default {default}", setting.expected),
-        None => format!("{}{range}, required", setting.expected),
+        Some(default) => format!("{}{unit}{range}, default {default}", setting.expected),
+        None => format!("{}{unit}{range}, required", setting.expected),
     }
 }
 

@@ -159,6 +159,8 @@ fn setting(spec: &SettingSpec) -> Value {
     };
     json!({
         "name": spec.name, "doc": spec.doc, "expected": spec.expected.to_string(), "default": spec.default,
+        "unit": spec.unit.as_ref().map(|unit| &unit.symbol),
+        "si_per_unit": spec.unit.as_ref().and_then(|unit| Some(unit.scale?.1)),
         "min": spec.range.map(|range| range.0), "max": spec.range.map(|range| range.1), "live": spec.live,
         "parts": spec.parts.iter().map(part).collect::<Vec<_>>(),
     })

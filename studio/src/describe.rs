@@ -15,7 +15,7 @@ use haptograph_engine::settings::{Part, SettingSpec};
 use haptograph_report::{drawing, swatch};
 use haptograph_signal::files::{is_file, is_folder, list};
 use haptograph_signal::quantity::Quantity;
-use haptograph_signal::units;
+use haptograph_signal::units::Unit;
 use haptograph_surfaces::files;
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
@@ -94,7 +94,7 @@ fn setting(spec: &SettingSpec) -> Value {
         json!({ "choice": part.choice, "doc": part.doc, "fields": fields })
     };
     json!({
-        "name": spec.name, "doc": spec.doc, "unit": unit_of(spec.name), "default": spec.default,
+        "name": spec.name, "doc": spec.doc, "unit": symbol(spec.unit.as_ref()), "default": spec.default,
         "required": spec.default.is_none(), "live": spec.live,
         "min": spec.range.map(|range| range.0), "max": spec.range.map(|range| range.1), "choices": choices,
         "parts": spec.parts.iter().map(part).collect::<Vec<_>>(),
@@ -117,12 +117,9 @@ fn printed_unit(quantity: Quantity) -> String {
     }
 }
 
-/// The unit in which a setting's name ends, for display.
-fn unit_of(name: &str) -> &'static str {
-    match name.ends_with("_db") {
-        true => "dB",
-        false => units::symbol(name).unwrap_or_default(),
-    }
+/// The symbol of a setting's unit, empty for a plain number.
+fn symbol(unit: Option<&Unit>) -> &str {
+    unit.map_or("", |unit| &*unit.symbol)
 }
 
 /// The running graph, as far as its page may see it.
@@ -203,10 +200,11 @@ fn settings(stage: &Stage) -> Vec<Value> {
     let live = session.settings().map(|live| {
         let node = graph.nodes().iter().find(|node| node.path == live.path);
         let specs = node.map(|node| node.entry.settings()).unwrap_or_default();
-        let doc = specs.iter().find(|spec| spec.name == live.field).map(|spec| spec.doc.clone());
+        let spec = specs.iter().find(|spec| spec.name == live.field);
+        let unit = symbol(spec.and_then(|spec| spec.unit.as_ref()));
         json!({
             "name": live.name(), "node": live.path, "field": live.field, "value": live.value,
-            "unit": unit_of(live.field), "doc": doc.unwrap_or_default(),
+            "unit": unit, "doc": spec.map_or("", |spec| spec.doc.as_str()),
             "min": live.range.map(|range| range.0), "max": live.range.map(|range| range.1), "whole": live.whole,
         })
     });
@@ -225,7 +223,7 @@ fn parameters(stage: &Stage) -> Vec<Value> {
         let range = spec.and_then(|spec| spec.range);
         json!({
             "name": name, "value": value, "default": default, "is_surface": is_surface(name, value),
-            "unit": spec.map_or("", |spec| unit_of(spec.name)), "doc": spec.map_or("", |spec| &spec.doc),
+            "unit": symbol(spec.and_then(|spec| spec.unit.as_ref())), "doc": spec.map_or("", |spec| &spec.doc),
             "min": range.map(|range| range.0), "max": range.map(|range| range.1),
             "whole": spec.is_some_and(|spec| spec.whole),
         })

@@ -69,6 +69,11 @@ impl Expected {
         }
     }
 
+    /// Whether it is a number, or a list of numbers.
+    pub fn is_numeric(&self) -> bool {
+        matches!(self.form(), Form::Number | Form::NumberList)
+    }
+
     /// Whether it is a whole number, or none.
     pub fn is_whole(&self) -> bool {
         match self {
@@ -85,7 +90,7 @@ impl Expected {
             Self::Whole { most } => format!("a whole number from 0 to {most}").into(),
             Self::Text => "a string in quotes".into(),
             Self::Path => "a path in quotes".into(),
-            Self::Described(_, words) => Cow::Borrowed(words),
+            Self::Described(_, words) => Cow::Borrowed(&**words),
             other => other.to_string().into(),
         }
     }

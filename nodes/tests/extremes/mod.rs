@@ -7,7 +7,7 @@ use haptograph_engine::device::DeviceEntry;
 use haptograph_engine::frame::{Kind, OneKind};
 use haptograph_engine::limiter::Limiter;
 use haptograph_engine::node::{FileSink, Limit, NodeEntry, NodeSpec, Stream};
-use haptograph_engine::settings::{Form, SettingSpec};
+use haptograph_engine::settings::SettingSpec;
 use haptograph_engine::testing::{Bench, Built, MAX_FRAMES, device_from_example, node_from_example};
 use haptograph_nodes::contact::Contact;
 use haptograph_nodes::registry;
@@ -44,7 +44,7 @@ fn ends(setting: &SettingSpec, rate_hz: f64) -> Vec<String> {
     let mut all: Vec<String> = parts.collect();
     let (low, high) = match setting.range {
         Some(range) => range,
-        None if !all.is_empty() || !matches!(setting.expected.form(), Form::Number | Form::NumberList) => return all,
+        None if !all.is_empty() || !setting.expected.is_numeric() => return all,
         None => (-1e300, 1e300),
     };
     let whole = setting.whole;
