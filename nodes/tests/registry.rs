@@ -7,12 +7,14 @@ mod extremes;
 mod realtime;
 
 use haptograph_engine::frame::{Kind, OneKind};
-use haptograph_engine::node::NodeEntry;
-use haptograph_engine::testing::{Bench, MAX_FRAMES, device_from_example};
+use haptograph_engine::node::{NodeEntry, Presence};
+use haptograph_engine::settings::SettingSpec;
+use haptograph_engine::testing::{Bench, Built, MAX_FRAMES, device_from_example, node_from_example};
 use haptograph_nodes::contact::Contact;
 use haptograph_nodes::registry;
 use haptograph_nodes::texture::frames::{Coefficients, Weights};
 use haptograph_nodes::wav::{Format, WavWriter};
+use haptograph_signal::quantity::Quantity;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use realtime::allocations;
@@ -25,8 +27,13 @@ const RATE_HZ: f64 = 10_000.0;
 /// Of the taps of the surface, for the nodes that need it.
 const SERVO_HZ: f64 = 1000.0;
 
-/// Live settings that end in `_hz` and may be above half of the rate of their node: (kind, setting, why).
+/// Live frequencies that may be above half of the rate of their node: (kind, setting, why).
 const ABOVE_NYQUIST: [(&str, &str, &str); 0] = [];
+
+fn is_frequency(setting: &SettingSpec) -> bool {
+    let scale = setting.unit.as_ref().and_then(|unit| unit.scale);
+    scale.is_some_and(|(quantity, _)| quantity == Quantity::FREQUENCY)
+}
 
 #[test]
 fn live_frequencies_stay_below_half_the_rate() {
@@ -36,7 +43,7 @@ fn live_frequencies_stay_below_half_the_rate() {
         let settings = entry.settings();
         let frequencies = settings
             .iter()
-            .filter(|setting| setting.live && setting.name.ends_with("_hz"));
+            .filter(|setting| setting.live && is_frequency(setting));
         for setting in frequencies {
             let excepted = ABOVE_NYQUIST
                 .iter()
@@ -53,6 +60,174 @@ fn live_frequencies_stay_below_half_the_rate() {
         }
     }
     assert!(found >= 2, "{found} live frequencies");
+}
+
+/// What is neither a frequency nor a gain nor a level: where, how long, how heavy, how warm.
+const OTHERS: [Quantity; 5] = [
+    Quantity::LENGTH,
+    Quantity::TIME,
+    Quantity::ANGLE,
+    Quantity::MASS,
+    Quantity::TEMPERATURE,
+];
+
+/// Settings of processors that are a frequency, a gain or a level and do not change while a graph runs: (kind, setting,
+/// why).
+const NOT_LIVE: [(&str, &str, &str); 21] = [
+    ("ConstantVector", "value", LIST),
+    ("Mixer", "gains", LIST),
+    ("Curve", "points", LIST),
+    ("SecondOrderSection", "b", LIST),
+    ("SecondOrderSection", "a", LIST),
+    ("WavOverPosition", "axis", LIST),
+    (
+        "Integrator",
+        "start",
+        "it has its effect at the start and at a reset",
+    ),
+    (
+        "WavOverPosition",
+        "recorded_mm_s",
+        "it lays the recording out, which is done once",
+    ),
+    (
+        "DynamicCompensator",
+        "most_a_per_m_s2",
+        "a bound: the corner that keeps another one takes longer to find than a tick lasts",
+    ),
+    (
+        "NormalForce",
+        "device_damping_n_s_per_m",
+        "only the check of the stiffness reads it",
+    ),
+    ("AccelerometerModel", "m_s2_per_v", SENSOR),
+    ("AccelerometerModel", "zero_v", SENSOR),
+    ("AccelerometerModel", "range_m_s2", SENSOR),
+    ("AccelerometerModel", "noise_m_s2", SENSOR),
+    ("AccelerometerModel", "cutoff_hz", SENSOR),
+    ("AccelerometerModel", "full_scale_v", SENSOR),
+    ("ForceSensorModel", "force_step_n", SENSOR),
+    ("ForceSensorModel", "torque_step_n_mm", SENSOR),
+    ("ForceSensorModel", "most_force_n", SENSOR),
+    ("ForceSensorModel", "most_torque_n_mm", SENSOR),
+    ("ForceSensorModel", "noise_steps", SENSOR),
+];
+const LIST: &str = "a list; a live setting is one number";
+const SENSOR: &str = "a constant of a simulated sensor; with another it would be another sensor";
+
+#[test]
+fn frequencies_gains_and_levels_are_live() {
+    let folder = folder();
+    let mut wrong = Vec::new();
+    for entry in registry().nodes() {
+        if !is_processor(entry, folder.path()) {
+            continue;
+        }
+        for setting in entry.settings() {
+            let quantity = setting.unit.as_ref().and_then(|unit| unit.scale);
+            let is_other = quantity.is_some_and(|(quantity, _)| OTHERS.contains(&quantity));
+            let is_one = setting.expected.is_numeric() && !setting.whole && !is_other;
+            let excepted = NOT_LIVE
+                .iter()
+                .any(|(kind, name, _)| (*kind, *name) == (entry.spec.name, setting.name));
+            if is_one && setting.live == excepted || excepted && !is_one {
+                wrong.push(format!("{}.{}", entry.spec.name, setting.name));
+            }
+        }
+    }
+    assert!(
+        wrong.is_empty(),
+        "make them live, or list them with a reason: {wrong:?}"
+    );
+}
+
+/// Settings beside which others have an effect on the bench: (kind, settings).
+const BESIDE: [(&str, &str); 5] = [
+    // Else the brake is free: it measures more than is asked of it.
+    ("BrakeController", "mu: 2.0"),
+    ("Responsiveness", "condition: Neither"),
+    ("Tapping", "rearm_ms: 0.0"),
+    ("WavSource", "repeat: true"),
+    ("Adsr", "attack_ms: 0.0"),
+];
+
+/// Live settings whose change is not seen on the bench: (kind, setting, why).
+const UNSEEN: [(&str, &str, &str); 0] = [];
+
+/// Settings to try a kind with: those of its example; without its optional inputs, for which settings may stand; and
+/// such as let others have an effect.
+fn tries(entry: &NodeEntry) -> Vec<String> {
+    let inputs = entry.spec.inputs.iter();
+    let optional = inputs.filter(|port| port.presence == Presence::Optional);
+    let unconnected: String = optional.map(|port| format!("{}: None, ", port.name)).collect();
+    let beside = BESIDE.iter().filter(|(kind, _)| *kind == entry.spec.name);
+    let beside = beside.map(|(_, settings)| format!("{unconnected}{settings}"));
+    [String::new(), unconnected.clone()]
+        .into_iter()
+        .chain(beside)
+        .collect()
+}
+
+#[test]
+fn every_live_setting_changes_what_its_node_puts_out() {
+    const FRAMES: usize = 3000;
+    let folder = folder();
+    let (mut wrong, mut tested) = (Vec::new(), 0);
+    for entry in registry().nodes() {
+        if !is_processor(entry, folder.path()) {
+            continue;
+        }
+        for (id, setting) in entry.live_settings() {
+            let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
+            let high = match setting.below_nyquist {
+                true => high.min(0.4 * SERVO_HZ),
+                false => high,
+            };
+            let values = [low, high, low.midpoint(high), 0.5, 1.0, 7.5, 120.0, 1e-3 * high];
+            let values = values.map(|x| if setting.whole { x.round() } else { x }.clamp(low, high));
+            let is_seen = tries(entry).iter().any(|settings| {
+                let build = || {
+                    [RATE_HZ, SERVO_HZ].into_iter().find_map(|rate_hz| {
+                        match node_from_example(entry, settings, folder.path(), rate_hz, Kind::SCALAR) {
+                            Ok(Built::Processor(bench)) => Some(bench),
+                            _ => None,
+                        }
+                    })
+                };
+                let (Some(mut kept), Some(mut turned)) = (build(), build()) else {
+                    return false; // It needs one of its inputs.
+                };
+                let inputs = |bench: &Bench, seed| -> Vec<Vec<f64>> {
+                    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+                    let kinds = bench.kinds().iter();
+                    kinds
+                        .map(|kind| kind.map_or_else(Vec::new, |kind| signal(kind, FRAMES, false, &mut rng)))
+                        .collect()
+                };
+                let inputs = [inputs(&kept, 31), inputs(&kept, 32)];
+                values.iter().any(|value| {
+                    let run =
+                        |bench: &mut Bench, at: usize| bench.run_frames(FRAMES, &slices(&inputs[at]), &[64]);
+                    let before = [run(&mut kept, 0), run(&mut turned, 0)];
+                    turned.processor().set(id, *value);
+                    let after = [run(&mut kept, 1), run(&mut turned, 1)];
+                    !same(&before[0], &before[1]) || !same(&after[0], &after[1])
+                })
+            });
+            tested += 1;
+            let is_excepted = UNSEEN
+                .iter()
+                .any(|(kind, name, _)| (*kind, *name) == (entry.spec.name, setting.name));
+            if is_seen == is_excepted {
+                wrong.push(format!("{}.{}", entry.spec.name, setting.name));
+            }
+        }
+    }
+    assert!(
+        wrong.is_empty(),
+        "a change of these is not seen, or seen and listed: {wrong:?}"
+    );
+    assert!(tested > 60, "only {tested} were tested");
 }
 
 /// A folder with the files that examples name.
@@ -90,6 +265,20 @@ fn from_example(entry: &NodeEntry, folder: &Path, linear: Kind) -> Option<Bench>
         .unwrap_or_else(|wrong| panic!("{}: {wrong}", entry.spec.name))
 }
 
+/// Settings with which a kind is another machine: (kind, settings).
+const AS_WELL: [(&str, &str); 3] = [
+    ("Contact", "solids: Plane(), proxy_diameter_mm: 0.0"),
+    ("Contact", "solids: Box(size_mm: [20.0, 20.0, 2.0])"),
+    (
+        "Contact",
+        "solids: [Mesh(file: \"shapes/wedge.stl\"), Sphere(diameter_mm: 10.0)]",
+    ),
+];
+
+fn is_processor(entry: &NodeEntry, folder: &Path) -> bool {
+    !entry.is_file() && from_example(entry, folder, Kind::SCALAR).is_some()
+}
+
 /// Builds every processor, once for scalars and once for vectors where it takes either.
 fn each_processor(mut test: impl FnMut(&NodeEntry, &dyn Fn() -> Bench)) {
     let folder = folder();
@@ -101,6 +290,16 @@ fn each_processor(mut test: impl FnMut(&NodeEntry, &dyn Fn() -> Bench)) {
                 test(entry, &|| build().expect("the same as just now"));
                 tested += 1;
             }
+        }
+        for (_, settings) in AS_WELL.iter().filter(|(kind, _)| *kind == entry.spec.name) {
+            test(
+                entry,
+                &|| match node_from_example(entry, settings, folder.path(), RATE_HZ, Kind::VECTOR) {
+                    Ok(Built::Processor(bench)) => bench,
+                    Ok(_) => panic!("{settings} makes no processor"),
+                    Err(wrong) => panic!("{wrong}"),
+                },
+            );
         }
     }
     assert!(tested > 80, "only {tested} processors were tested");
@@ -315,8 +514,7 @@ fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
         for (id, setting) in entry.live_settings() {
             let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
             // As the engine has it: below half the rate of the slowest bench.
-            let is_frequency = setting.name.ends_with("_hz");
-            let high = if is_frequency {
+            let high = if setting.below_nyquist {
                 high.min(0.499 * SERVO_HZ)
             } else {
                 high

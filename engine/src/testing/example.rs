@@ -47,7 +47,7 @@ impl Bench {
 }
 
 /// Builds a node as [`Bench::from_example`] does, with other settings, `cutoff_hz: 5, gain: 2`, in place of those that the
-/// example gives or leaves out.
+/// example gives or leaves out. `reset: None` leaves an optional input unconnected.
 ///
 /// # Errors
 /// What is wrong with the example or the settings, as text.
@@ -75,7 +75,13 @@ pub fn node_from_example(
     match entry.build {
         build @ (Build::Processor(_) | Build::Scripted(_)) => {
             let (finish, times) = example.read(|fields, reading| build.read_processor(fields, reading))?;
-            let connected: Vec<Option<Kind>> = kinds(&times).into_iter().map(Some).collect();
+            let ports = spec.inputs.iter().zip(&times);
+            let connected = ports.flat_map(|(port, times)| {
+                let kind = (*times > 0).then(|| kind_of(spec, port.kind, linear));
+                let least = usize::from(port.presence != Presence::Many);
+                std::iter::repeat_n(kind, (*times).max(least))
+            });
+            let connected: Vec<Option<Kind>> = connected.collect();
             let cx = context(spec, rate_hz, &connected);
             let (processor, _) = finish(&cx)
                 .and_then(|(_, finish)| finish(&cx))
@@ -191,6 +197,7 @@ impl Example<'_> {
             let given = fields.take(port.name).map(|value| value.shape);
             times.push(match (port.presence, given) {
                 (Presence::Many, Some(Shape::List(list))) => list.len(),
+                (Presence::Optional, Some(value)) if is_none(&value) => 0,
                 (Presence::Optional, _) | (_, Some(_)) => 1,
                 (_, None) => return Err(format!("the example leaves `{}` out", port.name)),
             });
@@ -202,6 +209,11 @@ impl Example<'_> {
             _ => Err(Diagnostics { sources, list }.to_string()),
         }
     }
+}
+
+/// Whether an input is left unconnected: `reset: None`.
+fn is_none(value: &Shape) -> bool {
+    matches!(value, Shape::Tagged(tagged) if tagged.name.as_ref().is_some_and(|name| name.text == "None"))
 }
 
 /// The fields of `{"name": Kind(...)}`.

@@ -7,8 +7,8 @@ use crate::texture::load_surface;
 use crate::vector::norm;
 use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Input, Io, Limit, NodeKind, NodeSpec, Output, OutputRole, Processor,
-    SettingId, Tick, input, output,
+    ActuatorKind, BuildContext, BuildError, Input, Io, Limit, NodeKind, NodeSpec, Output, OutputRole,
+    Processor, SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use std::path::PathBuf;
@@ -21,23 +21,23 @@ haptograph_engine::settings! {
         /// Requested coefficient of friction; replaces the surface's.
         [live] mu: Option<f64> = None, in 0.0..=2.0;
         /// Gain of the correction by the measured friction, 1/s; zero: open loop, as in the thesis.
-        trim_per_s: f64 = BrakeSettings::default().trim_per_s, in 0.0..=100.0;
+        [live] trim_per_s: f64 = BrakeSettings::default().trim_per_s, in 0.0..=100.0;
         /// Largest correction of the coefficient.
-        most_trim: f64 = BrakeSettings::default().most_trim, in 0.0..=2.0;
+        [live] most_trim: f64 = BrakeSettings::default().most_trim, in 0.0..=2.0;
         /// Largest current, A.
-        most_current_a: f64 = BrakeSettings::default().most_current_a, in 0.0..=100.0;
+        [live] most_current_a: f64 = BrakeSettings::default().most_current_a, in 0.0..=100.0;
         /// Normal force below which friction is not measured, N.
-        least_load_n: f64 = BrakeSettings::default().least_normal_n, in 0.0..=100.0;
+        [live] least_load_n: f64 = BrakeSettings::default().least_normal_n, in 0.0..=100.0;
         /// Speed below which friction is not measured, mm/s.
-        least_speed_mm_s: f64 = BrakeSettings::default().least_speed_m_s * 1e3, in 0.0..=10_000.0;
+        [live] least_speed_mm_s: f64 = BrakeSettings::default().least_speed_m_s * 1e3, in 0.0..=10_000.0;
         /// The pen's experimental line: plunger force by normal force per coefficient of friction (Eq. 5.5.12).
-        line_slope: f64 = Solenoid::THESIS.line_slope, in 1e-3..=1000.0;
+        [live] line_slope: f64 = Solenoid::THESIS.line_slope, in 1e-3..=1000.0;
         /// The line at a coefficient of zero (Eq. 5.5.12).
-        line_offset: f64 = Solenoid::THESIS.line_offset, in -100.0..=100.0;
+        [live] line_offset: f64 = Solenoid::THESIS.line_offset, in -100.0..=100.0;
         /// Force of the solenoid by current squared, N/A2 (Eq. 5.5.10).
-        force_n_per_a2: f64 = Solenoid::THESIS.force_n_per_a2, in 1e-3..=1e6;
+        [live] force_n_per_a2: f64 = Solenoid::THESIS.force_n_per_a2, in 1e-3..=1e6;
         /// Weight of the plunger, the least force on the ball, N.
-        plunger_n: f64 = Solenoid::THESIS.plunger_n, in 0.0..=100.0;
+        [live] plunger_n: f64 = Solenoid::THESIS.plunger_n, in 0.0..=100.0;
         /// The coil's resistance and its thermal model.
         coil: CoilSettings = CoilSettings::default();
     }
@@ -144,6 +144,15 @@ impl BrakeController {
     const REACH: Output<Scalar> = Self::SPEC.output("reach");
     const COIL: Output<Scalar> = Self::SPEC.output("coil");
     const MU: SettingId = BrakeControllerSettings::live("mu");
+    const TRIM_PER_S: SettingId = BrakeControllerSettings::live("trim_per_s");
+    const MOST_TRIM: SettingId = BrakeControllerSettings::live("most_trim");
+    const MOST_CURRENT_A: SettingId = BrakeControllerSettings::live("most_current_a");
+    const LEAST_LOAD_N: SettingId = BrakeControllerSettings::live("least_load_n");
+    const LEAST_SPEED_MM_S: SettingId = BrakeControllerSettings::live("least_speed_mm_s");
+    const LINE_SLOPE: SettingId = BrakeControllerSettings::live("line_slope");
+    const LINE_OFFSET: SettingId = BrakeControllerSettings::live("line_offset");
+    const FORCE_N_PER_A2: SettingId = BrakeControllerSettings::live("force_n_per_a2");
+    const PLUNGER_N: SettingId = BrakeControllerSettings::live("plunger_n");
 }
 
 fn wanted(settings: &BrakeControllerSettings) -> Result<f64, BuildError> {
@@ -203,8 +212,19 @@ impl Processor for Braking {
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
-        if setting == BrakeController::MU {
-            self.wanted = value;
+        let brake = self.brake.settings_mut();
+        match setting {
+            BrakeController::MU => self.wanted = value,
+            BrakeController::TRIM_PER_S => brake.trim_per_s = value,
+            BrakeController::MOST_TRIM => brake.most_trim = value,
+            BrakeController::MOST_CURRENT_A => brake.most_current_a = value,
+            BrakeController::LEAST_LOAD_N => brake.least_normal_n = value,
+            BrakeController::LEAST_SPEED_MM_S => brake.least_speed_m_s = value * 1e-3,
+            BrakeController::LINE_SLOPE => brake.solenoid.line_slope = value,
+            BrakeController::LINE_OFFSET => brake.solenoid.line_offset = value,
+            BrakeController::FORCE_N_PER_A2 => brake.solenoid.force_n_per_a2 = value,
+            BrakeController::PLUNGER_N => brake.solenoid.plunger_n = value,
+            _ => {}
         }
     }
 

@@ -10,25 +10,12 @@ use super::two_mass::{Mode, Response};
 use haptograph_signal::filter::{Biquad, Sections, SectionsState};
 use std::f64::consts::TAU;
 
-/// Targets of the compensation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CompensatorSettings {
-    /// Corner of the high-pass that commanded to felt acceleration is to follow, Hz.
-    pub corner_hz: f64,
-    /// Largest current per acceleration of the compensator at any frequency, A/(m/s2). If the inverse
-    /// at `corner_hz` needs more, the corner moves up until it does not.
-    pub most_a_per_m_s2: f64,
-}
-
-impl Default for CompensatorSettings {
-    /// 20 Hz, at most 0.5 A for 1 m/s2.
-    fn default() -> Self {
-        Self {
-            corner_hz: 20.0,
-            most_a_per_m_s2: 0.5,
-        }
-    }
-}
+/// Default corner of the high-pass, Hz.
+pub const CORNER_HZ: f64 = 20.0;
+/// Default bound of the current per acceleration, A/(m/s2).
+pub const MOST_A_PER_M_S2: f64 = 0.5;
+/// Lowest corner, Hz.
+pub const LEAST_CORNER_HZ: f64 = 0.1;
 
 /// Error of the design of a compensator.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -58,36 +45,52 @@ pub enum CompensatorError {
 #[derive(Debug, Clone)]
 pub struct Compensator {
     corner_hz: f64,
+    /// The lowest corner at which the gain keeps its bound.
+    least_corner_hz: f64,
+    modes: [Mode; 2],
+    gain: f64,
+    rate_hz: f64,
     filter: Sections,
     state: SectionsState,
 }
 
 impl Compensator {
-    /// The compensator for an actuator, run at `rate_hz` (10 kHz or more to hold its accuracy up to 500 Hz).
+    /// The compensator for an actuator, run at `rate_hz` (10 kHz or more to hold its accuracy up to 500 Hz). Commanded to
+    /// felt acceleration follows a high-pass with its corner at `corner_hz`. If the inverse there needs more current per
+    /// acceleration than `most_a_per_m_s2` at any frequency, the corner moves up until it does not.
     pub fn design(
         actuator: &Response,
-        settings: &CompensatorSettings,
+        corner_hz: f64,
+        most_a_per_m_s2: f64,
         rate_hz: f64,
     ) -> Result<Self, CompensatorError> {
         let modes = actuator.modes().ok_or(CompensatorError::NoActuator)?;
         let needed_a_per_m_s2 = 1.0 / actuator.gain.abs();
-        if needed_a_per_m_s2 > settings.most_a_per_m_s2 {
+        if needed_a_per_m_s2 > most_a_per_m_s2 {
             return Err(CompensatorError::Gain { needed_a_per_m_s2 });
         }
-        let mut corner_hz = settings.corner_hz;
-        while in_band(corner_hz, rate_hz) && most_gain(actuator, corner_hz) > settings.most_a_per_m_s2 {
+        let asked_hz = corner_hz;
+        let mut corner_hz = corner_hz;
+        while in_band(corner_hz, rate_hz) && most_gain(actuator, corner_hz) > most_a_per_m_s2 {
             corner_hz *= 1.01;
         }
         if !in_band(corner_hz, rate_hz) {
             return Err(CompensatorError::Corner { corner_hz, rate_hz });
         }
-        let [low, high] = butterworth_4(corner_hz);
-        let mut sections = vec![section(modes[0], low, rate_hz), section(modes[1], high, rate_hz)];
-        sections[0].b = sections[0].b.map(|b| b / actuator.gain);
-        let filter = Sections { sections };
+        let least_corner_hz = match corner_hz > asked_hz {
+            true => corner_hz,
+            false => least_corner_hz(actuator, most_a_per_m_s2, corner_hz),
+        };
+        let filter = Sections {
+            sections: sections(modes, actuator.gain, corner_hz, rate_hz).into(),
+        };
         let state = SectionsState::new(&filter);
         Ok(Self {
             corner_hz,
+            least_corner_hz,
+            modes,
+            gain: actuator.gain,
+            rate_hz,
             filter,
             state,
         })
@@ -96,6 +99,18 @@ impl Compensator {
     /// Converts commanded accelerations, m/s2, into currents, A, in place.
     pub fn process(&mut self, samples: &mut [f64]) {
         self.state.process_in_place(samples);
+    }
+
+    /// Moves the corner of the high-pass, Hz, as far as the bound of the gain allows; the filter goes on from what it
+    /// holds. Does not allocate.
+    pub fn turn(&mut self, corner_hz: f64) {
+        if !in_band(corner_hz, self.rate_hz) {
+            return;
+        }
+        self.corner_hz = corner_hz.max(self.least_corner_hz);
+        let sections = sections(self.modes, self.gain, self.corner_hz, self.rate_hz);
+        self.filter.sections.copy_from_slice(&sections);
+        self.state.turn(&sections);
     }
 
     /// Takes over the state of another compensator.
@@ -116,6 +131,27 @@ impl Compensator {
 
 fn in_band(corner_hz: f64, rate_hz: f64) -> bool {
     corner_hz > 0.0 && corner_hz < rate_hz / 2.0
+}
+
+/// The lowest corner up to `corner_hz`, which is one, at which the gain keeps its bound: it falls as the corner rises.
+fn least_corner_hz(actuator: &Response, most_a_per_m_s2: f64, corner_hz: f64) -> f64 {
+    let (mut low_hz, mut high_hz) = (LEAST_CORNER_HZ.min(corner_hz), corner_hz);
+    for _ in 0..16 {
+        let middle_hz = (low_hz * high_hz).sqrt();
+        match most_gain(actuator, middle_hz) > most_a_per_m_s2 {
+            true => low_hz = middle_hz,
+            false => high_hz = middle_hz,
+        }
+    }
+    high_hz
+}
+
+/// The inverse in cascade with the high-pass.
+fn sections(modes: [Mode; 2], gain: f64, corner_hz: f64, rate_hz: f64) -> [Biquad; 2] {
+    let [low, high] = butterworth_4(corner_hz);
+    let mut sections = [section(modes[0], low, rate_hz), section(modes[1], high, rate_hz)];
+    sections[0].b = sections[0].b.map(|b| b / gain);
+    sections
 }
 
 /// The two modes of a fourth-order Butterworth filter.
@@ -166,7 +202,7 @@ mod tests {
     const RATE_HZ: f64 = 10_000.0;
 
     fn design(actuator: &TwoMass) -> Compensator {
-        Compensator::design(&actuator.response(), &CompensatorSettings::default(), RATE_HZ).unwrap()
+        Compensator::design(&actuator.response(), CORNER_HZ, MOST_A_PER_M_S2, RATE_HZ).unwrap()
     }
 
     /// Commanded to felt acceleration in dB, worst over 40 to 500 Hz.
@@ -275,20 +311,18 @@ mod tests {
     #[test]
     fn the_gain_is_bounded_by_raising_the_corner() {
         let actuator = TwoMass::PLACEHOLDER.response();
-        let settings = CompensatorSettings {
-            most_a_per_m_s2: 0.06,
-            ..CompensatorSettings::default()
-        };
-        let compensator = Compensator::design(&actuator, &settings, RATE_HZ).unwrap();
+        let mut compensator = Compensator::design(&actuator, CORNER_HZ, 0.06, RATE_HZ).unwrap();
         assert!(compensator.corner_hz() > 25.0 && compensator.corner_hz() < 80.0);
         for k in 0..5000 {
             assert!(compensator.filter().response(f64::from(k), RATE_HZ).norm() < 0.0602);
         }
-        let settings = CompensatorSettings {
-            most_a_per_m_s2: 0.01,
-            ..settings
-        };
-        let refused = Compensator::design(&actuator, &settings, RATE_HZ).unwrap_err();
+        let corner_hz = compensator.corner_hz();
+        compensator.turn(0.5 * corner_hz);
+        assert_eq!(compensator.corner_hz(), corner_hz, "not below the bound");
+        compensator.turn(2.0 * corner_hz);
+        let designed = Compensator::design(&actuator, 2.0 * corner_hz, 0.06, RATE_HZ).unwrap();
+        assert_eq!(compensator.filter(), designed.filter());
+        let refused = Compensator::design(&actuator, CORNER_HZ, 0.01, RATE_HZ).unwrap_err();
         assert!(matches!(refused, CompensatorError::Gain { .. }));
     }
 }

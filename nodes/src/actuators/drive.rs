@@ -1,13 +1,13 @@
 //! The nodes of a voice-coil actuator: the dynamic compensator, and the sink that drives it.
 
-use super::compensator::{Compensator, CompensatorError, CompensatorSettings};
+use super::compensator::{CORNER_HZ, Compensator, CompensatorError, LEAST_CORNER_HZ, MOST_A_PER_M_S2};
 use super::limit::CurrentLimitSettings;
 use crate::simulated::haptuator::TwoMassSettings;
 use crate::successor;
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Input, Io, Limit, NodeKind, NodeSpec, Output, Processor, Tick,
-    input, output,
+    ActuatorKind, BuildContext, BuildError, Input, Io, Limit, NodeKind, NodeSpec, Output, Processor,
+    SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -17,9 +17,9 @@ haptograph_engine::settings! {
         /// The actuator; the defaults are placeholders, not measurements.
         model: TwoMassSettings = TwoMassSettings::placeholder();
         /// Corner of the high-pass that commanded to felt acceleration follows.
-        corner_hz: f64 = 20.0, in 0.1..=10_000.0;
+        [live, below_nyquist] corner_hz: f64 = CORNER_HZ, in LEAST_CORNER_HZ..=10_000.0;
         /// Largest current per acceleration at any frequency, A/(m/s2); the corner moves up until this holds.
-        most_a_per_m_s2: f64 = 0.5, in 1e-6..=1e6;
+        most_a_per_m_s2: f64 = MOST_A_PER_M_S2, in 1e-6..=1e6;
     }
 }
 
@@ -57,11 +57,8 @@ impl NodeKind for DynamicCompensator {
         let model = model
             .checked()
             .map_err(|error| BuildError::at("model", error.to_string()))?;
-        let wanted = CompensatorSettings {
-            corner_hz: settings.corner_hz,
-            most_a_per_m_s2: settings.most_a_per_m_s2,
-        };
-        let designed = Compensator::design(&model.response(), &wanted, cx.rate.hz());
+        let (corner_hz, most_a_per_m_s2) = (settings.corner_hz, settings.most_a_per_m_s2);
+        let designed = Compensator::design(&model.response(), corner_hz, most_a_per_m_s2, cx.rate.hz());
         let compensator = designed.map_err(|error| {
             let field = match error {
                 CompensatorError::NoActuator => "model",
@@ -95,6 +92,7 @@ impl NodeKind for DynamicCompensator {
 impl DynamicCompensator {
     const ACCELERATION: Input<Scalar> = Self::SPEC.input("acceleration");
     const CURRENT: Output<Scalar> = Self::SPEC.output("current");
+    const CORNER_HZ: SettingId = DynamicCompensatorSettings::live("corner_hz");
 }
 
 /// Highest vibration that fingers feel, Hz.
@@ -111,6 +109,12 @@ impl Processor for Compensating {
         let current = io.write(DynamicCompensator::CURRENT);
         current.copy_from_slice(acceleration);
         self.compensator.process(current);
+    }
+
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == DynamicCompensator::CORNER_HZ {
+            self.compensator.turn(value);
+        }
     }
 
     fn copy_state_into(&self, new: &mut dyn Processor) {

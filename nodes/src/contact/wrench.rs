@@ -95,6 +95,11 @@ impl WrenchLocator {
         &self.object
     }
 
+    /// The settings, which may change from tick to tick.
+    pub fn settings_mut(&mut self) -> &mut WrenchSettings {
+        &mut self.settings
+    }
+
     /// Takes over the last contact of another locator.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.last = other.last;

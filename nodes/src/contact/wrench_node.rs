@@ -23,11 +23,11 @@ haptograph_engine::settings! {
         /// Height of its lowest point over the sensor's origin, mm.
         height_mm: f64 = 8.0, in -1000.0..=1000.0;
         /// Force at which contact begins, N.
-        threshold_n: f64 = WrenchSettings::default().threshold_n, in 1e-6..=1000.0;
+        [live] threshold_n: f64 = WrenchSettings::default().threshold_n, in 1e-6..=1000.0;
         /// Resolution of the measured force, N, for the uncertainty.
-        force_step_n: f64 = WrenchSettings::default().force_step_n, in 0.0..=1000.0;
+        [live] force_step_n: f64 = WrenchSettings::default().force_step_n, in 0.0..=1000.0;
         /// Resolution of the measured torque, N mm, for the uncertainty.
-        torque_step_n_mm: f64 = WrenchSettings::default().torque_step_n_m * 1e3, in 0.0..=1e6;
+        [live] torque_step_n_mm: f64 = WrenchSettings::default().torque_step_n_m * 1e3, in 0.0..=1e6;
     }
 }
 
@@ -119,6 +119,9 @@ impl ContactFromWrench {
     const UNCERTAINTY: Output<Scalar> = Self::SPEC.output("uncertainty");
     const MISS: Output<Scalar> = Self::SPEC.output("miss");
     const POINT_UNCERTAINTY: Output<Scalar> = Self::SPEC.output("point_uncertainty");
+    const THRESHOLD_N: SettingId = ContactFromWrenchSettings::live("threshold_n");
+    const FORCE_STEP_N: SettingId = ContactFromWrenchSettings::live("force_step_n");
+    const TORQUE_STEP_N_MM: SettingId = ContactFromWrenchSettings::live("torque_step_n_mm");
 }
 
 #[derive(Debug, Clone)]
@@ -158,6 +161,16 @@ impl Processor for Locating {
         }
     }
 
+    fn set(&mut self, setting: SettingId, value: f64) {
+        let measured = self.locator.settings_mut();
+        match setting {
+            ContactFromWrench::THRESHOLD_N => measured.threshold_n = value,
+            ContactFromWrench::FORCE_STEP_N => measured.force_step_n = value,
+            ContactFromWrench::TORQUE_STEP_N_MM => measured.torque_step_n_m = value * 1e-3,
+            _ => {}
+        }
+    }
+
     fn copy_state_into(&self, new: &mut dyn Processor) {
         if let Some(new) = successor::<Self>(new) {
             new.locator.copy_state_from(&self.locator);
@@ -171,7 +184,7 @@ haptograph_engine::settings! {
         /// Cut-off of the second-order low-pass, below half the rate.
         [live, below_nyquist] cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
         /// Jitter of the point that does not count as motion, in uncertainties.
-        leash: f64 = LEASH, in 0.0..=1000.0;
+        [live] leash: f64 = LEASH, in 0.0..=1000.0;
     }
 }
 
@@ -237,6 +250,7 @@ impl SurfaceSpeed {
     const ALONG: Output<Vector> = Self::SPEC.output("along");
     const WAY: Output<Scalar> = Self::SPEC.output("way");
     const CUTOFF_HZ: SettingId = SurfaceSpeedSettings::live("cutoff_hz");
+    const LEASH: SettingId = SurfaceSpeedSettings::live("leash");
 }
 
 #[derive(Debug, Clone)]
@@ -275,8 +289,10 @@ impl Processor for Following {
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
-        if setting == SurfaceSpeed::CUTOFF_HZ {
-            self.path.turn(value);
+        match setting {
+            SurfaceSpeed::CUTOFF_HZ => self.path.turn(value),
+            SurfaceSpeed::LEASH => self.path.set_leash(value),
+            _ => {}
         }
     }
 

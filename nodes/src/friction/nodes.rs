@@ -135,7 +135,7 @@ haptograph_engine::settings! {
         /// Coefficient of friction; replaces the surface's.
         [live] mu: Option<f64> = None, in 0.0..=10.0;
         /// Slope of the viscous region by normal force, s/mm.
-        slope_s_per_mm: f64 = 0.004, in 1e-9..=1e3;
+        [live] slope_s_per_mm: f64 = 0.004, in 1e-9..=1e3;
     }
 }
 
@@ -179,6 +179,7 @@ impl ViscousCoulombFriction {
     const VELOCITY: Input<Vector> = Self::SPEC.input("velocity");
     const FORCE: Output<Vector> = Self::SPEC.output("force");
     const MU: SettingId = ViscousCoulombSettings::live("mu");
+    const SLOPE_S_PER_MM: SettingId = ViscousCoulombSettings::live("slope_s_per_mm");
 }
 
 #[derive(Debug, Clone)]
@@ -204,8 +205,10 @@ impl Processor for Dragging {
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
-        if setting == ViscousCoulombFriction::MU {
-            self.mu = value;
+        match setting {
+            ViscousCoulombFriction::MU => self.mu = value,
+            ViscousCoulombFriction::SLOPE_S_PER_MM => self.law.slope_s_per_m = value * 1e3,
+            _ => {}
         }
     }
 }

@@ -3,7 +3,7 @@
 use haptograph_engine::frame::{Event, Kind, Linear, Record};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, Optional, Output,
-    OutputRole, OutputSpec, Processor, QuantityRule, Single, Tick, any_input,
+    OutputRole, OutputSpec, Processor, QuantityRule, SettingId, Single, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
 
@@ -102,7 +102,7 @@ haptograph_engine::settings! {
     /// Settings of [`Integrator`].
     pub struct IntegratorSettings {
         /// Time constant of the leak, s; none: no leak.
-        leak_s: Option<f64> = None, in 1e-6..=1e9;
+        [live] leak_s: Option<f64> = None, in 1e-6..=1e9;
         /// Value at the start and after a reset, in the SI unit of the output.
         start: f64 = 0.0;
     }
@@ -138,10 +138,9 @@ impl NodeKind for Integrator {
 
     fn build(settings: IntegratorSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let period_s = cx.rate.period_s();
-        let keep = settings.leak_s.map_or(1.0, |leak_s| (-period_s / leak_s).exp());
         Ok(Box::new(Integral {
-            keep,
-            half_period_s: 0.5 * period_s,
+            keep: settings.leak_s.map_or(1.0, |leak_s| keep(period_s, leak_s)),
+            period_s,
             start: settings.start,
             sum: [settings.start; WIDEST],
             previous: [0.0; WIDEST],
@@ -154,13 +153,19 @@ impl Integrator {
     const INPUT: Input<Linear> = Self::SPEC.input("input");
     const RESET: Input<Event, Optional> = Self::SPEC.input("reset");
     const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const LEAK_S: SettingId = IntegratorSettings::live("leak_s");
+}
+
+/// Decay factor per frame.
+fn keep(period_s: f64, leak_s: f64) -> f64 {
+    (-period_s / leak_s).exp()
 }
 
 #[derive(Debug, Clone)]
 struct Integral {
     /// Decay factor per frame.
     keep: f64,
-    half_period_s: f64,
+    period_s: f64,
     start: f64,
     sum: [f64; WIDEST],
     previous: [f64; WIDEST],
@@ -186,7 +191,7 @@ impl Processor for Integral {
             for (((y, x), sum), previous) in y.iter_mut().zip(x).zip(&mut self.sum).zip(&mut self.previous) {
                 let before = if self.started { *previous } else { *x };
                 let added = if self.started {
-                    self.half_period_s * (before + x)
+                    0.5 * self.period_s * (before + x)
                 } else {
                     0.0
                 };
@@ -199,6 +204,12 @@ impl Processor for Integral {
                 *y = *sum;
             }
             self.started = true;
+        }
+    }
+
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == Integrator::LEAK_S {
+            self.keep = keep(self.period_s, value);
         }
     }
 

@@ -3,8 +3,8 @@
 use crate::successor;
 use haptograph_engine::frame::{Event, Kind, Record, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
-    Processor, QuantityRule, SettingId, Tick, any_input,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
+    OutputSpec, Processor, QuantityRule, SettingId, Tick, any_input,
 };
 
 haptograph_engine::settings! {
@@ -13,7 +13,7 @@ haptograph_engine::settings! {
         /// Fires when the signal rises to this value or above it, in the SI unit of the signal.
         [live] rises_to: f64;
         /// The signal has to fall to this value or below it before the next event; none: to any value below `rises_to`.
-        falls_to: Option<f64> = None;
+        [live] falls_to: Option<f64> = None;
     }
 }
 
@@ -59,6 +59,7 @@ impl Threshold {
     const INPUT: Input<Scalar> = Self::SPEC.input("input");
     const EVENT: Output<Event> = Self::SPEC.output("event");
     const RISES_TO: SettingId = ThresholdSettings::live("rises_to");
+    const FALLS_TO: SettingId = ThresholdSettings::live("falls_to");
 }
 
 #[derive(Debug, Clone)]
@@ -89,8 +90,10 @@ impl Processor for Rising {
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
-        if setting == Threshold::RISES_TO {
-            self.rises_to = value;
+        match setting {
+            Threshold::RISES_TO => self.rises_to = value,
+            Threshold::FALLS_TO => self.falls_to = Some(value),
+            _ => {}
         }
     }
 

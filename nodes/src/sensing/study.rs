@@ -211,11 +211,11 @@ haptograph_engine::settings! {
     /// Settings of [`QuadrantDwell`].
     pub struct QuadrantDwellSettings {
         /// Speed between slow and fast, mm/s.
-        centre_mm_s: f64 = 130.0, in 0.0..=10_000.0;
+        [live] centre_mm_s: f64 = 130.0, in 0.0..=10_000.0;
         /// Force between light and hard, N.
-        centre_n: f64 = 1.2, in 0.0..=1000.0;
+        [live] centre_n: f64 = 1.2, in 0.0..=1000.0;
         /// Speed below which the hand is at rest and no time counts, mm/s.
-        rest_mm_s: f64 = 1.0, in 0.0..=10_000.0;
+        [live] rest_mm_s: f64 = 1.0, in 0.0..=10_000.0;
     }
 }
 
@@ -261,6 +261,9 @@ impl QuadrantDwell {
     const FAST_LIGHT: Output<Scalar> = Self::SPEC.output("fast_light");
     const SLOW_HARD: Output<Scalar> = Self::SPEC.output("slow_hard");
     const FAST_HARD: Output<Scalar> = Self::SPEC.output("fast_hard");
+    const CENTRE_MM_S: SettingId = QuadrantDwellSettings::live("centre_mm_s");
+    const CENTRE_N: SettingId = QuadrantDwellSettings::live("centre_n");
+    const REST_MM_S: SettingId = QuadrantDwellSettings::live("rest_mm_s");
 }
 
 #[derive(Debug, Clone)]
@@ -294,6 +297,15 @@ impl Processor for Dwelling {
                 slow_hard[frame],
                 fast_hard[frame],
             ] = dwell_s;
+        }
+    }
+
+    fn set(&mut self, setting: SettingId, value: f64) {
+        match setting {
+            QuadrantDwell::CENTRE_MM_S => self.centre_m_s = value * 1e-3,
+            QuadrantDwell::CENTRE_N => self.centre_n = value,
+            QuadrantDwell::REST_MM_S => self.rest_m_s = value * 1e-3,
+            _ => {}
         }
     }
 

@@ -1,7 +1,7 @@
 //! Accuracy of the compensator on simulated actuators (3.1.2): each differs from the
 //! stated parameters within a tolerance, and is compensated by the stated and by identified parameters.
 
-use crate::actuators::compensator::{Compensator, CompensatorSettings};
+use crate::actuators::compensator::{CORNER_HZ, Compensator, MOST_A_PER_M_S2};
 use crate::actuators::identify::{Known, Sweep, identify, sweep_current};
 use crate::actuators::two_mass::TwoMass;
 use haptograph_signal::noise::{Gaussian, stream_seed};
@@ -85,8 +85,7 @@ fn swept(actuator: &TwoMass, seed: u64) -> Swept {
 }
 
 fn felt(model: &TwoMass, actuator: &TwoMass) -> Option<Felt> {
-    let settings = CompensatorSettings::default();
-    let compensator = Compensator::design(&model.response(), &settings, RATE_HZ).ok()?;
+    let compensator = Compensator::design(&model.response(), CORNER_HZ, MOST_A_PER_M_S2, RATE_HZ).ok()?;
     let machine = actuator.machine(RATE_HZ);
     let over = (0..=400).map(|k| {
         let f_hz = 20.0 * 25.0_f64.powf(f64::from(k) / 400.0);

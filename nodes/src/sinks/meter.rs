@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec, Processor,
-    QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Input, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
+    Processor, QuantityRule, SettingId, Tick, any_input,
 };
 
 use crate::successor;
@@ -12,7 +12,7 @@ haptograph_engine::settings! {
     /// Settings of [`Meter`].
     pub struct MeterSettings {
         /// Time constant of both outputs.
-        window_s: f64 = 0.3, in 1e-6..=1e6;
+        [live] window_s: f64 = 0.3, in 1e-6..=1e6;
     }
 }
 
@@ -37,7 +37,8 @@ impl NodeKind for Meter {
 
     fn build(settings: MeterSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         Ok(Box::new(Level {
-            keep: (-cx.rate.period_s() / settings.window_s).exp(),
+            keep: keep(cx.rate.period_s(), settings.window_s),
+            period_s: cx.rate.period_s(),
             mean_square: 0.0,
             peak: 0.0,
         }))
@@ -48,6 +49,12 @@ impl Meter {
     const INPUT: Input<Linear> = Self::SPEC.input("input");
     const RMS: Output<Scalar> = Self::SPEC.output("rms");
     const PEAK: Output<Scalar> = Self::SPEC.output("peak");
+    const WINDOW_S: SettingId = MeterSettings::live("window_s");
+}
+
+/// Decay factor per frame.
+fn keep(period_s: f64, window_s: f64) -> f64 {
+    (-period_s / window_s).exp()
 }
 
 const fn level(name: &'static str, doc: &'static str) -> OutputSpec {
@@ -64,6 +71,7 @@ const fn level(name: &'static str, doc: &'static str) -> OutputSpec {
 struct Level {
     /// Decay factor per frame.
     keep: f64,
+    period_s: f64,
     mean_square: f64,
     peak: f64,
 }
@@ -79,6 +87,12 @@ impl Processor for Level {
             self.mean_square = flushed(self.keep * self.mean_square + (1.0 - self.keep) * square);
             self.peak = flushed((self.keep * self.peak).max(square.sqrt()));
             (*rms, *peak) = (self.mean_square.sqrt(), self.peak);
+        }
+    }
+
+    fn set(&mut self, setting: SettingId, value: f64) {
+        if setting == Meter::WINDOW_S {
+            self.keep = keep(self.period_s, value);
         }
     }
 

@@ -23,7 +23,7 @@ haptograph_engine::settings! {
         /// Quantity of the output, by name.
         quantity: String = "number".into();
         /// Scales the amplitude by the event's value divided by this, in the SI unit of the event; none: fixed amplitude.
-        per_value: Option<f64> = None, in 1e-12..=1e12;
+        [live] per_value: Option<f64> = None, in 1e-12..=1e12;
     }
 }
 
@@ -61,6 +61,7 @@ impl OneShot {
     const START: Input<Event> = Self::SPEC.input("start");
     const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
     const FULL_SCALE: SettingId = OneShotSettings::live("full_scale");
+    const PER_VALUE: SettingId = OneShotSettings::live("per_value");
 }
 
 #[derive(Debug, Clone)]
@@ -91,8 +92,11 @@ impl Processor for Playing {
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
-        if setting == OneShot::FULL_SCALE {
-            self.full_scale = value;
+        match setting {
+            OneShot::FULL_SCALE => self.full_scale = value,
+            // The next event plays with it.
+            OneShot::PER_VALUE => self.per_value = Some(value),
+            _ => {}
         }
     }
 

@@ -26,7 +26,7 @@ haptograph_engine::settings! {
         /// Time in free space after which the next contact can be a tap, ms.
         rearm_ms: f64 = OnsetSettings::default().rearm_s * 1e3, in 0.0..=10_000.0;
         /// Lowest speed of a tap, mm/s.
-        least_mm_s: f64 = OnsetSettings::default().least_m_s * 1e3, in 0.0..=10_000.0;
+        [live] least_mm_s: f64 = OnsetSettings::default().least_m_s * 1e3, in 0.0..=10_000.0;
         /// Time before contact over which its speed is measured, ms.
         window_ms: f64 = OnsetSettings::default().window_s * 1e3, in 0.0..=60.0;
     }
@@ -99,6 +99,7 @@ impl Tapping {
     const FORCE: Output<Vector> = Self::SPEC.output("force");
     const TAP: Output<Event> = Self::SPEC.output("tap");
     const MASS_G: SettingId = TappingSettings::live("mass_g");
+    const LEAST_MM_S: SettingId = TappingSettings::live("least_mm_s");
 }
 
 #[derive(Debug, Clone)]
@@ -137,8 +138,10 @@ impl Processor for Striking {
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
-        if let (Tapping::MASS_G, Some(transient)) = (setting, &mut self.transient) {
-            transient.mass_kg = value * 1e-3;
+        match (setting, &mut self.transient) {
+            (Tapping::LEAST_MM_S, _) => self.onset.least_m_s = value * 1e-3,
+            (Tapping::MASS_G, Some(transient)) => transient.mass_kg = value * 1e-3,
+            _ => {}
         }
     }
 

@@ -34,7 +34,8 @@ const MAX_SAMPLES: usize = 64;
 /// Detects the taps of one tool. Never allocates.
 #[derive(Debug, Clone)]
 pub struct Onset {
-    least_m_s: f64,
+    /// Lowest speed of a tap, m/s.
+    pub least_m_s: f64,
     period_s: f64,
     window: usize,
     /// Ticks per stored position, so that the window has the same duration at any rate.

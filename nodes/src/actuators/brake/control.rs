@@ -133,6 +133,11 @@ impl Brake {
         }
     }
 
+    /// The settings, which may change from tick to tick; those of the coil have no effect after the start.
+    pub fn settings_mut(&mut self) -> &mut BrakeSettings {
+        &mut self.settings
+    }
+
     /// The coil.
     pub fn coil(&self) -> &CoilThermal {
         &self.coil

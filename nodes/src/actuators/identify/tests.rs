@@ -149,11 +149,10 @@ fn one_known_mass_does_not_tell_two_actuators_apart() {
 
 #[test]
 fn a_fitted_actuator_is_compensated_within_3_db() {
-    use super::super::compensator::{Compensator, CompensatorSettings};
+    use super::super::compensator::{CORNER_HZ, Compensator, MOST_A_PER_M_S2};
     for truth in actuators() {
         let found = fit(&truth, NOISE_M_S2, Known::Nothing).unwrap();
-        let compensator =
-            Compensator::design(&found.response, &CompensatorSettings::default(), RATE_HZ).unwrap();
+        let compensator = Compensator::design(&found.response, CORNER_HZ, MOST_A_PER_M_S2, RATE_HZ).unwrap();
         let machine = truth.machine(RATE_HZ);
         for f_hz in (40..=500).map(f64::from) {
             let felt = compensator.filter().response(f_hz, RATE_HZ) * machine.response_at(f_hz);

@@ -62,6 +62,11 @@ impl SurfacePath {
         self.estimator.turn(frequency);
     }
 
+    /// Sets the length of the leash, as a multiple of the point's uncertainty.
+    pub fn set_leash(&mut self, leash: f64) {
+        self.leash = leash.max(0.0);
+    }
+
     /// Takes over the state of another path.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.estimator.copy_state_from(&other.estimator);
