@@ -24,9 +24,8 @@ pub use entry::NodeEntry;
 pub(crate) use entry::{Advised, Build, Finish, Measured, Read};
 pub use port::{Held, Input, Many, Mode, OneSignal, Optional, Output, Outputs, Sampled};
 pub use spec::{
-    OutputRole,
-    Flow, InputSpec, KindRule, NodeSpec, OutputSpec, Presence, QuantityRule, any_input, input, output,
-    output_like,
+    Flow, InputSpec, KindRule, NodeSpec, OutputRole, OutputSpec, Presence, QuantityRule, any_input, input,
+    output, output_like,
 };
 
 /// The longest block, in driver frames.
@@ -111,6 +110,8 @@ pub struct BuildError {
     pub help: Option<String>,
     /// The characters at fault in a text setting, as a half-open range.
     pub part: Option<(usize, usize)>,
+    /// The setting of the node that `field` is inside of, a structure or a list of structures, and the place in the list.
+    pub inside: Option<(&'static str, usize)>,
 }
 
 impl BuildError {
@@ -121,6 +122,7 @@ impl BuildError {
             message: message.into(),
             help: None,
             part: None,
+            inside: None,
         }
     }
 
@@ -136,6 +138,13 @@ impl BuildError {
     #[must_use]
     pub fn part(mut self, first: usize, end: usize) -> Self {
         self.part = Some((first, end));
+        self
+    }
+
+    /// Places the setting inside of another one of the node: a structure, or this one of a list of structures.
+    #[must_use]
+    pub fn inside(mut self, setting: &'static str, place: usize) -> Self {
+        self.inside = Some((setting, place));
         self
     }
 

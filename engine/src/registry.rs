@@ -5,9 +5,36 @@ use crate::device::DeviceEntry;
 use crate::frame::Kind;
 use crate::limiter::LIMITED_WIDTHS;
 use crate::node::{KindRule, NodeEntry};
+use crate::settings::{Fields, Reading};
 
 /// Forms of a connection that are no registered bridges.
 pub(crate) const RESERVED: [&str; 3] = ["Ring", "Delay", "Input"];
+
+/// A former name of a node kind: graph files that have it load as if they had the kind.
+#[derive(Debug, Clone, Copy)]
+pub struct Alias {
+    /// The former name.
+    pub former: &'static str,
+    /// The name of the kind.
+    pub kind: &'static str,
+    /// Writes the fields of the former kind as those of the kind; messages go on naming the former.
+    pub(crate) rewrite: fn(&mut Fields, &mut Reading<'_>),
+}
+
+impl Alias {
+    /// An alias, with what writes the fields of the former kind as those of the kind.
+    pub const fn new(
+        former: &'static str,
+        kind: &'static str,
+        rewrite: fn(&mut Fields, &mut Reading<'_>),
+    ) -> Self {
+        Self {
+            former,
+            kind,
+            rewrite,
+        }
+    }
+}
 
 /// Kinds of nodes, devices and frames, types of bridges, and library templates of a program.
 /// `haptograph_nodes::registry()` has the shipped ones.
@@ -52,6 +79,7 @@ pub struct Registry {
     kinds: Vec<Kind>,
     bridges: Vec<BridgeEntry>,
     nodes: Vec<NodeEntry>,
+    aliases: Vec<Alias>,
     devices: Vec<DeviceEntry>,
     library: Vec<(&'static str, &'static str)>,
 }
@@ -63,6 +91,7 @@ impl Registry {
             kinds: Kind::ENGINE.to_vec(),
             bridges: BridgeEntry::ENGINE.to_vec(),
             nodes: Vec::new(),
+            aliases: Vec::new(),
             devices: Vec::new(),
             library: Vec::new(),
         }
@@ -85,6 +114,12 @@ impl Registry {
     /// `E0212`.
     pub fn add(&mut self, entry: NodeEntry) -> &mut Self {
         self.nodes.push(entry);
+        self
+    }
+
+    /// Adds a former name of a node kind. A kind or template of that name is taken instead.
+    pub fn add_alias(&mut self, alias: Alias) -> &mut Self {
+        self.aliases.push(alias);
         self
     }
 
@@ -192,6 +227,22 @@ impl Registry {
     /// The node kind of this name.
     pub fn node(&self, name: &str) -> Option<NodeEntry> {
         self.nodes.iter().find(|entry| entry.spec.name == name).copied()
+    }
+
+    /// The alias of this former name.
+    pub fn alias(&self, former: &str) -> Option<Alias> {
+        self.aliases.iter().find(|alias| alias.former == former).copied()
+    }
+
+    /// The node kind that is meant by this name, which may be a former one.
+    pub fn node_meant(&self, name: &str) -> Option<NodeEntry> {
+        let alias = || self.node(self.alias(name)?.kind);
+        self.node(name).or_else(alias)
+    }
+
+    /// All former names of node kinds.
+    pub fn aliases(&self) -> &[Alias] {
+        &self.aliases
     }
 
     /// The device kind of this name.

@@ -6,6 +6,7 @@ mod declare;
 mod expected;
 mod fields;
 mod live;
+mod rewrite;
 mod spelling;
 mod values;
 
@@ -14,8 +15,8 @@ pub use expected::{Expected, Form};
 pub use fields::{Fields, fields_of};
 #[doc(hidden)]
 pub use live::any;
-pub(crate) use live::{has_limit, same};
 pub use live::{DeclaredField, SettingId};
+pub(crate) use live::{has_limit, same};
 pub use spelling::closest;
 
 use crate::diagnostic::{Diagnostic, Span};
@@ -64,7 +65,12 @@ pub enum SettingRole {
 
 impl SettingSpec {
     /// A setting of type `T` that is not live; `default` as [`settings!`](crate::settings!) has it.
-    pub fn new<T: Setting>(name: &'static str, doc: String, default: Option<&T>, range: Option<(f64, f64)>) -> Self {
+    pub fn new<T: Setting>(
+        name: &'static str,
+        doc: String,
+        default: Option<&T>,
+        range: Option<(f64, f64)>,
+    ) -> Self {
         let expected = T::expected();
         Self {
             name,

@@ -34,6 +34,8 @@
 #[cfg(feature = "touch")]
 pub mod actuators;
 #[cfg(feature = "touch")]
+mod aliases;
+#[cfg(feature = "touch")]
 pub mod contact;
 mod csv_table;
 mod fallback;
@@ -184,11 +186,10 @@ fn texture(all: &mut Registry) {
 
 #[cfg(feature = "touch")]
 fn touch(all: &mut Registry) {
-    all.add(NodeEntry::processor::<contact::nodes::ContactPlane>())
-        .add(NodeEntry::processor::<contact::nodes::ContactSphere>())
-        .add(NodeEntry::processor::<contact::nodes::ContactBox>())
-        .add(NodeEntry::processor::<contact::nodes::ContactMesh>())
-        .add(NodeEntry::processor::<contact::nodes::ContactScene>())
+    for alias in aliases::TOUCH {
+        all.add_alias(*alias);
+    }
+    all.add(NodeEntry::processor::<contact::nodes::ContactNode>())
         .add(NodeEntry::processor::<contact::nodes::ContactParts>())
         .add(NodeEntry::processor::<contact::force_node::NormalForce>())
         .add(NodeEntry::processor::<friction::nodes::DahlFriction>())

@@ -67,6 +67,154 @@ fn round(runner: &mut Runner, mut each: impl FnMut(usize, &Run)) {
     });
 }
 
+/// A tip that wanders through the origin, and a node that it touches.
+fn touching(folder: &Path, touch: &str) -> Result<Graph, Diagnostics> {
+    let text = format!(
+        r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 1000) }}, parameters: {{ "is_room": true }}, nodes: {{
+            "x": Sine(clock: "servo", frequency_hz: 3, amplitude: 0.06, quantity: "length"),
+            "y": Sine(clock: "servo", frequency_hz: 5, amplitude: 0.06, quantity: "length"),
+            "z": Sine(clock: "servo", frequency_hz: 7, amplitude: 0.06, quantity: "length"),
+            "at": Pack(x: "x", y: "y", z: "z"),
+            "touch": {touch},
+        }})"#
+    );
+    let path = folder.join("touching.ron");
+    std::fs::write(&path, text).unwrap();
+    graph_with(&path, &CheckOptions::default())
+}
+
+/// Samples of the contact over half a second.
+fn contacts(folder: &Path, touch: &str) -> Vec<f64> {
+    let graph = touching(folder, touch).unwrap_or_else(|wrong| panic!("{wrong}"));
+    let taps = outputs(&graph);
+    let at = taps
+        .iter()
+        .position(|(node, output)| graph.nodes()[*node].path == "touch" && *output == 0);
+    let (at, mut samples) = (at.unwrap(), Vec::new());
+    let mut runner = Runner::new(&plans(&graph, 50));
+    while samples.len() < 12 * 500 {
+        round(&mut runner, |_, run| samples.extend_from_slice(run.tap(at)));
+    }
+    samples
+}
+
+/// A folder with a mesh.
+fn with_a_mesh() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let wedge = "solid wedge\nfacet normal 0 0 1\nouter loop\nvertex -50 -50 0\nvertex 50 -50 0\nvertex 0 50 0\n\
+                 endloop\nendfacet\nendsolid wedge\n";
+    std::fs::write(folder.path().join("wedge.stl"), wedge).unwrap();
+    folder
+}
+
+#[test]
+fn former_names_of_contacts_give_the_same_samples() {
+    let folder = with_a_mesh();
+    for (former, now) in [
+        (
+            "ContactPlane(position: \"at\", normal: [0, 1, 1])",
+            "Contact(position: \"at\", solids: Plane(normal: [0, 1, 1]), proxy_diameter_mm: 0)",
+        ),
+        (
+            "ContactPlane(position: \"at\", proxy_diameter_mm: 3.2)",
+            "Contact(position: \"at\", solids: [Plane()])",
+        ),
+        (
+            "ContactSphere(position: \"at\", diameter_mm: 80)",
+            "Contact(position: \"at\", solids: Sphere(diameter_mm: 80))",
+        ),
+        (
+            "ContactBox(position: \"at\", size_mm: [90, 90, 50])",
+            "Contact(position: \"at\", solids: Box(size_mm: [90, 90, 50]))",
+        ),
+        (
+            "ContactBox(position: \"at\", size_mm: [90, 90, 50], inside: Param(\"is_room\"))",
+            "Contact(position: \"at\", solids: [Room(size_mm: [90, 90, 50])])",
+        ),
+        (
+            "ContactMesh(position: \"at\", file: \"wedge.stl\")",
+            "Contact(position: \"at\", solids: Mesh(file: \"wedge.stl\"), proxy_diameter_mm: 0)",
+        ),
+        (
+            "ContactScene(position: \"at\", solids: [Plane(), Sphere()])",
+            "Contact(position: \"at\", solids: [Plane(), Sphere()])",
+        ),
+    ] {
+        let samples = contacts(folder.path(), former);
+        assert!(
+            samples.iter().step_by(12).any(|touching| *touching == 1.0),
+            "{former}"
+        );
+        let bits = |samples: Vec<f64>| samples.into_iter().map(f64::to_bits).collect::<Vec<_>>();
+        assert_eq!(bits(samples), bits(contacts(folder.path(), now)), "{former}");
+    }
+}
+
+#[test]
+fn what_is_wrong_in_a_former_contact_is_said_where_it_stands() {
+    let folder = with_a_mesh();
+    for (former, code, place) in [
+        (
+            "ContactPlane(position: \"at\", normal: [0, 0, 0])",
+            "E0304",
+            "[0, 0, 0]",
+        ),
+        (
+            "ContactPlane(position: \"at\", norml: [0, 0, 1])",
+            "E0204",
+            "norml",
+        ),
+        ("ContactSphere(position: \"at\", diameter_mm: -1)", "E0302", "-1"),
+        ("ContactSphere(diameter_mm: 5)", "E0401", "ContactSphere"),
+        ("ContactBox(position: \"at\")", "E0205", "ContactBox"),
+        (
+            "ContactBox(position: \"at\", size_mm: [1, 1, 1], inside: 3)",
+            "E0301",
+            "3",
+        ),
+        (
+            "ContactBox(position: \"at\", size_mm: Param(\"no\"))",
+            "E0209",
+            "Param(\"no\")",
+        ),
+        (
+            "ContactMesh(position: \"at\", file: \"wedge.step\")",
+            "E0304",
+            "\"wedge.step\"",
+        ),
+        ("ContactScene(position: \"at\", solids: [])", "E0304", "[]"),
+        (
+            "Contact(position: \"at\", solids: [Plane(), Box(size_mm: [0, 1, 1])])",
+            "E0304",
+            "[0, 1, 1]",
+        ),
+    ] {
+        let wrong = touching(folder.path(), former).err().unwrap();
+        let span = wrong.list[0].primary.as_ref().unwrap().span;
+        let text = &wrong.sources.get(span.source).unwrap().text[span.start..span.end];
+        let found: Vec<&str> = wrong.list.iter().map(|one| one.code).collect();
+        assert_eq!((&found[..], text), (&[code][..], place), "{former}: {wrong}");
+    }
+}
+
+/// What an edit from afar must not touch is the limit of an actuator, not any setting of that name.
+#[test]
+fn only_limits_of_actuators_are_safety() {
+    let text = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 1000) },
+        parameters: { "soft": 1.0, "hard": 0.5 },
+        nodes: {
+            "tone": Sine(clock: "servo", frequency_hz: 3, quantity: "current"),
+            "clip": SoftClip(input: "tone", limit: Param("soft")),
+            "out": ActuatorSink(current: "clip", endpoint: "coil", limit: (peak_a: Param("hard"), continuous_a: 0.25)),
+        },
+        endpoints: { "simulated": { "coil": SimulatedHaptuator() } })"#;
+    let document = Document::parse("limits.ron", text).unwrap_or_else(|wrong| panic!("{wrong}"));
+    let registry = haptograph_nodes::registry();
+    let found = document.dependent_safety(&registry);
+    let texts: Vec<&str> = found.values().map(String::as_str).collect();
+    assert_eq!(texts, ["Param(\"hard\")"], "{found:?}");
+}
+
 #[test]
 fn no_tick_of_a_shipped_graph_allocates() {
     for path in shipped() {

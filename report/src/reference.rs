@@ -167,7 +167,7 @@ pub fn all_groups(registry: &Registry) -> Vec<&'static str> {
 
 /// The description of the node, template, device or bridge of this name.
 pub fn kind(registry: &Registry, name: &str) -> Option<String> {
-    let node = registry.node(name).map(|entry| node_text(&entry));
+    let node = registry.node_meant(name).map(|entry| node_text(&entry));
     node.or_else(|| registry.device(name).map(|entry| device_text(&entry)))
         .or_else(|| template_text(registry, name))
         .or_else(|| bridge_text(registry, name))

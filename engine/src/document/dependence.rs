@@ -108,7 +108,7 @@ impl Document {
 /// The limits of a node, if it is an actuator sink.
 fn limits<'v>(value: &'v Value, registry: &Registry) -> impl Iterator<Item = &'v Value> {
     let kind = match &value.shape {
-        Shape::Tagged(Tagged { name: Some(kind), .. }) => registry.node(&kind.text),
+        Shape::Tagged(Tagged { name: Some(kind), .. }) => registry.node_meant(&kind.text),
         _ => None,
     };
     let limit = kind.and_then(|kind| kind.setting_for(SettingRole::Limit));

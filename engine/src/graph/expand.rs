@@ -6,6 +6,7 @@ use crate::diagnostic::{Diagnostic, SourceId, Span};
 use crate::document::library;
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::{NodeEntry, Presence};
+use crate::registry::Alias;
 use crate::settings::{Expected, Fields, Setting};
 use std::collections::{HashMap, HashSet};
 
@@ -104,9 +105,14 @@ impl Expansion<'_> {
     ) -> Option<Target> {
         let (kind, entries) = parts(cx, value, "a node, `Kind(field: value)`")?;
         if let Some(entry) = cx.registry.node(&kind.text) {
-            return Some(self.node(cx, scope, name, kind, entries, entry));
+            return Some(self.node(cx, scope, name, kind, entries, entry, None));
         }
         let Some(&template) = self.templates.get(&kind.text) else {
+            let alias = cx.registry.alias(&kind.text);
+            if let Some((alias, entry)) = alias.and_then(|alias| Some((alias, cx.registry.node(alias.kind)?)))
+            {
+                return Some(self.node(cx, scope, name, kind, entries, entry, Some(alias)));
+            }
             let message = format!("there is no kind of node `{}`", kind.text);
             let kinds = cx.registry.nodes().iter().map(|entry| entry.spec.name);
             let templates = cx
@@ -166,6 +172,7 @@ impl Expansion<'_> {
         Some(Target::Instance(instance))
     }
 
+    #[expect(clippy::too_many_arguments, reason = "all of what is written, and what it is")]
     fn node(
         &mut self,
         cx: &mut Context<'_>,
@@ -174,9 +181,13 @@ impl Expansion<'_> {
         kind: &Name,
         entries: &[(Name, Value)],
         entry: NodeEntry,
+        alias: Option<Alias>,
     ) -> Target {
         let mut uses = Vec::new();
         let mut fields = self.fields(cx, scope, kind, entries, &mut uses);
+        if let Some(alias) = alias {
+            cx.reading(|reading| (alias.rewrite)(&mut fields, reading));
+        }
         let is_left_out = self.is_left_out(cx, scope, &mut fields);
         let path = format!("{}{}", self.draft.scopes[scope].prefix, name.text);
         self.draft.nodes.push(DraftNode {
@@ -339,7 +350,7 @@ pub(super) fn parts<'v>(
                 let expected = Expected::described(format!("fields of `{}`, `name: value`", name.text));
                 let first = cx
                     .registry
-                    .node(&name.text)
+                    .node_meant(&name.text)
                     .and_then(|entry| entry.spec.inputs.first());
                 let before = cx.diagnostics.len();
                 cx.reading(|reading| reading.mismatch(at, &expected));

@@ -16,10 +16,10 @@ pub struct Fields {
     pub owner: String,
     /// The whole structure.
     pub span: Span,
-    entries: Vec<(Name, Value)>,
+    pub(super) entries: Vec<(Name, Value)>,
     known: Vec<String>,
     /// Special diagnostics for missing fields, by name; `None` if the field was reported already.
-    missing: Vec<(String, Option<Diagnostic>)>,
+    pub(super) missing: Vec<(String, Option<Diagnostic>)>,
     /// Missing fields, reported at the end: an unknown field may be a misspelling of one.
     missed: Vec<(String, Diagnostic)>,
 }

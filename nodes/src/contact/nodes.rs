@@ -1,36 +1,20 @@
-//! Contact nodes: one for each shape, and one for scenes of several shapes.
+//! Contact nodes: of a tool with one shape or several, and the parts of a contact.
 
 use super::Contact;
 use super::mesh::{MeshFormat, TriangleMesh};
-use super::shape::{Scene, Shape, ShapeError};
+use super::shape::{Scene, Shape as SolidShape, ShapeError};
 use crate::successor;
 use crate::vector::Vec3;
+use haptograph_engine::document::value::{Shape, Value};
 use haptograph_engine::frame::{Kind, OneKind, Record, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor, Tick,
-    input, output,
+    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
 };
-use haptograph_engine::settings::NoSettings;
+use haptograph_engine::settings::{Expected, NoSettings, Part, Reading, Setting};
 use haptograph_signal::files;
 use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-const POSITION: &[InputSpec] = &[input(
-    "position",
-    Kind::VECTOR,
-    Quantity::LENGTH,
-    "Position of the tool (HIP), m.",
-)];
-
-const CONTACT: OutputSpec = output(
-    "contact",
-    Contact::KIND,
-    Quantity::NUMBER,
-    "HIP, IHIP, penetration, outward normal and face.",
-);
-
-const SOURCE: &str = "4.3, A.3.2; Zilles and Salisbury 1995";
 
 haptograph_engine::settings! {
     /// A half space.
@@ -90,30 +74,59 @@ haptograph_engine::choices! {
     }
 }
 
+/// One shape, written as such, or a list of shapes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solids(pub Vec<Solid>);
+
+impl Setting for Solids {
+    fn expected() -> Expected {
+        let one = Solid::expected();
+        Expected::described(format!("{one}, or a list of them"))
+    }
+
+    fn parts() -> Vec<Part> {
+        Solid::parts()
+    }
+
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        match value.shape {
+            Shape::List(_) => Vec::read(value, reading).map(Self),
+            _ => Solid::read(value, reading).map(|solid| Self(vec![solid])),
+        }
+    }
+
+    fn show(&self) -> String {
+        match &self.0[..] {
+            [one] => one.show(),
+            _ => self.0.show(),
+        }
+    }
+}
+
 pub(crate) fn metres(mm: [f64; 3]) -> Vec3 {
     mm.map(|x| x * 1e-3)
 }
 
 impl Solid {
-    fn to_shape(&self) -> Result<Shape, BuildError> {
+    fn to_shape(&self) -> Result<SolidShape, BuildError> {
         Ok(match self {
-            Self::Plane(plane) => Shape::Plane {
+            Self::Plane(plane) => SolidShape::Plane {
                 origin_m: metres(plane.origin_mm),
                 normal: plane.normal,
             },
-            Self::Sphere(sphere) => Shape::Sphere {
+            Self::Sphere(sphere) => SolidShape::Sphere {
                 centre_m: metres(sphere.centre_mm),
                 diameter_m: sphere.diameter_mm * 1e-3,
             },
-            Self::Box(cuboid) => Shape::Box {
+            Self::Box(cuboid) => SolidShape::Box {
                 centre_m: metres(cuboid.centre_mm),
                 size_m: metres(cuboid.size_mm),
             },
-            Self::Room(room) => Shape::Room {
+            Self::Room(room) => SolidShape::Room {
                 centre_m: metres(room.centre_mm),
                 size_m: metres(room.size_mm),
             },
-            Self::Mesh(mesh) => Shape::Mesh {
+            Self::Mesh(mesh) => SolidShape::Mesh {
                 mesh: Arc::new(load_mesh(&mesh.file, mesh.unit_mm)?),
                 start_m: mesh.start_mm.map(metres),
             },
@@ -133,256 +146,42 @@ pub(crate) fn load_mesh(file: &Path, unit_mm: f64) -> Result<TriangleMesh, Build
     TriangleMesh::from_bytes(&bytes, format, unit_mm * 1e-3).map_err(|error| failed(&error))
 }
 
-/// The setting that a shape's error belongs to.
-fn field(error: ShapeError) -> BuildError {
-    let ShapeError::OutOfRange { name, .. } = error;
-    let field = match name {
-        "proxy_diameter_m" => "proxy_diameter_mm",
-        "normal" => "normal",
-        "diameter_m" => "diameter_mm",
-        _ => "size_mm",
-    };
-    BuildError::at(field, error.to_string())
-}
-
-fn toucher(
-    solids: &[Solid],
-    proxy_diameter_mm: f64,
-    solid: Option<Output<Scalar>>,
-) -> Result<Box<dyn Processor>, BuildError> {
-    let shapes = solids
-        .iter()
-        .map(Solid::to_shape)
-        .collect::<Result<Vec<_>, _>>()?;
-    let scene = Scene::new(&shapes, proxy_diameter_mm * 1e-3).map_err(field)?;
-    Ok(Box::new(Toucher { scene, solid }))
-}
-
-const TOOL: Input<Vector> = Input::common([
-    ContactPlane::SPEC.input("position"),
-    ContactSphere::SPEC.input("position"),
-    ContactBox::SPEC.input("position"),
-    ContactMesh::SPEC.input("position"),
-    ContactScene::SPEC.input("position"),
-]);
-const TOUCH: Output<Contact> = Output::common([
-    ContactPlane::SPEC.output("contact"),
-    ContactSphere::SPEC.output("contact"),
-    ContactBox::SPEC.output("contact"),
-    ContactMesh::SPEC.output("contact"),
-    ContactScene::SPEC.output("contact"),
-]);
-const SOLID: Output<Scalar> = ContactScene::SPEC.output("solid");
-
-#[derive(Debug, Clone)]
-struct Toucher {
-    scene: Scene,
-    /// Where the index of the touched shape goes; only scenes have this output.
-    solid: Option<Output<Scalar>>,
-}
-
-impl Processor for Toucher {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let positions = io.read(TOOL);
-        let (contacts, solids) = match self.solid {
-            None => (io.write(TOUCH), None),
-            Some(solid) => {
-                let (contacts, solids) = io.write_all((TOUCH, solid));
-                (contacts, Some(solids))
-            }
-        };
-        let mut solids = solids.into_iter().flatten();
-        for (components, hip_m) in contacts.iter_mut().zip(positions) {
-            let (touch, which): (Contact, usize) = self.scene.update(*hip_m);
-            *components = touch.to_components();
-            if let Some(solid) = solids.next() {
-                *solid = which as f64;
-            }
-        }
-    }
-
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.scene.copy_state_from(&self.scene);
-        }
-    }
-}
-
 haptograph_engine::settings! {
-    /// Settings of [`ContactPlane`].
-    pub struct ContactPlaneSettings {
-        /// A point of its surface, mm.
-        origin_mm: [f64; 3] = [0.0, 0.0, 0.0];
-        /// Outward direction, of any length.
-        normal: [f64; 3] = [0.0, 0.0, 1.0];
-        /// Diameter of the ball at the tool's tip, mm.
-        proxy_diameter_mm: f64 = 0.0, in 0.0..=1000.0;
-    }
-}
-
-/// Contact with a plane.
-pub struct ContactPlane;
-
-impl NodeKind for ContactPlane {
-    type Settings = ContactPlaneSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ContactPlane",
-        group: "contact",
-        doc: "Contact of a tool with a plane.",
-        source: SOURCE,
-        inputs: POSITION,
-        outputs: &[CONTACT],
-        example: r#""touch": ContactPlane(position: "arm.position", origin_mm: [0.0, 0.0, 0.0])"#,
-    };
-
-    fn build(settings: ContactPlaneSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let ContactPlaneSettings {
-            origin_mm,
-            normal,
-            proxy_diameter_mm,
-        } = settings;
-        toucher(
-            &[Solid::Plane(PlaneSettings { origin_mm, normal })],
-            proxy_diameter_mm,
-            None,
-        )
-    }
-}
-
-haptograph_engine::settings! {
-    /// Settings of [`ContactSphere`].
-    pub struct ContactSphereSettings {
-        /// Centre, mm.
-        centre_mm: [f64; 3] = [0.0, 0.0, 0.0];
-        /// Diameter, mm.
-        diameter_mm: f64 = 100.0, in 0.001..=100_000.0;
+    /// Settings of [`ContactNode`].
+    pub struct ContactSettings {
+        /// The shape, or a list of shapes: Plane, Sphere, Box, Room or Mesh with their settings.
+        solids: Solids;
         /// Diameter of the ball at the tool's tip, mm.
         proxy_diameter_mm: f64 = 3.2, in 0.0..=1000.0;
     }
 }
 
-/// Contact with a sphere.
-pub struct ContactSphere;
+/// Contact with one shape or several, `Contact` in graph files.
+pub struct ContactNode;
 
-impl NodeKind for ContactSphere {
-    type Settings = ContactSphereSettings;
+impl NodeKind for ContactNode {
+    type Settings = ContactSettings;
     const SPEC: NodeSpec = NodeSpec {
-        name: "ContactSphere",
+        name: "Contact",
         group: "contact",
-        doc: "Contact of a tool with a sphere. HIP and IHIP are positions of the centre of the ball at the tool's tip.",
-        source: SOURCE,
-        inputs: POSITION,
-        outputs: &[CONTACT],
-        example: r#""touch": ContactSphere(position: "arm.position", diameter_mm: 100.0, proxy_diameter_mm: 3.2)"#,
-    };
-
-    fn build(settings: ContactSphereSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let ContactSphereSettings {
-            centre_mm,
-            diameter_mm,
-            proxy_diameter_mm,
-        } = settings;
-        toucher(
-            &[Solid::Sphere(SphereSettings {
-                centre_mm,
-                diameter_mm,
-            })],
-            proxy_diameter_mm,
-            None,
-        )
-    }
-}
-
-haptograph_engine::settings! {
-    /// Settings of [`ContactBox`].
-    pub struct ContactBoxSettings {
-        /// Centre, mm.
-        centre_mm: [f64; 3] = [0.0, 0.0, 0.0];
-        /// Extents along x, y and z, mm.
-        size_mm: [f64; 3];
-        /// Contact from inside: a room.
-        inside: bool = false;
-        /// Diameter of the ball at the tool's tip, mm.
-        proxy_diameter_mm: f64 = 3.2, in 0.0..=1000.0;
-    }
-}
-
-/// Contact with a box, from outside or inside.
-pub struct ContactBox;
-
-impl NodeKind for ContactBox {
-    type Settings = ContactBoxSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ContactBox",
-        group: "contact",
-        doc: "Contact of a tool with a box whose edges lie along the axes, from outside or from inside.",
-        source: "4.5.2",
-        inputs: POSITION,
-        outputs: &[CONTACT],
-        example: r#""touch": ContactBox(position: "arm.position", size_mm: [100.0, 100.0, 50.0])"#,
-    };
-
-    fn build(settings: ContactBoxSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let ContactBoxSettings {
-            centre_mm,
-            size_mm,
-            inside,
-            proxy_diameter_mm,
-        } = settings;
-        let cuboid = BoxSettings { centre_mm, size_mm };
-        let solid = if inside {
-            Solid::Room(cuboid)
-        } else {
-            Solid::Box(cuboid)
-        };
-        toucher(&[solid], proxy_diameter_mm, None)
-    }
-}
-
-/// Contact with a triangle mesh.
-pub struct ContactMesh;
-
-impl NodeKind for ContactMesh {
-    type Settings = MeshSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ContactMesh",
-        group: "contact",
-        doc: "Contact of a point with a triangle mesh from an STL or OBJ file, by a god-object proxy that never passes \
-              through a triangle.",
-        source: SOURCE,
-        inputs: POSITION,
-        outputs: &[CONTACT],
-        example: r#""touch": ContactMesh(position: "arm.position", file: "shapes/wedge.stl")"#,
-    };
-
-    fn build(settings: MeshSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        toucher(&[Solid::Mesh(settings)], 0.0, None)
-    }
-}
-
-haptograph_engine::settings! {
-    /// Settings of [`ContactScene`].
-    pub struct ContactSceneSettings {
-        /// The shapes: Plane, Sphere, Box, Room or Mesh with their settings.
-        solids: Vec<Solid>;
-        /// Diameter of the ball at the tool's tip, mm.
-        proxy_diameter_mm: f64 = 3.2, in 0.0..=1000.0;
-    }
-}
-
-/// Contact with several shapes.
-pub struct ContactScene;
-
-impl NodeKind for ContactScene {
-    type Settings = ContactSceneSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ContactScene",
-        group: "contact",
-        doc: "Contact of a tool with several shapes at once; the deepest contact applies.",
-        source: "4.5.2",
-        inputs: POSITION,
+        doc: "Contact of a tool with a plane, a sphere, a box, a room or a triangle mesh, or with several of them at once, \
+              of which the deepest contact applies. HIP and IHIP are positions of the centre of the ball at the tool's tip. \
+              Of a mesh, from an STL or OBJ file, a point is the tool: set `proxy_diameter_mm: 0`; the god-object proxy \
+              never passes through a triangle.",
+        source: "4.3, 4.5.2, A.3.2; Zilles and Salisbury 1995",
+        inputs: &[input(
+            "position",
+            Kind::VECTOR,
+            Quantity::LENGTH,
+            "Position of the tool (HIP), m.",
+        )],
         outputs: &[
-            CONTACT,
+            output(
+                "contact",
+                Contact::KIND,
+                Quantity::NUMBER,
+                "HIP, IHIP, penetration, outward normal and face.",
+            ),
             output(
                 "solid",
                 Kind::SCALAR,
@@ -390,14 +189,64 @@ impl NodeKind for ContactScene {
                 "Index of the touched shape, from 0.",
             ),
         ],
-        example: r#""touch": ContactScene(position: "arm.position", solids: [Room(size_mm: [160.0, 160.0, 120.0]), Sphere(diameter_mm: 50.0)])"#,
+        example: r#""touch": Contact(position: "arm.position", solids: [Room(size_mm: [160.0, 160.0, 120.0]), Sphere(diameter_mm: 50.0)])"#,
     };
 
-    fn build(settings: ContactSceneSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        if settings.solids.is_empty() {
+    fn build(settings: ContactSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let (Solids(solids), proxy_diameter_m) = (settings.solids, settings.proxy_diameter_mm * 1e-3);
+        if solids.is_empty() {
             return Err(BuildError::at("solids", "`solids` is empty").help("list at least one shape"));
         }
-        toucher(&settings.solids, settings.proxy_diameter_mm, Some(SOLID))
+        let mut shapes = Vec::with_capacity(solids.len());
+        for (place, solid) in solids.iter().enumerate() {
+            let shape = solid.to_shape().map_err(|error| error.inside("solids", place))?;
+            // Each by itself first, so that an error names its shape.
+            Scene::new(std::slice::from_ref(&shape), proxy_diameter_m).map_err(|error| at(error, place))?;
+            shapes.push(shape);
+        }
+        let scene = Scene::new(&shapes, proxy_diameter_m).map_err(|error| at(error, 0))?;
+        Ok(Box::new(Toucher { scene }))
+    }
+}
+
+/// An error of a shape at its setting.
+fn at(error: ShapeError, place: usize) -> BuildError {
+    let ShapeError::OutOfRange { name, .. } = error;
+    let own = match name {
+        "proxy_diameter_m" => return BuildError::at("proxy_diameter_mm", error.to_string()),
+        "normal" => "normal",
+        "diameter_m" => "diameter_mm",
+        _ => "size_mm",
+    };
+    BuildError::at(own, error.to_string()).inside("solids", place)
+}
+
+impl ContactNode {
+    const POSITION: Input<Vector> = Self::SPEC.input("position");
+    const CONTACT: Output<Contact> = Self::SPEC.output("contact");
+    const SOLID: Output<Scalar> = Self::SPEC.output("solid");
+}
+
+#[derive(Debug, Clone)]
+struct Toucher {
+    scene: Scene,
+}
+
+impl Processor for Toucher {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let positions = io.read(ContactNode::POSITION);
+        let (contacts, solids) = io.write_all((ContactNode::CONTACT, ContactNode::SOLID));
+        for ((contact, solid), hip_m) in contacts.iter_mut().zip(solids).zip(positions) {
+            let (touch, which): (Contact, usize) = self.scene.update(*hip_m);
+            *contact = touch.to_components();
+            *solid = which as f64;
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.scene.copy_state_from(&self.scene);
+        }
     }
 }
 
@@ -490,14 +339,25 @@ mod tests {
     use crate::vector::{add_scaled, norm};
     use haptograph_engine::testing::Bench;
 
+    fn bench(solids: Vec<Solid>, proxy_diameter_mm: f64) -> Result<Bench, BuildError> {
+        let settings = ContactSettings {
+            solids: Solids(solids),
+            proxy_diameter_mm,
+        };
+        Bench::new::<ContactNode>(settings, 1000.0, &[Kind::VECTOR])
+    }
+
+    fn sphere(diameter_mm: f64) -> Solid {
+        let centre_mm = [0.0; 3];
+        Solid::Sphere(SphereSettings {
+            centre_mm,
+            diameter_mm,
+        })
+    }
+
     #[test]
     fn a_tip_in_the_thesis_sphere_is_pushed_out_of_it() {
-        let settings = ContactSphereSettings {
-            centre_mm: [0.0; 3],
-            diameter_mm: 100.0,
-            proxy_diameter_mm: 3.2,
-        };
-        let mut bench = Bench::new::<ContactSphere>(settings, 1000.0, &[Kind::VECTOR]).unwrap();
+        let mut bench = bench(vec![sphere(100.0)], 3.2).unwrap();
         let out = bench
             .run(&[&[0.0, 0.0, 0.0506, 0.0, 0.03, 0.04, 0.0, 0.0, 0.06]])
             .remove(0);
@@ -515,15 +375,7 @@ mod tests {
             centre_mm: [0.0; 3],
             size_mm: [100.0; 3],
         };
-        let ball = SphereSettings {
-            centre_mm: [0.0; 3],
-            diameter_mm: 20.0,
-        };
-        let settings = ContactSceneSettings {
-            solids: vec![Solid::Room(room), Solid::Sphere(ball)],
-            proxy_diameter_mm: 0.0,
-        };
-        let mut bench = Bench::new::<ContactScene>(settings, 1000.0, &[Kind::VECTOR]).unwrap();
+        let mut bench = bench(vec![Solid::Room(room), sphere(20.0)], 0.0).unwrap();
         let out = bench.run(&[&[0.0, 0.0, 0.052, 0.0, 0.0, 0.03, 0.0, 0.0, 0.009]]);
         assert_eq!(out[1], [0.0, 0.0, 1.0]);
         let touching: Vec<f64> = out[0].iter().step_by(12).copied().collect();
@@ -532,19 +384,20 @@ mod tests {
 
     #[test]
     fn shapes_that_cannot_be_touched_are_refused_at_their_field() {
-        let plane = ContactPlaneSettings {
+        let plane = PlaneSettings {
             origin_mm: [0.0; 3],
             normal: [0.0; 3],
-            proxy_diameter_mm: 0.0,
         };
-        let refused = Bench::new::<ContactPlane>(plane, 1000.0, &[Kind::VECTOR]).err();
-        assert_eq!(refused.and_then(|e| e.field), Some("normal"));
         let mesh = MeshSettings {
             file: "tool.step".into(),
             unit_mm: 1.0,
             start_mm: None,
         };
-        let refused = Bench::new::<ContactMesh>(mesh, 1000.0, &[Kind::VECTOR]).err();
-        assert_eq!(refused.and_then(|e| e.field), Some("file"));
+        for (wrong, field) in [(Solid::Plane(plane), "normal"), (Solid::Mesh(mesh), "file")] {
+            let refused = bench(vec![sphere(10.0), wrong], 0.0).err().unwrap();
+            assert_eq!((refused.field, refused.inside), (Some(field), Some(("solids", 1))));
+        }
+        let refused = bench(Vec::new(), 0.0).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("solids"));
     }
 }

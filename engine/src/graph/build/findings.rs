@@ -2,6 +2,7 @@
 
 use crate::diagnostic::{Diagnostic, SourceId, Sources, Span};
 use crate::document::folder;
+use crate::document::value::{Body, Name, Shape, Value};
 use crate::graph::draft::{Context, DraftNode};
 use crate::node::BuildError;
 use crate::settings::{Fields, closest};
@@ -12,16 +13,54 @@ use std::path::{Path, PathBuf};
 pub(super) struct Places {
     owner: Span,
     fields: Vec<(String, Span)>,
+    /// Structures in fields, alone or in a list.
+    structures: Vec<Structure>,
+}
+
+struct Structure {
+    field: String,
+    place: usize,
+    span: Span,
+    fields: Vec<(String, Span)>,
+}
+
+/// The structures that a field is or lists.
+fn structures(field: &Name, value: &Value) -> Vec<Structure> {
+    let elements = match &value.shape {
+        Shape::List(elements) => &elements[..],
+        _ => std::slice::from_ref(value),
+    };
+    let elements = elements.iter().enumerate();
+    let structure = |(place, value): (usize, &Value)| match &value.shape {
+        Shape::Tagged(tagged) => Some(Structure {
+            field: field.text.clone(),
+            place,
+            span: value.span,
+            fields: match &tagged.body {
+                Body::Fields(fields) => spans(fields),
+                _ => Vec::new(),
+            },
+        }),
+        _ => None,
+    };
+    elements.filter_map(structure).collect()
+}
+
+fn spans(fields: &[(Name, Value)]) -> Vec<(String, Span)> {
+    let fields = fields.iter();
+    fields
+        .map(|(name, value)| (name.text.clone(), value.span))
+        .collect()
 }
 
 impl Places {
     pub(super) fn of(fields: &Fields) -> Self {
-        let written = fields.remaining().iter();
+        let written = fields.remaining();
+        let structures = written.iter().flat_map(|(name, value)| structures(name, value));
         Self {
             owner: fields.span,
-            fields: written
-                .map(|(name, value)| (name.text.clone(), value.span))
-                .collect(),
+            fields: spans(written),
+            structures: structures.collect(),
         }
     }
 
@@ -65,11 +104,15 @@ impl Places {
         error: BuildError,
         make: impl FnOnce(Span, String) -> Diagnostic,
     ) -> Diagnostic {
-        let written = self
-            .fields
-            .iter()
-            .find(|(name, _)| Some(name.as_str()) == error.field);
-        let span = written.map_or(self.owner, |(_, span)| *span);
+        let structure = error.inside.and_then(|(field, place)| {
+            let mut structures = self.structures.iter();
+            structures.find(|structure| structure.field == field && structure.place == place)
+        });
+        let (owner, fields) = structure.map_or((self.owner, &self.fields), |structure| {
+            (structure.span, &structure.fields)
+        });
+        let written = fields.iter().find(|(name, _)| Some(name.as_str()) == error.field);
+        let span = written.map_or(owner, |(_, span)| *span);
         let part = error.part.and_then(|part| part_of_text(sources, span, part));
         let mut diagnostic = make(part.unwrap_or(span), error.message);
         if let (Some(field), None) = (error.field, written) {

@@ -1,0 +1,48 @@
+//! Fields written in a former way, put as they are written today.
+
+use super::Fields;
+use crate::document::value::{Body, Name, Shape, Tagged, Value};
+
+impl Fields {
+    /// Puts all fields but those that stay into a structure: `size_mm: ...` into `solids: Box(size_mm: ...)`. Its place is
+    /// that of the whole, so that what it lacks is reported there.
+    pub fn nest(&mut self, into: &str, structure: &str, stays: &[&str]) {
+        let is_inner = |name: &str| !stays.contains(&name);
+        let (inner, outer) = std::mem::take(&mut self.entries)
+            .into_iter()
+            .partition(|(name, _)| is_inner(&name.text));
+        self.entries = outer;
+        // With an error in one of them, others would only follow from it.
+        if self
+            .missing
+            .iter()
+            .any(|(name, special)| special.is_none() && is_inner(name))
+        {
+            return self.if_missing(into, None);
+        }
+        let structure = Tagged {
+            name: Some(self.name(structure)),
+            body: Body::Fields(inner),
+        };
+        self.put(into, Shape::Tagged(structure));
+    }
+
+    /// Gives a number that was not given.
+    pub fn put_default(&mut self, name: &str, value: f64) {
+        if self.given(name).is_none() && !self.is_reported(name) {
+            self.put(name, Shape::Number(value, value.to_string()));
+        }
+    }
+
+    fn put(&mut self, name: &str, shape: Shape) {
+        let span = self.span;
+        self.entries.push((self.name(name), Value { span, shape }));
+    }
+
+    fn name(&self, text: &str) -> Name {
+        Name {
+            span: self.span,
+            text: text.to_owned(),
+        }
+    }
+}
