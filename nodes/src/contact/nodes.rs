@@ -251,6 +251,7 @@ impl Processor for Toucher {
 }
 
 /// The components of a contact.
+#[derive(Debug, Clone, Copy)]
 pub struct ContactParts;
 
 impl NodeKind for ContactParts {
@@ -297,7 +298,7 @@ impl NodeKind for ContactParts {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Parting))
+        Ok(Box::new(ContactParts))
     }
 }
 
@@ -310,10 +311,7 @@ impl ContactParts {
     const PENETRATION: Output<Scalar> = Self::SPEC.output("penetration");
 }
 
-#[derive(Debug, Clone)]
-struct Parting;
-
-impl Processor for Parting {
+impl Processor for ContactParts {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let contacts = io.decode(ContactParts::CONTACT);
         let (touching, hip, ihip, normal, penetration) = io.write_all((
@@ -395,7 +393,10 @@ mod tests {
         };
         for (wrong, field) in [(Solid::Plane(plane), "normal"), (Solid::Mesh(mesh), "file")] {
             let refused = bench(vec![sphere(10.0), wrong], 0.0).err().unwrap();
-            assert_eq!((refused.field, refused.inside), (Some(field), Some(("solids", 1))));
+            assert_eq!(
+                (refused.field, refused.inside),
+                (Some(field), Some(("solids", 1)))
+            );
         }
         let refused = bench(Vec::new(), 0.0).err();
         assert_eq!(refused.and_then(|e| e.field), Some("solids"));

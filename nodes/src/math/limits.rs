@@ -10,8 +10,8 @@ use haptograph_engine::node::{
 use crate::successor;
 
 haptograph_engine::settings! {
-    /// Settings of [`Clamp`].
-    pub struct ClampSettings {
+    /// Clamps a signal to two bounds.
+    pub struct Clamp {
         /// Smallest output, in the SI unit of the signal.
         [live] lowest: f64;
         /// Largest output, in the SI unit of the signal.
@@ -19,11 +19,8 @@ haptograph_engine::settings! {
     }
 }
 
-/// Clamps a signal to two bounds.
-pub struct Clamp;
-
 impl NodeKind for Clamp {
-    type Settings = ClampSettings;
+    type Settings = Self;
     const SPEC: NodeSpec = NodeSpec {
         name: "Clamp",
         group: "math",
@@ -34,30 +31,24 @@ impl NodeKind for Clamp {
         example: r#""pressed": Clamp(input: "stylus.force", lowest: 0.0, highest: 3.0)"#,
     };
 
-    fn build(settings: ClampSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let ClampSettings { lowest, highest } = settings;
+    fn build(settings: Self, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let Self { lowest, highest } = settings;
         if lowest > highest {
             let message = format!("the lowest value {lowest} is above the highest, {highest}");
             return Err(BuildError::at("lowest", message).help("swap them"));
         }
-        Ok(Box::new(Clamping { lowest, highest }))
+        Ok(Box::new(settings))
     }
 }
 
 impl Clamp {
     const INPUT: Input<Linear> = Self::SPEC.input("input");
     const OUTPUT: Output<Linear> = Self::SPEC.output("output");
-    const LOWEST: SettingId = ClampSettings::live("lowest");
-    const HIGHEST: SettingId = ClampSettings::live("highest");
+    const LOWEST: SettingId = Clamp::live("lowest");
+    const HIGHEST: SettingId = Clamp::live("highest");
 }
 
-#[derive(Debug, Clone)]
-struct Clamping {
-    lowest: f64,
-    highest: f64,
-}
-
-impl Processor for Clamping {
+impl Processor for Clamp {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let x = io.read(Clamp::INPUT);
         for (y, x) in io.write(Clamp::OUTPUT).iter_mut().zip(x) {
@@ -84,18 +75,15 @@ impl Processor for Clamping {
 }
 
 haptograph_engine::settings! {
-    /// Settings of [`SoftClip`].
-    pub struct SoftClipSettings {
+    /// Limits a signal smoothly.
+    pub struct SoftClip {
         /// Bound that the output approaches and never exceeds, in the SI unit of the signal.
         [live] limit: f64, in 1e-12..=1e12;
     }
 }
 
-/// Limits a signal smoothly.
-pub struct SoftClip;
-
 impl NodeKind for SoftClip {
-    type Settings = SoftClipSettings;
+    type Settings = Self;
     const SPEC: NodeSpec = NodeSpec {
         name: "SoftClip",
         group: "math",
@@ -111,25 +99,18 @@ impl NodeKind for SoftClip {
         example: r#""soft": SoftClip(input: "texture.acceleration", limit: 20.0)"#,
     };
 
-    fn build(settings: SoftClipSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(SoftClipping {
-            limit: settings.limit,
-        }))
+    fn build(settings: Self, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(settings))
     }
 }
 
 impl SoftClip {
     const INPUT: Input<Linear> = Self::SPEC.input("input");
     const OUTPUT: Output<Linear> = Self::SPEC.output("output");
-    const LIMIT: SettingId = SoftClipSettings::live("limit");
+    const LIMIT: SettingId = SoftClip::live("limit");
 }
 
-#[derive(Debug, Clone)]
-struct SoftClipping {
-    limit: f64,
-}
-
-impl Processor for SoftClipping {
+impl Processor for SoftClip {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let x = io.read(SoftClip::INPUT);
         for (y, x) in io.write(SoftClip::OUTPUT).iter_mut().zip(x) {
@@ -256,7 +237,7 @@ mod tests {
 
     #[test]
     fn a_clamp_keeps_its_bounds_and_lets_nan_be_seen() {
-        let settings = |lowest, highest| ClampSettings { lowest, highest };
+        let settings = |lowest, highest| Clamp { lowest, highest };
         let mut bench = Bench::new::<Clamp>(settings(-1.0, 2.0), 1.0, &[Kind::SCALAR]).unwrap();
         let y = &bench.run(&[&[-5.0, 0.5, 7.0, f64::NAN, f64::INFINITY]])[0];
         assert_eq!((y[0], y[1], y[2], y[4]), (-1.0, 0.5, 2.0, 2.0));
@@ -266,8 +247,7 @@ mod tests {
 
     #[test]
     fn a_soft_clip_is_the_signal_when_small_and_the_limit_when_large() {
-        let mut bench =
-            Bench::new::<SoftClip>(SoftClipSettings { limit: 2.0 }, 1.0, &[Kind::SCALAR]).unwrap();
+        let mut bench = Bench::new::<SoftClip>(SoftClip { limit: 2.0 }, 1.0, &[Kind::SCALAR]).unwrap();
         let y = &bench.run(&[&[1e-4, 1e6, -1e6]])[0];
         assert!((y[0] - 1e-4).abs() < 1e-12);
         assert_eq!((y[1], y[2]), (2.0, -2.0));

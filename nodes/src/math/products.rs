@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
-    Processor, QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
+    OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
 
@@ -15,6 +15,7 @@ const fn scalar_input(name: &'static str, doc: &'static str) -> InputSpec {
 }
 
 /// Multiplies a signal by a scalar signal.
+#[derive(Debug, Clone, Copy)]
 pub struct Multiply;
 
 impl NodeKind for Multiply {
@@ -39,7 +40,7 @@ impl NodeKind for Multiply {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Multiplier))
+        Ok(Box::new(Multiply))
     }
 }
 
@@ -49,10 +50,7 @@ impl Multiply {
     const OUTPUT: Output<Linear> = Self::SPEC.output("output");
 }
 
-#[derive(Debug, Clone)]
-struct Multiplier;
-
-impl Processor for Multiplier {
+impl Processor for Multiply {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let (width, x, by) = (
             io.width(Multiply::INPUT),
@@ -75,6 +73,7 @@ impl Processor for Multiplier {
 }
 
 /// Divides a signal by a scalar signal.
+#[derive(Debug, Clone, Copy)]
 pub struct Divide;
 
 impl NodeKind for Divide {
@@ -100,7 +99,7 @@ impl NodeKind for Divide {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Divider))
+        Ok(Box::new(Divide))
     }
 }
 
@@ -110,10 +109,7 @@ impl Divide {
     const OUTPUT: Output<Linear> = Self::SPEC.output("output");
 }
 
-#[derive(Debug, Clone)]
-struct Divider;
-
-impl Processor for Divider {
+impl Processor for Divide {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let (width, x, by) = (
             io.width(Divide::INPUT),

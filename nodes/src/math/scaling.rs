@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
-    Presence, Processor, QuantityRule, SettingId, Single, Tick, any_input, output_like,
+    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
+    OutputSpec, Presence, Processor, QuantityRule, SettingId, Single, Tick, any_input, output_like,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::elementwise;
@@ -115,18 +115,15 @@ impl Processor for Scaler {
 }
 
 haptograph_engine::settings! {
-    /// Settings of [`Offset`].
-    pub struct OffsetSettings {
+    /// Adds a number to a scalar.
+    pub struct Offset {
         /// The offset, in the SI unit of the signal.
         [live] offset: f64 = 0.0;
     }
 }
 
-/// Adds a number to a scalar.
-pub struct Offset;
-
 impl NodeKind for Offset {
-    type Settings = OffsetSettings;
+    type Settings = Self;
     const SPEC: NodeSpec = NodeSpec {
         name: "Offset",
         group: "math",
@@ -140,25 +137,18 @@ impl NodeKind for Offset {
         example: r#""zeroed": Offset(input: "stylus.force", offset: -0.02)"#,
     };
 
-    fn build(settings: OffsetSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Shifter {
-            offset: settings.offset,
-        }))
+    fn build(settings: Self, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(settings))
     }
 }
 
 impl Offset {
     const INPUT: Input<Scalar> = Self::SPEC.input("input");
     const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
-    const OFFSET: SettingId = OffsetSettings::live("offset");
+    const OFFSET: SettingId = Offset::live("offset");
 }
 
-#[derive(Debug, Clone)]
-struct Shifter {
-    offset: f64,
-}
-
-impl Processor for Shifter {
+impl Processor for Offset {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let x = io.read(Offset::INPUT);
         elementwise::offset(self.offset, x, io.write(Offset::OUTPUT));
@@ -176,6 +166,7 @@ impl Processor for Shifter {
 }
 
 /// The absolute value of every component.
+#[derive(Debug, Clone, Copy)]
 pub struct Abs;
 
 impl NodeKind for Abs {
@@ -191,7 +182,7 @@ impl NodeKind for Abs {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Rectifier))
+        Ok(Box::new(Abs))
     }
 }
 
@@ -200,10 +191,7 @@ impl Abs {
     const OUTPUT: Output<Linear> = Self::SPEC.output("output");
 }
 
-#[derive(Debug, Clone)]
-struct Rectifier;
-
-impl Processor for Rectifier {
+impl Processor for Abs {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let x = io.read(Abs::INPUT);
         for (y, x) in io.write(Abs::OUTPUT).iter_mut().zip(x) {
@@ -235,7 +223,7 @@ mod tests {
 
     #[test]
     fn offset_and_absolute_value() {
-        let mut bench = Bench::new::<Offset>(OffsetSettings { offset: 0.25 }, 1.0, &[Kind::SCALAR]).unwrap();
+        let mut bench = Bench::new::<Offset>(Offset { offset: 0.25 }, 1.0, &[Kind::SCALAR]).unwrap();
         assert_eq!(bench.run(&[&[-1.0, 2.0]]), [[-0.75, 2.25]]);
         let mut bench = Bench::new::<Abs>(NoSettings {}, 1.0, &[Kind::SCALAR]).unwrap();
         assert_eq!(bench.run(&[&[-1.0, 2.0]]), [[1.0, 2.0]]);

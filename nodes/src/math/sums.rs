@@ -18,6 +18,7 @@ const TERMS: InputSpec = InputSpec {
 };
 
 /// Adds signals.
+#[derive(Debug, Clone, Copy)]
 pub struct Add;
 
 impl NodeKind for Add {
@@ -37,7 +38,7 @@ impl NodeKind for Add {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Adder))
+        Ok(Box::new(Add))
     }
 }
 
@@ -46,10 +47,7 @@ impl Add {
     const OUTPUT: Output<Linear> = Self::SPEC.output("output");
 }
 
-#[derive(Debug, Clone)]
-struct Adder;
-
-impl Processor for Adder {
+impl Processor for Add {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let (terms, sum) = (io.read(Add::INPUTS), io.write(Add::OUTPUT));
         let first = terms.nth_or_last(0);
@@ -69,6 +67,7 @@ impl Processor for Adder {
 }
 
 /// Subtracts one signal from another.
+#[derive(Debug, Clone, Copy)]
 pub struct Subtract;
 
 impl NodeKind for Subtract {
@@ -91,7 +90,7 @@ impl NodeKind for Subtract {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Subtractor))
+        Ok(Box::new(Subtract))
     }
 }
 
@@ -101,10 +100,7 @@ impl Subtract {
     const OUTPUT: Output<Linear> = Self::SPEC.output("output");
 }
 
-#[derive(Debug, Clone)]
-struct Subtractor;
-
-impl Processor for Subtractor {
+impl Processor for Subtract {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let (a, b) = (io.read(Subtract::INPUT), io.read(Subtract::LESS));
         for ((y, a), b) in io.write(Subtract::OUTPUT).iter_mut().zip(a).zip(b) {

@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Scalar, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
-    Processor, QuantityRule, Tick, any_input, input, output,
+    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
+    OutputSpec, Processor, QuantityRule, Tick, any_input, input, output,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
@@ -28,6 +28,7 @@ const fn scalar_of(name: &'static str, like: &'static str, doc: &'static str) ->
 }
 
 /// The length of a vector.
+#[derive(Debug, Clone, Copy)]
 pub struct Magnitude;
 
 impl NodeKind for Magnitude {
@@ -43,7 +44,7 @@ impl NodeKind for Magnitude {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Length))
+        Ok(Box::new(Magnitude))
     }
 }
 
@@ -52,10 +53,7 @@ impl Magnitude {
     const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
 }
 
-#[derive(Debug, Clone)]
-struct Length;
-
-impl Processor for Length {
+impl Processor for Magnitude {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let x = io.read(Magnitude::INPUT);
         for (y, [a, b, c]) in io.write(Magnitude::OUTPUT).iter_mut().zip(x) {
@@ -65,6 +63,7 @@ impl Processor for Length {
 }
 
 /// The scalar product.
+#[derive(Debug, Clone, Copy)]
 pub struct Dot;
 
 impl NodeKind for Dot {
@@ -89,7 +88,7 @@ impl NodeKind for Dot {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(ScalarProduct))
+        Ok(Box::new(Dot))
     }
 }
 
@@ -99,10 +98,7 @@ impl Dot {
     const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
 }
 
-#[derive(Debug, Clone)]
-struct ScalarProduct;
-
-impl Processor for ScalarProduct {
+impl Processor for Dot {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let (a, b) = (io.read(Dot::A), io.read(Dot::B));
         for ((y, a), b) in io.write(Dot::OUTPUT).iter_mut().zip(a).zip(b) {
@@ -112,6 +108,7 @@ impl Processor for ScalarProduct {
 }
 
 /// The vector product.
+#[derive(Debug, Clone, Copy)]
 pub struct Cross;
 
 impl NodeKind for Cross {
@@ -136,7 +133,7 @@ impl NodeKind for Cross {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(VectorProduct))
+        Ok(Box::new(Cross))
     }
 }
 
@@ -146,10 +143,7 @@ impl Cross {
     const OUTPUT: Output<Vector> = Self::SPEC.output("output");
 }
 
-#[derive(Debug, Clone)]
-struct VectorProduct;
-
-impl Processor for VectorProduct {
+impl Processor for Cross {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let (a, b) = (io.read(Cross::A), io.read(Cross::B));
         for ((y, a), b) in io.write(Cross::OUTPUT).iter_mut().zip(a).zip(b) {
@@ -159,6 +153,7 @@ impl Processor for VectorProduct {
 }
 
 /// The components of a vector.
+#[derive(Debug, Clone, Copy)]
 pub struct Components;
 
 impl NodeKind for Components {
@@ -178,7 +173,7 @@ impl NodeKind for Components {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Unpacking))
+        Ok(Box::new(Components))
     }
 }
 
@@ -189,10 +184,7 @@ impl Components {
     const Z: Output<Scalar> = Self::SPEC.output("z");
 }
 
-#[derive(Debug, Clone)]
-struct Unpacking;
-
-impl Processor for Unpacking {
+impl Processor for Components {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let vectors = io.read(Components::INPUT);
         let (x, y, z) = io.write_all((Components::X, Components::Y, Components::Z));
@@ -203,6 +195,7 @@ impl Processor for Unpacking {
 }
 
 /// A vector from three scalars.
+#[derive(Debug, Clone, Copy)]
 pub struct Pack;
 
 impl NodeKind for Pack {
@@ -239,7 +232,7 @@ impl NodeKind for Pack {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Packing))
+        Ok(Box::new(Pack))
     }
 }
 
@@ -250,10 +243,7 @@ impl Pack {
     const OUTPUT: Output<Vector> = Self::SPEC.output("output");
 }
 
-#[derive(Debug, Clone)]
-struct Packing;
-
-impl Processor for Packing {
+impl Processor for Pack {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let (x, y, z) = (io.read(Pack::X), io.read(Pack::Y), io.read(Pack::Z));
         for (((vector, x), y), z) in io.write(Pack::OUTPUT).iter_mut().zip(x).zip(y).zip(z) {
@@ -263,6 +253,7 @@ impl Processor for Packing {
 }
 
 /// Force and torque of a wrench.
+#[derive(Debug, Clone, Copy)]
 pub struct WrenchParts;
 
 impl NodeKind for WrenchParts {
@@ -284,7 +275,7 @@ impl NodeKind for WrenchParts {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(WrenchUnpacking))
+        Ok(Box::new(WrenchParts))
     }
 }
 
@@ -294,10 +285,7 @@ impl WrenchParts {
     const TORQUE: Output<Vector> = Self::SPEC.output("torque");
 }
 
-#[derive(Debug, Clone)]
-struct WrenchUnpacking;
-
-impl Processor for WrenchUnpacking {
+impl Processor for WrenchParts {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let wrenches = io.read(WrenchParts::INPUT);
         let (force, torque) = io.write_all((WrenchParts::FORCE, WrenchParts::TORQUE));
@@ -310,6 +298,7 @@ impl Processor for WrenchUnpacking {
 }
 
 /// A wrench from a force and a torque.
+#[derive(Debug, Clone, Copy)]
 pub struct MakeWrench;
 
 impl NodeKind for MakeWrench {
@@ -328,7 +317,7 @@ impl NodeKind for MakeWrench {
     };
 
     fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(WrenchPacking))
+        Ok(Box::new(MakeWrench))
     }
 }
 
@@ -338,10 +327,7 @@ impl MakeWrench {
     const OUTPUT: Output<Wrench> = Self::SPEC.output("output");
 }
 
-#[derive(Debug, Clone)]
-struct WrenchPacking;
-
-impl Processor for WrenchPacking {
+impl Processor for MakeWrench {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let (force, torque) = (io.read(MakeWrench::FORCE), io.read(MakeWrench::TORQUE));
         let wrenches = io.write(MakeWrench::OUTPUT).iter_mut();
