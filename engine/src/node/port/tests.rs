@@ -254,7 +254,7 @@ fn what_does_not_fit_the_declaration_has_no_handle() {
 }
 
 #[test]
-#[should_panic(expected = "written twice at once")]
+#[should_panic(expected = "requested twice")]
 fn an_output_is_not_written_twice_at_once() {
     #[derive(Clone)]
     struct Twice;
