@@ -45,7 +45,15 @@ macro_rules! from_numbers {
     )*};
 }
 
-from_numbers!(f64, f32, i32, u32);
+from_numbers!(f64, i32, u32);
+
+/// The decimal number that it stands for: 0.1 as in a graph file, not the binary number next to it, which may lie outside a
+/// range that ends there.
+impl From<f32> for SettingValue {
+    fn from(number: f32) -> Self {
+        Self::Number(number.to_string().parse().unwrap_or(f64::from(number)))
+    }
+}
 
 impl From<bool> for SettingValue {
     fn from(is_true: bool) -> Self {

@@ -40,7 +40,7 @@ use drivers::Drivers;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{LiveOutcome, RingReport, Session};
 use history::{History, Notes};
-use inbox::Inbox;
+use inbox::{Inbox, Ordered};
 use live_settings::LiveSettings;
 use loading::{Loader, Loading, ParameterDefaults};
 use protected::ProtectedSettings;
@@ -133,7 +133,7 @@ pub struct Supervisor {
     osc: Option<OscControl>,
     settings: LiveSettings,
     inbox: Inbox,
-    requests: Vec<Request>,
+    requests: Vec<Ordered<Request>>,
     events: Vec<Event>,
 }
 
@@ -162,9 +162,9 @@ impl Supervisor {
     pub fn request(&mut self, request: Request) {
         if request.origin == Origin::Program {
             let same = |known: &Request| known.origin == Origin::Program && known.name == request.name;
-            self.requests.retain(|known| !same(known));
+            self.requests.retain(|known| !same(&known.asked));
         }
-        self.requests.push(request);
+        self.requests.push(self.inbox.sender().ordered(request));
     }
 
     /// Queues another value of a parameter or live setting, by the embedding program.
@@ -269,6 +269,7 @@ impl Supervisor {
     /// # Errors
     /// [`BackendError::Lost`] if a driver's thread panicked.
     pub fn finish(mut self) -> Result<Ended, BackendError> {
+        self.settings.end();
         if !self.is_finished() {
             self.stop_now();
         }

@@ -147,6 +147,40 @@ fn a_live_setting_gets_exactly_the_bits_that_were_set() {
 }
 
 #[test]
+fn of_all_ways_to_set_a_value_the_latest_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Supervisor::start(options(folder.path(), GRAPH), &registry(), None).unwrap();
+    let (first, second) = (run.setting("out.gain").unwrap(), run.setting("out.gain").unwrap());
+    let sender = run.sender();
+    let by_sender = |value: f64| {
+        let request = Request::from_origin(Origin::Osc, "out.gain", value);
+        sender.send(request).unwrap();
+    };
+    first.set(1.0).unwrap();
+    run.set("out.gain", 0.0);
+    run.poll();
+    assert_eq!(number(&run, "out.gain"), 0.0);
+    run.set("out.gain", 1.0);
+    by_sender(0.5);
+    first.set(0.25).unwrap();
+    run.poll();
+    assert_eq!(number(&run, "out.gain"), 0.25);
+    second.set(1.0).unwrap();
+    first.set(0.125).unwrap();
+    run.poll();
+    assert_eq!(number(&run, "out.gain"), 0.125);
+    // More requests than one poll handles, all older than the handle's value.
+    (0..200).for_each(|_| sender.send(Request::new("out.gain", 1.0)).unwrap());
+    first.set(0.0).unwrap();
+    for _ in 0..10 {
+        run.poll();
+    }
+    assert_eq!(number(&run, "out.gain"), 0.0);
+    run.stop();
+    ended(run, |_| false);
+}
+
+#[test]
 fn a_handle_is_refused_once_and_follows_its_name_to_another_graph() {
     let folder = tempfile::tempdir().unwrap();
     let mut options = options(folder.path(), GRAPH);

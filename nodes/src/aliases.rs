@@ -2,8 +2,10 @@
 
 use haptograph_engine::registry::Alias;
 
-/// Fields of a `Contact` and of every node; all others were those of a shape.
-const OF_CONTACT: [&str; 4] = ["position", "proxy_diameter_mm", "clock", "only"];
+/// Fields of a `Contact` and of every node, and what no node has; all others were those of a shape.
+const OF_CONTACT: [&str; 5] = ["position", "proxy_diameter_mm", "clock", "only", "endpoint"];
+/// The same for a mesh, whose tool was a point always.
+const OF_MESH: [&str; 4] = ["position", "clock", "only", "endpoint"];
 
 /// Those of touch. Each shape had a kind of its own, with the shape's settings among those of the node.
 pub(crate) const TOUCH: &[Alias] = &[
@@ -22,7 +24,7 @@ pub(crate) const TOUCH: &[Alias] = &[
         fields.nest("solids", shape, &OF_CONTACT);
     }),
     Alias::new("ContactMesh", "Contact", |fields, _| {
-        fields.nest("solids", "Mesh", &OF_CONTACT);
+        fields.nest("solids", "Mesh", &OF_MESH);
         fields.put_default("proxy_diameter_mm", 0.0);
     }),
     Alias::new("ContactScene", "Contact", |_, _| {}),

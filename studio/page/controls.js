@@ -80,10 +80,21 @@ function turnedRow(studio, parameter) {
     const now = () => Number(studio.graph.parameters.find((each) => each.name === name)?.value ?? value);
     const listeners = [];
     const show = () => listeners.forEach((listener) => listener(now()));
+    // A held key turns faster than graphs are loaded: while one is under way, only the latest value waits.
+    let waiting = null;
+    let isUnderWay = false;
     const set = async (to) => {
-        const reply = await studio.parameter(name, String(to));
-        error.hidden = reply.ok;
-        setText(error, reply.ok ? "" : reply.error);
+        waiting = to;
+        if (isUnderWay) return;
+        isUnderWay = true;
+        while (waiting !== null) {
+            const value = waiting;
+            waiting = null;
+            const reply = await studio.parameter(name, String(value));
+            error.hidden = reply.ok;
+            setText(error, reply.ok ? "" : reply.error);
+        }
+        isUnderWay = false;
         show();
     };
     const follow = (listener) => {

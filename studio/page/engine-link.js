@@ -4,6 +4,7 @@ import { Module } from "./module.js";
 
 const CHECKED = new Set(["check", "apply", "parameter"]);
 const EDIT_WAITS_MS = 500;
+const LEARNS_AT_MOST_MS = 600_000;
 const encoder = new TextEncoder();
 const decoder = new TextDecoder();
 
@@ -53,7 +54,7 @@ export class EngineLink {
             this.#flushLater();
             reply({ ok: true, change: decoder.decode(path), learned });
         } catch (error) {
-            reply({ error: error.message });
+            reply({ error: error instanceof Uint8Array ? decoder.decode(error) : (error.message ?? String(error)) });
         } finally {
             this.#learns = false;
         }
@@ -111,7 +112,11 @@ function learnBeside(wasm, name, csv) {
     return new Promise((done, failed) => {
         const worker = new Worker(new URL("learn-worker.js", import.meta.url), { type: "module" });
         worker.onmessage = ({ data: { learned, error } }) => (learned ? done(learned) : failed(new Error(error)));
-        worker.onerror = ({ message }) => failed(new Error(`the engine that learns failed: ${message}; reload the page`));
+        const end = (why) => (worker.terminate(), failed(new Error(`the engine that learns ${why}; use a shorter recording`)));
+        worker.onerror = ({ message }) => end(`failed: ${message}`);
+        worker.onmessageerror = () => end("gave an answer that cannot be read");
+        // A worker that the browser ends for want of memory may say nothing.
+        setTimeout(end, LEARNS_AT_MOST_MS, `took more than ${LEARNS_AT_MOST_MS / 60_000} minutes`);
         const bytes = encoder.encode(csv);
         worker.postMessage({ wasm, path: encoder.encode(name), bytes }, [bytes.buffer]);
     });

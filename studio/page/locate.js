@@ -15,7 +15,7 @@ export function locate({ points, triangles }, speed, force) {
             y,
         );
         const least = Math.min(...weights);
-        if (best === null || least > best.least) best = { least, triangle, weights };
+        if (!(least <= best?.least)) best = { least, triangle, weights };
         if (least >= 0) break;
     }
     if (!best) return null;

@@ -124,7 +124,11 @@ async function learn(studio, file) {
         progress.remove();
         box.classList.toggle("bad", level === "bad");
         text.textContent = message;
-        box.append(make("button", { class: "quiet", text: "Close", onclick: () => box.remove() }));
+        const close = () => {
+            for (const { href } of box.querySelectorAll("a[download]")) URL.revokeObjectURL(href);
+            box.remove();
+        };
+        box.append(make("button", { class: "quiet", text: "Close", onclick: close }));
     };
     if (!studio.hello?.can.surfaces)
         return end(
@@ -150,16 +154,16 @@ async function learn(studio, file) {
     const says = chosen.ok ? "it is on the pad: stroke it" : `its swatch is below${chosen.error ? `: ${chosen.error}` : ""}`;
     end("good", `${file.name} was learned; ${says}.`);
     if (reply.report) text.after(reportLink(reply.report));
-    if (reply.learned) text.after(...keepLinks(reply.learned));
+    if (reply.learned) text.after(...keepLinks(reply.learned, bare(reply.change).split("/").at(-1)));
 }
 
 // A page has no folder: what was learned is kept by downloading it.
-function keepLinks({ name, surface, report }) {
-    const link = (label, file, type, content) =>
-        make("a", { class: "report", href: URL.createObjectURL(new Blob([content], { type })), download: file, text: label });
+function keepLinks({ surface, report }, file) {
+    const link = (label, download, type, content) =>
+        make("a", { class: "report", href: URL.createObjectURL(new Blob([content], { type })), download, text: label });
     return [
-        link("Save the surface", `${name}.ron`, "text/plain", surface),
-        link("Save the report", `${name}-learned.html`, "text/html", report),
+        link("Save the surface", file, "text/plain", surface),
+        link("Save the report", file.replace(/\.ron$/, "-learned.html"), "text/html", report),
     ];
 }
 

@@ -566,6 +566,17 @@ fn a_stop_is_heard_from_any_page_and_only_the_owner_moves_anything() {
 }
 
 #[test]
+fn a_page_that_sends_much_in_turn_stays_connected() {
+    let studio = open(&shipped("texturepad.ron"));
+    let mut page = Page::of(&studio);
+    // Together more than may be queued.
+    for _ in 0..110 {
+        let reply = page.request(json!({ "type": "check", "text": "x".repeat(1_000_000) }));
+        assert_eq!(reply["ok"], false);
+    }
+}
+
+#[test]
 fn a_stop_is_heard_from_a_page_that_does_not_read() {
     let studio = open(&shipped("texturepad.ron"));
     let (mut deaf, mut owner) = (Page::of(&studio), Page::of(&studio));

@@ -116,17 +116,34 @@ def test_samples_know_their_rate_and_unit_until_something_changes_them(canvas, d
     assert made[100:].rate == made.rate and made.times[-1] == (len(made) - 1) / made.rate
     for plain in (made * 2, made[::2], np.concatenate([made, made]), np.asarray(made), made[[1, 2]]):
         assert type(plain) is np.ndarray
-    assert isinstance(float(made.mean()), float) and made.std() > 0
+    for plain in (made.take([0, 4]), made.repeat(2), made.reshape(10, -1), made.argsort(), made.T, np.modf(made)[0], -made):
+        assert type(plain) is np.ndarray
+    assert np.block([[made, made], [made, made]]).shape == (2, 2 * len(made)) and made.mean() == np.asarray(made).mean()
+    np.add.at(made, [0], 1)
+    assert np.array_equal(divmod(made, 2)[1], np.asarray(made) % 2)
     rows = hg.render(canvas, np.ones((2, 1000)), 0.1)
     assert rows.axes == ("voice", "time") and rows[1].axes == ("time",) and rows[1].unit == "m/s2"
     assert (drag.force.unit, drag.speed.unit, drag.force.rate) == ("N", "m/s", drag.rate)
-    again = pickle.loads(pickle.dumps(made))
-    assert np.array_equal(again, made) and again.rate == made.rate
+    assert type(rows.T) is type(rows[:, 0]) is type(rows[::2]) is np.ndarray and rows[0, 10:].axes == ("time",)
+    for kept in (made, rows):
+        again = pickle.loads(pickle.dumps(kept))
+        assert np.array_equal(again, kept) and (again.rate, again.axes) == (kept.rate, kept.axes) == (canvas.rate, kept.copy().axes)
     made += 1
     assert made.rate == canvas.rate
     # A rate that is known is not taken for another.
     with pytest.raises(hg.Error, match="rates differ"):
         hg.compare(canvas.render(1.0, 0.1, seconds=2, rate=1000), drag)
+    with pytest.raises(hg.Error, match="rate="):
+        canvas.resampled(1000).render(drag.force, drag.speed)
+    with pytest.raises(hg.Error, match="m/s2"):
+        hg.compare(drag.speed, drag)
+
+
+def test_rates_whose_ratio_is_rounded_are_rendered_to_the_last_sample(canvas):
+    # 95370 samples at three times the rate are a third and a rounding error at the rate itself.
+    assert len(canvas.resampled(5685.7).render(np.ones(95370), 0.1, rate=17057.1)) == 95370
+    with pytest.raises(hg.Error, match="ratio"):
+        canvas.resampled(2000).render(np.ones(100), 0.1, rate=5000.1)
 
 
 @pytest.mark.parametrize(
@@ -143,7 +160,7 @@ def test_samples_know_their_rate_and_unit_until_something_changes_them(canvas, d
         ({"force": 1.0, "speed": 0.1, "seconds": 1e300}, "at most"),
         ({"force": 1.0, "speed": 0.1, "seconds": np.nan}, "finite"),
         ({"force": [1.0], "speed": 0.1, "rate": np.inf}, "finite"),
-        ({"force": [1.0], "speed": 0.1, "rate": 1e12}, "."),
+        ({"force": [1.0], "speed": 0.1, "rate": 1e12}, "rate"),
         ({"force": [1.0], "speed": 0.1, "seed": -1}, "seed"),
         ({"force": [1.0], "speed": 0.1, "seed": 2**64}, "seed"),
         ({"force": [1.0], "speed": 0.1, "seed": 1.5}, "whole"),

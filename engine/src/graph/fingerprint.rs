@@ -88,6 +88,7 @@ pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: us
             let wire = slot.wire.as_ref();
             let carried = wire.and_then(|wire| draft.nodes[wire.from].outputs[wire.output].kind);
             state.text(carried.map_or("", |kind| kind.spec().name));
+            state.number(carried.map_or(0, |kind| kind.width() as u64));
         }
     })
 }

@@ -513,9 +513,13 @@ fn delayed(
         (from, frames, initial)
     });
     let wire = resolve(cx, draft, scope, &from?, depth + 1)?;
+    // The neutral frame written out is the default.
+    let kind = draft.nodes[wire.from].outputs[wire.output].kind;
+    let is_neutral =
+        |value: &f64| kind.is_some_and(|kind| kind.neutral().all(|x| x.to_bits() == value.to_bits()));
     let bridge = Bridge::Delay {
         frames: u64::from(frames?),
-        initial: initial?,
+        initial: initial?.filter(|value| !is_neutral(value)),
     };
     bridged(cx, draft, wire, bridge, form.span, value.span, scope)
 }

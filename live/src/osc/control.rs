@@ -154,7 +154,7 @@ mod tests {
     #[test]
     fn addresses_are_names_and_arguments_values_as_they_were_meant() {
         for (addr, argument, name, value) in [
-            ("/gain", OscType::Float(0.1), "gain", f64::from(0.1_f32).into()),
+            ("/gain", OscType::Float(0.1), "gain", 0.1_f64.into()),
             (
                 "/out/gain",
                 OscType::Double(0.1 + 0.2),

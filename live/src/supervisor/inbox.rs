@@ -1,6 +1,8 @@
 //! The queue of requests of a live run.
 
 use super::Request;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::time::Duration;
 
@@ -9,14 +11,25 @@ pub const MAX_QUEUED: usize = 1024;
 
 #[derive(Debug)]
 enum Message {
-    Request(Request),
+    Request(Ordered<Request>),
     /// Only ends a wait.
     Wake,
 }
 
+/// Something that was asked for, with its place among all that was, whichever way it came.
+#[derive(Debug, Clone)]
+pub(super) struct Ordered<T> {
+    pub order: u64,
+    pub asked: T,
+}
+
 /// Sends requests to a live run from any thread, and ends the wait of its supervisor.
 #[derive(Debug, Clone)]
-pub struct RequestSender(SyncSender<Message>);
+pub struct RequestSender {
+    messages: SyncSender<Message>,
+    /// The order of the latest request.
+    latest: Arc<AtomicU64>,
+}
 
 /// Why a request was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -36,7 +49,7 @@ impl RequestSender {
     /// # Errors
     /// [`SendError::Ended`].
     pub fn send(&self, request: Request) -> Result<(), SendError> {
-        let sent = self.0.send(Message::Request(request));
+        let sent = self.messages.send(Message::Request(self.ordered(request)));
         sent.map_err(|_| SendError::Ended)
     }
 
@@ -45,7 +58,13 @@ impl RequestSender {
     /// # Errors
     /// [`SendError`]; the request is dropped.
     pub fn try_send(&self, request: Request) -> Result<(), SendError> {
-        self.try_put(Message::Request(request))
+        self.try_put(Message::Request(self.ordered(request)))
+    }
+
+    /// Its place after everything that was asked for before.
+    pub(super) fn ordered<T>(&self, asked: T) -> Ordered<T> {
+        let order = self.latest.fetch_add(1, Relaxed) + 1;
+        Ordered { order, asked }
     }
 
     /// Ends the present or the next [`wait`](super::Supervisor::wait), for work that arrives on another way.
@@ -55,7 +74,7 @@ impl RequestSender {
     }
 
     fn try_put(&self, message: Message) -> Result<(), SendError> {
-        self.0.try_send(message).map_err(|error| match error {
+        self.messages.try_send(message).map_err(|error| match error {
             TrySendError::Full(_) => SendError::Full,
             TrySendError::Disconnected(_) => SendError::Ended,
         })
@@ -73,7 +92,10 @@ impl Inbox {
         let (sender, messages) = sync_channel(MAX_QUEUED);
         Self {
             messages,
-            sender: RequestSender(sender),
+            sender: RequestSender {
+                messages: sender,
+                latest: Arc::default(),
+            },
         }
     }
 
@@ -83,7 +105,7 @@ impl Inbox {
     }
 
     /// Waits for a message; returns its request.
-    pub fn wait(&self, longest: Duration) -> Option<Request> {
+    pub fn wait(&self, longest: Duration) -> Option<Ordered<Request>> {
         match self.messages.recv_timeout(longest) {
             Ok(Message::Request(request)) => Some(request),
             Ok(Message::Wake) | Err(_) => None,
@@ -91,7 +113,7 @@ impl Inbox {
     }
 
     /// The requests among at most `room` waiting messages.
-    pub fn take(&self, room: usize) -> Vec<Request> {
+    pub fn take(&self, room: usize) -> Vec<Ordered<Request>> {
         let messages = self.messages.try_iter().take(room);
         let request = |message| match message {
             Message::Request(request) => Some(request),

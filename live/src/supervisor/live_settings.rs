@@ -43,6 +43,8 @@ pub enum SettingError {
 struct Slot {
     name: Arc<str>,
     bits: AtomicU64,
+    /// Its place among all requests.
+    order: AtomicU64,
     /// Whether the supervisor has not taken the value yet.
     is_pending: AtomicBool,
     has_ended: AtomicBool,
@@ -65,6 +67,9 @@ impl SettingHandle {
             return Err(SendError::Ended);
         }
         self.slot.bits.store(value.to_bits(), Ordering::Release);
+        self.slot
+            .order
+            .store(self.sender.ordered(()).order, Ordering::Release);
         if !self.slot.is_pending.swap(true, Ordering::AcqRel) {
             self.sender.wake();
         }
@@ -76,6 +81,8 @@ impl SettingHandle {
 pub(super) struct LiveSettings {
     by_name: HashMap<String, Target>,
     handles: Vec<Bound>,
+    /// The order of the latest value of each setting of the graph.
+    latest: HashMap<String, u64>,
 }
 
 /// The supervisor's end of a handle.
@@ -91,6 +98,7 @@ struct Bound {
 pub(super) struct PendingValue {
     /// Index of the handle.
     pub handle: usize,
+    pub order: u64,
     pub name: Arc<str>,
     pub target: Option<Target>,
     pub value: f64,
@@ -102,12 +110,14 @@ impl LiveSettings {
         Self {
             by_name: targets(settings),
             handles: Vec::new(),
+            latest: HashMap::new(),
         }
     }
 
     /// Turns to the settings of another graph.
     pub fn rebind<'l>(&mut self, settings: impl Iterator<Item = &'l LiveSetting>) {
         self.by_name = targets(settings);
+        self.latest.retain(|name, _| self.by_name.contains_key(name));
         for bound in &mut self.handles {
             bound.target = self.by_name.get(&*bound.slot.name).copied();
         }
@@ -123,9 +133,17 @@ impl LiveSettings {
         let is_in_use =
             |slot: &Arc<Slot>| Arc::strong_count(slot) > 1 || slot.is_pending.load(Ordering::Acquire);
         self.handles.retain(|bound| is_in_use(&bound.slot));
+        // All handles of a name are one, so that the latest value counts.
+        if let Some(bound) = self.handles.iter().find(|bound| &*bound.slot.name == name) {
+            return Some(SettingHandle {
+                slot: Arc::clone(&bound.slot),
+                sender: sender.clone(),
+            });
+        }
         let slot = Arc::new(Slot {
             name: name.into(),
             bits: AtomicU64::new(0),
+            order: AtomicU64::new(0),
             is_pending: AtomicBool::new(false),
             has_ended: AtomicBool::new(false),
         });
@@ -140,20 +158,51 @@ impl LiveSettings {
         })
     }
 
-    /// The next value that was set, from the handle with this index on.
-    pub fn take_from(&mut self, first: usize) -> Option<PendingValue> {
-        let mut rest = self.handles.iter().enumerate().skip(first);
-        rest.find_map(|(handle, bound)| {
-            let slot = &bound.slot;
-            slot.is_pending
-                .swap(false, Ordering::AcqRel)
-                .then(|| PendingValue {
-                    handle,
-                    name: Arc::clone(&slot.name),
-                    target: bound.target,
-                    value: f64::from_bits(slot.bits.load(Ordering::Acquire)),
-                })
-        })
+    /// The values that were set, in their order.
+    pub fn take_pending(&mut self) -> Vec<PendingValue> {
+        let bound = self.handles.iter().enumerate();
+        let pending = bound.filter(|(_, bound)| bound.slot.is_pending.swap(false, Ordering::AcqRel));
+        let mut pending: Vec<_> = pending
+            .map(|(handle, Bound { slot, target, .. })| PendingValue {
+                handle,
+                order: slot.order.load(Ordering::Acquire),
+                name: Arc::clone(&slot.name),
+                target: *target,
+                value: f64::from_bits(slot.bits.load(Ordering::Acquire)),
+            })
+            .collect();
+        pending.sort_by_key(|pending| pending.order);
+        pending
+    }
+
+    /// Takes a handle's value once more at the next look, unless there is a newer one: nothing had room for it.
+    pub fn retry(&self, handle: usize) {
+        self.handles[handle]
+            .slot
+            .is_pending
+            .store(true, Ordering::Release);
+    }
+
+    /// Whether a value of this order is newer than all that were set by the same name.
+    pub fn is_newest(&mut self, name: &str, order: u64) -> bool {
+        match self.latest.get_mut(name) {
+            Some(latest) if *latest > order => false,
+            Some(latest) => {
+                *latest = order;
+                true
+            }
+            None => {
+                self.latest.insert(name.to_owned(), order);
+                true
+            }
+        }
+    }
+
+    /// Ends the handles: what they set is read no more.
+    pub fn end(&self) {
+        for bound in &self.handles {
+            bound.slot.has_ended.store(true, Ordering::Release);
+        }
     }
 
     /// Records whether a handle's value was set. Returns true for the first refusal in a row.
@@ -171,8 +220,6 @@ fn targets<'l>(settings: impl Iterator<Item = &'l LiveSetting>) -> HashMap<Strin
 
 impl Drop for LiveSettings {
     fn drop(&mut self) {
-        for bound in &self.handles {
-            bound.slot.has_ended.store(true, Ordering::Release);
-        }
+        self.end();
     }
 }

@@ -1,6 +1,8 @@
 //! Requests to a live run: settings at once, parameters by another graph.
 
 use super::history::History;
+use super::inbox::Ordered;
+use super::live_settings::PendingValue;
 use super::loading::{self, Job, SavedOverrides};
 use super::{Event, Origin, Request, Supervisor, network_value};
 use crate::SettingValue;
@@ -32,56 +34,68 @@ impl Supervisor {
         }
     }
 
-    /// Handles requests: those that need a loaded graph are queued, all others are done at once.
+    /// Handles requests, in their order: those that need a loaded graph are queued, all others are done at once.
     pub(super) fn handle_requests(&mut self) {
-        let mut settings: Vec<Request> = Vec::new();
         let arrived = self.inbox.take(self.room());
-        for request in std::mem::take(&mut self.requests).into_iter().chain(arrived) {
-            match request.origin {
-                Origin::Keyboard | Origin::Program => self.request_change(request),
-                Origin::Osc => {
-                    // Only the latest value of a fader counts.
-                    settings.retain(|known| known.name != request.name);
-                    settings.push(request);
-                }
+        let mut requests: Vec<Ordered<Request>> = std::mem::take(&mut self.requests);
+        for request in arrived {
+            // Only the latest value of a fader counts.
+            if request.asked.origin == Origin::Osc {
+                let same = |known: &Ordered<Request>| {
+                    known.asked.origin == Origin::Osc && known.asked.name == request.asked.name
+                };
+                requests.retain(|known| !same(known));
             }
+            requests.push(request);
         }
-        for request in settings {
-            self.request_change(request);
+        requests.sort_by_key(|request| request.order);
+        let mut requests = requests.into_iter().peekable();
+        for pending in self.settings.take_pending() {
+            while let Some(request) = requests.next_if(|request| request.order < pending.order) {
+                self.request_change(request);
+            }
+            self.set_pending(pending);
         }
-        self.take_handles();
+        requests.for_each(|request| self.request_change(request));
     }
 
-    /// Passes on the values that handles have set.
-    fn take_handles(&mut self) {
-        let mut next = 0;
-        while let Some(pending) = self.settings.take_from(next) {
-            next = pending.handle + 1;
-            let set = match pending.target {
-                Some((node, setting)) => self.session.set(node, setting, pending.value),
-                None => Err(ControlError::NotLive),
-            };
-            let is_first_refusal = self.settings.note(pending.handle, set.is_ok());
-            match set {
-                Ok(()) => {
-                    let at_s = self.start.elapsed().as_secs_f64();
-                    let value = SettingValue::Number(pending.value);
-                    self.history.set(at_s, pending.name, value, Origin::Program);
-                }
-                Err(error) if is_first_refusal => self.refuse(
-                    Verbosity::All,
-                    format!("`{}` was not changed: {error}", pending.name),
-                ),
-                Err(_) => {}
+    /// Passes on a value that a handle has set.
+    fn set_pending(&mut self, pending: PendingValue) {
+        if !self.settings.is_newest(&pending.name, pending.order) {
+            return;
+        }
+        let set = match pending.target {
+            Some((node, setting)) => self.session.set(node, setting, pending.value),
+            None => Err(ControlError::NotLive),
+        };
+        if matches!(set, Err(ControlError::Full)) {
+            self.settings.retry(pending.handle);
+        }
+        let is_first_refusal = self.settings.note(pending.handle, set.is_ok());
+        match set {
+            Ok(()) => {
+                let at_s = self.start.elapsed().as_secs_f64();
+                let value = SettingValue::Number(pending.value);
+                self.history.set(at_s, pending.name, value, Origin::Program);
             }
+            Err(error) if is_first_refusal => self.refuse(
+                Verbosity::All,
+                format!("`{}` was not changed: {error}", pending.name),
+            ),
+            Err(_) => {}
         }
     }
 
     /// Sets a live setting of a node at once. A parameter is queued until the graph is loaded with it.
-    fn request_change(&mut self, request: Request) {
+    fn request_change(&mut self, Ordered { order, asked }: Ordered<Request>) {
+        let request = asked;
         let Request { name, value, origin } = &request;
         let verbosity = self.verbosity(name, *origin);
         if name.contains('.') {
+            // A handle has set a newer value meanwhile.
+            if self.settings.target(name).is_some() && !self.settings.is_newest(name, order) {
+                return;
+            }
             let was_set = self.set_directly(name, value, verbosity);
             return self.note(was_set, request);
         }

@@ -92,7 +92,8 @@ impl Processor for Rising {
     fn set(&mut self, setting: SettingId, value: f64) {
         match setting {
             Threshold::RISES_TO => self.rises_to = value,
-            Threshold::FALLS_TO => self.falls_to = Some(value),
+            // Not above the level that it is armed for, as in a file.
+            Threshold::FALLS_TO => self.falls_to = Some(value.min(self.rises_to)),
             _ => {}
         }
     }

@@ -10,8 +10,8 @@ import numpy as np
 class Samples(np.ndarray):
     """Samples over time: an array that also knows its rate and unit.
 
-    Every function of NumPy takes it. Slices without a step keep what it knows; all else gives a plain array, as a square
-    has another unit and every second sample another rate.
+    It is given to NumPy as any array. Slices without a step, rows and copies know the same; all else gives a plain array, as
+    a square has another unit and every second sample another rate. What changes it in place does not change what it knows.
 
     Attributes
     ----------
@@ -33,49 +33,64 @@ class Samples(np.ndarray):
     @classmethod
     def of(cls, values: np.ndarray, rate: float, quantity: str, unit: str) -> Samples:
         made = values.view(cls)
-        made.rate, made.unit, made.quantity = rate, unit, quantity
+        made.rate, made.unit, made.quantity = float(rate), unit, quantity
         made.axes = ("voice", "time")[-values.ndim :]
         return made
 
-    def __array_finalize__(self, source: Any) -> None:
-        for name in ("rate", "unit", "quantity", "axes"):
-            if hasattr(source, name):
-                setattr(self, name, getattr(source, name))
-
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **settings: Any) -> Any:
         outputs = settings.get("out", ())
-        settings["out"] = tuple(map(_plain, outputs)) if outputs else None
+        if outputs:
+            settings["out"] = tuple(map(_plain, outputs))
         found = getattr(ufunc, method)(*map(_plain, inputs), **settings)
         return outputs[0] if len(outputs) == 1 and outputs[0] is not None else found
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, settings: Any) -> Any:
-        plain = tuple(map(_plain_in, arguments)), {name: _plain_in(value) for name, value in settings.items()}
-        return function(*plain[0], **plain[1])
+        return function(*map(_plain, arguments), **{name: _plain(value) for name, value in settings.items()})
+
+    def __array_wrap__(self, made: np.ndarray, *_: Any) -> Any:
+        return _plain(made)
+
+    def _like(self, values: np.ndarray) -> Samples:
+        return Samples.of(values, self.rate, self.quantity, self.unit)
+
+    def __getattribute__(self, name: str) -> Any:
+        """Methods and properties of arrays are those of a plain one, but for those that keep what it knows."""
+        if name.startswith("_") or name in _OWN:
+            return super().__getattribute__(name)
+        return getattr(self.view(np.ndarray), name)
+
+    def copy(self, order: Any = "C") -> Samples:
+        return self._like(self.view(np.ndarray).copy(order))
+
+    def __copy__(self) -> Samples:
+        return self.copy()
+
+    def __deepcopy__(self, memo: Any) -> Samples:
+        return self.copy()
 
     def __getitem__(self, key: Any) -> Any:
-        found = super().__getitem__(key)
-        keys = key if isinstance(key, tuple) else (key,)
-        is_part = all(isinstance(one, slice) and one.step in (None, 1) or one is Ellipsis for one in keys)
+        found = self.view(np.ndarray)[key]
+        first, *more = key if isinstance(key, tuple) and key else (key,)
+        is_part = all(isinstance(one, slice) and one.step in (None, 1) for one in (first, *more))
         # A row of several is the samples of one.
-        is_row = self.ndim == 2 and isinstance(keys[0], (int, np.integer)) and len(keys) == 1
-        if not isinstance(found, Samples) or not (is_part or is_row):
-            return _plain(found)
-        found.axes = self.axes[-found.ndim :]
-        return found
+        is_row = self.ndim == 2 and type(first) is int and all(isinstance(one, slice) and one.step in (None, 1) for one in more)
+        return self._like(found) if is_part or is_row else found
 
     @property
     def times(self) -> np.ndarray:
-        """Of the samples, s."""
+        """Of the samples, s, from the first of them on."""
         return np.arange(self.shape[-1]) / self.rate
 
     def __reduce__(self) -> Any:
-        return Samples.of, (_plain(self), self.rate, self.quantity, self.unit)
+        return Samples.of, (self.view(np.ndarray), self.rate, self.quantity, self.unit)
+
+
+# What is not left to a plain array: what it knows, and what NumPy needs to know of the array itself.
+_OWN = {"rate", "unit", "quantity", "axes", "times", "of", "copy", "view", "ndim", "shape", "dtype", "size", "base", "flags"}
 
 
 def _plain(value: Any) -> Any:
-    return value.view(np.ndarray) if isinstance(value, Samples) else value
-
-
-def _plain_in(value: Any) -> Any:
-    """The same in lists and tuples of arrays, as `np.stack` takes them."""
-    return type(value)(map(_plain, value)) if type(value) in (list, tuple) else _plain(value)
+    """The same as plain arrays, also in lists and tuples of them, as `np.stack` takes them."""
+    if type(value) in (list, tuple):
+        return type(value)(map(_plain, value))
+    return np.ndarray.view(value, np.ndarray) if isinstance(value, Samples) else value

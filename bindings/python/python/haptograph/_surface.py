@@ -240,6 +240,9 @@ class Surface:
         wanted = own if rate is None else number("rate", rate, 0, above=True)
         if wanted < own:
             return self.resampled(wanted).render(force, speed, seconds, seed=seed, update=update, progress=progress)
+        for name, given in (("force", force), ("speed", speed)):
+            if isinstance(given, Samples) and given.rate != wanted:
+                raise Error(f"`{name}` has {given.rate:g} Hz, the result {wanted:g} Hz: give `rate={given.rate:g}`")
         force, speed = finite("force", array("force", force)), finite("speed", array("speed", speed))
         if force.ndim == speed.ndim == 0:
             if seconds is None:
@@ -260,6 +263,7 @@ class Surface:
         if wanted > own:
             # The force and speed at the texture's own samples.
             places = np.floor(np.arange(math.ceil(count * own / wanted)) * (wanted / own)).astype(np.int64)
+            places = np.minimum(places, count - 1)
             force, speed = force[places], speed[places]
         made = self._inner.render(force, speed, seed, update, progress)
         if wanted > own:
@@ -348,7 +352,9 @@ def _vibration(name: str, given: Any) -> tuple[np.ndarray, float | None]:
     if isinstance(given, Recording):
         given = given if given.is_processed else given.processed()
         return given.acceleration, given.rate
-    values = getattr(given, "values", given)
+    if isinstance(given, Samples) and given.unit != "m/s2":
+        raise Error(f"`{name}` is {given.quantity} in {given.unit}: give an acceleration in m/s2")
+    values = given if isinstance(given, np.ndarray) else getattr(given, "values", given)
     rate = getattr(given, "rate", None)
     # A Signal knows its rate; a pandas Series has values too.
     return line(name, values), rate if isinstance(rate, float) else None

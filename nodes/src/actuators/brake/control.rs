@@ -167,6 +167,12 @@ impl Brake {
     }
 
     fn drive(&mut self, wanted: f64, normal_n: f64) -> (f64, Reach) {
+        // Settings may have changed, or be those of another graph, since the last measurement.
+        let most = self.settings.most_trim;
+        self.trim = self.trim.clamp(-most, most);
+        if self.settings.trim_per_s <= 0.0 {
+            self.trim -= self.trim * (self.period_s / MEASURED_S).min(1.0);
+        }
         let solenoid = &self.settings.solenoid;
         let phi = solenoid.experimental_phi(wanted + self.trim);
         let plunger_n = phi.min(1.0) * normal_n;
@@ -238,6 +244,40 @@ mod tests {
         assert_eq!(reach(0.15, 1.0), Reach::BelowFreePen);
         assert_eq!(open_loop().update(0.15, &drag(1.0, 0.0)).current_a, 0.0);
         assert_eq!(reach(0.35, 5.0), Reach::Within);
+    }
+
+    #[test]
+    fn a_correction_ends_with_its_settings() {
+        let corrected = || {
+            let settings = BrakeSettings {
+                trim_per_s: 1.0,
+                most_trim: 0.2,
+                ..BrakeSettings::default()
+            };
+            let mut brake = Brake::new(settings, 1000.0);
+            (0..2000).for_each(|_| {
+                brake.update(0.4, &drag(1.0, 0.1));
+            });
+            assert!(brake.trim > 0.1, "{}", brake.trim);
+            brake
+        };
+        // The pen rests: nothing is measured, and so nothing corrected.
+        let rest = Dragging {
+            speed_m_s: 0.0,
+            ..drag(1.0, 0.0)
+        };
+        let mut bounded = corrected();
+        bounded.settings_mut().most_trim = 0.0;
+        assert_eq!(bounded.update(0.4, &rest).trim, 0.0);
+        let mut open = corrected();
+        let before = open.trim;
+        open.settings_mut().trim_per_s = 0.0;
+        let next = open.update(0.4, &rest).trim;
+        assert!(next < before && next > 0.9 * before, "it fades: {before}, {next}");
+        (0..2000).for_each(|_| {
+            open.update(0.4, &rest);
+        });
+        assert!(open.trim < 1e-6, "{}", open.trim);
     }
 
     #[test]

@@ -64,7 +64,12 @@ impl SurfacePath {
 
     /// Sets the length of the leash, as a multiple of the point's uncertainty.
     pub fn set_leash(&mut self, leash: f64) {
-        self.leash = leash.max(0.0);
+        let leash = leash.max(0.0);
+        // On a shorter leash the followed point comes nearer without a way: a pen that rests stays without speed.
+        if let Some(at) = self.at.as_mut().filter(|_| leash < self.leash) {
+            at.ahead_m = scale(at.ahead_m, leash / self.leash);
+        }
+        self.leash = leash;
     }
 
     /// Takes over the state of another path.
@@ -256,6 +261,25 @@ mod tests {
             path.update(&contact([f64::from(k) * 4e-5, 0.0, 0.0], [0.0, 0.0, 1.0]));
         }
         assert!((path.speed_m_s() - 0.04).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_shorter_leash_moves_no_pen_that_rests() {
+        let mut path = SurfacePath::new(FILTER, 100.0, 1000.0).unwrap();
+        let mut rests = |path: &mut SurfacePath, ticks| {
+            (0..ticks).for_each(|_| {
+                path.update(&contact([4e-4, 0.0, 0.0], [0.0, 0.0, 1.0]));
+            });
+            path.speed_m_s()
+        };
+        path.update(&contact([0.0; 3], [0.0, 0.0, 1.0]));
+        let before_m_s = rests(&mut path, 300);
+        path.set_leash(0.5);
+        let after_m_s = (0..50).map(|_| rests(&mut path, 1)).fold(0.0, f64::max);
+        assert!(
+            after_m_s <= before_m_s,
+            "{after_m_s} m/s, {before_m_s} m/s before"
+        );
     }
 
     #[test]
