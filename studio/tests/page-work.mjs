@@ -497,8 +497,7 @@ test("what is typed is undone by the keyboard, also what was applied", async (pa
     await page.focus(".cm-content");
     await page.keyboard.type("// typed");
     await becomes(`// typed${before}`);
-    await page.keyboard.press("Control+z");
-    await becomes(before);
+    await undo("Control+z", before);
     assert(await page.isDisabled("#editor-apply"), "nothing is left to apply");
 
     await page.keyboard.type("// typed");
