@@ -493,8 +493,8 @@ test("what is typed is undone by the keyboard, also what was applied", async (pa
         assert.equal(await text(), wanted, key);
     };
     const before = await text();
-    await page.evaluate(() => studio.editor.dispatch({ selection: { anchor: 0 } }));
     await page.focus(".cm-content");
+    await page.keyboard.press("Control+Home");
     await page.keyboard.type("// typed");
     await becomes(`// typed${before}`);
     await undo("Control+z", before);
