@@ -266,7 +266,7 @@ mod tests {
     #[test]
     fn a_shorter_leash_moves_no_pen_that_rests() {
         let mut path = SurfacePath::new(FILTER, 100.0, 1000.0).unwrap();
-        let mut rests = |path: &mut SurfacePath, ticks| {
+        let rests = |path: &mut SurfacePath, ticks| {
             (0..ticks).for_each(|_| {
                 path.update(&contact([4e-4, 0.0, 0.0], [0.0, 0.0, 1.0]));
             });
