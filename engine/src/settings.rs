@@ -57,7 +57,7 @@ pub enum SettingRole {
     /// A setting of the node alone.
     #[default]
     Plain,
-    /// The limit of an actuator sink, which an edit from afar must not raise.
+    /// The limit of an actuator sink, which a remote edit must not raise.
     Limit,
     /// The file in the run's folder that a sink writes.
     OutputFile,

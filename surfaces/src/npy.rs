@@ -50,7 +50,7 @@ pub enum NpyError {
     #[error("it is in Fortran order; save it in C order")]
     FortranOrder,
     /// Integers, complex numbers and other types.
-    #[error("its number type is '{0}'; save doubles")]
+    #[error("its number type is '{0}', which is not read; save doubles or singles, `astype(float)`")]
     Type(String),
     /// More or fewer numbers than the shape says.
     #[error("it has {bytes} bytes, which does not match its shape")]

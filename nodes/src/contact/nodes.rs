@@ -166,8 +166,8 @@ impl NodeKind for ContactNode {
         group: "contact",
         doc: "Contact of a tool with a plane, a sphere, a box, a room or a triangle mesh, or with several of them at once, \
               of which the deepest contact applies. HIP and IHIP are positions of the centre of the ball at the tool's tip. \
-              Of a mesh, from an STL or OBJ file, a point is the tool: set `proxy_diameter_mm: 0`; the god-object proxy \
-              never passes through a triangle.",
+              A mesh comes from an STL or OBJ file and is touched by a point only, `proxy_diameter_mm: 0`; the god-object \
+              proxy never passes through one of its triangles.",
         source: "4.3, 4.5.2, A.3.2; Zilles and Salisbury 1995",
         inputs: &[input(
             "position",
