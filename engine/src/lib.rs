@@ -19,6 +19,7 @@ pub mod host;
 mod io;
 pub mod limiter;
 pub mod node;
+mod node_id;
 pub mod plan;
 pub mod registry;
 pub mod run;

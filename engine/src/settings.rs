@@ -15,7 +15,7 @@ pub use expected::{Expected, Form};
 pub use fields::{Fields, fields_of};
 #[doc(hidden)]
 pub use live::any;
-pub use live::{DeclaredField, SettingId};
+pub use live::{DeclaredField, LiveSetting, SettingId};
 pub(crate) use live::{has_limit, same};
 pub use spelling::closest;
 

@@ -311,7 +311,7 @@ static LIVE_GRAPH: LazyLock<Graph> = LazyLock::new(|| {
 fn live_run() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let options = LiveOptions::default().rested();
-    let opened = Session::open_all(FileSinks::new(&LIVE_GRAPH), &options, Some(folder.path()));
+    let opened = Session::open_all(FileSinks::new(&*LIVE_GRAPH), &options, Some(folder.path()));
     let (mut lives, session) = opened.expect("threads and files");
     for _ in 0..10 {
         lives[1].callback(4, |_, _| {});
@@ -348,7 +348,7 @@ pub fn replay(bytes: &[u8]) -> bool {
             std::fs::write(logs.join(name), content).expect("it can be written");
         }
     }
-    let offline = Offline::new(FileSinks::new(&LIVE_GRAPH), 0);
+    let offline = Offline::new(FileSinks::new(&*LIVE_GRAPH), 0);
     let stop = AtomicBool::new(false);
     accepted(offline.replay((folder.path(), &bounds), &stop, &mut |_| {})).is_some()
 }

@@ -1,6 +1,6 @@
 //! Latency from sources to sinks, computed from the graph.
 
-use super::{Bridge, Edge, Graph, NodeId, Work};
+use super::{Bridge, Edge, Graph, NodeId, Work, id_of};
 use crate::device::DeviceLatency;
 use crate::node::Latency;
 use petgraph::graph::{EdgeReference, NodeIndex};
@@ -34,7 +34,7 @@ impl Graph {
             found.extend(reached.map(|(sink, latency)| PathLatency {
                 source: self.nodes[source].path.clone(),
                 sink: self.nodes[sink].path.clone(),
-                ends: [NodeId(source), NodeId(sink)],
+                ends: [id_of(source), id_of(sink)],
                 transport_s: sensing_s + latency.transport_s + self.buffers_of(sink).driving_s,
                 held_s: latency.transport_s,
                 group_delay_s: latency.group_delay_s,

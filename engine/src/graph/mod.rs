@@ -15,6 +15,7 @@ mod latency;
 mod left_out;
 mod memory;
 mod nodes;
+mod reach;
 mod types;
 mod unused;
 mod values;
@@ -23,13 +24,18 @@ mod wires;
 pub use check::{CheckOptions, Hosted, check};
 pub use devices::{DeclaredDevice, declared_devices};
 pub use latency::PathLatency;
-pub use nodes::{Connection, NodeId, Nodes, TemplateOutput};
+pub use nodes::{Connection, Nodes, TemplateOutput};
+pub(crate) use nodes::{id_of, index_of};
+pub(crate) use reach::Reach;
+
+pub use crate::node_id::NodeId;
+pub use crate::settings::LiveSetting;
 
 use crate::bridges::BridgeEntry;
 use crate::device::{Channel, Device, DeviceEntry, DeviceKind};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
-use crate::node::{AfterData, DataEnd, FileProgress, FileSink, Limit, NodeEntry, Processor};
+use crate::node::{AfterData, DataEnd, FileProgress, FileSink, Limit, NodeEntry, Processor, Stream};
 use crate::settings::{SettingId, SettingSpec};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
@@ -236,36 +242,6 @@ pub enum Bridge {
     },
 }
 
-/// A setting that can change while the graph runs.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LiveSetting {
-    /// The node.
-    pub node: NodeId,
-    /// The node's path.
-    pub path: String,
-    /// Handle of the setting.
-    pub setting: SettingId,
-    /// Its name.
-    pub field: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// Smallest and largest value.
-    pub range: Option<(f64, f64)>,
-    /// Whether it is a whole number. Such a setting jumps to its new value.
-    pub whole: bool,
-}
-
-impl LiveSetting {
-    /// Path and field: `out.gain`.
-    pub fn name(&self) -> String {
-        format!("{}.{}", self.path, self.field)
-    }
-
-    pub(crate) fn is_same_as(&self, other: &Self) -> bool {
-        self.path == other.path && self.field == other.field
-    }
-}
-
 impl Graph {
     /// The path and limit of every actuator sink.
     pub fn limits(&self) -> impl Iterator<Item = (&str, Limit)> {
@@ -288,7 +264,7 @@ impl Graph {
         self.nodes
             .node_indices()
             .filter_map(|index| match &self.nodes[index].work {
-                Work::File(sink) => Some((NodeId(index), sink.file_name())),
+                Work::File(sink) => Some((id_of(index), sink.file_name())),
                 _ => None,
             })
     }
@@ -321,6 +297,19 @@ impl Graph {
         stops.map(|source| source.driver_frames(driver)).min()
     }
 
+    /// Description of an output's signal.
+    pub(crate) fn stream(&self, node: NodeId, output: usize) -> Stream {
+        let node = &self.nodes[index_of(node)];
+        let port = &node.outputs[output];
+        Stream {
+            name: format!("{}.{}", node.path, port.name),
+            kind: port.kind,
+            quantity: port.quantity,
+            rate: self.clocks[node.clock.unwrap_or(0)].rate,
+            simulated: node.simulated,
+        }
+    }
+
     /// The devices that actuator sinks drive.
     pub fn driven_devices(&self) -> impl Iterator<Item = &GraphDevice> {
         let driven = |wanted: usize| {
@@ -351,7 +340,7 @@ impl Graph {
             found.extend(node.live.iter().filter_map(|(setting, value)| {
                 let spec = specs.get(setting.index())?;
                 Some(LiveSetting {
-                    node: NodeId(index),
+                    node: id_of(index),
                     path: node.path.clone(),
                     setting: *setting,
                     field: spec.name,
@@ -389,7 +378,7 @@ impl Graph {
         let used = |driver: &usize| {
             self.nodes
                 .node_indices()
-                .any(|node| self.driver_of(NodeId(node)) == Some(*driver))
+                .any(|node| self.driver_of(id_of(node)) == Some(*driver))
         };
         let mut drivers: Vec<usize> = (0..self.clocks.len())
             .filter(|clock| self.clocks[*clock].driver == *clock && used(clock))
@@ -401,18 +390,18 @@ impl Graph {
     }
     /// The driver of a node's clock, as an index of the clocks; `None` for a file sink.
     pub fn driver_of(&self, node: NodeId) -> Option<usize> {
-        let clock = self.nodes.node_weight(node.0)?.clock?;
+        let clock = self.nodes.node_weight(index_of(node))?.clock?;
         self.clocks.get(clock).map(|clock| clock.driver)
     }
     /// Whether connections lead from one node to another.
     pub fn reaches(&self, from: NodeId, to: NodeId) -> bool {
-        petgraph::algo::has_path_connecting(&self.nodes, from.0, to.0, None)
+        petgraph::algo::has_path_connecting(&self.nodes, index_of(from), index_of(to), None)
     }
     /// For every node, by index: whether connections lead from it to this one.
     pub(crate) fn leading_to(&self, to: NodeId) -> Vec<bool> {
         let backwards = petgraph::visit::Reversed(&self.nodes);
         let mut found = vec![false; self.nodes.node_count()];
-        let mut search = petgraph::visit::Dfs::new(backwards, to.0);
+        let mut search = petgraph::visit::Dfs::new(backwards, index_of(to));
         while let Some(node) = search.next(backwards) {
             found[node.index()] = true;
         }

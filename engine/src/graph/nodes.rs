@@ -1,20 +1,20 @@
 //! Public access to nodes and connections, without petgraph.
 
 use super::{Edge, Graph, Node};
+use crate::node_id::NodeId;
 use petgraph::Direction;
 use petgraph::graph::{DiGraph, EdgeReference, NodeIndex};
 use petgraph::visit::EdgeRef;
 use std::ops::Index;
 
-/// Identifier of a node: its index in file order, templates expanded. Valid in its graph only.
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct NodeId(pub(crate) NodeIndex);
+/// The identifier of a node of the graph library.
+pub(crate) fn id_of(node: NodeIndex) -> NodeId {
+    NodeId::new(node.index())
+}
 
-impl NodeId {
-    /// The index, from 0.
-    pub fn index(self) -> usize {
-        self.0.index()
-    }
+/// The node of the graph library with this identifier.
+pub(crate) fn index_of(id: NodeId) -> NodeIndex {
+    NodeIndex::new(id.index())
 }
 
 /// The nodes of a graph and the connections between them.
@@ -104,17 +104,17 @@ impl<'a> Nodes<'a> {
 
     /// The identifiers of all nodes, in file order.
     pub fn ids(self) -> impl Iterator<Item = NodeId> + 'a {
-        self.0.node_indices().map(NodeId)
+        self.0.node_indices().map(id_of)
     }
 
     /// The node with this identifier, if it exists.
     pub fn get(self, id: NodeId) -> Option<&'a Node> {
-        self.0.node_weight(id.0)
+        self.0.node_weight(index_of(id))
     }
 
     /// The node with this path.
     pub fn find(self, path: &str) -> Option<NodeId> {
-        self.ids().find(|id| self.0[id.0].path == path)
+        self.ids().find(|id| self.0[index_of(*id)].path == path)
     }
 
     /// All connections.
@@ -124,7 +124,7 @@ impl<'a> Nodes<'a> {
 
     /// The connections to a node, in the order of its inputs.
     pub fn incoming(self, id: NodeId) -> Vec<Connection<'a>> {
-        let edges = self.0.edges_directed(id.0, Direction::Incoming);
+        let edges = self.0.edges_directed(index_of(id), Direction::Incoming);
         let mut all: Vec<_> = edges.map(Connection::of).collect();
         all.sort_by_key(|connection| connection.edge.input);
         all
@@ -135,15 +135,15 @@ impl Index<NodeId> for Nodes<'_> {
     type Output = Node;
 
     fn index(&self, id: NodeId) -> &Node {
-        &self.0[id.0]
+        &self.0[index_of(id)]
     }
 }
 
 impl<'a> Connection<'a> {
     fn of(edge: EdgeReference<'a, Edge>) -> Self {
         Self {
-            from: NodeId(edge.source()),
-            to: NodeId(edge.target()),
+            from: id_of(edge.source()),
+            to: id_of(edge.target()),
             edge: edge.weight(),
         }
     }

@@ -9,7 +9,6 @@ use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::Presence;
 use crate::registry::RESERVED;
 use crate::settings::{Fields, Reading, Setting, closest};
-use petgraph::graph::NodeIndex;
 
 /// Largest delay in frames: 100 s at 10 kHz, 0.5 GB for the widest frames.
 const MAX_DELAY_FRAMES: f64 = 1e6;
@@ -113,7 +112,7 @@ pub(super) fn template_outputs(cx: &mut Context<'_>, draft: &Draft) -> Vec<Templ
             found.extend(wire.map(|wire| TemplateOutput {
                 path: place.prefix.trim_end_matches('/').to_owned(),
                 port: name.text.clone(),
-                node: NodeId(NodeIndex::new(wire.from)),
+                node: NodeId::new(wire.from),
                 output: wire.output,
             }));
         }

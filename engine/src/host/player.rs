@@ -240,7 +240,7 @@ impl Session {
             .filter_map(|name| Some((name, graph.find_output(name).ok()?)));
         let ports: Vec<(&String, (NodeId, usize))> = ports.collect();
         let wanted: Vec<(NodeId, usize)> = ports.iter().map(|(_, port)| *port).collect();
-        let (changed, begun) = self.change_with(graph, folder, Some(&wanted))?;
+        let (changed, begun) = self.change_with(graph.into(), folder, Some(&wanted))?;
         let name = |(port, stream): ((NodeId, usize), Stream)| {
             let (name, _) = ports.iter().find(|(_, known)| *known == port)?;
             Some(((*name).clone(), stream))

@@ -9,10 +9,9 @@ use super::{
     ActuatorPlan, BridgePlan, BridgeWork, DelayPlan, Delivered, DevicePlan, MAX_BLOCK, NodeKey, Plan,
     PlanOptions, StepTime, StepWork, Tap,
 };
-use crate::graph::{Bridge, Edge, Graph, NodeId, Work};
+use crate::graph::{Bridge, Edge, Graph, NodeId, Reach, Work, id_of};
 use crate::io::{Form, LINE, Placing};
 use crate::node::Stream;
-use crate::silence::Reach;
 use petgraph::graph::{EdgeIndex, NodeIndex};
 use petgraph::visit::EdgeRef;
 use std::collections::HashMap;
@@ -80,7 +79,7 @@ pub(super) fn build(graph: &Graph, driver: usize, options: &PlanOptions) -> Plan
     let mut builder = Builder::new(graph, driver, options);
     for (number, group) in order(graph).iter().enumerate() {
         // Neither a delay nor a device joins two drivers, so a group has one.
-        if graph.driver_of(NodeId(group.members[0])) == Some(driver) {
+        if graph.driver_of(id_of(group.members[0])) == Some(driver) {
             builder.ring_reads(group);
             builder.group(group, number);
             builder.ring_writes(group);
@@ -126,6 +125,7 @@ impl<'a> Builder<'a> {
                         fingerprint: device.fingerprint,
                     },
                     clock: device.clock,
+                    senses: device.senses.clone(),
                     driven_by: Vec::new(),
                     device: device.device.clone_box(),
                     input: device.device.live_input(),
@@ -148,6 +148,7 @@ impl<'a> Builder<'a> {
                 .filter(|live| graph.driver_of(live.node) == Some(driver))
                 .collect(),
             live_works: Vec::new(),
+            data_frames: graph.frames_of_data(graph.clocks[driver].rate),
         };
         Self {
             graph,
@@ -454,7 +455,7 @@ impl<'a> Builder<'a> {
             out: None,
             inputs: Vec::new(),
             outputs: Vec::new(),
-            node: NodeId(node),
+            node: id_of(node),
             label: label.into(),
         });
         self.steps.len() - 1
@@ -539,7 +540,7 @@ impl<'a> Builder<'a> {
         for (place, (node, output)) in taps.iter().enumerate() {
             // Ports of nodes of other drivers were never made.
             if let Some(port) = self.ports.get(node.index()).and_then(|ports| ports.get(*output)) {
-                tapped.push((*port, self.stream(node.0, *output, *port)));
+                tapped.push((*port, self.graph.stream(*node, *output)));
                 self.plan.tap_places.push(place);
             }
         }
@@ -565,16 +566,5 @@ impl<'a> Builder<'a> {
         plan.delivered = plan.actuators.iter().map(|_| Delivered::default()).collect();
         plan.times = plan.steps.iter().map(|_| StepTime::default()).collect();
         self.plan
-    }
-
-    fn stream(&self, index: NodeIndex, output: usize, port: Port) -> Stream {
-        let node = &self.graph.nodes[index];
-        Stream {
-            name: self.port_name(index, output),
-            kind: node.outputs[output].kind,
-            quantity: node.outputs[output].quantity,
-            rate: self.plan.rates[port.clock as usize],
-            simulated: node.simulated,
-        }
     }
 }

@@ -7,21 +7,28 @@
 
 mod build;
 mod order;
+mod planner;
 mod resolve;
 mod show;
 mod slots;
 
 use crate::bridges::BridgeEntry;
-use crate::device::Device;
+use crate::device::{Channel, Device};
 use crate::frame::Kind;
-use crate::graph::{Graph, LiveSetting, NodeId};
+use crate::graph::Graph;
+pub(crate) use crate::graph::fingerprint::{
+    VERSION as FINGERPRINTS_VERSION, VERSION_NAME as FINGERPRINTS_NAME,
+};
 use crate::io::{Extent, Placing, ResolvedInput};
 use crate::limiter::ClipCounts;
 pub use crate::node::MAX_BLOCK;
 use crate::node::{Limit, Processor, Single, Stream};
+use crate::node_id::NodeId;
+use crate::settings::LiveSetting;
 use crate::silence::LiveInput;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::EdgeIndex;
+pub use planner::Planner;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
@@ -134,6 +141,8 @@ pub struct Plan {
     pub(crate) live: Vec<LiveSetting>,
     /// Works of the node of each live setting.
     pub(crate) live_works: Vec<Box<[StepWork]>>,
+    /// Driver frames after which the first source of the graph that ends the run has no more data.
+    pub(crate) data_frames: Option<u64>,
 }
 
 /// A step of the plan.
@@ -215,6 +224,8 @@ pub(crate) struct DevicePlan {
     pub key: NodeKey,
     /// The clock it ticks on.
     pub clock: usize,
+    /// Channels that nodes can read; a channel's index is its number.
+    pub senses: Vec<Channel>,
     pub device: Box<dyn Device>,
     /// Live input of a device that can fall silent; shared by the plans of all drivers.
     pub input: Option<LiveInput>,

@@ -33,9 +33,8 @@ pub(super) use inputs::{Input, InputLog, InputScript, InputWriter};
 pub(super) use log::{ArrivalLog, ArrivalWriter, SettingWriter};
 pub(super) use replay::{Arrivals, check_logs};
 
-use crate::graph::fingerprint::{VERSION, VERSION_NAME, of_graph};
-use crate::graph::{Graph, LiveSetting};
-use crate::plan::Plan;
+use crate::plan::{FINGERPRINTS_NAME, FINGERPRINTS_VERSION, Plan, Planner};
+use crate::settings::LiveSetting;
 use haptograph_signal::files;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -80,7 +79,7 @@ pub enum ReplayError {
         differences: String,
     },
     /// The fingerprints are of another version: they cannot be compared with those of this program.
-    #[error("{} has fingerprints of version {found}, but this program compares version {VERSION}; \
+    #[error("{} has fingerprints of version {found}, but this program compares version {FINGERPRINTS_VERSION}; \
              replay the run with the version of haptograph that recorded it, or record it again", path.display())]
     OtherVersion {
         /// The file of fingerprints.
@@ -176,12 +175,13 @@ fn graph_file(folder: &Path) -> PathBuf {
 const UNRESTED: &str = "unrested actuators";
 
 /// Writes the fingerprints of a run's graph, and whether its actuators started rested.
-pub(super) fn keep_graph(graph: &Graph, rested: bool, folder: &Path) -> std::io::Result<()> {
+pub(super) fn keep_graph(planner: Planner<'_>, rested: bool, folder: &Path) -> std::io::Result<()> {
     let heat = match rested {
         true => String::new(),
         false => format!("{:016x} {UNRESTED}\n", 1),
     };
-    let lines = of_graph(graph)
+    let lines = planner
+        .fingerprints()
         .into_iter()
         .map(|(name, fingerprint)| format!("{fingerprint:016x} {name}\n"));
     std::fs::create_dir_all(folder.join(ARRIVALS))?;
@@ -189,7 +189,7 @@ pub(super) fn keep_graph(graph: &Graph, rested: bool, folder: &Path) -> std::io:
 }
 
 /// Refuses a graph that is not that of the run. Returns whether its actuators started rested.
-pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<bool, ReplayError> {
+pub(super) fn check_graph(planner: Planner<'_>, folder: &Path) -> Result<bool, ReplayError> {
     const NAMED: usize = 4;
     let path = graph_file(folder);
     let text = match files::read_text(&path, files::MAX_GRAPH_BYTES) {
@@ -202,15 +202,15 @@ pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<bool, ReplayEr
         .map(|(fingerprint, name)| (name, fingerprint))
         .collect();
     // Ahead of the rest: under another version every node would differ.
-    let found = then.get(VERSION_NAME).copied();
+    let found = then.get(FINGERPRINTS_NAME).copied();
     let found = found.and_then(|version| u64::from_str_radix(version, 16).ok());
-    if found != Some(VERSION) {
+    if found != Some(FINGERPRINTS_VERSION) {
         let found = found.map_or_else(|| "unknown".to_owned(), |version| version.to_string());
         return Err(ReplayError::OtherVersion { path, found });
     }
     let rested = then.remove(UNRESTED).is_none();
     let mut differences = Vec::new();
-    for (name, fingerprint) in of_graph(graph) {
+    for (name, fingerprint) in planner.fingerprints() {
         match then.remove(name.as_str()) {
             None => differences.push(format!("`{name}` is new")),
             Some(kept) if kept != format!("{fingerprint:016x}") => {

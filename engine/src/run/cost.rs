@@ -2,7 +2,7 @@
 
 use super::Run;
 use super::profile::{StepObserver, clock_ns};
-use crate::graph::NodeId;
+use crate::node_id::NodeId;
 use crate::plan::{Plan, StepTime};
 use std::collections::BTreeMap;
 use std::sync::LazyLock;

@@ -1,7 +1,8 @@
 //! Recorded outputs of a run: taps and the writers of their frames.
 
-use crate::graph::{Graph, NodeId, Work};
-use crate::node::{FrameWriter, Stream};
+use crate::node::{FileSink, FrameWriter, Stream};
+use crate::node_id::NodeId;
+use crate::plan::Planner;
 use std::path::{Path, PathBuf};
 
 /// An output to record, and its writer.
@@ -16,7 +17,7 @@ pub struct Probe {
 
 /// The tapped outputs of a graph and their writers.
 pub struct FileSinks<'a> {
-    pub(super) graph: &'a Graph,
+    pub(super) planner: Planner<'a>,
     pub(super) taps: Vec<(NodeId, usize)>,
     pub(super) written: Vec<WrittenFile>,
 }
@@ -55,9 +56,12 @@ pub struct WriteError {
 
 impl<'a> FileSinks<'a> {
     /// Makes an empty list.
-    pub fn new(graph: &'a Graph) -> Self {
-        let (taps, written) = (Vec::new(), Vec::new());
-        Self { graph, taps, written }
+    pub fn new(graph: impl Into<Planner<'a>>) -> Self {
+        Self {
+            planner: graph.into(),
+            taps: Vec::new(),
+            written: Vec::new(),
+        }
     }
 
     /// Adds a probe.
@@ -66,14 +70,14 @@ impl<'a> FileSinks<'a> {
         self.written.push(WrittenFile {
             writer: Some(probe.writer),
             taps: vec![self.taps.len() - 1],
-            what: PathBuf::from(stream(self.graph, (probe.node, probe.output)).name),
+            what: PathBuf::from(self.planner.stream((probe.node, probe.output)).name),
             sink: None,
         });
     }
 
     /// Adds an output whose frames the caller of a live run reads; returns its description.
     pub(crate) fn hand_over(&mut self, node: NodeId, output: usize) -> Stream {
-        let carried = stream(self.graph, (node, output));
+        let carried = self.planner.stream((node, output));
         self.taps.push((node, output));
         self.written.push(WrittenFile {
             writer: None,
@@ -89,10 +93,8 @@ impl<'a> FileSinks<'a> {
     /// # Errors
     /// [`WriteError`] for the first that cannot be opened.
     pub fn open_files(&mut self, folder: &Path) -> Result<(), WriteError> {
-        for index in self.graph.nodes().ids() {
-            self.open_file(index, folder)?;
-        }
-        Ok(())
+        let mut sinks = self.planner.file_sinks();
+        sinks.try_for_each(|(node, sink)| self.open_file(node, sink, folder))
     }
 
     /// Removes the opened files: the change of graph failed.
@@ -106,14 +108,16 @@ impl<'a> FileSinks<'a> {
         }
     }
 
-    /// Opens the file of a node, if it is a file sink.
-    pub(super) fn open_file(&mut self, index: NodeId, folder: &Path) -> Result<(), WriteError> {
-        let Work::File(sink) = &self.graph.nodes()[index].work else {
-            return Ok(());
-        };
+    /// Opens the file of a file sink.
+    pub(super) fn open_file(
+        &mut self,
+        node: NodeId,
+        sink: &dyn FileSink,
+        folder: &Path,
+    ) -> Result<(), WriteError> {
         let path = folder.join(sink.file_name());
-        let ports = file_ports(self.graph, index);
-        let streams: Vec<Stream> = ports.iter().map(|port| stream(self.graph, *port)).collect();
+        let ports = self.planner.read_by(node);
+        let streams: Vec<Stream> = ports.iter().map(|port| self.planner.stream(*port)).collect();
         let inside = sink
             .file_name()
             .parent()
@@ -133,23 +137,5 @@ impl<'a> FileSinks<'a> {
             sink: Some(sink.file_name().to_owned()),
         });
         Ok(())
-    }
-}
-
-/// The outputs that a file sink writes, in the order of its inputs.
-pub(super) fn file_ports(graph: &Graph, index: NodeId) -> Vec<(NodeId, usize)> {
-    let connections = graph.nodes().incoming(index).into_iter();
-    connections.map(|read| (read.from, read.edge.output)).collect()
-}
-
-/// Description of an output's signal.
-pub(super) fn stream(graph: &Graph, (source, output): (NodeId, usize)) -> Stream {
-    let node = &graph.nodes()[source];
-    Stream {
-        name: format!("{}.{}", node.path, node.outputs[output].name),
-        kind: node.outputs[output].kind,
-        quantity: node.outputs[output].quantity,
-        rate: graph.clocks[node.clock.unwrap_or(0)].rate,
-        simulated: node.simulated,
     }
 }

@@ -50,9 +50,9 @@ pub use swap::{Change, NoCrossFade};
 
 use crate::bridges::{BridgeContext, BridgeEntry, BridgeState, HoldRuns};
 use crate::device::Device;
-use crate::graph::NodeId;
 use crate::io::Memory;
 use crate::node::{Processor, SettingId};
+use crate::node_id::NodeId;
 use crate::plan::{BridgeWork, Plan, SingleStep, StepWork};
 use actuator::ActuatorState;
 use delay::DelayState;

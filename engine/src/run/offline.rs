@@ -80,7 +80,7 @@ impl<'a> Offline<'a> {
             block: self.block,
             taps: self.sinks.taps.clone(),
         };
-        let plans = Plan::of(self.sinks.graph, &options).into_iter();
+        let plans = self.sinks.planner.plans(&options).into_iter();
         plans.map(Arc::new).collect()
     }
 
@@ -95,11 +95,9 @@ impl<'a> Offline<'a> {
         stop: &AtomicBool,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Outcome, OfflineError> {
-        let (graph, plans) = (self.sinks.graph, self.plans());
+        let (planner, plans) = (self.sinks.planner, self.plans());
         let mut files = Files::new(self.sinks.written, plans.iter().map(Arc::as_ref));
-        let mut runner = Runner::new(&plans)
-            .ending_after(seconds)
-            .ending_with_data_of(graph);
+        let mut runner = Runner::new(&plans).ending_after(seconds).ending_with_data();
         let mut written = Ok(());
         while written.is_ok() && !runner.is_over() && !stop.load(Ordering::Relaxed) {
             written = runner.run_quantum(|driver, run| files.write(driver, run));
@@ -112,7 +110,7 @@ impl<'a> Offline<'a> {
         finished?;
         let mut outcome = outcome_of(&runner, !runner.is_over());
         if outcome.faults.ticks > 0 {
-            outcome.faults.origin = Runner::origin(graph, &plans, seconds, stop);
+            outcome.faults.origin = Runner::origin(planner, &plans, seconds, stop);
         }
         Ok(outcome)
     }
@@ -129,10 +127,9 @@ impl<'a> Offline<'a> {
         progress: &mut dyn FnMut(f64),
     ) -> Result<Outcome, OfflineError> {
         let plans = self.plans();
-        let rested = check_graph(self.sinks.graph, folder)?;
-        let graph = self.sinks.graph;
+        let rested = check_graph(self.sinks.planner, folder)?;
         let goes_on = || !stop.load(Ordering::Relaxed);
-        check_logs((graph, &plans), folder, bounds, &goes_on)?;
+        check_logs(&plans, folder, bounds, &goes_on)?;
         let open = |(driver, plan): (usize, &Arc<Plan>)| Arrivals::open(plan, (folder, driver), bounds);
         let mut scripts = plans
             .iter()
@@ -141,7 +138,7 @@ impl<'a> Offline<'a> {
             .collect::<Result<Vec<_>, _>>()?;
         let mut files = Files::new(self.sinks.written, plans.iter().map(Arc::as_ref));
         let mut runner = Runner::new(&plans);
-        runner.repeat_inputs((graph, &plans), folder, bounds)?;
+        runner.repeat_inputs(&plans, folder, bounds)?;
         if !rested {
             runner
                 .runs_mut()

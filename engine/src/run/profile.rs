@@ -1,7 +1,7 @@
 //! Cost of each step of running plans: of every so many quanta, one is timed step by step.
 
 use super::runner::{DriverTask, Runner};
-use crate::graph::NodeId;
+use crate::node_id::NodeId;
 use crate::plan::{Plan, Step};
 use haptograph_signal::statistics::median;
 use std::convert::Infallible;

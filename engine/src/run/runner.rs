@@ -7,8 +7,7 @@
 use super::async_resampler::{RingMeter, async_resampler, reserve_s};
 use super::swap::PlanSwap;
 use super::{Faults, Run};
-use crate::graph::Graph;
-use crate::plan::{MAX_BLOCK, Plan, RingSpec};
+use crate::plan::{MAX_BLOCK, Plan, Planner, RingSpec};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -95,11 +94,9 @@ impl Runner {
 
     /// Ends each driver where the data of a source that stops the run end.
     #[must_use]
-    pub fn ending_with_data_of(mut self, graph: &Graph) -> Self {
+    pub fn ending_with_data(mut self) -> Self {
         for (end, run) in self.ends.iter_mut().zip(&self.runs) {
-            *end = graph
-                .frames_of_data(run.plan.driver_rate())
-                .map_or(*end, |data| data.min(*end));
+            *end = run.plan.data_frames.map_or(*end, |data| data.min(*end));
         }
         self
     }
@@ -168,7 +165,7 @@ impl Runner {
     ///
     /// Repeats the run frame by frame, so that the result does not depend on the block size.
     pub(super) fn origin(
-        graph: &Graph,
+        planner: Planner<'_>,
         plans: &[Arc<Plan>],
         seconds: f64,
         stop: &AtomicBool,
@@ -176,7 +173,7 @@ impl Runner {
         let fresh = || Self::new(plans).ending_after(seconds);
         let faulted = fresh().until_a_fault(stop)?;
         let sink = faulted.runs.iter().find_map(Run::first_faulted_sink)?;
-        let upstream_candidates = graph.leading_to(sink);
+        let upstream_candidates = planner.leading_to(sink);
         let mut runner = fresh();
         runner
             .runs

@@ -8,16 +8,17 @@ use super::arm::ArmSwitch;
 use super::arrivals::{self, ArrivalLog, ArrivalWriter, Input, InputLog, InputWriter, SettingWriter};
 use super::control::{Control, ControlError};
 use super::cost;
-use super::file_sinks::{FileSinks, WriteError, WrittenFile, stream};
+use super::file_sinks::{FileSinks, WriteError, WrittenFile};
 use super::live::{Live, LiveState, live_until};
 use super::meter::Meters;
 use super::rings::{TapRings, WriterThread};
 use super::runner::connect;
 use super::silence::{self, ActuatorLevel, InputStatus};
 use super::{Faults, Outcome, RingMeter, RingReport, Run};
-use crate::graph::{Graph, LiveSetting, NodeId};
-use crate::node::{SettingId, Stream};
+use crate::node::Stream;
+use crate::node_id::NodeId;
 use crate::plan::{Plan, PlanOptions};
+use crate::settings::{LiveSetting, SettingId};
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -184,7 +185,7 @@ impl Session {
         folder: Option<&Path>,
     ) -> std::io::Result<(Vec<Live>, Self)> {
         if !options.offline {
-            sinks.graph.refuse_scripts().map_err(std::io::Error::other)?;
+            sinks.planner.refuse_scripts().map_err(std::io::Error::other)?;
         }
         let plan_options = PlanOptions {
             block: options.block,
@@ -207,7 +208,7 @@ impl Session {
         let mut outs: Vec<_> = sinks.taps.iter().map(|_| None).collect();
         let mut lives = Vec::new();
         let hottest = Arc::default();
-        for plan in Plan::of(sinks.graph, &plan_options) {
+        for plan in sinks.planner.plans(&plan_options) {
             let plan = Arc::new(plan);
             let rings = tap_rings(&plan, Vec::new(), &mut outs);
             let (mut live, control) = live_until(Arc::clone(&plan), Arc::clone(&options.stop));
@@ -220,8 +221,13 @@ impl Session {
                 live.run_mut().arm_by(switch);
             }
             let frames = |seconds: f64| (seconds * plan.driver_rate().hz()).round().max(0.0) as u64;
-            let data = sinks.graph.frames_of_data(plan.driver_rate());
-            if let Some(frames) = options.seconds.map(frames).into_iter().chain(data).min() {
+            if let Some(frames) = options
+                .seconds
+                .map(frames)
+                .into_iter()
+                .chain(plan.data_frames)
+                .min()
+            {
                 live.end_after(frames);
             }
             session.controls.push(control);
@@ -229,10 +235,10 @@ impl Session {
         }
         session.rings = connect(&mut lives.iter_mut().map(Live::run_mut).collect::<Vec<_>>());
         if let Some(folder) = folder {
-            arrivals::keep_graph(sinks.graph, options.rested, folder)?;
+            arrivals::keep_graph(sinks.planner, options.rested, folder)?;
             for (driver, live) in lives.iter_mut().enumerate() {
                 session.log(driver, live, folder)?;
-                session.log_inputs(sinks.graph, (driver, live), folder)?;
+                session.log_inputs((driver, live), folder)?;
             }
         }
         session.write(sinks, outs);
@@ -254,13 +260,8 @@ impl Session {
     }
 
     /// Logs the live inputs that a driver reads for a replay.
-    fn log_inputs(
-        &mut self,
-        graph: &Graph,
-        (driver, live): (usize, &mut Live),
-        folder: &Path,
-    ) -> std::io::Result<()> {
-        for input in Input::all(graph, self.controls[driver].plan()) {
+    fn log_inputs(&mut self, (driver, live): (usize, &mut Live), folder: &Path) -> std::io::Result<()> {
+        for input in Input::all(self.controls[driver].plan()) {
             let (log, kept) = InputLog::new(&input);
             live.run_mut().log_input(input.place, log);
             let what = arrivals::input_file(folder, driver, input.place);
@@ -354,7 +355,7 @@ impl Session {
             let mut ends = Vec::new();
             for (place, tap) in written.taps.iter().enumerate() {
                 self.taps[*tap] = (number, place);
-                streams.push(stream(sinks.graph, sinks.taps[*tap]));
+                streams.push(sinks.planner.stream(sinks.taps[*tap]));
                 ends.extend(rings[*tap].take());
             }
             self.entries.push(Entry {

@@ -1,6 +1,37 @@
-//! Handles of live settings, and how they are looked up.
+//! Live settings: their handles, and how these are looked up.
 
 use super::Settings;
+use crate::node_id::NodeId;
+
+/// A setting that can change while the graph runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LiveSetting {
+    /// The node.
+    pub node: NodeId,
+    /// The node's path.
+    pub path: String,
+    /// Handle of the setting.
+    pub setting: SettingId,
+    /// Its name.
+    pub field: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Smallest and largest value.
+    pub range: Option<(f64, f64)>,
+    /// Whether it is a whole number. Such a setting jumps to its new value.
+    pub whole: bool,
+}
+
+impl LiveSetting {
+    /// Path and field: `out.gain`.
+    pub fn name(&self) -> String {
+        format!("{}.{}", self.path, self.field)
+    }
+
+    pub(crate) fn is_same_as(&self, other: &Self) -> bool {
+        self.path == other.path && self.field == other.field
+    }
+}
 
 /// A field of a [`Settings`] struct, as its declaration has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -191,8 +191,8 @@ impl Supervisor {
             .map(|live| (live.name(), live.value))
             .collect();
         let changed = match &self.folder {
-            Some(folder) => self.session.change(graph, folder),
-            None => self.session.change_without_files(graph),
+            Some(folder) => self.session.change(&*graph, folder),
+            None => self.session.change_without_files(&*graph),
         };
         match changed {
             Ok(changed) => {

@@ -13,10 +13,9 @@
 use super::rows::Lines;
 use super::{ReplayBounds, ReplayError, input_file, quoted};
 use crate::frame::Kind;
-use crate::graph::Graph;
 use crate::io::touched_ring;
 use crate::node::FrameWriter;
-use crate::plan::Plan;
+use crate::plan::{DevicePlan, Plan};
 use haptograph_signal::quantity::Quantity;
 use rtrb::{Consumer, Producer};
 use std::fs::File;
@@ -39,14 +38,14 @@ pub(in super::super) struct Input {
 
 impl Input {
     /// The live inputs that the driver of a plan reads.
-    pub fn all(graph: &Graph, plan: &Plan) -> Vec<Self> {
+    pub fn all(plan: &Plan) -> Vec<Self> {
         let devices = plan.devices.iter().enumerate();
         let inputs = devices.filter(|(_, device)| device.input.is_some() && !device.reads.is_empty());
         inputs
             .map(|(place, device)| Self {
                 place,
                 rate_hz: plan.rates[device.clock].hz(),
-                columns: columns(graph, plan, place),
+                columns: columns(device),
             })
             .collect()
     }
@@ -58,12 +57,10 @@ impl Input {
     }
 }
 
-fn columns(graph: &Graph, plan: &Plan, place: usize) -> Vec<(String, f64)> {
-    let device = &plan.devices[place];
-    let known = graph.devices().iter().find(|known| known.name == device.name);
+fn columns(device: &DevicePlan) -> Vec<(String, f64)> {
     let mut columns = Vec::new();
     for (place, channel) in &device.reads {
-        let channel = known.and_then(|known| known.senses.get(*channel));
+        let channel = device.senses.get(*channel);
         let (name, quantity) = channel.map_or(("", Quantity::NUMBER), |one| (one.name, one.quantity));
         for component in 1..=place.width {
             let number = match channel.is_some_and(|one| one.kind == Kind::SCALAR) {
@@ -270,12 +267,11 @@ impl InputScript {
 
 /// The scripts of a driver's inputs, with the index of the device.
 pub(in super::super) fn scripts(
-    graph: &Graph,
     plan: &Plan,
     (folder, driver): (&Path, usize),
     bounds: &ReplayBounds,
 ) -> Result<Vec<(usize, InputScript)>, ReplayError> {
-    let inputs = Input::all(graph, plan).into_iter();
+    let inputs = Input::all(plan).into_iter();
     inputs
         .map(|input| {
             let path = input_file(folder, driver, input.place);

@@ -13,8 +13,8 @@ use super::{
     FADING, REPLACED, ReplayBounds, ReplayError, SETTINGS_HEADER, cell, columns, file, gated, header,
     settings_file,
 };
-use crate::graph::{Graph, LiveSetting};
 use crate::plan::Plan;
+use crate::settings::LiveSetting;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -155,7 +155,7 @@ impl Changes {
 /// Reads all logs of a run and refuses what a run of that length cannot have written. Uses constant memory; stops early
 /// if `goes_on` returns false.
 pub(in super::super) fn check_logs(
-    (graph, plans): (&Graph, &[Arc<Plan>]),
+    plans: &[Arc<Plan>],
     folder: &Path,
     bounds: &ReplayBounds,
     goes_on: &impl Fn() -> bool,
@@ -179,7 +179,7 @@ pub(in super::super) fn check_logs(
                 return Err(changes.lines.implausible("its frame is after the end of the run"));
             }
         }
-        for (_, script) in scripts(graph, plan, (folder, driver), bounds)? {
+        for (_, script) in scripts(plan, (folder, driver), bounds)? {
             script.check(goes_on)?;
         }
     }
@@ -322,12 +322,12 @@ impl Runner {
     /// Replays the live inputs from a run's folder.
     pub(in super::super) fn repeat_inputs(
         &mut self,
-        (graph, plans): (&Graph, &[Arc<Plan>]),
+        plans: &[Arc<Plan>],
         folder: &Path,
         bounds: &ReplayBounds,
     ) -> Result<(), ReplayError> {
         for (driver, (plan, run)) in plans.iter().zip(self.runs_mut()).enumerate() {
-            for (place, script) in scripts(graph, plan, (folder, driver), bounds)? {
+            for (place, script) in scripts(plan, (folder, driver), bounds)? {
                 run.state.devices[place].script = Some(script);
             }
             // No input has been heard yet in the replayed run.

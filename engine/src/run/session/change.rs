@@ -2,13 +2,13 @@
 
 use super::super::RingMeter;
 use super::super::control::{Control, ControlError, Prepared};
-use super::super::file_sinks::{FileSinks, WriteError, file_ports, stream};
+use super::super::file_sinks::{FileSinks, WriteError};
 use super::super::runner::reconnect;
 use super::super::swap::{Change, PlanSwap};
 use super::{Entry, Session, tap_rings};
-use crate::graph::{Graph, NodeId};
 use crate::node::{OfflineOnly, Stream};
-use crate::plan::{Plan, PlanOptions};
+use crate::node_id::NodeId;
+use crate::plan::{Plan, PlanOptions, Planner};
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -104,8 +104,12 @@ impl Session {
     ///
     /// # Errors
     /// [`ChangeError`]; the running graph continues.
-    pub fn change(&mut self, graph: &Graph, folder: &Path) -> Result<Changed, ChangeError> {
-        self.change_with(graph, Some(folder), None)
+    pub fn change<'g>(
+        &mut self,
+        graph: impl Into<Planner<'g>>,
+        folder: &Path,
+    ) -> Result<Changed, ChangeError> {
+        self.change_with(graph.into(), Some(folder), None)
             .map(|(changed, _)| changed)
     }
 
@@ -113,20 +117,24 @@ impl Session {
     ///
     /// # Errors
     /// [`ChangeError`]; the running graph continues.
-    pub fn change_without_files(&mut self, graph: &Graph) -> Result<Changed, ChangeError> {
-        self.change_with(graph, None, None).map(|(changed, _)| changed)
+    pub fn change_without_files<'g>(
+        &mut self,
+        graph: impl Into<Planner<'g>>,
+    ) -> Result<Changed, ChangeError> {
+        self.change_with(graph.into(), None, None)
+            .map(|(changed, _)| changed)
     }
 
     /// As [`change`](Self::change). If `probes` are given, the caller reads those outputs from now on.
     /// Returns the streams of new probes in the order of their rings.
     pub(crate) fn change_with(
         &mut self,
-        graph: &Graph,
+        planner: Planner<'_>,
         folder: Option<&Path>,
         probes: Option<&[Port]>,
     ) -> Result<(Changed, Vec<(Port, Stream)>), ChangeError> {
-        graph.refuse_scripts()?;
-        let mut sinks = FileSinks::new(graph);
+        planner.refuse_scripts()?;
+        let mut sinks = FileSinks::new(planner);
         let kept_streams = self.keep_streams(&mut sinks, probes);
         let left_out = match folder {
             Some(folder) => self
@@ -178,10 +186,10 @@ impl Session {
         let mut kept_streams = KeptStreams::default();
         for (number, entry) in self.entries.iter().enumerate().filter(|(_, entry)| entry.running) {
             let old = |stream: usize| self.taps.iter().position(|tap| *tap == (number, stream));
-            let ports = entry.ports_in(sinks.graph).filter(|ports| {
+            let ports = entry.ports_in(sinks.planner).filter(|ports| {
                 // The ring of a stream stays with its driver.
-                let stays = |(stream, port): (usize, &(NodeId, usize))| {
-                    old(stream).is_some_and(|old| self.has_tap(sinks.graph, *port, old))
+                let stays = |(stream, port): (usize, &Port)| {
+                    old(stream).is_some_and(|old| self.has_tap(sinks.planner, *port, old))
                 };
                 ports.iter().enumerate().all(stays)
             });
@@ -206,13 +214,13 @@ impl Session {
     }
 
     /// Whether a port of the new graph has the driver that a tap of the present plans has.
-    fn has_tap(&self, graph: &Graph, port: (NodeId, usize), tap: usize) -> bool {
+    fn has_tap(&self, planner: Planner<'_>, (node, _): Port, tap: usize) -> bool {
         let tapped = |control: &&Control| control.plan().tap_places.contains(&tap);
-        let (Some(control), Some(driver)) = (self.controls.iter().find(tapped), graph.driver_of(port.0))
+        let (Some(control), Some(driver)) = (self.controls.iter().find(tapped), planner.driver_name(node))
         else {
             return false;
         };
-        self.controls.len() == 1 || control.plan().driver_name() == graph.clocks()[driver].name
+        self.controls.len() == 1 || control.plan().driver_name() == driver
     }
 
     /// Opens the files that only the new graph writes. Returns those that cannot be begun again.
@@ -223,10 +231,10 @@ impl Session {
         folder: &Path,
     ) -> Result<Vec<PathBuf>, WriteError> {
         let mut left_out = Vec::new();
-        for (index, file) in sinks.graph.written_files() {
-            let known = |entry: &Entry| entry.sink.as_deref() == Some(file);
+        for (node, sink) in sinks.planner.file_sinks() {
+            let known = |entry: &Entry| entry.sink.as_deref() == Some(sink.file_name());
             match self.entries.iter().position(known) {
-                None => sinks.open_file(index, folder)?,
+                None => sinks.open_file(node, sink, folder)?,
                 Some(known) if ended.contains(&known) || !self.entries[known].running => {
                     left_out.push(self.entries[known].what.clone());
                 }
@@ -244,7 +252,7 @@ impl Session {
         };
         let mut outs: Vec<_> = sinks.taps.iter().map(|_| None).collect();
         let mut plans = Vec::new();
-        let all = self.by_driver(Plan::of(sinks.graph, &options))?;
+        let all = self.by_driver(sinks.planner.plans(&options))?;
         self.check_handover(&all)?;
         for (control, mut plan) in self.controls.iter().zip(all) {
             let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
@@ -351,32 +359,26 @@ fn drivers<'p>(plans: impl Iterator<Item = &'p Plan>) -> String {
 
 impl Entry {
     /// The ports of a graph that carry the streams of this entry, if it has all of them.
-    fn ports_in(&self, graph: &Graph) -> Option<Vec<(NodeId, usize)>> {
-        if let Some(sink) = &self.sink {
-            let (index, _) = graph.written_files().find(|(_, file)| file == sink)?;
-            let ports = file_ports(graph, index);
+    fn ports_in(&self, planner: Planner<'_>) -> Option<Vec<Port>> {
+        if let Some(file) = &self.sink {
+            let mut sinks = planner.file_sinks();
+            let (node, _) = sinks.find(|(_, sink)| sink.file_name() == file)?;
+            let ports = planner.read_by(node);
             let same = ports.len() == self.streams.len()
                 && ports
                     .iter()
                     .zip(&self.streams)
-                    .all(|(port, known)| carries(graph, *port, known));
+                    .all(|(port, known)| carries(planner, *port, known));
             return same.then_some(ports);
         }
-        self.streams.iter().map(|known| find(graph, known)).collect()
+        let find = |known| planner.outputs().find(|port| carries(planner, *port, known));
+        self.streams.iter().map(find).collect()
     }
 }
 
-fn find(graph: &Graph, known: &Stream) -> Option<(NodeId, usize)> {
-    let nodes = graph.nodes();
-    let ports = nodes
-        .ids()
-        .flat_map(|id| (0..nodes[id].outputs.len()).map(move |output| (id, output)));
-    let mut same = ports.filter(|port| carries(graph, *port, known));
-    same.next()
-}
-
-fn carries(graph: &Graph, port: (NodeId, usize), known: &Stream) -> bool {
-    let found = stream(graph, port);
+/// Whether an output has this signal, be it simulated or not.
+fn carries(planner: Planner<'_>, port: Port, known: &Stream) -> bool {
+    let found = planner.stream(port);
     let simulated = known.simulated;
     Stream { simulated, ..found } == *known
 }

@@ -4,7 +4,7 @@ use super::Heard;
 use super::runner::{bits, graphs, listening};
 use super::world::{Leaky, random_graph_with_drivers, with_a_node_more, with_rings_more};
 use crate::graph::NodeId;
-use crate::graph::{Graph, Work};
+use crate::graph::{Graph, Work, id_of};
 use crate::node::SettingId;
 use crate::run::{Change, ChangeError, ControlError, Live, LiveOptions, RingReport, Session};
 use std::path::Path;
@@ -265,7 +265,7 @@ fn a_driver_that_does_not_listen_keeps_the_others_from_changing_too() {
     let driver = graph.drivers().last().copied();
     let mut nodes = graph.nodes.node_indices();
     let last = nodes
-        .rfind(|node| graph.driver_of(NodeId(*node)) == driver)
+        .rfind(|node| graph.driver_of(id_of(*node)) == driver)
         .unwrap();
     graph.nodes[last].live.push((SettingId::at(0), 0.7));
     let name = format!("{}.gain", graph.nodes[last].path);

@@ -3,8 +3,7 @@
 use super::heat::Asks;
 use super::world::{Body, LIMIT, random_graph, with_processor};
 use crate::device::Device;
-use crate::graph::NodeId;
-use crate::graph::{Graph, Node, Work};
+use crate::graph::{Graph, Node, Work, id_of};
 use crate::node::{Io, Processor, SettingId, Tick};
 use crate::plan::{Plan, PlanOptions};
 use crate::run::cost;
@@ -235,7 +234,7 @@ fn gain_is_set_while_running() {
     }));
     let (mut live, mut control) = live(plan(&graph, 8));
     live.callback(40, |_, _| {});
-    control.set(NodeId(sink), SettingId::at(0), 0.05).unwrap();
+    control.set(id_of(sink), SettingId::at(0), 0.05).unwrap();
     let mut heard = Vec::new();
     live.callback(30, |run, _| heard.extend_from_slice(run.tap(sink.index())));
     // 100 times the gain, from the limit of 10 down to 5 in a straight line of 20 ms.
@@ -244,7 +243,7 @@ fn gain_is_set_while_running() {
     assert!(steps.clone().all(|step| (0.0..5.0).contains(&step)), "{heard:?}");
     assert!(heard[19] > 5.0 && heard[20] == 5.0, "{heard:?}");
     assert_eq!(
-        control.set(NodeId(sink), SettingId::at(1), 0.1),
+        control.set(id_of(sink), SettingId::at(1), 0.1),
         Err(ControlError::NotLive)
     );
 }
