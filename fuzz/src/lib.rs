@@ -138,8 +138,9 @@ fn nothing() -> ron::Value {
     ron::Value::Seq(Vec::new())
 }
 
+/// `-0` has a sign to us, and is an integer to `ron`.
 fn number_of(number: f64) -> ron::Value {
-    ron::Value::Number(ron::value::Number::F64(number.into()))
+    ron::Value::Number(ron::value::Number::F64((number + 0.0).into()))
 }
 
 fn plain_of_ron(value: ron::Value) -> ron::Value {

@@ -6,6 +6,8 @@ use std::io::{self, Read, Seek, SeekFrom};
 const PCM: u16 = 1;
 /// The tag is in the first two bytes of a GUID further on.
 const EXTENSIBLE: u16 = 0xfffe;
+/// Where the first chunk begins.
+const FIRST_CHUNK: u64 = 12;
 /// Bytes that are read at a time; a multiple of every sample's width.
 const CHUNK_BYTES: usize = 24 << 12;
 
@@ -139,14 +141,15 @@ pub(super) fn read_header(file: &mut (impl Read + Seek)) -> Result<Layout, WavEr
     }
     let mut form_bytes = u64::from(word(&start[4..]));
     let (mut large_data_bytes, mut format) = (None, None);
-    let mut at = 12;
+    let mut at = FIRST_CHUNK;
     while at + 8 <= file_bytes {
         let mut head = [0; 8];
         file.seek(SeekFrom::Start(at))?;
         file.read_exact(&mut head)?;
         let bytes = u64::from(word(&head[4..]));
         match &head[..4] {
-            b"ds64" => {
+            // The sizes of RF64 are in the first chunk; one further on has no meaning.
+            b"ds64" if at == FIRST_CHUNK => {
                 let body = body(file, bytes)?;
                 form_bytes = long(&body).ok_or(WavError::Header)?;
                 large_data_bytes = Some(body.get(8..).and_then(long).ok_or(WavError::Header)?);

@@ -71,7 +71,14 @@ fn stl(bytes: &[u8]) -> Result<Soup, MeshError> {
     Ok((corners, triangles))
 }
 
-fn obj(mut bytes: &[u8]) -> Result<Soup, MeshError> {
+fn obj(bytes: &[u8]) -> Result<Soup, MeshError> {
+    // Normals and places in pictures are ignored, and the reader's sums of their numbers overflow.
+    let is_read = |line: &&[u8]| {
+        let line = line.trim_ascii_start();
+        !line.starts_with(b"vn") && !line.starts_with(b"vt")
+    };
+    let lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').filter(is_read).collect();
+    let read = lines.join(&b'\n');
     let options = tobj::LoadOptions {
         triangulate: true,
         ignore_points: true,
@@ -79,7 +86,7 @@ fn obj(mut bytes: &[u8]) -> Result<Soup, MeshError> {
         ..Default::default()
     };
     // Materials are ignored: every material file is taken as empty.
-    let (models, _) = tobj::load_obj_buf(&mut bytes, &options, |_| Ok((Vec::new(), Default::default())))
+    let (models, _) = tobj::load_obj_buf(&mut &read[..], &options, |_| Ok((Vec::new(), Default::default())))
         .map_err(|error| MeshError::Unreadable {
             format: MeshFormat::Obj,
             problem: error.to_string(),
