@@ -6,6 +6,9 @@ use crate::frame::Kind;
 use crate::limiter::LIMITED_WIDTHS;
 use crate::node::{KindRule, NodeEntry};
 use crate::settings::{Fields, Reading};
+use std::any::{Any, TypeId};
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Forms of a connection that are no registered bridges.
 pub(crate) const RESERVED: [&str; 3] = ["Ring", "Delay", "Input"];
@@ -82,6 +85,8 @@ pub struct Registry {
     aliases: Vec<Alias>,
     devices: Vec<DeviceEntry>,
     library: Vec<(&'static str, &'static str)>,
+    /// One of each type.
+    attached: HashMap<TypeId, Arc<dyn Any + Send + Sync>>,
 }
 
 impl Registry {
@@ -94,7 +99,20 @@ impl Registry {
             aliases: Vec::new(),
             devices: Vec::new(),
             library: Vec::new(),
+            attached: HashMap::new(),
         }
+    }
+
+    /// Attaches a value in which a crate above the engine keeps what belongs to these kinds, such as the backends of devices.
+    /// Replaces the one of the same type.
+    pub fn attach<T: Any + Send + Sync>(&mut self, value: T) -> &mut Self {
+        self.attached.insert(TypeId::of::<T>(), Arc::new(value));
+        self
+    }
+
+    /// The attached value of this type.
+    pub fn attached<T: Any + Send + Sync>(&self) -> Option<&T> {
+        self.attached.get(&TypeId::of::<T>())?.downcast_ref()
     }
 
     /// Adds a kind of frames. Ports of nodes and devices carry kinds that are registered: with others, or with two

@@ -2,6 +2,7 @@
 
 use crate::soundcard::{CardCounts, SoundcardError};
 use haptograph_engine::graph::{Graph, GraphDevice};
+use haptograph_engine::registry::Registry;
 use haptograph_engine::run::{Live, RingReport};
 use haptograph_nodes::network::link::Counts as PacketCounts;
 use std::net::SocketAddr;
@@ -18,11 +19,12 @@ pub type Lives = Vec<(usize, Live)>;
 /// 4. [`poll`](Self::poll), [`status`](Self::status) and [`counts`](Self::counts) serve the supervisor.
 /// 5. [`close`](Self::close) waits for the drivers and returns what they drove. Dropping it disconnects the devices.
 ///
-/// A backend has one entry in [`BACKENDS`]. This one reaches a printer, which sends and counts nothing:
+/// A backend has one entry in [`BACKENDS`], or one that a program adds to its registry. This one reaches a printer, which sends
+/// and counts nothing:
 ///
 /// ```
 /// use haptograph_engine::graph::Graph;
-/// use haptograph_live::{Backend, BackendError, Connected, Counts};
+/// use haptograph_live::{Backend, BackendEntry, BackendError, Connected, Counts, add_backend};
 ///
 /// #[derive(Default)]
 /// struct Printer(Vec<Connected>);
@@ -47,7 +49,9 @@ pub type Lives = Vec<(usize, Live)>;
 ///     }
 /// }
 ///
-/// assert!(Printer::default().poll().is_empty());
+/// let mut registry = haptograph_nodes::registry();
+/// // registry.add_device(DeviceEntry::of::<PrinterKind>()); and nodes that print
+/// add_backend(&mut registry, BackendEntry::new("printers", &["Printer"], || Box::new(Printer::default())));
 /// ```
 pub trait Backend: Send {
     /// Connects the devices of a graph that are not connected yet, and attaches their bodies.
@@ -78,7 +82,7 @@ pub trait Backend: Send {
         Vec::new()
     }
 
-    /// Its connections and drivers.
+    /// Its connections and drivers. The run ends when all drivers are [`State::Finished`].
     fn status(&self) -> Vec<Connected>;
 
     /// What each of its connections counted, in the order of [`status`](Self::status).
@@ -250,7 +254,7 @@ pub enum BackendError {
 pub struct BackendEntry {
     /// The hardware, in the plural.
     pub what: &'static str,
-    /// The cargo feature.
+    /// The cargo feature of this crate; empty for a backend of the program's own.
     pub feature: &'static str,
     /// Device kinds that it reaches.
     pub kinds: &'static [&'static str],
@@ -274,7 +278,48 @@ pub const BACKENDS: [BackendEntry; 7] = [
     crate::timer::BACKEND,
 ];
 
+/// The backends of a program's own, attached to its registry.
+#[derive(Clone, Default)]
+struct OwnBackends(Vec<BackendEntry>);
+
+/// Adds a backend of the program's own to a registry, for device kinds that the program registers. All live runs of that
+/// registry have it, those of the command and of the studio too.
+pub fn add_backend(registry: &mut Registry, entry: BackendEntry) {
+    let mut own = registry.attached::<OwnBackends>().cloned().unwrap_or_default();
+    own.0.push(entry);
+    registry.attach(own);
+}
+
+/// The program's own backends, which take drivers first, and those of the table.
+pub(crate) fn backends(registry: &Registry) -> impl Iterator<Item = BackendEntry> {
+    let own = registry.attached::<OwnBackends>().cloned().unwrap_or_default();
+    own.0.into_iter().chain(BACKENDS)
+}
+
 impl BackendEntry {
+    /// A backend of the program's own: the hardware, in the plural, the device kinds that it reaches, and what makes it.
+    pub const fn new(
+        what: &'static str,
+        kinds: &'static [&'static str],
+        new: fn() -> Box<dyn Backend>,
+    ) -> Self {
+        Self {
+            what,
+            feature: "",
+            kinds,
+            is_built: true,
+            drives: false,
+            new: Some(new),
+        }
+    }
+
+    /// The same, of a backend that can drive a graph ([`Backend::drive`]).
+    #[must_use]
+    pub const fn driving(mut self) -> Self {
+        self.drives = true;
+        self
+    }
+
     /// Whether it reaches a device.
     pub fn reaches(&self, device: &GraphDevice) -> bool {
         self.kinds.contains(&device.entry.spec.name)

@@ -1,9 +1,10 @@
 //! The backends of a run, together.
 
 use crate::backend::{
-    BACKENDS, Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Lives, Role,
+    Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Lives, Role, backends,
 };
 use haptograph_engine::graph::Graph;
+use haptograph_engine::registry::Registry;
 use haptograph_engine::run::RingReport;
 use haptograph_nodes::network::link::Counts as PacketCounts;
 
@@ -22,8 +23,9 @@ use haptograph_nodes::network::link::Counts as PacketCounts;
 ///     nodes: { "touch": Tablet(clock: "servo", endpoint: "stylus") },
 ///     endpoints: { "simulated": { "stylus": UdpDevice(listen: "127.0.0.1:0") } })"#;
 /// let document = Document::parse("g.ron", text)?;
-/// let mut graph = check(&document, &haptograph_nodes::registry(), &CheckOptions::default())?;
-/// let mut connections = Connections::default();
+/// let registry = haptograph_nodes::registry();
+/// let mut graph = check(&document, &registry, &CheckOptions::default())?;
+/// let mut connections = Connections::new(&registry);
 /// connections.connect(&mut graph)?;
 /// println!("send packets to {}", connections.place("stylus").unwrap());
 /// let (mut live, mut session) = Session::open(FileSinks::new(&graph), &LiveOptions::default())?;
@@ -49,21 +51,19 @@ struct Member {
     backend: Box<dyn Backend>,
 }
 
-/// Those of a program that drives the graph itself.
-impl Default for Connections {
-    fn default() -> Self {
-        Self::of(BACKENDS.iter().filter(|entry| !entry.drives))
-    }
-}
-
 impl Connections {
-    /// All backends, those that drive the graph included.
-    pub(crate) fn with_drivers() -> Self {
-        Self::of(BACKENDS.iter())
+    /// The backends of a registry, for a program that drives the graph itself.
+    pub fn new(registry: &Registry) -> Self {
+        Self::of(backends(registry).filter(|entry| !entry.drives))
     }
 
-    fn of<'e>(entries: impl Iterator<Item = &'e BackendEntry>) -> Self {
-        let member = |entry: &BackendEntry| Member {
+    /// All backends of a registry, those that drive the graph included.
+    pub(crate) fn with_drivers(registry: &Registry) -> Self {
+        Self::of(backends(registry))
+    }
+
+    fn of(entries: impl Iterator<Item = BackendEntry>) -> Self {
+        let member = |entry: BackendEntry| Member {
             drives: entry.drives,
             backend: entry.make(),
         };
@@ -231,7 +231,10 @@ mod tests {
     #[test]
     fn another_graph_is_connected_after_one_that_failed() {
         let (_socket, address) = taken();
-        for mut connections in [Connections::default(), Connections::with_drivers()] {
+        for mut connections in [
+            Connections::new(&haptograph_nodes::registry()),
+            Connections::with_drivers(&haptograph_nodes::registry()),
+        ] {
             let refused = connections.connect(&mut graph(address, SIMULATED));
             assert!(matches!(refused, Err(BackendError::Bind { .. })), "{refused:?}");
             assert_eq!(connections.status(), []);
@@ -252,7 +255,7 @@ mod tests {
     fn another_soundcard_is_requested_after_a_graph_that_failed() {
         let (_socket, address) = taken();
         let card = |frames: u32| format!("Soundcard(amperes_full_scale: 1, buffer_frames: {frames})");
-        let mut connections = Connections::with_drivers();
+        let mut connections = Connections::with_drivers(&haptograph_nodes::registry());
         assert!(connections.connect(&mut graph(address, &card(64))).is_err());
         let free: SocketAddr = "127.0.0.1:0".parse().unwrap();
         connections.connect(&mut graph(free, &card(128))).unwrap();
@@ -268,8 +271,8 @@ mod tests {
     #[test]
     fn a_soundcard_that_is_not_built_is_refused_before_anything_runs() {
         let free: SocketAddr = "127.0.0.1:0".parse().unwrap();
-        let refused =
-            Connections::with_drivers().connect(&mut graph(free, "Soundcard(amperes_full_scale: 1)"));
+        let refused = Connections::with_drivers(&haptograph_nodes::registry())
+            .connect(&mut graph(free, "Soundcard(amperes_full_scale: 1)"));
         assert!(
             matches!(&refused, Err(BackendError::NotBuilt { device, feature: "soundcard", .. }) if device == "coil"),
             "{refused:?}"

@@ -1,7 +1,8 @@
 //! Live runs of haptograph: drivers, real devices, and their supervision.
 //!
 //! A graph names its devices; `haptograph-nodes` declares their ports and their bodies, which tick. This crate reaches the real
-//! ones: a [`Backend`] for each sort of hardware, one folder and one feature each, in one table, [`BACKENDS`]. The core, without
+//! ones: a [`Backend`] for each sort of hardware, one folder and one feature each, in one table, [`BACKENDS`]; a program adds
+//! its own by [`add_backend`]. The core, without
 //! any feature, has no threads, no files and no operating system, and builds for WebAssembly.
 //!
 //! # Features
@@ -44,6 +45,7 @@ mod realtime;
 
 pub use backend::{
     BACKENDS, Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Lives, Role, State,
+    add_backend,
 };
 pub use connections::Connections;
 #[cfg(feature = "osc")]

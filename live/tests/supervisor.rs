@@ -2,18 +2,22 @@
 #![allow(clippy::unwrap_used)]
 
 use haptograph_engine::document::Document;
-use haptograph_engine::graph::{CheckOptions, check};
+use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::registry::Registry;
-use haptograph_engine::run::{FileSinks, Offline};
+use haptograph_engine::run::{FileSinks, Live, Offline, Wake};
 use haptograph_live::supervisor::{
     Ended, Event, Origin, Request, RunOptions, RunReport, SendError, SettingError, StartError, Supervisor,
     replay,
 };
-use haptograph_live::{BACKENDS, BackendError, SettingValue};
+use haptograph_live::{
+    BACKENDS, Backend, BackendEntry, BackendError, Connected, Counts, Lives, Role, SettingValue, State,
+    add_backend,
+};
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::thread;
 use std::time::{Duration, Instant};
 
 const GRAPH: &str = r#"Graph(format: 1, parameters: { "level": 0.5 },
@@ -377,6 +381,92 @@ fn a_run_that_is_finished_early_or_dropped_stops_its_actuators() {
     let run = Supervisor::start(options(folder.path(), GRAPH), &registry(), None).unwrap();
     assert!(!run.is_finished());
     drop(run);
+}
+
+const WAKE: Wake = Wake {
+    late_ns: 0,
+    work_ns: 0,
+    frames: 10,
+    lost: 0,
+    overrun: false,
+};
+
+/// Drives a whole graph from a thread of its own, as a program's own hardware would.
+#[derive(Default)]
+struct OwnClock(Vec<(usize, thread::JoinHandle<Live>)>);
+
+impl Backend for OwnClock {
+    fn open(&mut self, graph: &mut Graph) -> Result<(), BackendError> {
+        match graph.seed() {
+            13 => Err(BackendError::Stream("an unlucky number")),
+            _ => Ok(()),
+        }
+    }
+
+    fn drive(&mut self, _: &Graph, lives: &mut Lives) -> Result<(), BackendError> {
+        self.0.extend(lives.drain(..).map(|(clock, mut live)| {
+            let run = move || {
+                while !live.is_idle() {
+                    live.callback(10, |_, _| {});
+                    live.report(WAKE);
+                }
+                live
+            };
+            (clock, thread::spawn(run))
+        }));
+        Ok(())
+    }
+
+    fn status(&self) -> Vec<Connected> {
+        let of = |(clock, thread): &(usize, thread::JoinHandle<Live>)| {
+            let mut driver = Connected::link("servo", "the oscillator of the experiment");
+            (driver.role, driver.clock) = (Role::Driver, Some(*clock));
+            if thread.is_finished() {
+                driver.state = State::Finished;
+            }
+            driver
+        };
+        self.0.iter().map(of).collect()
+    }
+
+    fn counts(&self) -> Vec<Counts> {
+        self.0.iter().map(|_| Counts::None).collect()
+    }
+
+    fn close(&mut self) -> Result<Lives, BackendError> {
+        let ended = |(clock, thread): (usize, thread::JoinHandle<Live>)| Some((clock, thread.join().ok()?));
+        let all = self
+            .0
+            .drain(..)
+            .map(|driver| ended(driver).ok_or(BackendError::Lost));
+        all.collect()
+    }
+}
+
+#[test]
+fn a_programs_own_backend_opens_drives_and_is_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut registry = registry();
+    let entry = BackendEntry::new("oscillators", &[], || Box::new(OwnClock::default())).driving();
+    add_backend(&mut registry, entry);
+    let start = |seed: u64| {
+        let mut options = options(folder.path(), GRAPH);
+        options.source.seed = Some(seed);
+        options.seconds = Some(0.5);
+        Supervisor::start(options, &registry, None)
+    };
+    let refused = start(13).map(drop).unwrap_err();
+    assert!(
+        matches!(refused, StartError::Backend(BackendError::Stream(_))),
+        "{refused:?}"
+    );
+    let (ended, _) = ended(start(1).unwrap(), |_| false);
+    assert!(
+        ended.report.driver.contains("the oscillator of the experiment"),
+        "{}",
+        ended.report.driver
+    );
+    assert_eq!(ended.outcome.outcome.driver_frames, 500);
 }
 
 #[test]

@@ -186,7 +186,8 @@ impl Stage {
 
     /// Disconnects the real devices, after a last zero to each.
     fn release(&mut self) {
-        (self.network, self.inputs, self.note) = (Connections::default(), Inputs::default(), None);
+        self.network = Connections::new(&self.source.registry);
+        (self.inputs, self.note) = (Inputs::default(), None);
         self.heard.clear();
     }
 

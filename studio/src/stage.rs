@@ -135,6 +135,7 @@ impl Stage {
             .map_err(|error| other(format!("cannot read {}: {error}", source.path.display())))?;
         let loaded = source.load(&text)?;
         let mut stage = Self {
+            network: Connections::new(&source.registry),
             host,
             source,
             loaded,
@@ -147,7 +148,6 @@ impl Stage {
             drive: None,
             switch: Arc::default(),
             heard: Vec::new(),
-            network: Connections::default(),
             inputs: Inputs::default(),
             card_requests: None,
             note: None,

@@ -283,7 +283,7 @@ mod tests {
         use InputState::{Heard, Silent};
         let start = Instant::now();
         let mut monitor = SilenceMonitor::new(start);
-        let network = Connections::default();
+        let network = Connections::new(&haptograph_nodes::registry());
         let mut message = |ms: u64, input: InputStatus| {
             let now = start + Duration::from_millis(ms);
             monitor.poll(now, &[input], &network).join("; ")
@@ -310,7 +310,8 @@ mod tests {
         assert!(held.contains("`out` continues (delivered 0.400 A)"), "{held}");
         let end = start + Duration::from_millis(6000);
         let last = [input(Silent, 0.4, false)];
-        let [warning] = &monitor.warnings(end, &last, &Connections::default())[..] else {
+        let [warning] = &monitor.warnings(end, &last, &Connections::new(&haptograph_nodes::registry()))[..]
+        else {
             panic!("one line a source");
         };
         assert!(
@@ -326,7 +327,7 @@ mod tests {
     fn an_input_that_never_sent_is_said_once_and_at_the_end() {
         let start = Instant::now();
         let mut monitor = SilenceMonitor::new(start);
-        let network = Connections::default();
+        let network = Connections::new(&haptograph_nodes::registry());
         let never = [input(InputState::Never, 0.0, true)];
         let mut message = |s: u64| monitor.poll(start + Duration::from_secs(s), &never, &network);
         assert!(

@@ -88,6 +88,7 @@ pub struct PreparedRun {
     loaded: LoadedGraph,
     parameters: ParameterDefaults,
     loader: Loader,
+    connections: Connections,
 }
 
 impl PreparedRun {
@@ -103,6 +104,7 @@ impl PreparedRun {
             loaded: first.result?,
             parameters: first.parameters,
             loader: Loader::new(options.load, registry),
+            connections: Connections::with_drivers(registry),
             options,
         })
     }
@@ -117,8 +119,7 @@ impl PreparedRun {
     /// # Errors
     /// [`StartError`] if a device cannot be reached.
     pub fn connect(mut self) -> Result<ConnectedRun, StartError> {
-        let mut connections = Connections::with_drivers();
-        connections.connect(&mut self.loaded.graph)?;
+        self.connections.connect(&mut self.loaded.graph)?;
         let inbox = Inbox::new();
         let osc = listen_for_settings(self.options.osc, inbox.sender())?;
         let LoadedGraph {
@@ -132,7 +133,7 @@ impl PreparedRun {
             graph: Arc::new(graph),
             protected,
             texts,
-            connections,
+            connections: self.connections,
             osc,
             inbox,
             parameters: self.parameters,

@@ -221,7 +221,7 @@ fn other_settings_at_the_same_address_hold_from_the_edit_on() {
     let listen = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let osc = |rest: &str| graph_of(&[("pen", format!(r#"OscDevice(listen: "{listen}", {rest})"#))]);
     let mut before = osc(&format!(r#"position: "/old", send_to: "{send_to}""#));
-    let mut connections = Connections::default();
+    let mut connections = Connections::new(&haptograph_nodes::registry());
     connections.connect(&mut before).unwrap();
     let mut after = osc(r#"position: "/new""#);
     connections.connect(&mut after).unwrap();
@@ -272,7 +272,7 @@ fn a_graph_that_is_not_run_after_all_leaves_no_socket_behind() {
         graph_of(&names.iter().map(udp).collect::<Vec<_>>())
     };
     let any = SocketAddr::from(([127, 0, 0, 1], 0));
-    let mut connections = Connections::default();
+    let mut connections = Connections::new(&haptograph_nodes::registry());
     connections.connect(&mut graph(&[("a", any)])).unwrap();
     let names = |connections: &Connections| {
         let links = connections.status().into_iter();

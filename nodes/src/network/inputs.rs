@@ -103,6 +103,20 @@ pub struct NumberInput {
 }
 
 impl NumberInput {
+    /// The body of a device of a program's own, whose numbers are in SI units and clamped to a range. It begins at the range's
+    /// lower end, and counts as gone after this silence.
+    ///
+    /// # Errors
+    /// [`BuildError`] at `from` if the range is empty or goes beyond ±1e6.
+    pub fn in_range(
+        range: [f64; 2],
+        silence: Duration,
+        on_silence: OnSilence,
+        cx: &BuildContext,
+    ) -> Result<Self, BuildError> {
+        Ok(Self::new(Mapping::new(range, range)?, silence, on_silence, cx))
+    }
+
     fn new(mapping: Mapping, timeout: Duration, on_silence: OnSilence, cx: &BuildContext) -> Self {
         Self {
             reader: Reader::new(&Arc::new(Link::default()), cx.rate, timeout),
