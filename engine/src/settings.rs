@@ -116,8 +116,12 @@ pub trait Setting: Sized {
     fn expected() -> Expected;
     /// Reads a value. `None` after at least one reported diagnostic.
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self>;
+    /// Its value as it stands in a graph file, without a place; [`read`](Self::read) gives it back.
+    fn value(&self) -> Value;
     /// The value in RON.
-    fn show(&self) -> String;
+    fn show(&self) -> String {
+        self.value().into_text()
+    }
     /// Its fields or choices, for the reference.
     fn parts() -> Vec<Part> {
         Vec::new()

@@ -57,7 +57,6 @@ pub mod sources;
 pub mod tapping;
 #[cfg(feature = "touch")]
 pub mod texture;
-mod units;
 pub mod wav;
 
 pub(crate) use haptograph_signal::vector;

@@ -1,7 +1,9 @@
 //! The signal processing of haptograph: quantities and units, exact time, seeded noise, filters, resampling and
-//! spectra; and bounded reading and atomic writing of files. It does not depend on graphs or surfaces.
+//! spectra; bounded reading and atomic writing of files; and the reader of CSV tables. It does not depend on graphs or
+//! surfaces.
 
 pub mod arma;
+pub mod csv;
 pub mod delay;
 pub mod elementwise;
 pub mod fft;

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The version of the format that is read.
-const FORMAT: u64 = 1;
+pub(super) const FORMAT: u64 = 1;
 /// What names of parts of the library begin with; a folder of this name is written `./std/`.
 const LIBRARY: &str = "std/";
 /// Files that include files that include files.
@@ -36,20 +36,22 @@ pub(super) fn file(path: &Path, options: &LoadOptions) -> Result<Document, Diagn
 }
 
 pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Document, Diagnostics> {
-    let mut sources = Sources::default();
-    let mut findings = Vec::new();
+    let (mut sources, mut list) = (Sources::default(), Vec::new());
     let id = sources.add(path.to_path_buf(), Arc::from(text));
-    let Some(value) = ron_text::read(id, text, &mut findings) else {
-        return Err(Diagnostics {
-            sources,
-            list: findings,
-        });
-    };
+    match ron_text::read(id, text, &mut list) {
+        Some(value) => self::value(sources, value, options),
+        None => Err(Diagnostics { sources, list }),
+    }
+}
+
+/// The document of the value of a graph file, whose text is the only source.
+pub(super) fn value(sources: Sources, value: Value, options: &LoadOptions) -> Result<Document, Diagnostics> {
+    let bytes: usize = sources.iter().map(|source| source.text.len()).sum();
     let mut loader = Loader {
         max_bytes: options.max_bytes,
-        left_bytes: options.max_bytes.saturating_sub(text.len() as u64),
-        document: empty(sources, findings),
-        open: vec![canonical(path)],
+        left_bytes: options.max_bytes.saturating_sub(bytes as u64),
+        open: sources.iter().map(|source| canonical(&source.path)).collect(),
+        document: empty(sources, Vec::new()),
         loaded: HashSet::new(),
     };
     if loader.graph(value).is_none() {

@@ -6,6 +6,7 @@ pub mod library;
 mod load;
 pub(crate) mod text;
 pub mod value;
+mod write;
 
 use crate::diagnostic::{Diagnostic, Diagnostics, Source, SourceId, Sources, Span};
 use haptograph_signal::files::MAX_GRAPH_BYTES;

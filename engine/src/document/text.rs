@@ -7,10 +7,11 @@ mod tokens;
 
 use super::value::{Body, Name, Shape, Tagged, Value};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
+pub(super) use tokens::is_name;
 use tokens::{Lexeme, Token};
 
 /// Brackets within brackets beyond this are refused, so that no file can overflow the stack.
-const MAX_DEPTH: usize = 64;
+pub(super) const MAX_DEPTH: usize = 64;
 /// After this many errors of syntax the rest is not worth reading.
 const MAX_ERRORS: usize = 20;
 

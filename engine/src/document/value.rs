@@ -1,6 +1,7 @@
 //! Values of a graph file: RON values with their places, before any check.
 
 use super::text;
+use super::write::Writer;
 use crate::diagnostic::{Diagnostics, Sources, Span};
 
 /// A value and its place.
@@ -75,6 +76,73 @@ fn brief_text(text: &str) -> &str {
     let is_file = extension.starts_with(|c: char| c.is_ascii_alphabetic())
         && extension.chars().all(|c| c.is_ascii_alphanumeric());
     if is_file { last } else { text }
+}
+
+/// A value without a place.
+impl From<Shape> for Value {
+    fn from(shape: Shape) -> Self {
+        let span = Span::default();
+        Self { span, shape }
+    }
+}
+
+/// A name without a place.
+impl From<&str> for Name {
+    fn from(text: &str) -> Self {
+        let (span, text) = (Span::default(), text.to_owned());
+        Self { span, text }
+    }
+}
+
+/// Values without places, as settings and builders make them.
+impl Value {
+    /// `"text"`
+    pub fn text(text: &str) -> Self {
+        Shape::String(text.to_owned()).into()
+    }
+
+    /// `Name`
+    pub fn name(name: &str) -> Self {
+        let (name, body) = (Some(name.into()), Body::Bare);
+        Shape::Tagged(Tagged { name, body }).into()
+    }
+
+    /// `(x: a)`, or `()` without fields.
+    pub fn structure<N: AsRef<str>>(fields: impl IntoIterator<Item = (N, Self)>) -> Self {
+        let fields = fields
+            .into_iter()
+            .map(|(name, value)| (Name::from(name.as_ref()), value));
+        let fields: Vec<(Name, Self)> = fields.collect();
+        let (name, body) = (None, Body::Fields(fields));
+        match &body {
+            Body::Fields(fields) if fields.is_empty() => Shape::Unit.into(),
+            _ => Shape::Tagged(Tagged { name, body }).into(),
+        }
+    }
+
+    /// `Name(x: a)`, of a structure `(x: a)`; `Name()` of anything but a structure.
+    #[must_use]
+    pub fn named(self, name: &str) -> Self {
+        let body = match self.shape {
+            Shape::Tagged(tagged) => tagged.body,
+            _ => Body::Tuple(Vec::new()),
+        };
+        let name = Some(name.into());
+        Shape::Tagged(Tagged { name, body }).into()
+    }
+
+    /// `{ "a": b }`
+    pub fn map<'n>(entries: impl IntoIterator<Item = (&'n str, Self)>) -> Self {
+        let entries = entries.into_iter().map(|(name, value)| (Self::text(name), value));
+        Shape::Map(entries.collect()).into()
+    }
+
+    /// The value in RON.
+    pub fn into_text(mut self) -> String {
+        let mut writer = Writer::default();
+        writer.value(&mut self);
+        writer.text
+    }
 }
 
 impl Value {

@@ -118,11 +118,10 @@ macro_rules! settings {
                 fields.finish(reading);
                 read
             }
-            fn show(&self) -> String {
-                let fields: Vec<String> = vec![
-                    $(format!("{}: {}", stringify!($field), $crate::settings::Setting::show(&self.$field))),*
-                ];
-                format!("({})", fields.join(", "))
+            fn value(&self) -> $crate::document::value::Value {
+                let fields: [(&str, $crate::document::value::Value); _] =
+                    [$((stringify!($field), $crate::settings::Setting::value(&self.$field))),*];
+                $crate::document::value::Value::structure(fields)
             }
         }
     };
@@ -187,9 +186,9 @@ macro_rules! choices {
                     }
                 }
             }
-            fn show(&self) -> String {
-                match self { $($crate::choices!(@pattern $variant shown $($payload)?) =>
-                    $crate::choices!(@show $variant shown $($payload)?),)* }
+            fn value(&self) -> $crate::document::value::Value {
+                match self { $($crate::choices!(@pattern $variant payload $($payload)?) =>
+                    $crate::choices!(@value $variant payload $($payload)?),)* }
             }
         }
     };
@@ -207,10 +206,10 @@ macro_rules! choices {
         fields.finish($reading);
         read.map($name::$variant)
     }};
-    (@pattern $variant:ident $shown:ident) => { Self::$variant };
-    (@pattern $variant:ident $shown:ident $payload:ty) => { Self::$variant($shown) };
-    (@show $variant:ident $shown:ident) => { stringify!($variant).to_owned() };
-    (@show $variant:ident $shown:ident $payload:ty) => {
-        format!("{}{}", stringify!($variant), $crate::settings::Setting::show($shown))
+    (@pattern $variant:ident $settings:ident) => { Self::$variant };
+    (@pattern $variant:ident $settings:ident $payload:ty) => { Self::$variant($settings) };
+    (@value $variant:ident $settings:ident) => { $crate::document::value::Value::name(stringify!($variant)) };
+    (@value $variant:ident $settings:ident $payload:ty) => {
+        $crate::settings::Setting::value($settings).named(stringify!($variant))
     };
 }

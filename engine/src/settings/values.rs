@@ -19,8 +19,8 @@ impl Setting for f64 {
             }
         }
     }
-    fn show(&self) -> String {
-        format!("{self:?}")
+    fn value(&self) -> Value {
+        Shape::Number(*self, format!("{self:?}")).into()
     }
     fn number(&self) -> Option<f64> {
         Some(*self)
@@ -42,8 +42,8 @@ macro_rules! whole_number {
                 reading.mismatch(value, &Self::expected());
                 None
             }
-            fn show(&self) -> String {
-                self.to_string()
+            fn value(&self) -> Value {
+                Shape::Number(*self as f64, self.to_string()).into()
             }
             fn number(&self) -> Option<f64> {
                 Some(*self as f64)
@@ -64,8 +64,8 @@ impl Setting for bool {
         reading.mismatch(value, &Self::expected());
         None
     }
-    fn show(&self) -> String {
-        self.to_string()
+    fn value(&self) -> Value {
+        Shape::Bool(*self).into()
     }
 }
 
@@ -80,8 +80,8 @@ impl Setting for String {
         reading.mismatch(value, &Self::expected());
         None
     }
-    fn show(&self) -> String {
-        format!("{self:?}")
+    fn value(&self) -> Value {
+        Value::text(self)
     }
 }
 
@@ -107,8 +107,8 @@ impl Setting for PathBuf {
         reading.mismatch(value, &Self::expected());
         None
     }
-    fn show(&self) -> String {
-        format!("{:?}", self.display().to_string())
+    fn value(&self) -> Value {
+        Value::text(&self.to_string_lossy())
     }
 }
 
@@ -151,8 +151,8 @@ impl<T: Setting> Setting for Option<T> {
         }
         T::read(value, reading).map(Some)
     }
-    fn show(&self) -> String {
-        self.as_ref().map_or_else(|| "None".into(), T::show)
+    fn value(&self) -> Value {
+        self.as_ref().map_or_else(|| Value::name("None"), T::value)
     }
     fn number(&self) -> Option<f64> {
         self.as_ref().and_then(T::number)
@@ -175,8 +175,8 @@ impl<T: Setting> Setting for Vec<T> {
         let read: Vec<Option<T>> = values.iter().map(|value| T::read(value, reading)).collect();
         read.into_iter().collect()
     }
-    fn show(&self) -> String {
-        format!("[{}]", self.iter().map(T::show).collect::<Vec<_>>().join(", "))
+    fn value(&self) -> Value {
+        Shape::List(self.iter().map(T::value).collect()).into()
     }
 }
 
@@ -213,7 +213,7 @@ impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
         }
         Some(read)
     }
-    fn show(&self) -> String {
-        format!("[{}]", self.iter().map(T::show).collect::<Vec<_>>().join(", "))
+    fn value(&self) -> Value {
+        Shape::List(self.iter().map(T::value).collect()).into()
     }
 }

@@ -95,10 +95,10 @@ impl Setting for Solids {
         }
     }
 
-    fn show(&self) -> String {
+    fn value(&self) -> Value {
         match &self.0[..] {
-            [one] => one.show(),
-            _ => self.0.show(),
+            [one] => one.value(),
+            _ => self.0.value(),
         }
     }
 }

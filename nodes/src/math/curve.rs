@@ -1,12 +1,13 @@
 //! A function that is given by points.
 
-use crate::csv_table::{CsvTable, at_file, si_of_column};
-use crate::units;
+use crate::csv_table::{self, at_file, si_of_column};
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
     BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
     OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
+use haptograph_signal::csv::CsvError;
+use haptograph_signal::units;
 use std::path::PathBuf;
 
 haptograph_engine::choices! {
@@ -37,7 +38,8 @@ haptograph_engine::settings! {
         /// Points `[x, y]` with x rising, at least two, both in the SI units of the signals. They stand here or in `file`.
         points: Vec<[f64; 2]> = Vec::new();
         /// A CSV file with a header and a point in each row, relative to the graph file, in place of `points`. The units at
-        /// the end of its columns' names, as in `force_n` and `depth_mm`, are converted to SI.
+        /// the end of its columns' names, as in `force_n` and `depth_mm`, are converted to SI. Semicolons, tabs and decimal
+        /// commas are read as in recordings.
         file: Option<PathBuf> = None;
         /// The header of the column of x; none: the first column.
         x_column: Option<String> = None;
@@ -132,27 +134,29 @@ fn points_of_file(settings: &CurveSettings) -> Result<Vec<[f64; 2]>, BuildError>
     let Some(path) = &settings.file else {
         return Ok(Vec::new());
     };
-    let mut table = CsvTable::open(path)?;
+    let named = [&settings.x_column, &settings.y_column].into_iter().flatten();
+    let mut table = csv_table::open(path, &named.map(String::as_str).collect::<Vec<_>>())?;
+    let header = |column: usize| table.head().names.get(column).map_or("", String::as_str);
     let place = |setting: &'static str, named: &Option<String>, other: usize| match named {
-        Some(header) => table.column(setting, header),
-        None if table.header(other).is_empty() => Err(at_file(path, "there is only one column, x or y")),
+        Some(named) => csv_table::column(&table, path, (setting, named)),
+        None if header(other).is_empty() => Err(at_file(path, "there is only one column, x or y")),
         None => Ok(other),
     };
     let x = place("x_column", &settings.x_column, 0)?;
     let y = place("y_column", &settings.y_column, 1)?;
-    let (_, si_x) = units::of_header(table.header(x));
-    let si_y = si_of_column(table.header(y), &settings.quantity)?;
+    let (_, si_x) = units::of_header(header(x));
+    let si_y = si_of_column(header(y), &settings.quantity)?;
     let mut points: Vec<[f64; 2]> = Vec::new();
     let mut before = f64::NEG_INFINITY;
-    for row in table.rows() {
-        let row = row?;
-        let written = row.number(x)?;
+    let unread = |error: CsvError| at_file(path, error);
+    while let Some(row) = table.next_row().map_err(unread)? {
+        let written = row.number(x).map_err(unread)?;
         if written <= before {
             let problem = format_args!("x does not rise from {before} to {written}");
-            return Err(row.wrong(problem).help("order the rows by x, each x once"));
+            return Err(unread(row.error(problem)).help("order the rows by x, each x once"));
         }
         before = written;
-        points.push([si_x * written, si_y * row.number(y)?]);
+        points.push([si_x * written, si_y * row.number(y).map_err(unread)?]);
     }
     match points.len() {
         0 | 1 => Err(at_file(path, "a curve has at least two points, one in each row")),
@@ -341,11 +345,11 @@ mod tests {
         let refused = |text: &str, columns, quantity: &str| of_file(text, columns, quantity).err().unwrap();
         for (text, part) in [
             ("x,y\n0,1\n0,2\n", "line 3: x does not rise from 0 to 0"),
-            ("x,y\n0,1\n1,many\n", "line 3, column 2: 'many' in y"),
+            ("x,y\n0,1\n1,many\n", "line 3, column 2: \"many\" in y"),
             ("x,y\n0,1\n1,\n", "line 3, column 2: the cell of y is empty"),
             ("x,y\n0,1\n", "at least two points"),
             ("x\n0\n1\n", "only one column"),
-            ("x;y\n0;1\n", "semicolons"),
+            ("x;y\n0;1\n1;1.000,5\n", "line 3, column 2: \"1.000,5\" in y"),
             ("", "the file is empty"),
         ] {
             let (field, said) = refused(text, [None, None], "number");

@@ -69,7 +69,8 @@ haptograph_engine::settings! {
 haptograph_engine::settings! {
     /// A recorded path.
     pub struct PathSettings {
-        /// CSV file with the columns `time_s`, `x_mm`, `y_mm` and `force_n`, relative to the graph file.
+        /// CSV file with the columns `time_s`, `x_mm`, `y_mm` and `force_n`, relative to the graph file. Semicolons, tabs and
+        /// decimal commas are read as in recordings.
         file: PathBuf;
     }
 }

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::{inside_the_run, note, sync};
-use crate::units;
+use haptograph_signal::units;
 
 haptograph_engine::settings! {
     /// Settings of [`CsvSink`].
@@ -73,12 +73,9 @@ impl FileSink for Table {
 
     fn open(&self, path: &Path, streams: &[Stream]) -> io::Result<Box<dyn FrameWriter>> {
         let columns = streams.iter().flat_map(columns_of);
-        let header: Vec<String> = std::iter::once("time_s".to_owned()).chain(columns).collect();
-        let mut text = csv::Writer::from_writer(Vec::new());
-        text.write_record(&header).map_err(io::Error::other)?;
-        let text = text
-            .into_inner()
-            .map_err(|error| io::Error::other(error.to_string()))?;
+        let header = std::iter::once("time_s".to_owned()).chain(columns);
+        let header: Vec<String> = header.map(quoted).collect();
+        let text = format!("{}\n", header.join(",")).into_bytes();
         note::write(path, "The columns of the CSV file of this name.", &facts(streams))?;
         let mut rows = Rows {
             file: File::create(path)?,
@@ -125,6 +122,14 @@ fn columns_of(stream: &Stream) -> Vec<String> {
         component => format!("{}_{component}{unit}", stream.name),
     };
     stream.kind.spec().components.iter().map(named).collect()
+}
+
+/// A name as it stands in a header: in quotes if it would not end with its cell.
+fn quoted(name: String) -> String {
+    match name.contains([',', ';', '"']) || name.trim() != name {
+        true => format!("\"{}\"", name.replace('"', "\"\"")),
+        false => name,
+    }
 }
 
 struct Rows {
@@ -246,6 +251,17 @@ mod tests {
             "time_s,stylus.position_x_m,stylus.position_y_m,stylus.position_z_m,stylus.force_n\n\
              0,0.1,0.2,0.3,1.5\n0.008,0.4,0.5,0.6,0.0000001\n"
         );
+    }
+
+    #[test]
+    fn names_of_any_characters_are_read_back_from_the_header() {
+        let names = ["a, b; c; d.force_n", "the \"first\".force_n", " plain.force_n"];
+        let header: Vec<String> = names.iter().map(|name| quoted((*name).to_owned())).collect();
+        let text = format!("{}\n1,2,3\n", header.join(","));
+        let mut table = haptograph_signal::csv::CsvTable::new(text.as_bytes(), &[]).unwrap();
+        let read = table.head().names.clone();
+        assert_eq!(read, names.map(str::trim));
+        assert!(table.next_row().is_ok_and(|row| row.is_some()));
     }
 
     #[test]

@@ -3,20 +3,13 @@
 use super::plan::{Batch, Job, check_gain, check_update_hz};
 use super::problem::{PlanError, PlanProblem};
 use crate::files::Place;
-use csv::{ReaderBuilder, Trim};
+use haptograph_signal::csv::{CsvError, CsvTable, TableRow};
 use haptograph_signal::files;
-use serde::Deserialize;
 use std::path::Path;
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Row<'a> {
-    surface: &'a str,
-    motion: &'a str,
-    seed: u64,
-    gain: Option<f64>,
-    update_hz: Option<f64>,
-}
+const COLUMNS: [&str; 5] = ["surface", "motion", "seed", "gain", "update_hz"];
+/// The first of them, which every table has.
+const NEEDED: usize = 3;
 
 /// Reads the jobs of a table; returns them with the table's bytes.
 pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError> {
@@ -28,55 +21,77 @@ pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError
         }),
         problem,
     };
-    let bytes = files::read(path, files::MAX_JOBS_BYTES).map_err(|error| failed(None, error.into()))?;
-    let mut reader = ReaderBuilder::new()
-        .trim(Trim::All)
-        .comment(Some(b'#'))
-        .from_reader(&bytes[..]);
-    let unreadable = |error: csv::Error| {
-        let line = error.position().map(csv::Position::line);
-        failed(line, PlanProblem::Syntax(message(&error)))
+    let unreadable = |error: CsvError| {
+        let line = error.line();
+        failed(line, PlanProblem::Syntax(error.into_message()))
     };
-    let header = reader.headers().map_err(unreadable)?.clone();
-    let (mut jobs, mut record) = (vec![], csv::StringRecord::new());
-    while reader.read_record(&mut record).map_err(unreadable)? {
-        let row: Row<'_> = record.deserialize(Some(&header)).map_err(unreadable)?;
-        let line = record.position().map(csv::Position::line);
-        let surface = batch
-            .surface_of(row.surface)
-            .map_err(|problem| failed(line, problem))?;
-        let motion = batch
-            .motion_of(row.motion)
-            .map_err(|problem| failed(line, problem))?;
-        let gain = row.gain.unwrap_or(batch.gain());
-        let update_hz = row.update_hz.unwrap_or(batch.update_hz());
-        check_gain(gain)
-            .and_then(|()| check_update_hz(update_hz))
-            .map_err(|problem| failed(line, problem))?;
-        jobs.push(Job {
-            surface,
-            motion,
-            seed: row.seed,
-            gain,
-            update_hz,
-        });
+    let bytes = files::read(path, files::MAX_JOBS_BYTES).map_err(|error| failed(None, error.into()))?;
+    let mut table = CsvTable::new(&bytes[..], &COLUMNS).map_err(unreadable)?;
+    let columns = COLUMNS.map(|name| table.find(name));
+    if let Some(message) = other_columns(&table.head().names, &columns) {
+        return Err(failed(Some(table.head().line), PlanProblem::Syntax(message)));
+    }
+    let mut jobs = vec![];
+    while let Some(row) = table.next_row().map_err(unreadable)? {
+        let numbers = Numbers::read(&row, columns).map_err(unreadable)?;
+        let [surface, motion, ..] = columns.map(|column| row.text(column.unwrap_or_default()));
+        let job = job(batch, [&surface, &motion], &numbers);
+        jobs.push(job.map_err(|problem| failed(Some(row.line()), problem))?);
     }
     Ok((jobs, bytes))
 }
 
-/// The parser's message without the location.
-fn message(error: &csv::Error) -> String {
-    match error.kind() {
-        csv::ErrorKind::Deserialize { err, .. } => {
-            format!(
-                "{err}; a table of jobs has the columns surface, motion and seed, and optionally gain and update_hz"
-            )
-        }
-        csv::ErrorKind::UnequalLengths {
-            expected_len, len, ..
-        } => {
-            format!("this row has {len} cells, but the header has {expected_len}")
-        }
-        _ => error.to_string(),
+/// What is wrong with the columns of a table.
+fn other_columns(names: &[String], columns: &[Option<usize>]) -> Option<String> {
+    let unknown = names.iter().find(|name| !COLUMNS.contains(&name.as_str()));
+    let missing = COLUMNS
+        .iter()
+        .zip(columns)
+        .take(NEEDED)
+        .find(|(_, column)| column.is_none());
+    let wrong = match (missing, unknown) {
+        (Some((missing, _)), _) => format!("there is no column `{missing}`"),
+        (None, Some(unknown)) => format!("there is a column `{unknown}`"),
+        (None, None) => return None,
+    };
+    Some(format!(
+        "{wrong}; a table of jobs has the columns surface, motion and seed, and optionally gain and update_hz"
+    ))
+}
+
+/// The numbers of a row; those that it does not give are the plan's.
+struct Numbers {
+    seed: u64,
+    gain: Option<f64>,
+    update_hz: Option<f64>,
+}
+
+impl Numbers {
+    fn read(row: &TableRow<'_>, [_, _, seed, gain, update_hz]: [Option<usize>; 5]) -> Result<Self, CsvError> {
+        let given = |column: Option<usize>| {
+            let column = column.filter(|column| !row.is_empty_at(*column));
+            column.map(|column| row.number(column)).transpose()
+        };
+        let seed = seed.unwrap_or_default();
+        Ok(Self {
+            // Not every seed is a number of double precision.
+            seed: { row.text(seed).parse() }
+                .map_err(|_| row.unreadable(seed, "a whole number from 0 to 2^64 - 1"))?,
+            gain: given(gain)?,
+            update_hz: given(update_hz)?,
+        })
     }
+}
+
+fn job(batch: &Batch, [surface, motion]: [&str; 2], numbers: &Numbers) -> Result<Job, PlanProblem> {
+    let job = Job {
+        surface: batch.surface_of(surface)?,
+        motion: batch.motion_of(motion)?,
+        seed: numbers.seed,
+        gain: numbers.gain.unwrap_or(batch.gain()),
+        update_hz: numbers.update_hz.unwrap_or(batch.update_hz()),
+    };
+    check_gain(job.gain)?;
+    check_update_hz(job.update_hz)?;
+    Ok(job)
 }

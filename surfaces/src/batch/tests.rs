@@ -272,7 +272,7 @@ fn jobs_have_gains_and_update_rates_of_their_own() {
         "Product(seeds: (1, 5))",
         "Table(\"jobs.csv\"), update_hz: 100, gain: 2",
     ));
-    let rows = "surface,motion,seed,gain,update_hz\ntile,walk,1,,\ntile,walk,1,-0.5,\ntile,walk,1,1,500\n";
+    let rows = "surface;motion;seed;gain;update_hz\ntile;walk;1;;\ntile;walk;1;-0,5;\ntile;walk;1;1;500\n";
     fs::write(folder.path().join("jobs.csv"), rows).unwrap();
     let batch = load(&folder).unwrap();
     let jobs = [0, 1, 2].map(|job| batch.job(job));
@@ -340,14 +340,14 @@ fn a_table_names_each_job() {
         ("surface,motion,seed\ntile,run,1\n", Some(2)),
         ("surface,motion,seed\ntile,walk,-1\n", Some(2)),
         ("surface,motion,seed\ntile,walk\n", Some(2)),
-        ("surface,motion\ntile,walk\n", Some(2)),
+        ("surface,motion\ntile,walk\n", Some(1)),
         ("surface,motion,seed,gain\ntile,walk,1,NaN\n", Some(2)),
         ("surface,motion,seed,gain\ntile,walk,1,1e10\n", Some(2)),
         (
             "surface,motion,seed,update_hz\ntile,walk,1,\ntile,walk,1,0\n",
             Some(3),
         ),
-        ("surface,motion,seed,loudness\ntile,walk,1,1\n", Some(2)),
+        ("surface,motion,seed,loudness\ntile,walk,1,1\n", Some(1)),
     ] {
         fs::write(&table, rows).unwrap();
         let error = load(&folder).unwrap_err();

@@ -23,17 +23,19 @@ pub(super) use table::{
     Cells, ColumnSelection, Fault, SignalColumns, Table, check_mapping, missing_columns, number,
 };
 #[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
-pub(super) use table::{is_wanted, number_of};
+pub(super) use table::{is_wanted, words_without_units};
 pub use units::QUANTITIES;
-pub(super) use units::{Scale, is_unit, parse_name, parse_unit};
+#[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
+pub(super) use units::is_unit;
+pub(super) use units::{parse_name, parse_unit};
 pub use write::{RawTable, write_csv};
 
 use super::import::{Finding, ImportSettings, plausibility};
-use super::rows::{Rows, cell_start};
 use super::{AnyRecording, Calibration, Gesture, Pose, ReadError, Recording, Series, Wrench};
 use crate::files::Place;
 use crate::provenance::VIBRATION_UNIT;
 use crate::{Origin, Provenance};
+use haptograph_signal::csv::{Rows, cell_start};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 

@@ -1,7 +1,7 @@
 //! Errors of reading a recording.
 
 use super::RecordingError;
-use super::rows::listed;
+use haptograph_signal::csv::CsvError;
 
 /// An error in the content of a recording's file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -54,6 +54,24 @@ pub enum ReadError {
     Recording(#[from] RecordingError),
 }
 
+impl From<CsvError> for ReadError {
+    fn from(error: CsvError) -> Self {
+        match error {
+            CsvError::Io(message) => Self::Io(message),
+            CsvError::Row { line, message } => Self::Csv { line, message },
+            CsvError::Cell {
+                line,
+                column,
+                message,
+            } => Self::CsvCell {
+                line,
+                column,
+                message,
+            },
+        }
+    }
+}
+
 fn last_read(after: Option<(u64, u64)>) -> String {
     after.map_or_else(String::new, |(row, column)| {
         format!(", after row {row}, column {column}")
@@ -68,6 +86,23 @@ fn advice(missing: &[String], hints: &[String]) -> String {
             hints.join(" ")
         ),
         _ => format!("Name the columns: {}", hints.join(" ")),
+    }
+}
+
+/// Joins names for a message; limits their number and length.
+pub(super) fn listed(names: &[String]) -> String {
+    const MOST: usize = 30;
+    let short = |name: &String| match name.chars().count() {
+        0..=40 => name.clone(),
+        _ => name.chars().take(39).chain(['…']).collect(),
+    };
+    let mut some: Vec<String> = names.iter().filter(|name| !name.is_empty()).map(short).collect();
+    let more = some.len().saturating_sub(MOST);
+    some.truncate(MOST);
+    match (some.is_empty(), more) {
+        (true, _) => "none".to_owned(),
+        (_, 0) => some.join(", "),
+        (_, more) => format!("{}, and {more} more", some.join(", ")),
     }
 }
 

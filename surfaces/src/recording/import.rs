@@ -8,7 +8,7 @@ pub(super) use even::{Timing, resampled, timing};
 pub use offset::remove_offset;
 pub(super) use repair::{clipped, interpolate_missing, remove_outliers};
 
-use super::rows::listed;
+use super::error::listed;
 use std::collections::BTreeMap;
 use std::fmt;
 

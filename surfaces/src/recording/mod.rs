@@ -15,7 +15,6 @@ mod hatt;
 mod import;
 #[cfg(target_family = "wasm")]
 mod no_archive;
-mod rows;
 mod series;
 mod signal;
 #[cfg(not(target_family = "wasm"))]
@@ -30,7 +29,6 @@ pub use hatt::read_hatt;
 pub use import::{BadCell, Finding, ImportSettings, remove_offset};
 #[cfg(target_family = "wasm")]
 pub use no_archive::{Spool, assemble, read_archive, spool_folder, write_archive};
-pub use rows::decoded;
 pub use series::Series;
 pub use signal::{Column, read_column, read_signal};
 #[cfg(not(target_family = "wasm"))]

@@ -135,6 +135,12 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
     lexemes
 }
 
+/// Whether a text is one name, and no other value.
+pub(in crate::document) fn is_name(text: &str) -> bool {
+    let begins = text.starts_with(|c| is_xid_start(c) || c == '_');
+    begins && text.chars().all(is_xid_continue) && !["true", "false", "inf", "NaN"].contains(&text)
+}
+
 /// Whether a sign begins a comment, as it does in other languages. A percent sign does where no value can be before it.
 fn begins_comment(sign: char, text: &str, before: &[Lexeme], start: usize) -> bool {
     sign == '#'

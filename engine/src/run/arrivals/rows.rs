@@ -1,4 +1,8 @@
 //! Reads the lines of a log one by one in constant memory.
+//!
+//! This is not the reader of tables, [`haptograph_signal::csv`]: only a run writes logs, so a line of another dialect, a remark or an
+//! empty line is damage here. A header must be that of the graph to the letter, and the last cell of a setting's change is a name
+//! that may contain commas.
 
 use super::ReplayError;
 use haptograph_signal::files::{self, MAX_LINE_BYTES, MAX_RECORDING_BYTES};

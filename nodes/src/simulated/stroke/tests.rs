@@ -137,7 +137,9 @@ fn a_recorded_path_goes_through_its_points() {
 fn a_broken_path_says_where() {
     let read = |table: &str| Trajectory::from_csv(table.as_bytes()).unwrap_err().to_string();
     assert!(read("time_s,x_mm,y_mm\n0,0,0\n").contains("no column force_n"));
-    assert!(read("time_s,x_mm,y_mm,force_n\n0,0,0,1\n1,zero,0,1\n").starts_with("line 3: 'zero'"));
+    assert!(
+        read("time_s,x_mm,y_mm,force_n\n0,0,0,1\n1,zero,0,1\n").starts_with("line 3, column 2: \"zero\"")
+    );
     assert!(read("time_s,x_mm,y_mm,force_n\n0,0,0,1\n0,0,0,1\n").contains("point 1"));
     assert!(read("time_s,x_mm,y_mm,force_n\n0,0,0,1\n").contains("at least two"));
 }

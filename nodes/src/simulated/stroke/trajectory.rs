@@ -1,6 +1,11 @@
 //! Recorded paths.
 
 use super::StrokePoint;
+use haptograph_signal::csv::{CsvError, CsvTable};
+use std::io::BufReader;
+
+/// The columns of a file.
+const COLUMNS: [&str; 4] = ["time_s", "x_mm", "y_mm", "force_n"];
 
 /// A path of the tip: positions and forces at increasing times, joined by cubic splines (Catmull and Rom).
 #[derive(Debug, Clone, PartialEq)]
@@ -28,13 +33,8 @@ pub enum TrajectoryError {
         problem: &'static str,
     },
     /// The file is not the expected CSV file.
-    #[error("line {line}: {problem} (the file needs the columns time_s, x_mm, y_mm and force_n)")]
-    BadTable {
-        /// Line of the file, counted from 1.
-        line: u64,
-        /// What is wrong with it.
-        problem: String,
-    },
+    #[error("{0} (the file needs the columns time_s, x_mm, y_mm and force_n)")]
+    BadTable(#[from] CsvError),
 }
 
 impl Trajectory {
@@ -63,29 +63,19 @@ impl Trajectory {
 
     /// Reads a CSV table with a header that holds `time_s`, `x_mm`, `y_mm` and `force_n`, in any order.
     pub fn from_csv(source: impl std::io::Read) -> Result<Self, TrajectoryError> {
-        let bad = |line: Option<u64>, problem: String| TrajectoryError::BadTable {
-            line: line.unwrap_or(1),
-            problem,
-        };
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(source);
-        let headers = reader.headers().map_err(|e| bad(None, e.to_string()))?.clone();
+        let mut table = CsvTable::new(BufReader::new(source), &COLUMNS)?;
         let mut columns = [0; 4];
-        for (column, name) in columns.iter_mut().zip(["time_s", "x_mm", "y_mm", "force_n"]) {
-            *column = headers
-                .iter()
-                .position(|header| header == name)
-                .ok_or_else(|| bad(None, format!("there is no column {name}")))?;
+        for (column, name) in columns.iter_mut().zip(COLUMNS) {
+            *column = table.find(name).ok_or_else(|| CsvError::Row {
+                line: table.head().line,
+                message: format!("there is no column {name}"),
+            })?;
         }
         let mut points = Vec::new();
-        for record in reader.records() {
-            let record = record.map_err(|e| bad(e.position().map(csv::Position::line), e.to_string()))?;
-            let line = record.position().map(csv::Position::line);
+        while let Some(row) = table.next_row()? {
             let mut point = [0.0; 4];
             for (value, column) in point.iter_mut().zip(columns) {
-                let text = record.get(column).unwrap_or_default();
-                *value = text
-                    .parse()
-                    .map_err(|_| bad(line, format!("'{text}' is not a number")))?;
+                *value = row.number(column)?;
             }
             points.push([point[0], point[1] / 1000.0, point[2] / 1000.0, point[3]]);
         }

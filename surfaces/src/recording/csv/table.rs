@@ -7,13 +7,11 @@ mod selection;
 
 use super::super::ReadError;
 use super::super::import::{BadCell, Finding, ImportSettings};
-use super::super::rows::{Head, Rows};
 use super::clock::Clock;
-use super::units::Scale;
-#[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
-pub(in crate::recording) use cells::number_of;
+use super::units::{Scale, is_unit};
 pub(in crate::recording) use cells::{Cells, Lines, number};
-pub(in crate::recording) use faults::{Fault, check_mapping, missing_columns};
+pub(in crate::recording) use faults::{Fault, check_mapping, missing_columns, words_without_units};
+use haptograph_signal::csv::{Head, Rows};
 pub(in crate::recording) use samples::{Even, SignalColumns};
 use selection::Chosen;
 pub(in crate::recording) use selection::{ColumnSelection, is_wanted};
@@ -84,12 +82,13 @@ impl Table {
         wanted: ColumnSelection<'_>,
     ) -> Result<Self, ReadError> {
         let (mut rows, head) = Rows::new(source, &|name| is_wanted(name, import, wanted))?;
-        let (chosen, mut table) = Self::empty(head, import, wanted)?;
+        let units = units_below(&mut rows)?;
+        let (chosen, mut table) = Self::empty((head, units), import, wanted)?;
         while let Some(row) = rows.next()? {
             let line = row.line;
             let columns = table.names.len();
             if row.cells() > columns || (row.cells() < columns && import.strict) {
-                return Err(faults::unequal(&row, columns));
+                return Err(row.of_other_length(columns).into());
             }
             table.lines.push(line);
             for (&(index, scale), column) in chosen.iter().zip(&mut table.columns) {
@@ -111,7 +110,7 @@ impl Table {
 
     /// No rows yet.
     fn empty(
-        head: Head,
+        (head, units): (Head, Vec<String>),
         import: &ImportSettings,
         wanted: ColumnSelection<'_>,
     ) -> Result<(Vec<Chosen>, Self), ReadError> {
@@ -122,7 +121,7 @@ impl Table {
             has_lines: head.line > 0,
             notes: head.notes,
             names: head.names,
-            units: head.units,
+            units,
             findings: vec![],
             columns: vec![],
             lines: Lines::default(),
@@ -146,7 +145,6 @@ impl Table {
         let head = Head {
             line: cells.header_line,
             names: cells.names,
-            units: cells.units,
             notes: cells.notes,
         };
         if let Some((name, length)) = cells
@@ -161,7 +159,7 @@ impl Table {
                 cells.lines.rows()
             )));
         }
-        let (chosen, mut table) = Self::empty(head, import, wanted)?;
+        let (chosen, mut table) = Self::empty((head, cells.units), import, wanted)?;
         let others = cells.others.into_iter();
         table
             .names
@@ -280,6 +278,18 @@ impl Table {
             .filter(move |(index, name)| !name.is_empty() && !is_read(*index))
             .map(move |(index, name)| (name.as_str(), below(index)))
     }
+}
+
+/// Takes the row of units below the header, if there is one.
+fn units_below(rows: &mut Rows<impl BufRead>) -> Result<Vec<String>, ReadError> {
+    let Some((line, cells)) = rows.words_below() else {
+        return Ok(vec![]);
+    };
+    if !cells.iter().any(|cell| is_unit(cell)) {
+        return Err(words_without_units(line, &cells));
+    }
+    rows.next()?;
+    Ok(cells)
 }
 
 impl Column {

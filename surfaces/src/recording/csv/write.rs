@@ -8,18 +8,14 @@ use crate::Provenance;
 use crate::files::decimal::format_thousandfold;
 use crate::learning::processing;
 use std::collections::VecDeque;
-use std::io::Write;
+use std::io::{BufWriter, Write};
 
 /// Writes a recording as CSV. A raw recording is written calibrated: acceleration in m/s², forces in the tool's frame,
 /// positions of the tip.
 pub fn write_csv(recording: &AnyRecording) -> std::io::Result<Vec<u8>> {
     let mut bytes = origin_lines(recording.gesture(), recording.provenance()).into_bytes();
     match recording {
-        AnyRecording::Processed(processed) => {
-            let mut writer = csv::Writer::from_writer(&mut bytes);
-            write_processed(processed, &mut writer)?;
-            writer.flush()?;
-        }
+        AnyRecording::Processed(processed) => write_processed(processed, &mut bytes)?,
         AnyRecording::Raw(raw) => write_raw(raw, &mut bytes)?,
     }
     Ok(bytes)
@@ -36,9 +32,7 @@ fn origin_lines(gesture: Gesture, provenance: &Provenance) -> String {
     )
 }
 
-type Writer<'a> = csv::Writer<&'a mut Vec<u8>>;
-
-fn write_processed(processed: &ProcessedRecording, writer: &mut Writer) -> std::io::Result<()> {
+fn write_processed(processed: &ProcessedRecording, writer: &mut Vec<u8>) -> std::io::Result<()> {
     let signals = processed.signals();
     let mut header = vec!["time_s", "accel_m_s2"];
     if signals.axes_m_s2.is_some() {
@@ -49,19 +43,22 @@ fn write_processed(processed: &ProcessedRecording, writer: &mut Writer) -> std::
         header.push("force_tangential_n");
     }
     header.push("speed_mm_s");
-    writer.write_record(&header)?;
+    writeln!(writer, "{}", header.join(","))?;
     for i in 0..processed.samples() {
-        writer.write_field(format!("{}", i as f64 / signals.rate_hz))?;
-        writer.write_field(format!("{:?}", signals.acceleration_m_s2[i]))?;
+        write!(
+            writer,
+            "{},{:?}",
+            i as f64 / signals.rate_hz,
+            signals.acceleration_m_s2[i]
+        )?;
         for value in signals.axes_m_s2.iter().flat_map(|axes| axes[i]) {
-            writer.write_field(format!("{value:?}"))?;
+            write!(writer, ",{value:?}")?;
         }
-        writer.write_field(format!("{:?}", signals.force_normal_n[i]))?;
+        write!(writer, ",{:?}", signals.force_normal_n[i])?;
         if let Some(tangential) = &signals.force_tangential_n {
-            writer.write_field(format!("{:?}", tangential[i]))?;
+            write!(writer, ",{:?}", tangential[i])?;
         }
-        writer.write_field(format_thousandfold(signals.speed_m_s[i]))?;
-        writer.write_record(None::<&[u8]>)?;
+        writeln!(writer, ",{}", format_thousandfold(signals.speed_m_s[i]))?;
     }
     Ok(())
 }
@@ -92,7 +89,7 @@ struct Clock {
 /// Writes a raw recording as a table during recording. The bytes equal those of [`write_csv`]; memory holds only the
 /// samples by which one sensor is ahead of the others.
 pub struct RawTable<W: Write> {
-    writer: csv::Writer<W>,
+    writer: BufWriter<W>,
     calibration: Calibration,
     clocks: [Clock; 3],
     /// Written samples of each sensor, and pending samples that wait for the other sensors.
@@ -119,14 +116,14 @@ impl<W: Write> RawTable<W> {
     }
 
     fn over(to: W, calibration: &Calibration, clocks: [Clock; 3]) -> std::io::Result<Self> {
-        let mut writer = csv::Writer::from_writer(to);
+        let mut writer = BufWriter::new(to);
         let mut header = vec!["time_s".to_owned()];
         header.extend(AXES.map(|axis| format!("accel_{axis}_m_s2")));
         header.extend(AXES.map(|axis| format!("force_{axis}_n")));
         header.extend(AXES.map(|axis| format!("torque_{axis}_n_mm")));
         header.extend(AXES.map(|axis| format!("position_{axis}_mm")));
         header.extend(["w", "x", "y", "z"].map(|part| format!("orientation_{part}")));
-        writer.write_record(&header)?;
+        writeln!(writer, "{}", header.join(","))?;
         Ok(Self {
             writer,
             calibration: *calibration,
@@ -204,7 +201,7 @@ impl<W: Write> RawTable<W> {
         };
         let due = times.map(|time| time == Some(now));
         let plain = |value: f64| format!("{value:?}");
-        self.writer.write_field(format!("{now}"))?;
+        write!(self.writer, "{now}")?;
         let acceleration = due[0].then(|| self.acceleration.pop_front()).flatten();
         let load = due[1].then(|| self.loads.pop_front()).flatten();
         let pose = due[2].then(|| self.poses.pop_front()).flatten();
@@ -213,7 +210,7 @@ impl<W: Write> RawTable<W> {
         self.cells::<3>(load.map(|load| load.torque_n_m), format_thousandfold)?;
         self.cells::<3>(pose.map(|(tip, _)| tip), format_thousandfold)?;
         self.cells::<4>(pose.map(|(_, orientation)| orientation), plain)?;
-        self.writer.write_record(None::<&[u8]>)?;
+        writeln!(self.writer)?;
         for (written, due) in self.written.iter_mut().zip(due) {
             *written += u64::from(due);
         }
@@ -228,7 +225,7 @@ impl<W: Write> RawTable<W> {
     ) -> std::io::Result<()> {
         for place in 0..N {
             let cell = numbers.map_or_else(String::new, |numbers| text(numbers[place]));
-            self.writer.write_field(cell)?;
+            write!(self.writer, ",{cell}")?;
         }
         Ok(())
     }

@@ -1,9 +1,9 @@
 //! Reads the first sheet of a spreadsheet, which has the layout of a CSV file.
 
-use super::super::csv::{Cells, ColumnSelection, Table, is_unit, is_wanted, number_of};
-use super::super::rows::{HEADER_WITHIN, header_of, is_without_numbers, listed};
+use super::super::csv::{Cells, ColumnSelection, Table, is_unit, is_wanted, words_without_units};
 use super::super::{ImportSettings, ReadError};
 use calamine::{Cell, Data, DataRef, Range, Reader, Xlsx, XlsxError};
+use haptograph_signal::csv::{HEADER_WITHIN, header_of, is_without_numbers, number};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek, copy, sink};
 use zip::ZipArchive;
@@ -65,13 +65,7 @@ pub(in crate::recording) fn spreadsheet(
     let below = rows.clone().next().map(|(row, line)| (texts(row), line));
     if let Some((units, line)) = below.filter(|(below, _)| is_without_numbers(below)) {
         if !units.iter().any(|cell| is_unit(cell)) {
-            return Err(ReadError::Csv {
-                line,
-                message: format!(
-                    "the row below the header contains neither numbers nor units: {}; remove it, and give units with --unit",
-                    listed(&units)
-                ),
-            });
+            return Err(words_without_units(line, &units));
         }
         cells.units = units;
         rows.next();
@@ -180,7 +174,7 @@ fn value(cell: &Data) -> f64 {
         Data::Int(value) => *value as f64,
         Data::Empty => f64::NAN,
         Data::String(text) if text.trim().is_empty() => f64::NAN,
-        Data::String(text) => number_of(text).unwrap_or(f64::INFINITY),
+        Data::String(text) => number(text.trim().as_bytes()).unwrap_or(f64::INFINITY),
         _ => f64::INFINITY,
     }
 }

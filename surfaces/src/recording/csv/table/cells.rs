@@ -2,6 +2,7 @@
 
 use crate::files::decimal::parse_thousandth;
 use crate::recording::csv::units::Scale;
+use haptograph_signal::csv::decimal;
 use std::collections::BTreeMap;
 
 /// The line of each row; stores only the rows whose line does not follow the previous one.
@@ -50,21 +51,10 @@ pub(in crate::recording) struct Cells {
     pub others: Vec<(String, usize)>,
 }
 
-/// The number in a cell; with a comma for the point where no comma separates the cells.
+/// The finite number in a cell, in SI.
 pub(in crate::recording) fn number(cell: &[u8], scale: Scale) -> Option<f64> {
-    let text = std::str::from_utf8(cell).ok()?;
-    let value = match text.bytes().filter(|&byte| byte == b',').count() {
-        0 => scaled(text, scale)?,
-        1 if !text.contains('.') => scaled(&text.replace(',', "."), scale)?,
-        _ => return None,
-    };
+    let value = scaled(&decimal(cell)?, scale)?;
     value.is_finite().then_some(value)
-}
-
-/// The number in a text, whatever its unit.
-#[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
-pub(in crate::recording) fn number_of(text: &str) -> Option<f64> {
-    number(text.trim().as_bytes(), Scale::One)
 }
 
 fn scaled(text: &str, scale: Scale) -> Option<f64> {

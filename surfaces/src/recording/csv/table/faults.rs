@@ -2,8 +2,8 @@
 
 use super::Table;
 use crate::recording::csv::hints::hints;
+use crate::recording::error::listed;
 use crate::recording::import::ImportSettings;
-use crate::recording::rows::{Row, listed};
 use crate::recording::{ReadError, RecordingError};
 
 /// An error, with the index of the file in the take.
@@ -91,12 +91,13 @@ pub(in crate::recording) fn check_mapping(
     }
 }
 
-pub(super) fn unequal(row: &Row<'_>, expected: usize) -> ReadError {
+/// The error for a row of words below the header that are no units.
+pub(in crate::recording) fn words_without_units(line: u64, cells: &[String]) -> ReadError {
     ReadError::Csv {
-        line: row.line,
+        line,
         message: format!(
-            "the row has {} cells where the header has {expected}",
-            row.cells()
+            "the row below the header contains neither numbers nor units: {}; remove it, and give units with --unit",
+            listed(cells)
         ),
     }
 }

@@ -6,8 +6,8 @@ use crate::recording::csv::alias::{is_like_ours, taken_as};
 use crate::recording::csv::units::{
     QUANTITIES, Scale, is_of, parse_unit, plain_name, unit_in_file, unit_of_column,
 };
+use crate::recording::error::listed;
 use crate::recording::import::{Finding, ImportSettings};
-use crate::recording::rows::listed;
 use haptograph_signal::quantity::Quantity;
 
 /// Which columns of a table are read.

@@ -1,18 +1,15 @@
 //! Rows of a CSV file, one at a time: files of any length are read in the memory of one line.
 
-use super::ReadError;
-use super::csv::{Scale, is_unit, number};
-use haptograph_signal::files::MAX_LINE_BYTES;
+use super::header::{check_names, header_of};
+use super::{CsvError, HEADER_WITHIN, is_without_numbers};
+use crate::files::MAX_LINE_BYTES;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, Read};
 use std::ops::Range;
 
-/// Number of rows that are searched for the header; loggers write a preamble above it.
-pub(super) const HEADER_WITHIN: usize = 20;
-
 /// Reads rows. It skips empty lines and lines that begin with `#`.
-pub(super) struct Rows<R> {
+pub struct Rows<R> {
     source: R,
     delimiter: u8,
     line: u64,
@@ -23,11 +20,9 @@ pub(super) struct Rows<R> {
 }
 
 /// The lines before the first row of data.
-pub(super) struct Head {
+pub struct Head {
     /// Names of the columns.
     pub names: Vec<String>,
-    /// Units in the row below the header; empty if there is no such row.
-    pub units: Vec<String>,
     /// Line of the header, from 1.
     pub line: u64,
     /// Lines `# key: value` above the header.
@@ -35,7 +30,7 @@ pub(super) struct Head {
 }
 
 /// A row.
-pub(super) struct Row<'a> {
+pub struct Row<'a> {
     /// Its line in the file, from 1.
     pub line: u64,
     text: &'a [u8],
@@ -50,21 +45,37 @@ impl Row<'_> {
             .map_or(&[], |range| &self.text[range.clone()])
     }
 
+    /// The number of its cells.
     pub fn cells(&self) -> usize {
         self.cells.len()
     }
 
-    fn texts(&self) -> Vec<String> {
-        (0..self.cells())
-            .map(|column| String::from_utf8_lossy(self.cell(column)).into_owned())
-            .collect()
+    /// The text of the cell in a column.
+    pub fn text(&self, column: usize) -> Cow<'_, str> {
+        unquoted(self.cell(column))
+    }
+
+    /// An error about this row.
+    pub fn error(&self, message: impl ToString) -> CsvError {
+        let (line, message) = (self.line, message.to_string());
+        CsvError::Row { line, message }
+    }
+
+    /// The error of a row with another number of cells than the header.
+    pub fn of_other_length(&self, header: usize) -> CsvError {
+        let (cells, plural) = (self.cells(), if self.cells() == 1 { "" } else { "s" });
+        self.error(format_args!(
+            "the row has {cells} cell{plural} where the header has {header}"
+        ))
     }
 }
 
 impl<R: BufRead> Rows<R> {
-    /// Reads the header and a row of units below it. The header is the line with most of the wanted columns, else the line
-    /// above the first numbers. Column names must be unique. Lines that are not UTF-8 are read as Latin-1.
-    pub fn new(source: R, is_wanted: &dyn Fn(&str) -> bool) -> Result<(Self, Head), ReadError> {
+    /// Reads the header. It is the line with most of the wanted columns, else the line above the first numbers.
+    ///
+    /// # Errors
+    /// Those of the file system, text that is no table, two lines that could be the header, and a name that is there twice.
+    pub fn new(source: R, is_wanted: &dyn Fn(&str) -> bool) -> Result<(Self, Head), CsvError> {
         let mut rows = Self {
             source,
             delimiter: b',',
@@ -110,46 +121,24 @@ impl<R: BufRead> Rows<R> {
         rows.ahead = seen.into_iter().skip_while(|(at, _)| *at < line).collect();
         rows.read_line()?;
         rows.split()?;
-        let names = rows.row().texts();
+        let names = texts(&rows.text, rows.delimiter);
         check_names(&names, line)?;
-        let units = rows.units_row()?;
-        Ok((
-            rows,
-            Head {
-                names,
-                units,
-                line,
-                notes,
-            },
-        ))
+        Ok((rows, Head { names, line, notes }))
     }
 
-    /// Takes the row of units below the header, if there is one.
-    fn units_row(&mut self) -> Result<Vec<String>, ReadError> {
-        let place = self.ahead.iter().position(|(_, text)| !text.starts_with(b"#"));
-        let Some((line, text)) = place.and_then(|place| self.ahead.get(place)) else {
-            return Ok(vec![]);
-        };
+    /// The row below the header with its line, if it holds words and no numbers: that of the units, before [`Rows::next`].
+    pub fn words_below(&self) -> Option<(u64, Vec<String>)> {
+        let (line, text) = self.ahead.iter().find(|(_, text)| !text.starts_with(b"#"))?;
         let cells = texts(text, self.delimiter);
-        if !is_without_numbers(&cells) {
-            return Ok(vec![]);
-        }
-        if !cells.iter().any(|cell| is_unit(cell)) {
-            let message = format!(
-                "the row below the header contains neither numbers nor units: {}; remove it, and give units with --unit",
-                listed(&cells)
-            );
-            return Err(self.error_at(*line, message));
-        }
-        // Skips an empty line.
-        if let Some((_, text)) = place.and_then(|place| self.ahead.get_mut(place)) {
-            text.clear();
-        }
-        Ok(cells)
+        is_without_numbers(&cells).then_some((*line, cells))
     }
 
     /// The next row.
-    pub fn next(&mut self) -> Result<Option<Row<'_>>, ReadError> {
+    ///
+    /// # Errors
+    /// Those of the file system, a line that is too long, and a quote without its partner.
+    #[allow(clippy::should_implement_trait, reason = "a row borrows the reader's memory")]
+    pub fn next(&mut self) -> Result<Option<Row<'_>>, CsvError> {
         while self.read_line()? {
             if !self.text.is_empty() && !self.text.starts_with(b"#") {
                 self.split()?;
@@ -168,7 +157,7 @@ impl<R: BufRead> Rows<R> {
     }
 
     /// The next line, without spaces around it; false at the end.
-    fn read_line(&mut self) -> Result<bool, ReadError> {
+    fn read_line(&mut self) -> Result<bool, CsvError> {
         if let Some((line, text)) = self.ahead.pop_front() {
             (self.line, self.text) = (line, text);
             return Ok(true);
@@ -177,7 +166,7 @@ impl<R: BufRead> Rows<R> {
         let mut line = (&mut self.source).take(MAX_LINE_BYTES as u64 + 1);
         let read = line
             .read_until(b'\n', &mut self.text)
-            .map_err(|e| ReadError::Io(e.to_string()))?;
+            .map_err(|e| CsvError::Io(e.to_string()))?;
         if read == 0 {
             return Ok(false);
         }
@@ -212,19 +201,19 @@ impl<R: BufRead> Rows<R> {
         Ok(true)
     }
 
-    fn split(&mut self) -> Result<(), ReadError> {
+    fn split(&mut self) -> Result<(), CsvError> {
         match split(&self.text, self.delimiter, &mut self.cells) {
             true => Ok(()),
             false => Err(self.error("a quoted cell has no closing quote on its line".to_owned())),
         }
     }
 
-    fn error(&self, message: String) -> ReadError {
+    fn error(&self, message: String) -> CsvError {
         self.error_at(self.line, message)
     }
 
-    fn error_at(&self, line: u64, message: String) -> ReadError {
-        ReadError::Csv { line, message }
+    fn error_at(&self, line: u64, message: String) -> CsvError {
+        CsvError::Row { line, message }
     }
 }
 
@@ -247,8 +236,17 @@ fn split(text: &[u8], delimiter: u8, cells: &mut Vec<Range<usize>>) -> bool {
 fn texts(text: &[u8], delimiter: u8) -> Vec<String> {
     let mut cells = vec![];
     split(text, delimiter, &mut cells);
-    let text = |cell: Range<usize>| String::from_utf8_lossy(&text[cell]).into_owned();
+    let text = |cell: Range<usize>| unquoted(&text[cell]).into_owned();
     cells.into_iter().map(text).collect()
+}
+
+/// A cell in which a doubled quote is one.
+fn unquoted(cell: &[u8]) -> Cow<'_, str> {
+    let text = String::from_utf8_lossy(cell);
+    match text.contains("\"\"") {
+        true => Cow::Owned(text.replace("\"\"", "\"")),
+        false => text,
+    }
 }
 
 /// Decodes a line as UTF-8, else as Latin-1 with the extra characters of Windows-1252.
@@ -271,83 +269,6 @@ pub fn decoded(line: &[u8]) -> Cow<'_, str> {
 
 fn is_control(byte: u8) -> bool {
     byte < 0x20 && !byte.is_ascii_whitespace() && byte != 0x0b
-}
-
-/// Finds the header among the first rows: the row with most of the wanted columns. If no row has any, it is the row above
-/// the first numbers that has as many cells, else the first row. `split` splits a row into cells as the header is split.
-///
-/// # Errors
-/// Two rows that could both be the header.
-pub(super) fn header_of(
-    rows: usize,
-    split: &dyn Fn(usize, usize) -> Vec<String>,
-    is_wanted: &dyn Fn(&str) -> bool,
-) -> Result<usize, (usize, usize)> {
-    let wanted = |row: usize| {
-        let cells = split(row, row);
-        cells.iter().filter(|cell| is_wanted(cell)).count()
-    };
-    let counts: Vec<usize> = (0..rows).map(wanted).collect();
-    let most = counts.iter().copied().max().unwrap_or(0);
-    if most == 0 {
-        return Ok(above_numbers(rows, split).unwrap_or(0));
-    }
-    let mut alike = (0..rows).filter(|row| counts[*row] == most);
-    match (alike.next(), alike.next()) {
-        (Some(first), Some(second)) => Err((first, second)),
-        (first, _) => Ok(first.unwrap_or(0)),
-    }
-}
-
-/// The row above the first row of numbers, or above a row of units there.
-fn above_numbers(rows: usize, split: &dyn Fn(usize, usize) -> Vec<String>) -> Option<usize> {
-    let width = |cells: &[String]| {
-        let last = cells.iter().rposition(|cell| !cell.is_empty());
-        last.map_or(0, |last| last + 1)
-    };
-    let fits = |header: usize, row: usize| {
-        let (names, between) = (split(header, header), split(row - 1, header));
-        let numbers = split(row, header);
-        let filled = numbers.iter().filter(|cell| !cell.is_empty());
-        let is_numbers = filled.clone().count() > 1 && filled.clone().all(|cell| is_number(cell));
-        is_numbers
-            && width(&numbers) <= width(&names)
-            && is_without_numbers(&names)
-            && (header + 1 == row || width(&between) <= width(&names) && is_without_numbers(&between))
-    };
-    (1..rows).find_map(|row| (row.saturating_sub(2)..row).find(|header| fits(*header, row)))
-}
-
-fn is_number(cell: &str) -> bool {
-    number(cell.as_bytes(), Scale::One).is_some() || cell.parse::<f64>().is_ok()
-}
-
-/// Whether most cells contain text and none contains a number.
-pub(super) fn is_without_numbers(cells: &[String]) -> bool {
-    let filled = cells.iter().filter(|cell| !cell.is_empty()).count();
-    let is_word = |cell: &&String| {
-        let marks_nothing = ["na", "n/a", "null", "none"].contains(&&*cell.to_lowercase());
-        cell.chars().any(char::is_alphabetic) && !marks_nothing
-    };
-    let words = cells.iter().filter(is_word).count();
-    2 * filled > cells.len() && 2 * words > filled && !cells.iter().any(|cell| is_number(cell))
-}
-
-/// Joins names for a message; limits their number and length.
-pub(super) fn listed(names: &[String]) -> String {
-    const MOST: usize = 30;
-    let short = |name: &String| match name.chars().count() {
-        0..=40 => name.clone(),
-        _ => name.chars().take(39).chain(['…']).collect(),
-    };
-    let mut some: Vec<String> = names.iter().filter(|name| !name.is_empty()).map(short).collect();
-    let more = some.len().saturating_sub(MOST);
-    some.truncate(MOST);
-    match (some.is_empty(), more) {
-        (true, _) => "none".to_owned(),
-        (_, 0) => some.join(", "),
-        (_, more) => format!("{}, and {more} more", some.join(", ")),
-    }
 }
 
 /// A cell without spaces and quotes around it.
@@ -374,39 +295,19 @@ fn trimmed(text: &[u8], cell: Range<usize>) -> Range<usize> {
 
 /// The cell separator: the candidate that occurs most often in the header.
 fn delimiter(header: &[u8]) -> u8 {
-    let count = |delimiter: u8| header.iter().filter(|&&byte| byte == delimiter).count();
+    let count = |delimiter: u8| {
+        let mut cells = vec![];
+        split(header, delimiter, &mut cells);
+        cells.len()
+    };
     [b',', b';', b'\t']
         .into_iter()
         .max_by_key(|&d| (count(d), d == b','))
         .unwrap_or(b',')
 }
 
-fn check_names(names: &[String], line: u64) -> Result<(), ReadError> {
-    if names.iter().all(String::is_empty) {
-        return Err(ReadError::Csv {
-            line,
-            message: "the file is empty".to_owned(),
-        });
-    }
-    for (index, name) in names.iter().enumerate() {
-        let first = names[..index].iter().position(|earlier| earlier == name);
-        if let Some(first) = first.filter(|_| !name.is_empty()) {
-            return Err(ReadError::CsvCell {
-                line,
-                column: index + 1,
-                message: format!(
-                    "column name {name} occurs twice, in columns {} and {}; rename or remove one",
-                    first + 1,
-                    index + 1
-                ),
-            });
-        }
-    }
-    Ok(())
-}
-
 /// The first character (from 1) of cell `column` (from 1) of a line.
-pub(super) fn cell_start(line: &[u8], column: usize) -> usize {
+pub fn cell_start(line: &[u8], column: usize) -> usize {
     let count = |delimiter: u8| line.iter().filter(|&&byte| byte == delimiter).count();
     // With another separator, commas are decimal points.
     let other = [b';', b'\t']
