@@ -14,7 +14,8 @@ pub const SUMS: usize = 2;
 /// A column of a step matrix.
 type Column = [f64; ROWS];
 
-/// What a warped lattice runs with: how each state, and the excitation, enters the next states, and what comes out.
+/// The step of a warped lattice: the gains from each state and from the excitation to the next states and to the
+/// output.
 ///
 /// Rows and columns from the order on are 0, as far as the next whole vector. Columns lie on whole cache lines: a vector
 /// across two of them would take twice as long to load.
