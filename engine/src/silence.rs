@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 crate::choices! {
-    /// What the silence of a live input does to every actuator that depends on it.
+    /// Effect of the silence of a live input on every actuator that depends on it.
     pub enum OnSilence {
-        /// The actuators ramp to zero through their limiters, and back through a ramp when the input is heard again.
+        /// The actuators ramp to zero through their limiters, and back through a ramp when data arrive again.
         Zero,
         /// The actuators go on: position and force hold their last values, a soundcard's signal reads zero. Until the
-        /// input is heard for the first time its actuators are at zero.
+        /// first data arrive, its actuators are at zero.
         Hold,
     }
 }

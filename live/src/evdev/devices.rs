@@ -22,7 +22,7 @@ pub(super) struct Input {
 }
 
 impl Input {
-    /// That of a device, with a link of its own; `None` for a device of another kind.
+    /// The event device of an endpoint, with its own link; `None` for a device of another kind.
     fn of(device: &GraphDevice) -> Option<Self> {
         let settings = device.settings::<EvdevDevice>()?;
         Some(Self {

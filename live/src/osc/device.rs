@@ -18,7 +18,7 @@ pub(crate) struct Addresses {
 }
 
 impl Addresses {
-    /// Those of a device whose commands go to `send_to`.
+    /// The addresses of a device whose commands go to `send_to`.
     pub fn new(settings: &OscDeviceSettings, send_to: Option<SocketAddr>) -> Self {
         Self {
             position: settings.position.clone(),

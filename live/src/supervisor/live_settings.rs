@@ -19,7 +19,7 @@ pub struct SettingHandle {
     sender: RequestSender,
 }
 
-/// Why there is no handle of a name.
+/// Reason why a name has no handle.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SettingError {
@@ -28,10 +28,10 @@ pub enum SettingError {
     Unknown {
         /// The name.
         name: String,
-        /// The names that exist, in words.
+        /// The existing names, as text.
         help: String,
     },
-    /// It is a parameter, for which the graph is loaded again.
+    /// The name is a parameter; a new value of it loads the graph again.
     #[error(
         "`{0}` is a parameter of the graph, not a live setting; `Supervisor::set` loads the graph with its new value"
     )]
@@ -43,7 +43,7 @@ pub enum SettingError {
 struct Slot {
     name: Arc<str>,
     bits: AtomicU64,
-    /// Its place among all requests.
+    /// Position of the value among all requests.
     order: AtomicU64,
     /// Whether the supervisor has not taken the value yet.
     is_pending: AtomicBool,
@@ -57,7 +57,7 @@ impl SettingHandle {
     }
 
     /// Sets the value, and ends the supervisor's [`wait`](super::Supervisor::wait). The next
-    /// [`poll`](super::Supervisor::poll) passes these bits to the node, or says once why it does not.
+    /// [`poll`](super::Supervisor::poll) passes these bits to the node, or reports once why it does not.
     /// Of several values between two polls the latest counts.
     ///
     /// # Errors
@@ -105,7 +105,7 @@ pub(super) struct PendingValue {
 }
 
 impl LiveSettings {
-    /// Those of a graph.
+    /// The live settings of a graph.
     pub fn of<'l>(settings: impl Iterator<Item = &'l LiveSetting>) -> Self {
         Self {
             by_name: targets(settings),
@@ -175,7 +175,8 @@ impl LiveSettings {
         pending
     }
 
-    /// Takes a handle's value once more at the next look, unless there is a newer one: nothing had room for it.
+    /// Takes a handle's value once more at the next poll, unless there is a newer one: the queue to the driver was
+    /// full.
     pub fn retry(&self, handle: usize) {
         self.handles[handle]
             .slot
@@ -198,7 +199,7 @@ impl LiveSettings {
         }
     }
 
-    /// Ends the handles: what they set is read no more.
+    /// Ends the handles: their values are no longer read.
     pub fn end(&self) {
         for bound in &self.handles {
             bound.slot.has_ended.store(true, Ordering::Release);

@@ -228,7 +228,7 @@ impl<'a> Exchange<'a> {
         }
     }
 
-    /// By Open Sound Control commands are sent at their own rate.
+    /// Sends commands by Open Sound Control, which have their own rate.
     #[cfg(feature = "osc")]
     fn send_osc(&mut self) {
         if self.osc_sender.as_mut().is_some_and(OscSender::is_due) {

@@ -9,7 +9,7 @@ pub const STATE_BYTES: usize = 120;
 pub const COMMAND_BYTES: usize = 72;
 /// First bytes of every packet.
 pub const MAGIC: [u8; 4] = *b"HGRF";
-/// Of this protocol.
+/// Version of this protocol.
 pub const VERSION: u16 = 1;
 
 /// Largest magnitude of a number in a state, in SI units: 1000 km, 1 MN.
