@@ -53,11 +53,11 @@ pub struct Kind(&'static KindSpec);
 pub struct KindSpec {
     /// Name in messages, files and tables: `contact`.
     pub name: &'static str,
-    /// A frame of it in a sentence: `a contact`, `an event`, `weights`.
+    /// A frame of the kind in a sentence: `a contact`, `an event`, `weights`.
     pub one: &'static str,
     /// Name of each component, in the headers of CSV files; their number is the width of a frame.
     pub components: &'static [&'static str],
-    /// What stands where no frame has arrived yet; components beyond its end are 0.
+    /// The neutral frame, used before a frame has arrived; components beyond its end are 0.
     pub neutral: &'static [f64],
     /// Whether frames may be scaled, summed and filtered component by component.
     pub is_linear: bool,
@@ -71,7 +71,7 @@ pub struct KindSpec {
 /// A number that stands for a whole frame where the level of a signal is shown.
 #[derive(Debug, Clone, Copy)]
 pub struct Level {
-    /// What it is: `penetration`.
+    /// Its name: `penetration`.
     pub name: &'static str,
     /// Its unit; `None` for that of the port's quantity.
     pub unit: Option<&'static str>,
@@ -149,7 +149,8 @@ impl Kind {
     /// wrong number of components is a compile error.
     ///
     /// # Panics
-    /// If it has no components, or is linear and has more than a wrench: nodes that take linear frames keep state for those.
+    /// If it has no components, or is linear and has more components than a wrench: nodes that take linear frames keep
+    /// state for six.
     pub const fn new(spec: &'static KindSpec) -> Self {
         assert!(!spec.components.is_empty(), "a frame has at least one component");
         assert!(
@@ -491,7 +492,7 @@ pub trait Record: OneKind + Sized {
 /// Something that may happen at a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Event {
-    /// Did it happen at this tick?
+    /// Whether the event happened at this tick.
     pub fired: bool,
     /// Its value, in the port's quantity; 0 when it did not fire.
     pub value: f64,

@@ -56,7 +56,7 @@ pub struct Limit {
     pub slew_per_s: Option<f64>,
 }
 
-/// Why a [`Limit`] cannot be kept.
+/// Reason why a [`Limit`] is invalid.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LimitError {
@@ -68,7 +68,7 @@ pub enum LimitError {
         /// Its value.
         value: f64,
     },
-    /// More continuous than peak.
+    /// The continuous limit is above the peak.
     #[error("the continuous limit {continuous} is above the peak {peak}: lower it to at most the peak")]
     ContinuousAbovePeak {
         /// The setting `continuous`.

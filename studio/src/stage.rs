@@ -52,7 +52,7 @@ pub enum StageError {
     Graph(Diagnostics),
     /// The graph exceeds the limits and devices of the file when the studio was opened, one sentence each.
     #[error(
-        "limits cannot be raised, nor actuators added or devices changed, from the page alone: {}; nothing was changed. \
+        "a page alone cannot raise limits, add actuators or change devices: {}; nothing was changed. \
          Confirm it at the terminal of the studio, then repeat it here",
         .0.join("; ")
     )]

@@ -188,7 +188,7 @@ pub enum WireError {
     Binary(usize),
     /// A pointer out of range.
     #[error(
-        "a pointer is at no number, further than {MAX_MM} mm from the middle, presses with more than {MAX_N} N, or is tilted by more than {MAX_DEG} degrees"
+        "a pointer is at NaN or infinity, further than {MAX_MM} mm from the middle, presses with more than {MAX_N} N, or is tilted by more than {MAX_DEG} degrees"
     )]
     Pointer,
 }

@@ -1,4 +1,4 @@
-//! Which frames of a writer a reader's tick reads.
+//! The frames of a writer that a reader's tick reads.
 
 /// Both ends of a bridge in the present window of time. Frames and ticks are numbered from the start of the run.
 #[derive(Debug, Clone, Copy)]

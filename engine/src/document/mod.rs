@@ -22,7 +22,7 @@ pub use builder::{Builder, Part, Wire, Written, average, delay, hold, linear, re
 #[derive(Debug, Clone)]
 pub struct Document {
     pub(crate) sources: Sources,
-    /// Of the word `Graph`.
+    /// Place of the word `Graph`.
     pub(crate) span: Span,
     pub(crate) about: String,
     pub(crate) seed: u64,
@@ -33,7 +33,7 @@ pub struct Document {
     pub(crate) nodes: Vec<(Name, Value)>,
     pub(crate) endpoints: Vec<(Name, Vec<(Name, Value)>)>,
     pub(crate) templates: Vec<Template>,
-    /// Included parts of the library, `std/...`, which is the registry's.
+    /// Included parts of the registry's library, `std/...`.
     pub(crate) library: Vec<Name>,
     pub(crate) findings: Vec<Diagnostic>,
 }
@@ -58,7 +58,7 @@ pub struct LoadOptions {
 }
 
 impl LoadOptions {
-    /// Refuses graphs whose files are larger than this together, bytes.
+    /// Sets the largest total size of the files of a graph, bytes.
     #[must_use]
     pub fn max_bytes(mut self, max_bytes: u64) -> Self {
         self.max_bytes = max_bytes;

@@ -36,11 +36,11 @@ pub enum Shape {
 pub struct Tagged {
     /// The name before the bracket, with its place.
     pub name: Option<Name>,
-    /// What the brackets hold.
+    /// The content of the brackets.
     pub body: Body,
 }
 
-/// What the brackets of a structure hold.
+/// The content of the brackets of a structure.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Body {
     /// No brackets: `Name`.

@@ -431,7 +431,7 @@ fn adopt_channels(target: &DraftNode, draft: &Draft, device: &mut DraftDevice) {
     }
 }
 
-/// A port that takes anything takes on the type of its signal.
+/// The type of a port; a port of any type takes on the type of its signal.
 fn type_of(kind: KindRule, quantity: QuantityRule, carried: Option<Type>) -> Type {
     Type {
         kind: match kind {
@@ -445,7 +445,7 @@ fn type_of(kind: KindRule, quantity: QuantityRule, carried: Option<Type>) -> Typ
     }
 }
 
-/// What is wrong between a node's ports and its device's channels.
+/// The mismatches between a node's ports and its device's channels.
 fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic> {
     let target = &draft.nodes[node];
     let spec = device.entry.spec;
@@ -543,7 +543,7 @@ fn channel_mismatch(
         _ => return None,
     };
     let diagnostic = Diagnostic::error("E0602", target.fields.span, message)
-        .label("does not go with its device")
+        .label("does not match the device")
         .also(device.span, "the device");
     Some(diagnostic)
 }

@@ -85,7 +85,7 @@ impl Expansion<'_> {
                 cx.report(
                     Diagnostic::error("E0702", name.span, message)
                         .label("the count is reached here")
-                        .help("do templates use one another more often than was meant?"),
+                        .help("templates that use one another multiply the nodes; check how often they are used"),
                 );
                 return;
             }

@@ -83,7 +83,7 @@ impl Graph {
     }
 }
 
-/// Initial value of the search; a predicting filter has a negative delay.
+/// Initial value of the search, below all delays: that of a predicting filter is negative.
 const EARLIEST: Latency = Latency {
     transport_s: 0.0,
     group_delay_s: f64::NEG_INFINITY,

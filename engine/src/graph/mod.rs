@@ -130,7 +130,7 @@ pub struct Input {
     pub name: &'static str,
     /// Kind of its frames; the port's kind if it is not connected.
     pub kind: Kind,
-    /// What its numbers are.
+    /// Quantity of the components.
     pub quantity: Quantity,
     /// Whether it is connected. The edge whose `input` is this index holds the connection.
     pub connected: bool,
@@ -145,11 +145,11 @@ pub struct Output {
     pub name: &'static str,
     /// Shape of its frames.
     pub kind: Kind,
-    /// What its numbers are.
+    /// Quantity of the components.
     pub quantity: Quantity,
 }
 
-/// What a node does when it runs. Processors and devices are in their initial state: plans clone them.
+/// The work of a node in a run. Processors and devices are in their initial state: plans clone them.
 pub(crate) enum Work {
     Process(Box<dyn Processor>),
     /// Output i is channel `channels[i]` of those that the device senses.
@@ -209,13 +209,13 @@ pub struct Edge {
     pub output: usize,
     /// Index of the input at the node it goes to.
     pub input: usize,
-    /// How it crosses rates or time.
+    /// The bridge of the connection.
     pub bridge: Bridge,
     /// Place of the connection in the text.
     pub span: Span,
 }
 
-/// How a signal crosses rates or time.
+/// The way in which a connection crosses rates or time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bridge {
     /// No bridge: both ends run on one clock.
@@ -422,8 +422,7 @@ impl Graph {
     pub fn devices(&self) -> &[GraphDevice] {
         &self.devices
     }
-    /// The body of a device, which whoever reaches the real one connects before the graph runs; `None` if it has another
-    /// type.
+    /// The body of a device, for connecting the real device before the graph runs; `None` if it has another type.
     pub fn body_mut<D: Device + 'static>(&mut self, device: usize) -> Option<&mut D> {
         self.devices.get_mut(device)?.device.as_any_mut().downcast_mut()
     }

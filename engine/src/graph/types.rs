@@ -297,7 +297,7 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         let (source, setting) = stated_by(draft, wire).filter(|_| quantity == Quantity::NUMBER)?;
         let name = wanted.name()?;
         Some(format!(
-            "`{}` makes a plain number: give it `{setting}: \"{name}\"`, if that is what it is",
+            "`{}` makes a plain number: if it is {name}, write `{setting}: \"{name}\"`",
             source.path
         ))
     };

@@ -118,7 +118,7 @@ pub enum HostError {
     },
 }
 
-/// Why a frame was not queued.
+/// Reason why a frame was not queued.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Full {
     /// The queue holds a second of frames: [`Player::process`](super::Player::process) is not called.
@@ -186,7 +186,7 @@ impl<V: HostFrame> Input<V> {
         self.any.rate()
     }
 
-    /// What its numbers are.
+    /// Quantity of the components.
     pub fn quantity(&self) -> Quantity {
         self.any.quantity()
     }
@@ -231,7 +231,7 @@ impl<V: HostFrame> Output<V> {
         self.any.rate()
     }
 
-    /// What its numbers are.
+    /// Quantity of the components.
     pub fn quantity(&self) -> Quantity {
         self.any.quantity()
     }

@@ -5,7 +5,7 @@ use super::silence::SilenceGate;
 use crate::limiter::{ClipCounts, Hottest, Limit, Limiter};
 use crate::plan::ActuatorPlan;
 
-/// What the limiter of an actuator sink did.
+/// Report of the limiter of an actuator sink.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ActuatorReport {

@@ -47,7 +47,7 @@ pub struct Control {
     freed: u64,
 }
 
-/// Why a command was not sent.
+/// Reason why a command was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ControlError {

@@ -47,7 +47,7 @@ pub struct Live {
     commands: Consumer<Command>,
     reports: Producer<Report>,
     unreported: u64,
-    /// Which blocks are timed; none unless that was asked for.
+    /// Selection of the blocks that are timed; `None` if none is.
     sampler: Option<CostSampler>,
     /// Heat of the actuators that left the run.
     hottest: Arc<Hottest>,
@@ -66,11 +66,11 @@ pub enum LiveState {
     Panicked,
 }
 
-/// What a driver runs: a live run, or something that does more with its frames.
+/// The object that a driver runs: a live run, or a wrapper of one that uses its frames.
 pub trait Driven: Send + 'static {
-    /// Runs so many frames of the driver. Real-time code.
+    /// Runs `frames` frames of the driver. Real-time code.
     fn run_frames(&mut self, frames: usize);
-    /// The most frames that it runs at once.
+    /// Largest number of frames that it runs at once.
     fn block(&self) -> usize;
     /// Whether the run has ended and every actuator is at zero.
     fn is_idle(&self) -> bool;

@@ -17,7 +17,7 @@ const QUANTUM_S: f64 = 1e-3;
 const PART_OF_RESERVE: f64 = 0.25;
 const BILLION: u128 = 1_000_000_000;
 
-/// What a driver does in a quantum.
+/// Task of a driver in a quantum.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum DriverTask {
     /// Polls its rings.
@@ -75,7 +75,7 @@ impl Runner {
         }
     }
 
-    /// Makes each driver faster than nominal by so many parts per million, to test drift.
+    /// Makes each driver faster than nominal by `ppm` parts per million, to test drift.
     #[must_use]
     pub fn drifting(mut self, ppm: &[f64]) -> Self {
         for (drift, ppm) in self.drifts.iter_mut().zip(ppm) {

@@ -97,7 +97,7 @@ pub struct ActuatorLevel {
     pub peak: f64,
     /// Its limit.
     pub limit: Limit,
-    /// How often each limit held something back since the run began.
+    /// Number of ticks in which each limit acted since the run began.
     pub clipped: ClipCounts,
 }
 
@@ -150,14 +150,14 @@ fn silenced(plan: &Plan, device: usize) -> impl Iterator<Item = ActuatorStatus> 
     })
 }
 
-/// Whether every live input upstream of an actuator is heard or held, by the state of the devices.
+/// Whether every live input upstream of an actuator delivers data or is held, by the state of the devices.
 fn lets_through(plan: &ActuatorPlan, devices: &[DeviceState]) -> bool {
     plan.is_let_through(|device| devices.get(device)?.device.live_input())
 }
 
 impl Run {
     /// Closes the gates of actuators whose live inputs are silent and opens the others, within `seconds`.
-    /// The gates do not change until the next call, whatever the block size.
+    /// The gates do not change until the next call, for any block size.
     pub(crate) fn follow_inputs(&mut self, seconds: f64) {
         let span = self.fade_span(seconds);
         let (devices, actuators) = (&self.state.devices, &mut self.state.actuators);

@@ -2,7 +2,7 @@
 
 use super::Settings;
 
-/// A field of a [`Settings`] struct, as its declaration has it.
+/// A field of a [`Settings`] struct, from its declaration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeclaredField {
     /// Its name.
@@ -15,7 +15,7 @@ pub struct DeclaredField {
 
 /// Handle of a live setting, by which [`Processor::set`](crate::node::Processor::set) gets its new values.
 ///
-/// It is looked up by name where the program is compiled, and can stand in a pattern:
+/// It is looked up by name at compile time, and can be used in a pattern:
 ///
 /// ```
 /// use haptograph_engine::settings::SettingId;
@@ -91,8 +91,8 @@ impl SettingId {
         panic!("no setting has this name")
     }
 
-    /// The one handle that all of these are, for a processor of several kinds. In a constant a difference is a compile
-    /// error.
+    /// The common handle of several settings that have equal handles, for a processor of several kinds. In a constant a
+    /// difference is a compile error.
     ///
     /// # Panics
     /// If they differ.
@@ -101,7 +101,7 @@ impl SettingId {
         while other < N {
             assert!(
                 handles[other].0 == handles[0].0,
-                "these settings stand at different places of their declarations"
+                "these settings have different positions in their declarations"
             );
             other += 1;
         }

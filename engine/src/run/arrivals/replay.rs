@@ -152,8 +152,8 @@ impl Changes {
     }
 }
 
-/// Reads all logs of a run and refuses what a run of that length cannot have written. Uses constant memory; stops early
-/// if `goes_on` returns false.
+/// Reads all logs of a run and refuses lines that a run of that length cannot have written. Uses constant memory; stops
+/// early if `goes_on` returns false.
 pub(in super::super) fn check_logs(
     (graph, plans): (&Graph, &[Arc<Plan>]),
     folder: &Path,

@@ -23,9 +23,9 @@ pub struct RingMeter {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct RingCounts {
-    /// How often the ring ran dry.
+    /// Number of times that the ring ran dry.
     pub underruns: u64,
-    /// How often the ring was too full and frames were skipped.
+    /// Number of times that the ring was too full and frames were skipped.
     pub overruns: u64,
     /// Frames that were skipped or did not fit.
     pub lost_frames: u64,

@@ -20,7 +20,7 @@ type Port = (NodeId, usize);
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Changed {
-    /// How the graphs differed.
+    /// The difference of the graphs.
     pub change: Change,
     /// Files begun with the new graph.
     pub begun: Vec<PathBuf>,
@@ -30,7 +30,7 @@ pub struct Changed {
     pub left_out: Vec<PathBuf>,
 }
 
-/// Why the graph was not replaced.
+/// Reason why the graph was not replaced.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChangeError {
