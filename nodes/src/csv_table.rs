@@ -135,7 +135,7 @@ pub(crate) fn si_of_column(header: &str, quantity: &str) -> Result<f64, BuildErr
     Err(BuildError::at("quantity", message).help(help))
 }
 
-/// What is wrong with a line.
+/// Description of the error in a line.
 fn wrong(error: &csv::Error, file: &Path) -> String {
     let line = line_of(error.position(), file);
     match error.kind() {
@@ -150,7 +150,7 @@ fn wrong(error: &csv::Error, file: &Path) -> String {
             "line {line} has {len} {}, the header {expected_len}",
             if *len == 1 { "cell" } else { "cells" }
         ),
-        _ => format!("line {line} is no row of a table"),
+        _ => format!("line {line} is not a row of the table"),
     }
 }
 

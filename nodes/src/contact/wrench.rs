@@ -1,5 +1,5 @@
-//! Where a tool touches an object that stands on a force/torque sensor (5.2): the line of action of the measured force meets
-//! the object's surface. Any tool works if it touches in one point and the object is convex.
+//! Location of the point where a tool touches an object on a force/torque sensor (5.2): the line of action of the
+//! measured force meets the object's surface. Any tool works if it touches in one point and the object is convex.
 
 mod path;
 

@@ -65,9 +65,9 @@ impl Request {
 /// An endpoint on a card.
 #[derive(Debug, Clone)]
 pub struct Card {
-    /// What it plays.
+    /// Output of the endpoint, if it plays.
     pub output: Option<CardOutput>,
-    /// What it hears.
+    /// Input of the endpoint, if it records.
     pub input: Option<CardInput>,
 }
 

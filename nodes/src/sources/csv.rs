@@ -12,7 +12,7 @@ use super::{AtEnd, made};
 use crate::csv_table::{CsvTable, at_file, si_of_column};
 
 haptograph_engine::choices! {
-    /// How the source interpolates between two rows.
+    /// Interpolation between two rows.
     pub enum Between {
         /// The value of the earlier row holds.
         Hold,
@@ -30,7 +30,7 @@ haptograph_engine::settings! {
         column: String;
         /// Quantity of the column, by name; it has to match the unit in the header.
         quantity: String = "number".into();
-        /// How it interpolates between two rows if the file has a column `time_s`. Without that column each row is a tick.
+        /// Interpolation between two rows if the file has a column `time_s`. Without that column each row is a tick.
         between: Between = Between::Linear;
         /// Output after the last row.
         at_end: AtEnd = AtEnd::Stop;
@@ -47,11 +47,10 @@ impl NodeKind for CsvSource {
     const SPEC: NodeSpec = NodeSpec {
         name: "CsvSource",
         group: "sources",
-        doc: "Plays a column of a CSV file with a header. Its column `time_s` holds the times; without it each row is a tick. \
-              Lines that begin with `#` are skipped. An empty cell (a slower sensor) holds the column's \
-              last value; cells before the first value take the first value. \
-              The unit at the end of the column's name is converted to SI. The run ends with the last row, unless `at_end` states \
-              otherwise.",
+        doc: "Plays a column of a CSV file with a header. Its column `time_s` holds the times; without it each row is \
+              a tick. Lines that begin with `#` are skipped. An empty cell (a slower sensor) holds the column's last \
+              value; cells before the first value take the first value. The unit at the end of the column's name is \
+              converted to SI. The run ends with the last row, unless `at_end` states otherwise.",
         source: "",
         inputs: &[],
         outputs: &[made("The column.")],

@@ -83,7 +83,7 @@ pub struct Coefficients<'a> {
     pub gain: f64,
     /// Innovation variance, (m/s2)^2.
     pub variance: f64,
-    /// Warping factor of the frequency axis of `ar`; 0 where it is plain.
+    /// Warping factor of the frequency axis of `ar`; 0 for an unwarped axis.
     pub warping: f64,
 }
 

@@ -171,7 +171,7 @@ pub(super) fn read_header(file: &mut (impl Read + Seek)) -> Result<Layout, WavEr
     Err(WavError::Header)
 }
 
-/// The beginning of a chunk's body; what is known is within.
+/// The beginning of a chunk's body, which contains all known fields.
 fn body(file: &mut impl Read, bytes: u64) -> Result<Vec<u8>, WavError> {
     let mut body = vec![0; bytes.min(40) as usize];
     file.read_exact(&mut body).map_err(|_| WavError::Header)?;

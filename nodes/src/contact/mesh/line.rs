@@ -77,7 +77,7 @@ impl TriangleMesh {
         2 * HIERARCHY_VISITS + 2 * self.triangles.len()
     }
 
-    /// Where the line enters, if it does; none if the hierarchy takes too many visits.
+    /// The point where the line enters, if it does; `None` if the hierarchy takes too many visits.
     fn hit_by_hierarchy(&self, line: &mut Line) -> Option<Option<Place>> {
         let reach_m = self.diagonal_m;
         let (from_m, to_m) = (line.point(-reach_m), line.point(reach_m));
@@ -140,7 +140,8 @@ impl TriangleMesh {
         if facing.abs() > ALONG { facing } else { 0.0 }
     }
 
-    /// How a triangle's plane faces the line, and how far outside of it the line's foot lies, m.
+    /// The cosine between a triangle's normal and the line, and the distance of the line's foot outside of its plane,
+    /// m.
     fn against(&self, line: &Line, triangle: u32) -> (f64, f64) {
         let corner_m = self.vertices[self.triangles[triangle as usize][0] as usize];
         let height_m = dot(self.normal(triangle), sub(line.foot_m, corner_m));
