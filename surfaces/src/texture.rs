@@ -30,7 +30,7 @@ pub struct ModelAt {
     pub force_n: f64,
     /// The model.
     pub model: ArmaModel,
-    /// How the model was obtained.
+    /// Source of the model.
     pub kind: VertexKind,
 }
 
@@ -328,7 +328,7 @@ pub enum TextureError {
     },
     /// A line out of range.
     #[error(
-        "a line of {cycles_per_m} cycles a metre: they must be finite and above 0, its diffusion and powers finite and at least 0"
+        "the line at {cycles_per_m} cycles per metre: its frequency must be finite and above 0, its diffusion and powers finite and at least 0"
     )]
     Line {
         /// The cycles given.
@@ -337,7 +337,7 @@ pub enum TextureError {
     /// Too many lines.
     #[error("the texture has {count} lines; it may have {} at most", lines::MAX_LINES)]
     Lines {
-        /// How many are given.
+        /// Number of lines given.
         count: usize,
     },
     /// A line whose number of powers differs from the number of models.
@@ -347,9 +347,9 @@ pub enum TextureError {
     LinePowers {
         /// The line's number, from 0.
         line: usize,
-        /// How many powers it has.
+        /// Number of its powers.
         powers: usize,
-        /// How many models there are.
+        /// Number of models.
         models: usize,
     },
     /// A line with power at zero speed or force.

@@ -437,7 +437,7 @@ pub enum TriangulationError {
         triangle: usize,
         /// The vertex named, from 0.
         vertex: u32,
-        /// How many there are.
+        /// Number of vertices.
         vertices: usize,
     },
     /// A triangle without area.

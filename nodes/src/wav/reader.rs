@@ -20,7 +20,7 @@ pub enum WavError {
     #[error("the file ends within its header")]
     Header,
     #[error(
-        "its samples have format {tag} with {bits} bits; known are integers of 8, 16, 24 and 32 bits and floats of 32 and 64"
+        "its samples have format {tag} with {bits} bits; integers of 8, 16, 24 or 32 bits and floats of 32 or 64 bits are supported"
     )]
     Encoding { tag: u16, bits: u16 },
     #[error("its header announces {announced} frames, but the file ends after {there}; it was cut off")]

@@ -215,7 +215,7 @@ impl std::fmt::Display for Place {
 pub struct ReadError {
     /// Location in the text, if the error has one.
     pub place: Option<Place>,
-    /// What is wrong.
+    /// The error.
     pub problem: Problem,
 }
 
@@ -266,7 +266,7 @@ pub enum Problem {
         vertex: usize,
         /// The filter it names.
         filter: usize,
-        /// How many there are.
+        /// Number of filters.
         filters: usize,
     },
     /// A filter without coefficients and without LSFs.
@@ -282,7 +282,7 @@ pub enum Problem {
     Filter {
         /// Its number, from 0.
         filter: usize,
-        /// Why.
+        /// The reason.
         error: ModelError,
     },
     /// A vertex's numbers do not make a model.
@@ -290,7 +290,7 @@ pub enum Problem {
     Vertex {
         /// Its number, from 0.
         vertex: usize,
-        /// Why.
+        /// The reason.
         error: ModelError,
     },
     /// The models do not make a texture.
@@ -320,7 +320,7 @@ pub enum FileError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What is wrong in it.
+        /// The error in the content.
         error: ReadError,
     },
 }
@@ -339,7 +339,7 @@ pub enum SaveError {
     Hatt {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         error: HattWriteError,
     },
     /// An error of the file system.

@@ -43,7 +43,7 @@ pub enum FrictionFit {
 /// The report of learning friction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrictionReport {
-    /// How the line was fitted.
+    /// Fit of the line.
     pub fit: FrictionFit,
     /// The line; its slope is the friction coefficient.
     pub line: Line,

@@ -1,8 +1,9 @@
 //! Finds the sample at which a tool touches the surface: roughly by force, then exactly by acceleration.
 //!
-//! A hand slows its tool down before it strikes, and the high-passed, combined vibration contains that deceleration before the
-//! contact. Force does not, but its sensor can be filtered and late. So the contact is within [`FORCE_OFF_S`] of where force
-//! leaves its noise; there it is where acceleration leaves its line before contact.
+//! A hand slows its tool down before it strikes, and the high-passed, combined vibration contains that deceleration
+//! before the contact. Force does not, but its sensor can be filtered and late. So the contact lies within
+//! [`FORCE_OFF_S`] of the sample at which the force leaves its noise: at the sample at which the acceleration leaves
+//! its line before contact.
 
 use crate::recording::Signals;
 use crate::statistics::{Line, median};

@@ -80,7 +80,7 @@ pub struct TextureReport {
     pub residual_bound: f64,
 }
 
-/// A segment and its fate.
+/// A segment, and its use in the texture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SegmentReport {
     /// Index of its recording.
@@ -97,11 +97,11 @@ pub struct SegmentReport {
     pub features: [f64; 5],
     /// Studentized residuals of the features, if a plane could be fitted.
     pub residuals: [Option<f64>; 5],
-    /// Its fate.
+    /// Use of the segment.
     pub fate: Fate,
 }
 
-/// The fate of a segment.
+/// Use of a segment in a texture.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Fate {
     /// It is a model of the texture.

@@ -127,7 +127,7 @@ impl Default for Calibration {
 /// The hand's movement in a recording. It decides which part of a surface can be learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Gesture {
-    /// Dragging freely at all speeds and forces: texture (and friction where there is no better recording).
+    /// Dragging freely at all speeds and forces: texture (and friction if there is no better recording).
     #[default]
     Drag,
     /// Smooth circles: friction.
@@ -454,7 +454,7 @@ pub enum RecordingError {
     )]
     Calibration,
     #[error(
-        "motion, force and acceleration never overlap: the last begins at {} s, the first ends at {} s; check their start times",
+        "motion, force and acceleration do not overlap in time: the last begins at {} s, the first ends at {} s; check their start times",
         shown(*begin_s), shown(*end_s)
     )]
     NoOverlap { begin_s: f64, end_s: f64 },

@@ -48,7 +48,7 @@ pub(in crate::recording) struct Table {
     given_rate_hz: Option<f64>,
     clock: Clock,
     time_scale: Scale,
-    /// What to say of the times where they turn out to be numbers.
+    /// Message about the unit of the times, if they are plain numbers.
     time_without_unit: Option<String>,
     /// Time from the origin that all files of a take share to this one's, s.
     since_s: f64,
@@ -229,12 +229,12 @@ impl Table {
         self.columns.retain(|column| column.name != name);
     }
 
-    /// Whether the unit of the acceleration is known: not where `--unit accel=1` says that it is not.
+    /// Whether the unit of the acceleration is known; `--unit accel=1` marks it as unknown.
     pub(in crate::recording) fn knows_unit(&self) -> bool {
         self.knows_unit
     }
 
-    /// Where the times count from, s; `None` where there are none, or nothing that they are the times of.
+    /// Origin of the times, s; `None` if there are no times, or no samples at them.
     pub(super) fn origin_s(&self) -> Option<f64> {
         let counts = self.has(TIME) && self.columns.len() > 1 && self.lines.rows() > 0;
         counts.then(|| self.clock.origin_s(self.time_scale))
@@ -271,7 +271,7 @@ impl Table {
         !self.has("time") && self.given_rate_hz.is_none() && !self.notes.contains_key("rate_hz")
     }
 
-    /// The columns that nothing is read from, each with its cell in a row of units.
+    /// The columns that are not read, each with its cell in the row of units.
     pub(super) fn unread(&self) -> impl Iterator<Item = (&str, &str)> {
         let is_read = |index: usize| self.columns.iter().any(|column| column.number == index + 1);
         let unread = self.names.iter().enumerate();

@@ -191,7 +191,7 @@ fn not_ours(plain: &str) -> String {
     format!("unknown quantity {plain}; a recording has no such quantity")
 }
 
-/// What a quantity of ours is.
+/// The physical quantity of one of our quantities.
 pub(in crate::recording) fn dimension(plain: &str) -> Option<Quantity> {
     parts(plain).map(|(quantity, ..)| quantity)
 }
