@@ -22,7 +22,7 @@ pub struct DeviceSpec {
     pub doc: &'static str,
     /// Reference; empty if there is none.
     pub source: &'static str,
-    /// Whether the device is a simulation. Every result that depends on it is marked.
+    /// True if the device is a simulation. Every result that depends on it is marked.
     pub simulated: bool,
     /// Channels that sources can read.
     pub senses: &'static [Channel],
@@ -207,7 +207,7 @@ pub struct DeviceEntry {
     pub spec: &'static DeviceSpec,
     settings: fn() -> Vec<SettingSpec>,
     pub(crate) build: DeviceBuild,
-    /// Whether its channels are those that the graph uses.
+    /// True if its channels are those that the graph uses.
     is_host: bool,
 }
 
@@ -247,7 +247,7 @@ impl DeviceEntry {
         }
     }
 
-    /// Whether it is an endpoint of the program that embeds the graph; its channels are those that the graph uses.
+    /// True if it is an endpoint of the program that embeds the graph; its channels are those that the graph uses.
     pub fn is_host(&self) -> bool {
         self.is_host
     }

@@ -125,7 +125,7 @@ impl Formula {
         })
     }
 
-    /// Whether it depends on the time since the start.
+    /// True if it depends on the time since the start.
     pub(crate) fn is_timed(&self) -> bool {
         self.steps.iter().any(|step| matches!(step, Step::Time))
     }
@@ -228,7 +228,7 @@ fn words(formula: &str) -> impl Iterator<Item = &str> {
     formula.split(|c: char| !(c.is_alphanumeric() || c == '_'))
 }
 
-/// Whether an input can have this name, which must not be reserved.
+/// True if an input can have this name, which must not be reserved.
 pub fn is_free(name: &str) -> bool {
     let mut letters = name.chars();
     let is_word = letters.next().is_some_and(|c| c.is_alphabetic() || c == '_')

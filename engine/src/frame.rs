@@ -59,7 +59,7 @@ pub struct KindSpec {
     pub components: &'static [&'static str],
     /// The neutral frame, used before a frame has arrived; components beyond its end are 0.
     pub neutral: &'static [f64],
-    /// Whether frames may be scaled, summed and filtered component by component.
+    /// True if frames may be scaled, summed and filtered component by component.
     pub is_linear: bool,
     /// Bridges that are made for this kind. `Hold` and `Delay` carry every kind, and bridges that mix components
     /// every linear one.
@@ -170,7 +170,7 @@ impl Kind {
         self.0.components.len()
     }
 
-    /// Whether frames of this kind may be scaled, summed and filtered component by component.
+    /// True if frames of this kind may be scaled, summed and filtered component by component.
     pub const fn is_linear(self) -> bool {
         self.0.is_linear
     }
@@ -191,12 +191,12 @@ impl Kind {
         }
     }
 
-    /// Whether both are equal, for constants.
+    /// True if both are equal, for constants.
     pub(crate) const fn is(self, other: Self) -> bool {
         same(self.0.name, other.0.name) && self.width() == other.width()
     }
 
-    /// Whether two definitions of one name agree in everything but their level and their words.
+    /// True if two definitions of one name agree in everything but their level and their words.
     pub(crate) fn agrees_with(self, other: Self) -> bool {
         let (a, b) = (self.0, other.0);
         (a.name, a.components, a.is_linear, a.bridges) == (b.name, b.components, b.is_linear, b.bridges)
@@ -380,7 +380,7 @@ pub enum Kinds {
 }
 
 impl Kinds {
-    /// Whether one of these has frames of this width.
+    /// True if one of these has frames of this width.
     pub(crate) fn have_width(self, width: usize) -> bool {
         match self {
             Self::One(kind) => kind.width() == width,
@@ -492,7 +492,7 @@ pub trait Record: OneKind + Sized {
 /// Something that may happen at a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Event {
-    /// Whether the event happened at this tick.
+    /// True if the event happened at this tick.
     pub fired: bool,
     /// Its value, in the port's quantity; 0 when it did not fire.
     pub value: f64,

@@ -246,7 +246,7 @@ impl<const N: usize> Limiter<N> {
         self.budget = -self.heat.mean_square(self.window_s);
     }
 
-    /// Whether its heat includes a time of unknown output.
+    /// True if its heat includes a time of unknown output.
     pub(crate) fn has_unknown_history(&self) -> bool {
         self.heat.is_partly_unknown()
     }

@@ -10,7 +10,8 @@ use crate::settings::{Fields, Reading, SettingSpec};
 
 /// A kind of node whose ports and settings are known only when the program runs.
 ///
-/// It is registered by [`NodeEntry::scripted`](crate::node::NodeEntry::scripted), and lives as long as the program.
+/// The type is registered by [`NodeEntry::scripted`](crate::node::NodeEntry::scripted), and lives as long as the
+/// program.
 pub trait ScriptedKind: Send + Sync + 'static {
     /// Ports and documentation.
     fn spec(&'static self) -> &'static NodeSpec;

@@ -39,11 +39,11 @@ pub struct SettingSpec {
     pub default: Option<String>,
     /// Smallest and largest value.
     pub range: Option<(f64, f64)>,
-    /// Whether it can change while the graph runs.
+    /// True if it can change while the graph runs.
     pub live: bool,
-    /// Whether it is a whole number. Such a setting jumps to a new value.
+    /// True if it is a whole number. Such a setting jumps to a new value.
     pub whole: bool,
-    /// Whether it is a frequency that must stay below half the rate of its node.
+    /// True if it is a frequency that must stay below half the rate of its node.
     pub below_nyquist: bool,
     /// Role of the setting in the engine.
     pub role: SettingRole,

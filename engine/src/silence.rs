@@ -56,14 +56,14 @@ impl InputCell {
 pub struct LiveInput {
     /// Its state.
     pub cell: Arc<InputCell>,
-    /// Whether the actuators that depend on it continue while it is silent.
+    /// True if the actuators that depend on it continue while it is silent.
     pub holds: bool,
     /// Time without new data after which it is silent, s.
     pub timeout_s: f64,
 }
 
 impl LiveInput {
-    /// Whether an actuator that depends on it is enabled. An actuator of the device itself (`own`) is disabled while
+    /// True if an actuator that depends on it is enabled. An actuator of the device itself (`own`) is disabled while
     /// the device is silent or jumps.
     pub(crate) fn lets_through(&self, own: bool) -> bool {
         match self.cell.get() {

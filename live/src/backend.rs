@@ -135,9 +135,9 @@ impl Connected {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Role {
-    /// It drives a part of the graph.
+    /// The connection drives a part of the graph.
     Driver,
-    /// It brings the samples of a sensor.
+    /// The connection delivers the samples of a sensor.
     Input,
     /// It exchanges the latest values with a device.
     Link,
@@ -255,9 +255,9 @@ pub struct BackendEntry {
     pub feature: &'static str,
     /// Device kinds that the backend reaches.
     pub kinds: &'static [&'static str],
-    /// Whether this program was built with the backend.
+    /// True if this program was built with the backend.
     pub is_built: bool,
-    /// Whether the backend can drive a graph.
+    /// True if the backend can drive a graph.
     pub drives: bool,
     /// Makes the backend, without connections; `None` if this program was built without it.
     pub(crate) new: Option<fn() -> Box<dyn Backend>>,
@@ -276,7 +276,7 @@ pub const BACKENDS: [BackendEntry; 7] = [
 ];
 
 impl BackendEntry {
-    /// Whether the backend reaches a device.
+    /// True if the backend reaches a device.
     pub fn reaches(&self, device: &GraphDevice) -> bool {
         self.kinds.contains(&device.entry.spec.name)
     }

@@ -40,7 +40,7 @@ use haptograph_nodes::network::link::Counts as PacketCounts;
 /// ```
 pub struct Connections {
     backends: Vec<Member>,
-    /// Whether a graph was connected since the last error, undo or keep.
+    /// True if a graph was connected since the last error, undo or keep.
     is_undoable: bool,
 }
 

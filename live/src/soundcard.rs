@@ -114,11 +114,11 @@ pub struct Listed {
     pub listens: Option<Ability>,
 }
 
-/// What a card supports in one direction.
+/// The capabilities of a card in one direction.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Ability {
-    /// Whether it is the system's default.
+    /// True if it is the system's default.
     pub default: bool,
     /// Supported streams, one per line.
     pub formats: Vec<String>,

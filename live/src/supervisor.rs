@@ -212,7 +212,7 @@ impl Supervisor {
         self.drivers.stop();
     }
 
-    /// Whether the run is over: every actuator is at zero, or nothing drives it any more.
+    /// True if the run is over: every actuator is at zero, or nothing drives it any more.
     pub fn is_finished(&self) -> bool {
         self.drivers.is_finished(self.stop.load(Ordering::Relaxed))
     }

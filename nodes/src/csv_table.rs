@@ -79,7 +79,7 @@ impl<'p> CsvTable<'p> {
 }
 
 impl Row<'_> {
-    /// Whether the cell of a column is empty.
+    /// True if the cell of a column is empty.
     pub fn is_empty_at(&self, column: usize) -> bool {
         self.cells.get(column) == Some("")
     }

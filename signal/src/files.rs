@@ -135,7 +135,7 @@ fn length(file: &File) -> io::Result<u64> {
     file.length()
 }
 
-/// Whether the path is a regular file that may be read.
+/// True if the path is a regular file that may be read.
 pub fn is_file(path: &Path) -> bool {
     let Ok(path) = roots::admitted(path) else {
         return false;
@@ -146,7 +146,7 @@ pub fn is_file(path: &Path) -> bool {
     return memory::is_file(&path);
 }
 
-/// Whether the path is a folder that may be read.
+/// True if the path is a folder that may be read.
 pub fn is_folder(path: &Path) -> bool {
     let Ok(path) = roots::admitted(path) else {
         return false;

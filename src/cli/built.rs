@@ -33,7 +33,7 @@ pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
     )))
 }
 
-/// How to build haptograph with these features.
+/// The command that builds haptograph with these features.
 fn how_to_build(features: &[&str]) -> String {
     let of_alsa = [soundcard::BACKEND.feature, midi::BACKEND.feature];
     let headers = match features.iter().any(|feature| of_alsa.contains(feature)) {

@@ -270,7 +270,7 @@ impl ArmaModel {
         gain * gain * squared_magnitude(ma, frequency_rad) / squared_magnitude(ar, frequency_rad)
     }
 
-    /// Whether two models have bitwise equal filters, regardless of variance.
+    /// True if two models have bitwise equal filters, regardless of variance.
     pub fn same_filter(&self, other: &ArmaModel) -> bool {
         Arc::ptr_eq(&self.filter, &other.filter) || self.filter == other.filter
     }

@@ -12,7 +12,7 @@ const MAGIC: &[u8; 6] = b"\x93NUMPY";
 pub struct Header {
     /// The type of a number, in NumPy's notation: `<f8`.
     pub descr: String,
-    /// Whether the first index varies fastest.
+    /// True if the first index varies fastest.
     pub is_fortran: bool,
     /// The number of elements along each axis.
     pub shape: Vec<u64>,

@@ -187,7 +187,7 @@ impl Cell {
         }
     }
 
-    /// Whether the point is on one side, and at none of its ends.
+    /// True if the point is on one side, and at none of its ends.
     fn is_within_a_side(&self, sides: &[f64; 3]) -> bool {
         sides.iter().filter(|side| **side > 0.0).count() == 2
     }

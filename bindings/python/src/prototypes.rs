@@ -218,7 +218,7 @@ pub fn checked(
 pub struct Scripts(Vec<(String, &'static str, Arc<Fault>)>);
 
 impl Scripts {
-    /// Whether a node raised an exception.
+    /// True if a node raised an exception.
     pub fn have_failed(&self) -> bool {
         self.0.iter().any(|(.., fault)| fault.has_failed())
     }

@@ -37,7 +37,7 @@ pub struct Feed {
     pub name: String,
     lanes: Vec<f64>,
     width: usize,
-    /// Whether the one frame is repeated.
+    /// True if the one frame is repeated.
     constant: bool,
 }
 

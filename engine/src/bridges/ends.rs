@@ -45,7 +45,7 @@ impl Ends {
         (tick.saturating_sub(self.to.first) as usize).min(self.to.count)
     }
 
-    /// Whether the writer is the faster one.
+    /// True if the writer is the faster one.
     #[inline]
     pub fn goes_slower(&self) -> bool {
         self.from.period < self.to.period

@@ -197,7 +197,7 @@ impl BridgeEntry {
         }
     }
 
-    /// Whether frames of this kind can cross it.
+    /// True if frames of this kind can cross it.
     pub fn carries(self, kind: Kind) -> bool {
         match self.spec.carries {
             Carries::Every => true,

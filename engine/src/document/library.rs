@@ -54,7 +54,7 @@ fn described(document: &Document, template: &Template, file: &'static str) -> Li
     }
 }
 
-/// Whether it is the `Required` of a setting without a default.
+/// True if it is the `Required` of a setting without a default.
 pub(crate) fn is_required(default: &Value) -> bool {
     matches!(
         &default.shape,

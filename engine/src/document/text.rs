@@ -248,7 +248,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Whether any item of these round brackets is a field.
+    /// True if any item of these round brackets is a field.
     fn holds_fields(&self, close: usize) -> bool {
         let mut at = self.at + 1;
         let mut begins = true;

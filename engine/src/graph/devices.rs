@@ -26,7 +26,7 @@ pub(super) struct DraftDevice {
     pub senses: Vec<Channel>,
     pub drives: Vec<Channel>,
     pub clock: Option<usize>,
-    /// Whether a node is bound to it.
+    /// True if a node is bound to it.
     pub bound: bool,
     pub broken: bool,
 }
@@ -105,9 +105,9 @@ pub struct DeclaredDevice {
     pub endpoint: String,
     /// Declaration as one line of RON, settings sorted by name.
     pub written: String,
-    /// Whether its kind is a simulation. An unregistered kind counts as real.
+    /// True if its kind is a simulation. An unregistered kind counts as real.
     pub is_simulated: bool,
-    /// Whether it is an endpoint of the calling program.
+    /// True if it is an endpoint of the calling program.
     pub is_host: bool,
 }
 
@@ -271,7 +271,7 @@ fn take_on_types(node: &mut DraftNode, device: &DraftDevice) {
     }
 }
 
-/// Whether the device has the channels of the node.
+/// True if the device has the channels of the node.
 fn fits(node: &DraftNode, device: &DraftDevice) -> bool {
     let has = |channels: &[Channel], name: &str| channels.iter().any(|channel| channel.name == name);
     let spec = node.entry.spec;

@@ -237,7 +237,7 @@ impl Expansion<'_> {
         fields
     }
 
-    /// Whether `only` leaves out a node or a use of a template.
+    /// True if `only` leaves out a node or a use of a template.
     fn is_left_out(&self, cx: &mut Context<'_>, scope: usize, fields: &mut Fields) -> bool {
         let given = fields.take("only");
         let set = given

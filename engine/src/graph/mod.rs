@@ -111,7 +111,7 @@ pub struct Node {
     pub(crate) work: Work,
     /// Place of its declaration.
     pub span: Span,
-    /// Whether its output depends on a simulated device.
+    /// True if its output depends on a simulated device.
     pub simulated: bool,
     /// Hash of its kind, rate, connections and non-live settings. Equal for nodes that differ in their path only.
     pub fingerprint: u64,
@@ -132,9 +132,9 @@ pub struct Input {
     pub kind: Kind,
     /// Quantity of the components.
     pub quantity: Quantity,
-    /// Whether it is connected. The edge whose `input` is this index holds the connection.
+    /// True if it is connected. The edge whose `input` is this index holds the connection.
     pub connected: bool,
-    /// Whether it reads runs of held frames.
+    /// True if it reads runs of held frames.
     pub held: bool,
 }
 
@@ -251,7 +251,7 @@ pub struct LiveSetting {
     pub value: f64,
     /// Smallest and largest value.
     pub range: Option<(f64, f64)>,
-    /// Whether it is a whole number. Such a setting jumps to its new value.
+    /// True if it is a whole number. Such a setting jumps to its new value.
     pub whole: bool,
 }
 
@@ -404,7 +404,7 @@ impl Graph {
         let clock = self.nodes.node_weight(node.0)?.clock?;
         self.clocks.get(clock).map(|clock| clock.driver)
     }
-    /// Whether connections lead from one node to another.
+    /// True if connections lead from one node to another.
     pub fn reaches(&self, from: NodeId, to: NodeId) -> bool {
         petgraph::algo::has_path_connecting(&self.nodes, from.0, to.0, None)
     }

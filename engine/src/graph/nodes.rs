@@ -92,7 +92,7 @@ impl<'a> Nodes<'a> {
         self.0.node_count()
     }
 
-    /// Whether there are no nodes.
+    /// True if there are no nodes.
     pub fn is_empty(self) -> bool {
         self.len() == 0
     }

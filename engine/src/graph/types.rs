@@ -193,7 +193,7 @@ fn port<'d>(node: &'d DraftNode, input: &str) -> Option<&'d InputSpec> {
     node.entry.spec.inputs.iter().find(|port| port.name == input)
 }
 
-/// Whether the connections of this list need one type, because an output or another input depends on it.
+/// True if the connections of this list need one type, because an output or another input depends on it.
 fn list_is_uniform(node: &DraftNode, name: &str) -> bool {
     let spec = node.entry.spec;
     let inputs = spec.inputs.iter().map(|port| (port.kind, port.quantity));

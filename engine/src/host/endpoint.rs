@@ -79,7 +79,7 @@ pub(crate) struct HostEndpoint {
     /// Ticks since the last new value.
     age: u64,
     is_heard: bool,
-    /// Whether a player runs it.
+    /// True while a player runs it.
     pub(super) playing: Arc<AtomicBool>,
 }
 

@@ -42,7 +42,7 @@ pub(super) struct Queue {
     words: Box<[AtomicU64]>,
     put: AtomicU64,
     taken: AtomicU64,
-    /// Whether a handle has claimed the caller's end.
+    /// True if a handle has claimed the caller's end.
     pub held: AtomicBool,
 }
 

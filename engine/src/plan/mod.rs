@@ -165,7 +165,7 @@ pub(crate) struct SingleStep {
 }
 
 impl Step {
-    /// Whether the steps are equal except for the node's number.
+    /// True if the steps are equal except for the node's number.
     fn is_same_as(&self, other: &Self) -> bool {
         let node = other.node;
         Self { node, ..self.clone() } == *other
@@ -233,7 +233,7 @@ pub(crate) struct ActuatorPlan {
     pub limit: Limit,
     pub width: usize,
     pub rate: Rate,
-    /// Whether its device is simulated.
+    /// True if its device is simulated.
     pub simulated: bool,
     /// Unit of its output.
     pub unit: String,
@@ -242,7 +242,7 @@ pub(crate) struct ActuatorPlan {
 }
 
 impl ActuatorPlan {
-    /// Whether every live input that it depends on delivers data or is held.
+    /// True if every live input that it depends on delivers data or is held.
     pub(crate) fn is_let_through(&self, input: impl Fn(usize) -> Option<LiveInput>) -> bool {
         let mut inputs = self
             .silenced_by
@@ -251,7 +251,7 @@ impl ActuatorPlan {
         inputs.all(|(input, own)| input.is_none_or(|input| input.lets_through(own)))
     }
 
-    /// Whether they are equal except for the gain, which is a live setting.
+    /// True if they are equal except for the gain, which is a live setting.
     fn is_same_as(&self, other: &Self) -> bool {
         let gain = other.gain;
         Self { gain, ..self.clone() } == *other
@@ -433,7 +433,7 @@ impl Plan {
         self.rates[self.driver]
     }
 
-    /// Whether both plans are of the same graph except for live settings. Nodes and connections may have other numbers,
+    /// True if both plans are of the same graph except for live settings. Nodes and connections may have other numbers,
     /// because those of other drivers can change.
     pub(crate) fn is_same_as(&self, other: &Self) -> bool {
         let rings = |plans: &[RingPlan], others: &[RingPlan]| {

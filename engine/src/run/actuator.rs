@@ -126,7 +126,7 @@ impl CrossFadeRole {
         outgoing.iter().all(|x| x.is_finite())
     }
 
-    /// Whether the cross-fade is over at `time`.
+    /// True if the cross-fade is over at `time`.
     pub(super) fn is_over(&self, time: u64) -> bool {
         match self {
             Self::Mixer(_, rise) => rise.factor(time) >= 1.0,

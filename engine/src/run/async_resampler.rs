@@ -241,7 +241,7 @@ impl AsyncResamplerReader {
         }
     }
 
-    /// Whether it gives the signal, the fade-in included.
+    /// True if it gives the signal, the fade-in included.
     pub fn is_running(&self) -> bool {
         matches!(self.flow, Flow::Running(_))
     }

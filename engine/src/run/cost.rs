@@ -25,7 +25,7 @@ pub(super) struct CostSampler {
 }
 
 impl CostSampler {
-    /// Whether the next block is timed.
+    /// True if the next block is timed.
     pub fn is_due(&mut self) -> bool {
         if self.left > 0 {
             self.left -= 1;

@@ -72,7 +72,7 @@ pub trait Driven: Send + 'static {
     fn run_frames(&mut self, frames: usize);
     /// Largest number of frames that it runs at once.
     fn block(&self) -> usize;
-    /// Whether the run has ended and every actuator is at zero.
+    /// True if the run has ended and every actuator is at zero.
     fn is_idle(&self) -> bool;
     /// The devices, for the driver that owns some of them.
     fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)>;
@@ -272,7 +272,7 @@ impl Live {
         self.frames
     }
 
-    /// Whether the run has ended and every actuator is at zero.
+    /// True if the run has ended and every actuator is at zero.
     pub fn is_idle(&self) -> bool {
         match self.state {
             LiveState::Running => false,
@@ -431,7 +431,7 @@ impl Run {
         }
     }
 
-    /// Whether a fade-out has ended. The limits may make it longer.
+    /// True if a fade-out has ended. The limits may make it longer.
     pub(crate) fn is_silent(&self) -> bool {
         self.state.fade.is_zero_from(self.state.windows.block().1) && self.is_idle()
     }

@@ -92,7 +92,7 @@ struct State {
     faults: Faults,
     /// The first actuator sink that received NaN or infinity.
     first_faulted_sink: Option<NodeId>,
-    /// Whether each node, by index, can be the origin of that fault; all can if it is empty.
+    /// True for each node, by index, that can be the origin of that fault; empty if all can.
     upstream_candidates: Vec<bool>,
     fade: FadeGate,
     /// Driver frames of the ramp to zero after a panic.
@@ -285,12 +285,12 @@ impl Run {
             .map(|(device, _)| &*device.name)
     }
 
-    /// Whether the ramp to zero has ended. The limits may make it longer.
+    /// True if the ramp to zero has ended. The limits may make it longer.
     pub(crate) fn is_ramped_down(&self, seconds: f64) -> bool {
         self.state.ramped as f64 >= seconds * self.plan.driver_rate().hz() && self.is_idle()
     }
 
-    /// Whether the last output of every actuator was zero.
+    /// True if the last output of every actuator was zero.
     pub fn is_idle(&self) -> bool {
         self.state
             .actuators

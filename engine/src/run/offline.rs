@@ -24,7 +24,7 @@ pub struct Outcome {
     pub driver_frames: u64,
     /// Duration by the first driver, s.
     pub seconds: f64,
-    /// Whether it was stopped before its end.
+    /// True if it was stopped before its end.
     pub stopped: bool,
     /// NaN and infinity at actuators.
     pub faults: Faults,

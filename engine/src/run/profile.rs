@@ -10,7 +10,7 @@ use std::time::Instant;
 
 /// Observer of finished steps.
 pub(super) trait StepObserver {
-    /// Whether every step runs by itself and is reported.
+    /// True if every step runs by itself and is reported.
     const STEPWISE: bool;
 
     /// Called after step `number` has run `ticks` of its clock.

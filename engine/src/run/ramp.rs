@@ -68,7 +68,7 @@ impl ParamRamps {
         usize::try_from(next).unwrap_or(usize::MAX)
     }
 
-    /// Whether no ramp is in progress.
+    /// True if no ramp is in progress.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }

@@ -158,7 +158,7 @@ impl Runner {
         frames.saturating_sub(run.driver_frames()) as usize
     }
 
-    /// Whether all drivers have ended.
+    /// True if all drivers have ended.
     pub fn is_over(&self) -> bool {
         let mut both = self.runs.iter().zip(&self.ends);
         both.all(|(run, end)| run.driver_frames() >= *end)

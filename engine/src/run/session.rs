@@ -31,9 +31,9 @@ pub struct LiveOptions {
     pub block: usize,
     /// Duration, s; `None` runs until it is stopped. A source whose data end earlier can end the run.
     pub seconds: Option<f64>,
-    /// Whether the actuators are known to be cold. Otherwise real actuators start without heat reserve.
+    /// True if the actuators are known to be cold. Otherwise real actuators start without heat reserve.
     pub rested: bool,
-    /// Whether the caller runs the graph as fast as possible and not in real time. Only then may it have scripted
+    /// True if the caller runs the graph as fast as possible and not in real time. Only then may it have scripted
     /// nodes.
     pub offline: bool,
     /// When set, the outputs fade out and the run stops. The real-time sides poll it.
@@ -132,7 +132,7 @@ struct Entry {
     what: PathBuf,
     sink: Option<PathBuf>,
     streams: Vec<Stream>,
-    /// Whether the caller reads it.
+    /// True if the caller reads it.
     is_handed: bool,
     running: bool,
 }
@@ -147,7 +147,7 @@ pub struct LiveOutcome {
     pub meters: Meters,
     /// Timing of each driver, by name.
     pub drivers: Vec<(String, Meters)>,
-    /// Whether a node panicked.
+    /// True if a node panicked.
     pub panicked: bool,
     /// Devices that also panicked during the ramp to zero: their output is unknown.
     pub lost_devices: Vec<String>,

@@ -43,12 +43,12 @@ impl SilenceGate {
         self.from + (to - self.from) * along
     }
 
-    /// Whether it is open or opening.
+    /// True if it is open or opening.
     pub fn is_open(&self) -> bool {
         self.is_open
     }
 
-    /// Whether the factor is 0 from `time` until an input changes.
+    /// True if the factor is 0 from `time` until an input changes.
     fn is_closed_from(self, time: u64) -> bool {
         !self.is_open && time >= self.end
     }
@@ -61,7 +61,7 @@ pub struct InputStatus {
     pub device: String,
     /// Its state.
     pub state: InputState,
-    /// Whether its actuators continue while it is silent.
+    /// True if its actuators continue while it is silent.
     pub holds: bool,
     /// Time without new data after which it is silent, s.
     pub timeout_s: f64,
@@ -78,9 +78,9 @@ pub struct ActuatorStatus {
     pub delivered: f64,
     /// Unit of `delivered`.
     pub unit: String,
-    /// Whether a silent input closes its gate.
+    /// True if a silent input closes its gate.
     pub is_closed: bool,
-    /// Whether its gate is closed and its output is zero.
+    /// True if its gate is closed and its output is zero.
     pub at_zero: bool,
 }
 
@@ -150,7 +150,7 @@ fn silenced(plan: &Plan, device: usize) -> impl Iterator<Item = ActuatorStatus> 
     })
 }
 
-/// Whether every live input upstream of an actuator delivers data or is held, by the state of the devices.
+/// True if every live input upstream of an actuator delivers data or is held, by the state of the devices.
 fn lets_through(plan: &ActuatorPlan, devices: &[DeviceState]) -> bool {
     plan.is_let_through(|device| devices.get(device)?.device.live_input())
 }

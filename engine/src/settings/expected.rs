@@ -69,12 +69,12 @@ impl Expected {
         }
     }
 
-    /// Whether it is a number, or a list of numbers.
+    /// True if it is a number, or a list of numbers.
     pub fn is_numeric(&self) -> bool {
         matches!(self.form(), Form::Number | Form::NumberList)
     }
 
-    /// Whether it is a whole number, or none.
+    /// True if it is a whole number, or none.
     pub fn is_whole(&self) -> bool {
         match self {
             Self::Whole { .. } => true,

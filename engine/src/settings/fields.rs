@@ -79,14 +79,14 @@ impl Fields {
         self.missed.push((name.to_owned(), diagnostic));
     }
 
-    /// Whether an error of this field has been reported.
+    /// True if an error of this field has been reported.
     pub(crate) fn is_reported(&self, name: &str) -> bool {
         self.missing
             .iter()
             .any(|(missing, special)| missing == name && special.is_none())
     }
 
-    /// Whether an error was reported for the value of any field.
+    /// True if an error was reported for the value of any field.
     pub(crate) fn has_reported(&self) -> bool {
         self.missing.iter().any(|(_, special)| special.is_none())
     }

@@ -7,9 +7,9 @@ use super::Settings;
 pub struct DeclaredField {
     /// Its name.
     pub name: &'static str,
-    /// Whether it can change while the graph runs.
+    /// True if it can change while the graph runs.
     pub is_live: bool,
-    /// Whether it is the limit of an actuator sink.
+    /// True if it is the limit of an actuator sink.
     pub is_limit: bool,
 }
 
@@ -119,7 +119,7 @@ impl SettingId {
     }
 }
 
-/// Whether two names are equal, in constants too.
+/// True if two names are equal, in constants too.
 pub(crate) const fn same(one: &str, other: &str) -> bool {
     let (one, other) = (one.as_bytes(), other.as_bytes());
     if one.len() != other.len() {
@@ -135,7 +135,7 @@ pub(crate) const fn same(one: &str, other: &str) -> bool {
     true
 }
 
-/// Whether one of the fields is the limit of an actuator sink, in constants too.
+/// True if one of the fields is the limit of an actuator sink, in constants too.
 pub(crate) const fn has_limit(fields: &[DeclaredField]) -> bool {
     let mut at = 0;
     while at < fields.len() {
@@ -147,7 +147,7 @@ pub(crate) const fn has_limit(fields: &[DeclaredField]) -> bool {
     false
 }
 
-/// Whether any of the flags is set, in constants too. For [`settings!`](crate::settings!).
+/// True if any of the flags is set, in constants too. For [`settings!`](crate::settings!).
 #[doc(hidden)]
 pub const fn any(flags: &[bool]) -> bool {
     let mut at = 0;
@@ -179,7 +179,7 @@ mod tests {
     crate::settings! {
         /// Another kind's.
         struct OtherToy {
-            /// Where `low` of the first is.
+            /// Position of `low` of the first.
             [live] lowest: f64 = 0.0;
         }
     }

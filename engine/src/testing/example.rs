@@ -211,7 +211,7 @@ impl Example<'_> {
     }
 }
 
-/// Whether an input is left unconnected: `reset: None`.
+/// True if an input is left unconnected: `reset: None`.
 fn is_none(value: &Shape) -> bool {
     matches!(value, Shape::Tagged(tagged) if tagged.name.as_ref().is_some_and(|name| name.text == "None"))
 }

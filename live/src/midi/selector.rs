@@ -40,7 +40,7 @@ impl MidiSelector {
         }
     }
 
-    /// Whether the message is that of a key, which is held and released.
+    /// True if the message is that of a key, which is held and released.
     pub fn is_key(&self) -> bool {
         matches!(self.message, Message::Note(_))
     }

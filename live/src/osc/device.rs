@@ -100,7 +100,7 @@ pub(crate) struct OscSender {
 }
 
 impl OscSender {
-    /// Whether the next command is due.
+    /// True if the next command is due.
     pub fn is_due(&mut self) -> bool {
         let now = Instant::now();
         let due = now >= self.next;

@@ -56,7 +56,7 @@ impl Origin {
     }
 }
 
-/// What happened in a live run. It displays as one line of text.
+/// An event of a live run. It displays as one line of text.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Event {
@@ -104,9 +104,9 @@ pub struct DeviceUse {
     pub name: String,
     /// Kind of the device.
     pub kind: &'static str,
-    /// Whether the device is driven, not read.
+    /// True if the device is driven, not read.
     pub is_driven: bool,
-    /// Whether the device is simulated.
+    /// True if the device is simulated.
     pub is_simulated: bool,
 }
 

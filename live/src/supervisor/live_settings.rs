@@ -12,7 +12,7 @@ pub(super) type Target = (NodeId, SettingId);
 
 /// Sets one live setting of a live run from any thread. [`Supervisor::setting`](super::Supervisor::setting) makes it.
 ///
-/// It stays valid when another graph is swapped in: it then addresses the setting of the same name.
+/// The handle stays valid when another graph is swapped in: it then addresses the setting of the same name.
 #[derive(Debug, Clone)]
 pub struct SettingHandle {
     slot: Arc<Slot>,
@@ -45,7 +45,7 @@ struct Slot {
     bits: AtomicU64,
     /// Position of the value among all requests.
     order: AtomicU64,
-    /// Whether the supervisor has not taken the value yet.
+    /// True if the supervisor has not taken the value yet.
     is_pending: AtomicBool,
     has_ended: AtomicBool,
 }
@@ -90,7 +90,7 @@ struct Bound {
     slot: Arc<Slot>,
     /// `None` if the running graph does not have the setting.
     target: Option<Target>,
-    /// Whether a refusal was reported since the last value that was set.
+    /// True if a refusal was reported since the last value that was set.
     is_refused: bool,
 }
 
@@ -184,7 +184,7 @@ impl LiveSettings {
             .store(true, Ordering::Release);
     }
 
-    /// Whether a value of this order is newer than all that were set by the same name.
+    /// True if a value of this order is newer than all that were set by the same name.
     pub fn is_newest(&mut self, name: &str, order: u64) -> bool {
         match self.latest.get_mut(name) {
             Some(latest) if *latest > order => false,

@@ -165,7 +165,7 @@ pub struct TransportMs {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum LatencyPart {
-    /// It was measured.
+    /// A measured latency.
     Measured(QuantilesMs),
     /// `"simulated"`: there is none.
     Simulated(String),
@@ -203,7 +203,7 @@ pub struct SilenceReport {
     pub input: String,
     /// When it was reported, s.
     pub at_s: f64,
-    /// Whether the input had never delivered data.
+    /// True if the input had never delivered data.
     pub never_heard: bool,
     /// The silence policy of the input.
     pub on_silence: String,
@@ -220,7 +220,7 @@ pub struct SilencedActuator {
     pub delivered: f64,
     /// Unit of that value.
     pub unit: String,
-    /// Whether that value was zero.
+    /// True if that value was zero.
     pub at_zero: bool,
 }
 

@@ -29,7 +29,7 @@ pub(super) struct SilenceMonitor {
 struct Known {
     device: String,
     is_heard: bool,
-    /// Whether the input delivered data before.
+    /// True if the input delivered data before.
     was_heard: bool,
     /// Number and total duration of past silences.
     silences: u32,

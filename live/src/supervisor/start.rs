@@ -29,13 +29,13 @@ pub type Accept = Arc<dyn Fn(&Graph) -> Result<(), String> + Send + Sync>;
 pub struct RunOptions {
     /// The graph.
     pub source: GraphSource,
-    /// Whether changes of its files are applied while it runs.
+    /// True if changes of its files are applied while it runs.
     pub watch: bool,
     /// Duration, s; `None` runs until it is stopped.
     pub seconds: Option<f64>,
     /// Largest block in driver frames; 0 means the default.
     pub block: usize,
-    /// Whether the actuators are known to be cold. Otherwise real actuators start without heat reserve.
+    /// True if the actuators are known to be cold. Otherwise real actuators start without heat reserve.
     pub rested: bool,
     /// Address at which settings are received by Open Sound Control; `None` receives none.
     pub osc: Option<SocketAddr>,

@@ -34,7 +34,7 @@ struct Connection {
     bound: SocketAddr,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
-    /// Whether it came with the last open.
+    /// True if it came with the last open.
     is_new: bool,
 }
 

@@ -34,7 +34,7 @@ impl Default for WrenchSettings {
 /// A contact located from a wrench, in the sensor's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WrenchContact {
-    /// Whether the force is above the threshold.
+    /// True if the force is above the threshold.
     pub touching: bool,
     /// Point of contact on the surface, m; it holds its last value in free space.
     pub position_m: Vec3,

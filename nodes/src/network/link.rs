@@ -280,12 +280,12 @@ impl Reader {
         }
     }
 
-    /// Whether an update has ever arrived.
+    /// True if an update has ever arrived.
     pub fn was_heard(&self) -> bool {
         self.seen > 0
     }
 
-    /// Whether the input is silent: no update has arrived within the timeout.
+    /// True if the input is silent: no update has arrived within the timeout.
     pub fn is_silent(&self) -> bool {
         self.seen == 0 || self.age > self.timeout_ticks
     }

@@ -178,7 +178,7 @@ pub(super) struct Watch {
     /// Age beyond which an update is stale.
     pub timeout: Duration,
     pub fastest_m_s: f64,
-    /// Whether dependent actuators continue while it is silent.
+    /// True if dependent actuators continue while it is silent.
     pub holds: bool,
 }
 
@@ -234,7 +234,7 @@ impl Remote {
         }
     }
 
-    /// Whether the tip has moved faster than a hand can.
+    /// True if the tip has moved faster than a hand can.
     fn jumps_to(&self, sensed: &[f64; SENSED]) -> bool {
         let moved: f64 = (0..3).map(|i| (sensed[i] - self.latest[i]).powi(2)).sum();
         let time_s = self.reader.age_s() + BUNCHING_S;

@@ -94,7 +94,7 @@ pub enum PenObjectError {
 /// The true state of the contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PenTruth {
-    /// Whether the tip touches.
+    /// True if the tip touches.
     pub touching: bool,
     /// Point of contact, in the sensor's frame, m.
     pub position_m: Vec3,

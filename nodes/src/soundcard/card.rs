@@ -192,7 +192,7 @@ pub struct CardInput {
     pub ages: Arc<AgeMeter>,
     /// Whether samples arrive.
     cell: Arc<InputCell>,
-    /// Whether dependent actuators continue while the input is silent.
+    /// True if dependent actuators continue while the input is silent.
     holds: bool,
 }
 
@@ -284,7 +284,7 @@ impl CardInput {
         self.reader = Reader(Some(Box::new(Mutex::new(reader))));
     }
 
-    /// Whether it reads the samples of a stream.
+    /// True if it reads the samples of a stream.
     pub fn is_attached(&self) -> bool {
         self.reader.0.is_some()
     }

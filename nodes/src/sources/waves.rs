@@ -92,7 +92,7 @@ struct Oscillator {
     /// The next tick.
     next: u64,
     rate_hz: f64,
-    /// Whether the frequency is a signal.
+    /// True if the frequency is a signal.
     follows: bool,
 }
 

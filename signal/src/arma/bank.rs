@@ -55,7 +55,7 @@ struct Bank<G> {
 
 /// Voices that share the lanes of a vector.
 trait Group: Clone {
-    /// How many.
+    /// Number of voices.
     const LANES: usize;
 
     /// Makes voices with zero state.

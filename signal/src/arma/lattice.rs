@@ -35,7 +35,7 @@ pub(super) struct Coefficients {
     pub cosine: [f64; MAX_ORDER],
     /// Output taps on the backward signals 0 to order, the gain included.
     pub taps: [f64; MAX_ORDER + 1],
-    /// Whether any tap but the first is not 0.
+    /// True if any tap but the first is not 0.
     pub has_ladder: bool,
 }
 

@@ -410,7 +410,7 @@ fn roots(coefficients: &[f64]) -> Vec<Complex64> {
     roots
 }
 
-/// Where a design has its zeros: one for each pole, at z = -1, at z = 1, or shared evenly.
+/// Position of a design's zeros: one for each pole, at z = -1, at z = 1, or shared evenly.
 #[derive(Clone, Copy)]
 enum Zeros {
     Nyquist,

@@ -70,7 +70,7 @@ pub struct Manifest {
     pub jobs: u64,
     pub jobs_per_chunk: u64,
     pub update_hz: f64,
-    /// Whether every chunk exists.
+    /// True if every chunk exists.
     pub complete: bool,
     pub chunks: Vec<ChunkEntry>,
 }

@@ -57,7 +57,7 @@ pub fn load(path: &Path) -> Result<Surface, FileError> {
     Ok(surface)
 }
 
-/// Whether [`save`] supports the extension of a path.
+/// Checks that [`save`] supports the extension of a path.
 pub fn check_extension(path: &Path) -> Result<(), SaveError> {
     match &*extension(path) {
         "ron" | "xml" => Ok(()),

@@ -49,7 +49,7 @@ pub struct FrictionReport {
     pub line: Line,
     /// Pairs of normal and tangential force, N.
     pub points: Vec<(f64, f64)>,
-    /// Whether each was used for the fit.
+    /// True for each pair that was used for the fit.
     pub used: Vec<bool>,
 }
 

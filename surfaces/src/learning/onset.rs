@@ -77,8 +77,8 @@ fn force_onset(signals: &Signals, rise: usize, contact_n: f64) -> usize {
     quiet.map_or(rise, |quiet| quiet + 1)
 }
 
-/// How far the acceleration is from the line that it is on during `approach`, from there to `end`, m/s². Over the three axes where they
-/// were kept: no filter has spread the blow over the time before it.
+/// Distance of the acceleration, from the end of `approach` to `end`, from its line during `approach`, m/s². Over the
+/// three axes if they were kept, as no filter has spread the impact over the time before it.
 fn deviations(signals: &Signals, approach: Range<usize>, end: usize) -> Vec<f64> {
     let mut squares = vec![0.0; end.saturating_sub(approach.start)];
     let mut add = |acceleration: &dyn Fn(usize) -> f64| {

@@ -104,18 +104,18 @@ pub struct SegmentReport {
 /// Use of a segment in a texture.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Fate {
-    /// It is a model of the texture.
+    /// The segment is a model of the texture.
     Kept,
     /// The tool was at rest or in the air.
     NotDragged,
-    /// It failed too many criteria.
+    /// The segment failed too many criteria.
     Outlier {
         /// Number of failed criteria.
         criteria: usize,
     },
     /// A longer segment has exactly the same speed and force.
     Duplicate,
-    /// It has no usable model.
+    /// The segment has no usable model.
     Unusable {
         /// The reason.
         reason: String,

@@ -65,7 +65,7 @@ pub const COLUMNS: [&str; 21] = [
 /// The metadata above the rows of a CSV file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CsvHead {
-    /// Whether there is a line `# gesture: ...`.
+    /// True if there is a line `# gesture: ...`.
     pub says_gesture: bool,
     /// The origin from a line `# origin: ...`.
     pub origin: Option<Origin>,
@@ -156,7 +156,7 @@ pub(super) fn recording(
     Ok((recording, findings))
 }
 
-/// Whether tables hold sensor readings: forces by axis, or orientations without the force and the acceleration of
+/// True if tables hold sensor readings: forces by axis, or orientations without the force and the acceleration of
 /// processed recordings. Positions alone may belong to a processed recording, whose speed is derived from them.
 fn is_raw(tables: &[Table], import: &ImportSettings) -> bool {
     let has = |name: &str| import.constants.contains_key(name) || tables.iter().any(|table| table.has(name));

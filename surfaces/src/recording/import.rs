@@ -141,7 +141,7 @@ pub enum Finding {
         column: String,
         mean: f64,
         cutoff_hz: f64,
-        /// Whether the mean is in m/s².
+        /// True if the mean is in m/s².
         has_unit: bool,
     },
     /// A column with another name whose quantity is nevertheless certain.

@@ -322,7 +322,7 @@ fn is_number(cell: &str) -> bool {
     number(cell.as_bytes(), Scale::One).is_some() || cell.parse::<f64>().is_ok()
 }
 
-/// Whether most cells contain text and none contains a number.
+/// True if most cells contain text and none contains a number.
 pub(super) fn is_without_numbers(cells: &[String]) -> bool {
     let filled = cells.iter().filter(|cell| !cell.is_empty()).count();
     let is_word = |cell: &&String| {

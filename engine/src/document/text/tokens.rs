@@ -135,7 +135,7 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
     lexemes
 }
 
-/// Whether a sign begins a comment, as it does in other languages. A percent sign does where no value can be before it.
+/// True if a sign begins a comment, as it does in other languages. A percent sign does where no value can be before it.
 fn begins_comment(sign: char, text: &str, before: &[Lexeme], start: usize) -> bool {
     sign == '#'
         || match before.last() {
@@ -314,7 +314,7 @@ struct Arithmetic {
 const MAX_TRIED: usize = 200;
 const MAX_BYTES: usize = 4096;
 
-/// Whether it is a sign of arithmetic, and not that of a number or of a comment.
+/// True if it is a sign of arithmetic, and not that of a number or of a comment.
 fn is_arithmetic(rest: &str, sign: char, at: usize, before: Option<&Lexeme>) -> bool {
     let ends_value = |token| matches!(token, Token::Number | Token::Name | Token::Close);
     let follows = before.is_some_and(|lexeme| lexeme.end == at && ends_value(lexeme.token));
@@ -344,7 +344,7 @@ fn arithmetic(text: &str, at: usize, sign: char) -> Option<Arithmetic> {
     })
 }
 
-/// Where a value that ends with `before` begins: behind the last sign that cannot be in a formula.
+/// Start of the value that ends with `before`: behind the last character that cannot be in a formula.
 fn expression_start(before: &str) -> Option<usize> {
     let mut closed = 0_usize;
     for (i, c) in before.char_indices().rev() {
@@ -360,7 +360,7 @@ fn expression_start(before: &str) -> Option<usize> {
     Some(0)
 }
 
-/// Where a value that begins with `rest` ends.
+/// End of the value that begins with `rest`.
 fn expression_end(rest: &str) -> Option<usize> {
     let mut open = 0_usize;
     for (i, c) in rest.char_indices() {

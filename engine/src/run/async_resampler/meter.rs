@@ -67,7 +67,7 @@ impl RingMeter {
         }
     }
 
-    /// Whether the reader has polled while running.
+    /// True if the reader has polled while running.
     pub(super) fn is_read(&self) -> bool {
         !f64::from_bits(self.fill.load(Relaxed)).is_nan()
     }

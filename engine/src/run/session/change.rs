@@ -205,7 +205,7 @@ impl Session {
         kept_streams
     }
 
-    /// Whether a port of the new graph has the driver that a tap of the present plans has.
+    /// True if a port of the new graph has the driver that a tap of the present plans has.
     fn has_tap(&self, graph: &Graph, port: (NodeId, usize), tap: usize) -> bool {
         let tapped = |control: &&Control| control.plan().tap_places.contains(&tap);
         let (Some(control), Some(driver)) = (self.controls.iter().find(tapped), graph.driver_of(port.0))

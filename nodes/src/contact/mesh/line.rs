@@ -43,7 +43,7 @@ struct Place {
     triangle: u32,
     /// Distance from the line, m.
     gap_m: f64,
-    /// How far along the line, m.
+    /// Distance along the line, m.
     at_m: f64,
     /// Cosine between its normal and the line: -1 where it is met head on.
     facing: f64,
@@ -101,7 +101,7 @@ impl TriangleMesh {
         complete.then_some(first)
     }
 
-    /// Where the line enters, by the planes of all triangles.
+    /// The entry of the line, by the planes of all triangles.
     fn clip(&self, line: &mut Line) -> Option<Place> {
         let (mut enters_m, mut leaves_m) = (f64::NEG_INFINITY, f64::INFINITY);
         for triangle in 0..self.triangles.len() as u32 {
@@ -216,7 +216,7 @@ impl Place {
         }
     }
 
-    /// Whether it is nearer, or as near and earlier, or equal and more opposed to the line.
+    /// True if it is nearer, or as near and earlier, or equal and more opposed to the line.
     fn is_before(&self, other: &Self, slack_m: f64) -> bool {
         let (nearer_m, earlier_m) = (other.gap_m - self.gap_m, other.at_m - self.at_m);
         if nearer_m.abs() > slack_m {

@@ -78,7 +78,7 @@ impl Scratch {
 
 /// An estimate of innovation variances.
 pub(super) trait Estimator {
-    /// Whether splitting a segment never raises its sum of squared residuals at a fixed order. Then a start can be dropped from the exact
+    /// True if splitting a segment never raises its sum of squared residuals at a fixed order. Then a start can be dropped from the exact
     /// search for good.
     const SUPERADDITIVE: bool;
 

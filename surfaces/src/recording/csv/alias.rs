@@ -33,7 +33,7 @@ fn like_ours(name: &str) -> Option<String> {
     QUANTITIES.contains(&&*plain).then_some(plain)
 }
 
-/// Whether a column of a header is recognised as a quantity by its first word and its unit.
+/// True if a column of a header is recognised as a quantity by its first word and its unit.
 pub(super) fn is_like_ours(name: &str) -> bool {
     like_ours(name).is_some_and(|plain| unit_in_file(name, "", &plain, false).is_ok())
 }

@@ -42,7 +42,7 @@ impl Clock {
         }
     }
 
-    /// Whether the times are dates, which have no unit.
+    /// True if the times are dates, which have no unit.
     pub fn is_calendar(&self) -> bool {
         matches!(self.origin, Some(Origin::Second(_)))
     }

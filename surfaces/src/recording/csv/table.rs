@@ -38,12 +38,12 @@ pub(in crate::recording) struct Table {
     pub(super) names: Vec<String>,
     /// Cells of the row below the header; may be empty.
     pub(super) units: Vec<String>,
-    /// Whether the file has lines (or rows of a sheet) that a message can name.
+    /// True if the file has lines (or rows of a sheet) that a message can name.
     has_lines: bool,
     columns: Vec<Column>,
     lines: Lines,
     strict: bool,
-    /// Whether the unit of the acceleration is known.
+    /// True if the unit of the acceleration is known.
     knows_unit: bool,
     given_rate_hz: Option<f64>,
     clock: Clock,
@@ -229,7 +229,7 @@ impl Table {
         self.columns.retain(|column| column.name != name);
     }
 
-    /// Whether the unit of the acceleration is known; `--unit accel=1` marks it as unknown.
+    /// True if the unit of the acceleration is known; `--unit accel=1` marks it as unknown.
     pub(in crate::recording) fn knows_unit(&self) -> bool {
         self.knows_unit
     }
@@ -266,7 +266,7 @@ impl Table {
         found.ok_or_else(|| missing_columns(&[self], vec![name.to_owned()]))
     }
 
-    /// Whether neither times nor a rate are known.
+    /// True if neither times nor a rate are known.
     pub(super) fn lacks_rate(&self) -> bool {
         !self.has("time") && self.given_rate_hz.is_none() && !self.notes.contains_key("rate_hz")
     }

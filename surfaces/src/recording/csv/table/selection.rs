@@ -26,7 +26,7 @@ pub(in crate::recording) enum ColumnSelection<'a> {
 /// Index and scale of a column to read.
 pub(super) type Chosen = (usize, Scale);
 
-/// Whether a column of that name is read.
+/// True if a column of that name is read.
 pub(in crate::recording) fn is_wanted(
     name: &str,
     import: &ImportSettings,
