@@ -92,7 +92,7 @@ pub trait Device: CloneDevice + Send + Sync {
         let _ = channel;
         None
     }
-    /// Its samples, if the clock of its hardware drives the run.
+    /// The samples, if the clock of its hardware drives the run.
     fn playback(&mut self) -> Option<&mut Playback> {
         None
     }
@@ -247,12 +247,13 @@ impl DeviceEntry {
         }
     }
 
-    /// True if it is an endpoint of the program that embeds the graph; its channels are those that the graph uses.
+    /// True if the device is an endpoint of the program that embeds the graph; its channels are those that the graph
+    /// uses.
     pub fn is_host(&self) -> bool {
         self.is_host
     }
 
-    /// Its settings.
+    /// The settings.
     pub fn settings(&self) -> Vec<SettingSpec> {
         (self.settings)()
     }

@@ -16,7 +16,7 @@ pub struct Source {
     pub path: PathBuf,
     /// The whole text.
     pub text: Arc<str>,
-    /// True if it was read from a file, not given on the command line, built in code or taken from the template
+    /// True if the source was read from a file, not given on the command line, built in code or taken from the template
     /// library.
     pub is_file: bool,
 }

@@ -125,7 +125,7 @@ impl Formula {
         })
     }
 
-    /// True if it depends on the time since the start.
+    /// True if the result depends on the time since the start.
     pub(crate) fn is_timed(&self) -> bool {
         self.steps.iter().any(|step| matches!(step, Step::Time))
     }

@@ -71,11 +71,11 @@ pub struct KindSpec {
 /// A number that stands for a whole frame where the level of a signal is shown.
 #[derive(Debug, Clone, Copy)]
 pub struct Level {
-    /// Its name: `penetration`.
+    /// The name: `penetration`.
     pub name: &'static str,
-    /// Its unit; `None` for that of the port's quantity.
+    /// The unit; `None` for that of the port's quantity.
     pub unit: Option<&'static str>,
-    /// Its square, of the components of a frame.
+    /// The square, of the components of a frame.
     pub square: fn(&[f64]) -> f64,
 }
 
@@ -160,7 +160,7 @@ impl Kind {
         Self(spec)
     }
 
-    /// Its specification.
+    /// The specification.
     pub const fn spec(self) -> &'static KindSpec {
         self.0
     }
@@ -494,7 +494,7 @@ pub trait Record: OneKind + Sized {
 pub struct Event {
     /// True if the event happened at this tick.
     pub fired: bool,
-    /// Its value, in the port's quantity; 0 when it did not fire.
+    /// The value, in the port's quantity; 0 when it did not fire.
     pub value: f64,
 }
 

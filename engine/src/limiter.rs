@@ -65,7 +65,7 @@ pub enum LimitError {
     NotPositive {
         /// The setting.
         name: &'static str,
-        /// Its value.
+        /// The value.
         value: f64,
     },
     /// The continuous limit is above the peak.

@@ -15,7 +15,7 @@ use crate::settings::{Fields, Reading, SettingSpec};
 pub trait ScriptedKind: Send + Sync + 'static {
     /// Ports and documentation.
     fn spec(&'static self) -> &'static NodeSpec;
-    /// Its settings, in the order of declaration; none of them is live.
+    /// The settings, in the order of declaration; none of them is live.
     fn settings(&self) -> Vec<SettingSpec>;
     /// Takes its settings out of `fields` and returns the function that builds the processor. On `None` at least one
     /// diagnostic was reported.
@@ -31,7 +31,7 @@ pub type ScriptBuild = Box<dyn FnOnce(&BuildContext) -> Result<Box<dyn Processor
 pub struct OfflineOnly {
     /// Path of the node.
     pub node: String,
-    /// Its kind.
+    /// The kind.
     pub kind: &'static str,
 }
 
@@ -59,7 +59,7 @@ pub fn raised(node: &Node, exception: &str, traceback: &str) -> Diagnostic {
 }
 
 impl Graph {
-    /// Its scripted nodes; a graph that has one runs offline only.
+    /// The scripted nodes; a graph that has one runs offline only.
     pub fn scripted_nodes(&self) -> impl Iterator<Item = &Node> {
         self.nodes().iter().filter(|node| node.entry.is_scripted())
     }

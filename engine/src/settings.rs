@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 /// Specification of a setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SettingSpec {
-    /// Its name, with its unit: `cutoff_hz`.
+    /// The name, with its unit: `cutoff_hz`.
     pub name: &'static str,
     /// Description, from the doc comment.
     pub doc: String,
@@ -39,15 +39,15 @@ pub struct SettingSpec {
     pub default: Option<String>,
     /// Smallest and largest value.
     pub range: Option<(f64, f64)>,
-    /// True if it can change while the graph runs.
+    /// True if the setting can change while the graph runs.
     pub live: bool,
-    /// True if it is a whole number. Such a setting jumps to a new value.
+    /// True if the value is a whole number. Such a setting jumps to a new value.
     pub whole: bool,
-    /// True if it is a frequency that must stay below half the rate of its node.
+    /// True if the value is a frequency that must stay below half the rate of its node.
     pub below_nyquist: bool,
     /// Role of the setting in the engine.
     pub role: SettingRole,
-    /// Its fields or choices, if it is a structure or an enum.
+    /// The fields or choices, if it is a structure or an enum.
     pub parts: Vec<Part>,
 }
 
@@ -95,7 +95,7 @@ pub struct Part {
     pub choice: Option<&'static str>,
     /// Description, from the doc comment.
     pub doc: String,
-    /// Its fields, in the order of declaration.
+    /// The fields, in the order of declaration.
     pub fields: Vec<SettingSpec>,
 }
 
@@ -104,7 +104,7 @@ pub trait Settings: Sized + 'static {
     /// The fields among which [`SettingId::of`] looks a name up, in the order of declaration; may be empty if none is live
     /// or a limit.
     const FIELDS: &'static [DeclaredField];
-    /// Its fields, in the order of declaration.
+    /// The fields, in the order of declaration.
     fn specs() -> Vec<SettingSpec>;
     /// Takes its fields out of `fields`. `None` after at least one reported diagnostic.
     fn take_from(fields: &mut Fields, reading: &mut Reading<'_>) -> Option<Self>;
@@ -118,11 +118,11 @@ pub trait Setting: Sized {
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self>;
     /// The value in RON.
     fn show(&self) -> String;
-    /// Its fields or choices, for the reference.
+    /// The fields or choices, for the reference.
     fn parts() -> Vec<Part> {
         Vec::new()
     }
-    /// Its value as a number, for the check of the range.
+    /// The value as a number, for the check of the range.
     fn number(&self) -> Option<f64> {
         None
     }

@@ -54,7 +54,7 @@ impl InputCell {
 /// Live input of a device. Copies of the device share its cell.
 #[derive(Debug, Clone)]
 pub struct LiveInput {
-    /// Its state.
+    /// The state.
     pub cell: Arc<InputCell>,
     /// True if the actuators that depend on it continue while it is silent.
     pub holds: bool,

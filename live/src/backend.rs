@@ -148,7 +148,7 @@ pub enum Role {
 pub enum State {
     /// It works.
     Running,
-    /// Its device is gone and may come back.
+    /// The device is gone and may come back.
     Waiting,
     /// The run is over, and every actuator of the driver is at zero.
     Finished,

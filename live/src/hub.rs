@@ -26,7 +26,7 @@ pub(crate) trait Port: Send + 'static {
         settings: &<Self::Kind as DeviceKind>::Settings,
     ) -> std::io::Result<(Self::Place, Self::Selector)>;
 
-    /// True if both are one place, whatever their settings.
+    /// True if both places are the same, whatever their settings.
     fn is_same(one: &Self::Place, other: &Self::Place) -> bool {
         one == other
     }
@@ -51,7 +51,7 @@ pub(crate) struct Route<S> {
     /// Silence after which its input counts as gone.
     pub timeout: Duration,
     pub link: Arc<Link>,
-    /// True if it came with the last open.
+    /// True if the connection was added by the last open.
     pub is_new: bool,
 }
 

@@ -118,7 +118,7 @@ pub struct Listed {
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Ability {
-    /// True if it is the system's default.
+    /// True if the card is the system's default.
     pub default: bool,
     /// Supported streams, one per line.
     pub formats: Vec<String>,

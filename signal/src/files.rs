@@ -28,7 +28,7 @@ pub enum Refusal {
     /// The path leads to a folder, pipe, socket or device.
     #[error("it is {found}, not a regular file")]
     NotRegular {
-        /// Its type.
+        /// The type.
         found: &'static str,
     },
     /// The file is not a serial port or other terminal.

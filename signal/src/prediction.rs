@@ -25,7 +25,7 @@ pub enum PredictionError {
     Unstable {
         /// Which coefficient, from 1.
         order: usize,
-        /// Its value.
+        /// The value.
         reflection: f64,
     },
     /// A NaN or infinite coefficient.

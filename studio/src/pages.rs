@@ -39,7 +39,7 @@ pub struct Page {
     pub line: Box<dyn Line>,
     pub wanted: Vec<ScopeRequest>,
     pub hears: bool,
-    /// True if it displays the drawing.
+    /// True if the page displays the drawing.
     pub sees_levels: bool,
     pub lost: u64,
     pub is_gone: bool,

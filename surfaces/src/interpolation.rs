@@ -59,9 +59,9 @@ pub struct Spot {
     pub force_n: f64,
     /// The triangle's number, from 0.
     pub triangle: u32,
-    /// Its vertices' numbers, from 0.
+    /// The vertices' numbers, from 0.
     pub vertices: Triangle,
-    /// Their weights.
+    /// The weights.
     pub weights: [f64; 3],
 }
 

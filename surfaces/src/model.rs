@@ -375,7 +375,7 @@ pub enum ModelError {
     Order {
         /// The polynomial.
         polynomial: Polynomial,
-        /// Its order.
+        /// The order.
         order: usize,
     },
     /// A different number of coefficients and LSFs.

@@ -161,7 +161,7 @@ pub enum SurfaceError {
     TapSpeed {
         /// The tap's number, from 0.
         tap: usize,
-        /// Its speed.
+        /// The speed.
         speed_m_s: f64,
     },
     /// All taps must have the same number of samples, at least one.
@@ -171,7 +171,7 @@ pub enum SurfaceError {
     TapLength {
         /// The tap's number, from 0.
         tap: usize,
-        /// Its number of samples.
+        /// The number of samples.
         length: usize,
         /// The first tap's (or 1, if that is empty).
         expected: usize,

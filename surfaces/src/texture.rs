@@ -287,7 +287,7 @@ pub enum TextureError {
     Orders {
         /// The model's number, from 0.
         vertex: usize,
-        /// Its AR and MA orders.
+        /// The AR and MA orders.
         orders: (usize, usize),
         /// The first model's.
         expected: (usize, usize),
@@ -299,7 +299,7 @@ pub enum TextureError {
     Warpings {
         /// The model's number, from 0.
         vertex: usize,
-        /// Its warping factor.
+        /// The warping factor.
         warping: f64,
         /// The first model's.
         expected: f64,
@@ -369,7 +369,7 @@ pub enum TextureError {
     LoudAtRest {
         /// The model's number, from 0.
         vertex: usize,
-        /// Its variance.
+        /// The variance.
         variance: f64,
     },
     /// A measured model at zero speed or force.
@@ -379,9 +379,9 @@ pub enum TextureError {
     MeasuredAtRest {
         /// The model's number, from 0.
         vertex: usize,
-        /// Its speed.
+        /// The speed.
         speed_m_s: f64,
-        /// Its force.
+        /// The force.
         force_n: f64,
     },
     /// The requested maximum is below a measured model.

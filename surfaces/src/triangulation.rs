@@ -410,11 +410,11 @@ pub enum TriangulationError {
         "vertex {vertex} (from 0) lies at {speed_m_s} m/s, {force_n} N; both must be finite and not negative"
     )]
     Position {
-        /// Its number, from 0.
+        /// The number, from 0.
         vertex: usize,
-        /// Its speed.
+        /// The speed.
         speed_m_s: f64,
-        /// Its force.
+        /// The force.
         force_n: f64,
     },
     /// Two vertices at the same speed and force.
@@ -476,7 +476,7 @@ pub enum TriangulationError {
     /// A vertex of no triangle.
     #[error("vertex {vertex} (from 0) belongs to no triangle")]
     Unused {
-        /// Its number, from 0.
+        /// The number, from 0.
         vertex: usize,
     },
 }

@@ -54,7 +54,7 @@ fn described(document: &Document, template: &Template, file: &'static str) -> Li
     }
 }
 
-/// True if it is the `Required` of a setting without a default.
+/// True if the value is the `Required` of a setting without a default.
 pub(crate) fn is_required(default: &Value) -> bool {
     matches!(
         &default.shape,

@@ -104,12 +104,12 @@ impl Document {
         &self.about
     }
 
-    /// Its source files, the graph file first.
+    /// The source files, the graph file first.
     pub fn sources(&self) -> &Sources {
         &self.sources
     }
 
-    /// Its parameters and their defaults as written.
+    /// The parameters and their defaults as written.
     pub fn parameters(&self) -> impl Iterator<Item = (&str, &str)> {
         let text = |span: Span| {
             let source = self.sources.get(span.source)?;

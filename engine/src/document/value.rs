@@ -6,9 +6,9 @@ use crate::diagnostic::{Diagnostics, Sources, Span};
 /// A value and its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Value {
-    /// Its place.
+    /// The place.
     pub span: Span,
-    /// Its content.
+    /// The content.
     pub shape: Shape,
 }
 
@@ -54,9 +54,9 @@ pub enum Body {
 /// An identifier or key and its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Name {
-    /// Its place.
+    /// The place.
     pub span: Span,
-    /// Its text.
+    /// The text.
     pub text: String,
 }
 

@@ -107,7 +107,7 @@ pub struct DeclaredDevice {
     pub written: String,
     /// True if its kind is a simulation. An unregistered kind counts as real.
     pub is_simulated: bool,
-    /// True if it is an endpoint of the calling program.
+    /// True if the device is an endpoint of the calling program.
     pub is_host: bool,
 }
 

@@ -162,7 +162,7 @@ impl DraftNode {
         self.inputs.iter().any(|slot| slot.broken)
     }
 
-    /// Its connections.
+    /// The connections.
     pub fn wires(&self) -> impl Iterator<Item = (usize, &Wire)> {
         let slots = self.inputs.iter().enumerate();
         slots.filter_map(|(i, slot)| Some((i, slot.wire.as_ref()?)))

@@ -57,9 +57,9 @@ pub struct Graph {
 /// A clock: a driver with its own crystal or timer, or a clock at an exact ratio of a driver's rate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clock {
-    /// Its name in the file.
+    /// The name in the file.
     pub name: String,
-    /// Its rate.
+    /// The rate.
     pub rate: Rate,
     /// Index of its driver in the list of clocks; its own index if it is a driver.
     pub driver: usize,
@@ -98,11 +98,11 @@ impl SourceEnd<'_> {
 
 /// A checked node.
 pub struct Node {
-    /// Its path: `texture/filter`.
+    /// The path: `texture/filter`.
     pub path: String,
-    /// Its kind.
+    /// The kind.
     pub entry: NodeEntry,
-    /// Its clock, as an index; `None` for file sinks, whose inputs keep their own.
+    /// The clock, as an index; `None` for file sinks, whose inputs keep their own.
     pub clock: Option<usize>,
     /// Inputs in the order of the spec; the connections of a `Many` port follow one another at its place.
     pub inputs: Vec<Input>,
@@ -132,9 +132,9 @@ pub struct Input {
     pub kind: Kind,
     /// Quantity of the components.
     pub quantity: Quantity,
-    /// True if it is connected. The edge whose `input` is this index holds the connection.
+    /// True if the input is connected. The edge whose `input` is this index holds the connection.
     pub connected: bool,
-    /// True if it reads runs of held frames.
+    /// True if the input reads runs of held frames.
     pub held: bool,
 }
 
@@ -188,7 +188,7 @@ impl Work {
 pub struct GraphDevice {
     /// Name of the endpoint.
     pub name: String,
-    /// Its kind.
+    /// The kind.
     pub entry: DeviceEntry,
     /// The clock that it ticks on.
     pub clock: usize,
@@ -245,13 +245,13 @@ pub struct LiveSetting {
     pub path: String,
     /// Handle of the setting.
     pub setting: SettingId,
-    /// Its name.
+    /// The name.
     pub field: &'static str,
-    /// Its value.
+    /// The value.
     pub value: f64,
     /// Smallest and largest value.
     pub range: Option<(f64, f64)>,
-    /// True if it is a whole number. Such a setting jumps to its new value.
+    /// True if the value is a whole number. Such a setting jumps to its new value.
     pub whole: bool,
 }
 
@@ -380,7 +380,7 @@ impl Graph {
     pub fn seed(&self) -> u64 {
         self.seed
     }
-    /// Its clocks.
+    /// The clocks.
     pub fn clocks(&self) -> &[Clock] {
         &self.clocks
     }
@@ -442,12 +442,12 @@ impl GraphDevice {
         self.device.as_ref()
     }
 
-    /// Its body in its initial state, if it has this type.
+    /// The body in its initial state, if it has this type.
     pub fn body<D: Device + 'static>(&self) -> Option<&D> {
         self.device.as_any().downcast_ref()
     }
 
-    /// Its settings, if it is of this kind.
+    /// The settings, if it is of this kind.
     pub fn settings<K: DeviceKind>(&self) -> Option<&K::Settings> {
         self.settings.downcast_ref()
     }

@@ -53,7 +53,7 @@ impl TemplateOutput {
 }
 
 impl Graph {
-    /// Its nodes and connections.
+    /// The nodes and connections.
     pub fn nodes(&self) -> Nodes<'_> {
         Nodes(&self.nodes)
     }

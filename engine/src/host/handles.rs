@@ -17,9 +17,9 @@ use std::sync::Arc;
 pub trait HostFrame: Copy + Default + Send + 'static {
     /// Kind of the frame.
     const KIND: Kind;
-    /// Its components.
+    /// The components.
     fn components(&self) -> &[f64];
-    /// Its components, mutable.
+    /// The components, mutable.
     fn components_mut(&mut self) -> &mut [f64];
 }
 
@@ -72,7 +72,7 @@ pub enum HostError {
     Several {
         /// The endpoint.
         name: String,
-        /// Its channels.
+        /// The channels.
         channels: Vec<&'static str>,
     },
     /// The channel's frames are of another kind.
@@ -80,7 +80,7 @@ pub enum HostError {
     Kind {
         /// The channel.
         name: String,
-        /// Its kind.
+        /// The kind.
         kind: Kind,
         /// The requested kind.
         asked: Kind,
@@ -104,7 +104,7 @@ pub enum HostError {
     Drivers {
         /// Number of drivers.
         count: usize,
-        /// Their names.
+        /// The names.
         drivers: Vec<String>,
     },
     /// A node is a script.

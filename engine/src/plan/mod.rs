@@ -251,7 +251,7 @@ impl ActuatorPlan {
         inputs.all(|(input, own)| input.is_none_or(|input| input.lets_through(own)))
     }
 
-    /// True if they are equal except for the gain, which is a live setting.
+    /// True if the actuators are equal except for the gain, which is a live setting.
     fn is_same_as(&self, other: &Self) -> bool {
         let gain = other.gain;
         Self { gain, ..self.clone() } == *other

@@ -15,7 +15,7 @@ pub struct ActuatorReport {
     pub clipped: ClipCounts,
     /// Largest magnitude of a request, before the limits.
     pub largest_request: f64,
-    /// Its limit.
+    /// The limit.
     pub limit: Limit,
     /// Unit of the request and of the limit.
     pub unit: String,

@@ -54,7 +54,7 @@ impl ArmSwitch {
         f64::from_bits(self.gain.load(Relaxed))
     }
 
-    /// True if it is armed.
+    /// True if the actuators are armed.
     pub fn is_armed(&self) -> bool {
         self.gain() > 0.0
     }

@@ -66,7 +66,7 @@ pub enum ReplayError {
     OtherGraph {
         /// The file.
         path: PathBuf,
-        /// Its first line.
+        /// The first line.
         found: String,
         /// The expected line.
         wanted: String,
@@ -85,7 +85,7 @@ pub enum ReplayError {
     OtherVersion {
         /// The file of fingerprints.
         path: PathBuf,
-        /// Its version as written; `unknown` if it has none.
+        /// The version as written; `unknown` if it has none.
         found: String,
     },
     /// A line is malformed.

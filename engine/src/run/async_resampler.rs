@@ -241,7 +241,7 @@ impl AsyncResamplerReader {
         }
     }
 
-    /// True if it gives the signal, the fade-in included.
+    /// True if the output is the signal, the fade-in included.
     pub fn is_running(&self) -> bool {
         matches!(self.flow, Flow::Running(_))
     }

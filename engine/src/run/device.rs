@@ -14,7 +14,7 @@ pub(super) struct DeviceState {
     pub gate: Option<ArmGate>,
     /// Last frame of each of the plan's writes, before the gate.
     pub written: Vec<[f64; 6]>,
-    /// True if it panicked during the ramp to zero. It then receives no further output.
+    /// True if the device panicked during the ramp to zero. It then receives no further output.
     pub lost: bool,
     pub ownership: Ownership,
     /// Frame of each of the plan's reads at this tick, while two plans share the device.

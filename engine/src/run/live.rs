@@ -60,7 +60,7 @@ pub enum LiveState {
     Running,
     /// Stopped after the fade-out.
     Stopped,
-    /// Its duration is over; the actuators ramp to zero and stay there.
+    /// The duration is over; the actuators ramp to zero and stay there.
     Finished,
     /// A node panicked; the actuators ramp to zero and stay there.
     Panicked,

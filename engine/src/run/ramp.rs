@@ -21,7 +21,7 @@ pub(super) struct ParamRamp {
     pub to: f64,
     /// Driver frame at which it starts.
     pub begin: u64,
-    /// Its length in driver frames; 0 for a jump.
+    /// The length in driver frames; 0 for a jump.
     pub frames: u64,
 }
 

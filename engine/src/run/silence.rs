@@ -43,7 +43,7 @@ impl SilenceGate {
         self.from + (to - self.from) * along
     }
 
-    /// True if it is open or opening.
+    /// True if the gate is open or opening.
     pub fn is_open(&self) -> bool {
         self.is_open
     }
@@ -59,7 +59,7 @@ impl SilenceGate {
 pub struct InputStatus {
     /// Name of the endpoint.
     pub device: String,
-    /// Its state.
+    /// The state.
     pub state: InputState,
     /// True if its actuators continue while it is silent.
     pub holds: bool,
@@ -95,7 +95,7 @@ pub struct ActuatorLevel {
     pub rms: f64,
     /// Largest magnitude since the last call.
     pub peak: f64,
-    /// Its limit.
+    /// The limit.
     pub limit: Limit,
     /// Number of ticks in which each limit acted since the run began.
     pub clipped: ClipCounts,

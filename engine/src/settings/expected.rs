@@ -69,12 +69,12 @@ impl Expected {
         }
     }
 
-    /// True if it is a number, or a list of numbers.
+    /// True if a number, or a list of numbers, is expected.
     pub fn is_numeric(&self) -> bool {
         matches!(self.form(), Form::Number | Form::NumberList)
     }
 
-    /// True if it is a whole number, or none.
+    /// True if a whole number, or `None`, is expected.
     pub fn is_whole(&self) -> bool {
         match self {
             Self::Whole { .. } => true,

@@ -5,11 +5,11 @@ use super::Settings;
 /// A field of a [`Settings`] struct, from its declaration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeclaredField {
-    /// Its name.
+    /// The name.
     pub name: &'static str,
-    /// True if it can change while the graph runs.
+    /// True if the setting can change while the graph runs.
     pub is_live: bool,
-    /// True if it is the limit of an actuator sink.
+    /// True if the setting is the limit of an actuator sink.
     pub is_limit: bool,
 }
 

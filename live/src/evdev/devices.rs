@@ -58,7 +58,7 @@ struct Reading {
     edits: Sender<Input>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
-    /// True if it came with the last open.
+    /// True if the device was added by the last open.
     is_new: bool,
 }
 

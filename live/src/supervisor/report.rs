@@ -220,7 +220,7 @@ pub struct SilencedActuator {
     pub delivered: f64,
     /// Unit of that value.
     pub unit: String,
-    /// True if that value was zero.
+    /// True if the delivered value was zero.
     pub at_zero: bool,
 }
 

@@ -129,7 +129,7 @@ impl Device for Card {
 pub struct CardOutput {
     /// The stream that it needs.
     pub stream: Request,
-    /// Its channels, its full scale, and the samples for the card's driver.
+    /// The channels, its full scale, and the samples for the card's driver.
     pub playback: Playback,
 }
 
@@ -179,7 +179,7 @@ pub struct CardInput {
     pub endpoint: String,
     /// The stream that it needs.
     pub stream: Request,
-    /// Its channel, counted from 1.
+    /// The channel, counted from 1.
     pub channel: u32,
     /// Value of a full-scale sample, in the unit of the sensor.
     pub full_scale: f64,
@@ -284,7 +284,7 @@ impl CardInput {
         self.reader = Reader(Some(Box::new(Mutex::new(reader))));
     }
 
-    /// True if it reads the samples of a stream.
+    /// True if the endpoint reads the samples of a stream.
     pub fn is_attached(&self) -> bool {
         self.reader.0.is_some()
     }

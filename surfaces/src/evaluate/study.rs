@@ -65,7 +65,7 @@ pub trait TakeSource: Debug + Sync {
     /// The hand's movement.
     fn gesture(&self) -> Gesture;
 
-    /// Its origin.
+    /// The origin.
     fn origin(&self) -> Origin;
 
     /// The recording, from memory or wherever it lies.

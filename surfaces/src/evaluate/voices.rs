@@ -13,20 +13,20 @@ use std::sync::{Mutex, PoisonError};
 /// A vibration to synthesise: see [`synthesise`](super::synthesise).
 #[derive(Debug, Clone, Copy)]
 pub struct Voice<'a> {
-    /// Its texture.
+    /// The texture.
     pub texture: &'a TextureModel,
-    /// Its trajectory.
+    /// The trajectory.
     pub trajectory: &'a Trajectory,
-    /// Its settings.
+    /// The settings.
     pub settings: SynthesisSettings,
 }
 
 /// A vibration to synthesise into memory of the caller.
 #[derive(Debug)]
 pub struct VoiceInto<'a> {
-    /// Its texture.
+    /// The texture.
     pub texture: &'a TextureModel,
-    /// Its speed and force at the updates of its filter.
+    /// The speed and force at the updates of its filter.
     pub points: &'a UpdatePoints,
     /// As [`SynthesisSettings::seed`].
     pub seed: u64,

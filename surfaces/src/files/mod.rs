@@ -274,13 +274,13 @@ pub enum Problem {
         "filter {filter} (from 0) has neither `ar` nor `ar_lsf`; give one of them (or both, if they agree)"
     )]
     EmptyFilter {
-        /// Its number, from 0.
+        /// The number, from 0.
         filter: usize,
     },
     /// A filter's numbers do not make a model.
     #[error("filter {filter} (from 0): {error}")]
     Filter {
-        /// Its number, from 0.
+        /// The number, from 0.
         filter: usize,
         /// The reason.
         error: ModelError,
@@ -288,7 +288,7 @@ pub enum Problem {
     /// A vertex's numbers do not make a model.
     #[error("vertex {vertex} (from 0): {error}")]
     Vertex {
-        /// Its number, from 0.
+        /// The number, from 0.
         vertex: usize,
         /// The reason.
         error: ModelError,
@@ -315,7 +315,7 @@ pub enum FileError {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// Its content is not a surface.
+    /// The content is not a surface.
     #[error("{}: {error}", path.display())]
     Read {
         /// The file.

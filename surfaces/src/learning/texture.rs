@@ -85,9 +85,9 @@ pub struct TextureReport {
 pub struct SegmentReport {
     /// Index of its recording.
     pub recording: usize,
-    /// Its samples.
+    /// The samples.
     pub samples: Range<usize>,
-    /// Its order by minimum description length.
+    /// The order by minimum description length.
     pub order: usize,
     /// Median speed, m/s.
     pub speed_m_s: f64,

@@ -79,7 +79,7 @@ pub struct BadCell {
     pub line: u64,
     /// Column in the file, from 1.
     pub column: usize,
-    /// Its text, if known.
+    /// The text, if known.
     pub text: Option<String>,
 }
 

@@ -66,7 +66,7 @@ pub struct RawHead<'a> {
     pub calibration: &'a Calibration,
     /// The hand's movement.
     pub gesture: Gesture,
-    /// Its origin.
+    /// The origin.
     pub provenance: &'a Provenance,
 }
 
@@ -234,7 +234,7 @@ impl Recording {
         self.gesture
     }
 
-    /// Its origin.
+    /// The origin.
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
     }
@@ -376,7 +376,7 @@ impl ProcessedRecording {
         self.gesture
     }
 
-    /// Its origin.
+    /// The origin.
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
     }
@@ -401,7 +401,7 @@ impl AnyRecording {
         }
     }
 
-    /// Its origin.
+    /// The origin.
     pub fn provenance(&self) -> &Provenance {
         match self {
             AnyRecording::Raw(recording) => &recording.provenance,

@@ -36,7 +36,7 @@ pub(super) struct Head {
 
 /// A row.
 pub(super) struct Row<'a> {
-    /// Its line in the file, from 1.
+    /// The line in the file, from 1.
     pub line: u64,
     text: &'a [u8],
     cells: &'a [Range<usize>],

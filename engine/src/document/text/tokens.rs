@@ -306,7 +306,7 @@ fn output_of(text: &str, start: usize) -> Option<String> {
 struct Arithmetic {
     start: usize,
     end: usize,
-    /// Its result, if it contains numbers only.
+    /// The result, if it contains numbers only.
     result: Option<f64>,
 }
 
@@ -314,7 +314,7 @@ struct Arithmetic {
 const MAX_TRIED: usize = 200;
 const MAX_BYTES: usize = 4096;
 
-/// True if it is a sign of arithmetic, and not that of a number or of a comment.
+/// True if the character is a sign of arithmetic, and not that of a number or of a comment.
 fn is_arithmetic(rest: &str, sign: char, at: usize, before: Option<&Lexeme>) -> bool {
     let ends_value = |token| matches!(token, Token::Number | Token::Name | Token::Close);
     let follows = before.is_some_and(|lexeme| lexeme.end == at && ends_value(lexeme.token));

@@ -56,7 +56,7 @@ pub enum ChangeError {
     MovedDevice {
         /// Name of the device.
         device: String,
-        /// Its driver in the new graph.
+        /// The driver in the new graph.
         driver: String,
     },
     /// A driver adds an actuator before another has released one: both may be the same hardware, which is still warm.
@@ -67,11 +67,11 @@ pub enum ChangeError {
     NotReleased {
         /// The added device.
         device: String,
-        /// Its driver.
+        /// The driver.
         driver: String,
         /// The device that is not released yet.
         left: String,
-        /// Its driver.
+        /// The driver.
         other: String,
     },
 }

@@ -20,7 +20,7 @@ pub const HIERARCHY_VISITS: usize = 2048;
 pub struct LineMeeting {
     /// The point of the surface, m: where the line enters, or the nearest to it; of several, the first along the line.
     pub position_m: Vec3,
-    /// Its triangle; at an edge the one that the line runs against most.
+    /// The triangle; at an edge the one that the line runs against most.
     pub triangle: u32,
     /// Distance by which the line misses, m; 0 if it hits.
     pub miss_m: f64,
@@ -216,7 +216,7 @@ impl Place {
         }
     }
 
-    /// True if it is nearer, or as near and earlier, or equal and more opposed to the line.
+    /// True if the place is nearer, or as near and earlier, or equal and more opposed to the line.
     fn is_before(&self, other: &Self, slack_m: f64) -> bool {
         let (nearer_m, earlier_m) = (other.gap_m - self.gap_m, other.at_m - self.at_m);
         if nearer_m.abs() > slack_m {

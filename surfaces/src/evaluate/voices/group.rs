@@ -83,7 +83,7 @@ struct Buffers {
     out: [Row; BLOCK],
     /// The interpolated models: line spectral frequencies of both polynomials, gains, levels.
     mix: [Row; MIX],
-    /// Their coefficients.
+    /// The coefficients.
     coefficients: [Row; MIX],
 }
 
