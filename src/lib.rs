@@ -5,7 +5,7 @@
 //!
 //! # Features
 //!
-//! | feature | what it adds |
+//! | feature | adds |
 //! |---|---|
 //! | `soundcard` | soundcards; on Linux this needs the headers of ALSA |
 //! | `evdev` | tablets and mice, on Linux |

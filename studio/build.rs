@@ -1,4 +1,4 @@
-//! Takes along the engine for pages where `studio/build-site` built it; without it nothing can be exported.
+//! Includes the WebAssembly engine if `studio/build-site` has built it; without the engine no site can be exported.
 
 #![allow(clippy::print_stdout)]
 
@@ -12,5 +12,5 @@ fn main() {
         false => Vec::new(),
     };
     let folder = std::env::var_os("OUT_DIR").expect("cargo gives a folder");
-    std::fs::write(Path::new(&folder).join("engine.wasm"), module).expect("the module is taken along");
+    std::fs::write(Path::new(&folder).join("engine.wasm"), module).expect("the module can be copied");
 }

@@ -18,11 +18,11 @@ use std::time::Instant;
 pub struct DeviceSpec {
     /// Name in graph files.
     pub name: &'static str,
-    /// What it is.
+    /// Description.
     pub doc: &'static str,
     /// Reference; empty if there is none.
     pub source: &'static str,
-    /// Whether it is a simulation. Every result that depends on it is marked.
+    /// True if the device is a simulation. Every result that depends on it is marked.
     pub simulated: bool,
     /// Channels that sources can read.
     pub senses: &'static [Channel],
@@ -39,9 +39,9 @@ pub struct Channel {
     pub name: &'static str,
     /// Shape of a frame.
     pub kind: Kind,
-    /// What its numbers are.
+    /// Quantity of the components.
     pub quantity: Quantity,
-    /// What it is.
+    /// Description.
     pub doc: &'static str,
 }
 
@@ -70,7 +70,7 @@ pub trait Device: CloneDevice + Send + Sync {
     fn read(&mut self, channel: usize, frame: &mut [f64]);
     /// Receives one limited frame of a driven channel.
     fn write(&mut self, channel: usize, frame: &[f64]);
-    /// Called before the first frame of a live run: values queued before count as heard.
+    /// Called before the first frame of a live run: values queued before it count as received.
     fn begin(&mut self) {}
     /// Polls external input. Called when a driver of a live run wakes, before the frames that are due; they use what
     /// has arrived by `now`.
@@ -92,7 +92,7 @@ pub trait Device: CloneDevice + Send + Sync {
         let _ = channel;
         None
     }
-    /// Its samples, if the clock of its hardware drives the run.
+    /// The samples, if the clock of its hardware drives the run.
     fn playback(&mut self) -> Option<&mut Playback> {
         None
     }
@@ -111,15 +111,15 @@ pub trait Device: CloneDevice + Send + Sync {
 pub struct Playback {
     /// Value of a full-scale sample, in the unit of the sink.
     pub full_scale: f64,
-    /// Counted from 1.
+    /// Channels of the hardware, counted from 1.
     channels: Box<[u32]>,
-    /// Relative to full scale; the first `waiting` are new.
+    /// Samples relative to full scale; the first `waiting` are new.
     samples: Box<[f64]>,
     waiting: usize,
 }
 
 impl Playback {
-    /// Room for so many samples, which go to these channels of the hardware, counted from 1.
+    /// Makes a buffer for `room` samples for these channels of the hardware, counted from 1.
     pub fn new(full_scale: f64, channels: Vec<u32>, room: usize) -> Self {
         Self {
             full_scale,
@@ -169,9 +169,9 @@ pub struct DeviceLatency {
 pub trait CloneDevice {
     /// A copy with the same state.
     fn clone_box(&self) -> Box<dyn Device>;
-    /// For the driver that the device belongs to.
+    /// The device for downcasting, by the driver that it belongs to.
     fn as_any(&self) -> &dyn Any;
-    /// For the driver that the device belongs to.
+    /// The device for downcasting, by the driver that it belongs to.
     fn as_any_mut(&mut self) -> &mut dyn Any;
 }
 
@@ -207,7 +207,7 @@ pub struct DeviceEntry {
     pub spec: &'static DeviceSpec,
     settings: fn() -> Vec<SettingSpec>,
     pub(crate) build: DeviceBuild,
-    /// Whether its channels are those that the graph uses.
+    /// True if its channels are those that the graph uses.
     is_host: bool,
 }
 
@@ -247,12 +247,13 @@ impl DeviceEntry {
         }
     }
 
-    /// Whether it is an endpoint of the program that embeds the graph; its channels are those that the graph uses.
+    /// True if the device is an endpoint of the program that embeds the graph; its channels are those that the graph
+    /// uses.
     pub fn is_host(&self) -> bool {
         self.is_host
     }
 
-    /// Its settings.
+    /// The settings.
     pub fn settings(&self) -> Vec<SettingSpec> {
         (self.settings)()
     }

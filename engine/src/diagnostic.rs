@@ -16,7 +16,7 @@ pub struct Source {
     pub path: PathBuf,
     /// The whole text.
     pub text: Arc<str>,
-    /// Whether it was read from a file, not given on the command line, built in code or taken from the template
+    /// True if the source was read from a file, not given on the command line, built in code or taken from the template
     /// library.
     pub is_file: bool,
 }
@@ -126,20 +126,20 @@ pub struct Label {
     pub text: String,
 }
 
-/// A diagnostic: what, where, why, and what to do.
+/// A diagnostic: the error, its place, the reason and the remedy.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Diagnostic {
     /// A stable code, `E0102` or `W0003`; `docs/diagnostics.md` lists them.
     pub code: &'static str,
     /// Error or warning.
     pub severity: Severity,
-    /// What is wrong, in one sentence.
+    /// The error in one sentence.
     pub message: String,
     /// The value at fault; `None` if it has no text.
     pub primary: Option<Label>,
-    /// Related places (`opened here`, `first given here`).
+    /// Related places, labelled `opened here` or `first given here`.
     pub secondary: Vec<Label>,
-    /// What to do, one line each.
+    /// Remedies, one line each.
     pub help: Vec<String>,
 }
 
@@ -195,7 +195,7 @@ impl Diagnostic {
         self
     }
 
-    /// Adds what to do.
+    /// Adds a remedy.
     #[must_use]
     pub fn help(mut self, text: impl Into<String>) -> Self {
         self.help.push(text.into());

@@ -6,18 +6,18 @@ mod parser;
 
 use std::f64::consts::{E, PI};
 
-/// What is wrong with a formula.
+/// Error of a formula.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}, at character {at} of the formula")]
 pub struct FormulaError {
-    /// Where, counted from 1.
+    /// Position in characters, counted from 1.
     pub at: usize,
-    /// What.
+    /// The error.
     pub message: String,
 }
 
 impl FormulaError {
-    /// The word or sign at fault, as characters of the formula: the first, and the one behind the last.
+    /// The faulty word or sign, as a range of characters of the formula: the first, and one past the last.
     pub fn characters(&self, formula: &str) -> (usize, usize) {
         let first = self.at - 1;
         let is_word = |c: &char| c.is_alphanumeric() || *c == '_';
@@ -103,7 +103,7 @@ impl Formula {
     /// Reads a formula over inputs of these names.
     ///
     /// # Errors
-    /// [`FormulaError`]: what is wrong with it or a name, and where.
+    /// [`FormulaError`] if the formula or a name is invalid.
     pub fn parse(text: &str, inputs: &[&str]) -> Result<Self, FormulaError> {
         let (steps, depth) = parser::steps(text, inputs)?;
         Ok(Self {
@@ -112,12 +112,12 @@ impl Formula {
         })
     }
 
-    /// How many numbers [`compute`](Self::compute) needs to work with, for each frame.
+    /// Number of values that [`compute`](Self::compute) needs as working memory, for each frame.
     pub fn depth(&self) -> usize {
         self.depth
     }
 
-    /// The inputs that it names, as indices.
+    /// Indices of the inputs that the formula names.
     pub fn inputs(&self) -> impl Iterator<Item = usize> {
         self.steps.iter().filter_map(|step| match step {
             Step::Input(input) => Some(*input),
@@ -125,12 +125,12 @@ impl Formula {
         })
     }
 
-    /// Whether it depends on the time since the start.
+    /// True if the result depends on the time since the start.
     pub(crate) fn is_timed(&self) -> bool {
         self.steps.iter().any(|step| matches!(step, Step::Time))
     }
 
-    /// Its value for one value of each input, at time 0; not finite where the formula is not. Allocates.
+    /// The value of the formula for one value of each input, at time 0; may be NaN or infinite. Allocates.
     pub fn value(&self, inputs: &[f64]) -> f64 {
         let mut work = vec![0.0; self.depth];
         self.run(
@@ -143,8 +143,8 @@ impl Formula {
     }
 
     /// Computes `frames` frames: `inputs` gives the samples of each input, `time_s` the time of a frame. The results
-    /// are the first numbers of `work`, which holds at least [`depth`](Self::depth) times `frames`; one that is not
-    /// finite is zero.
+    /// are the first numbers of `work`, which holds at least [`depth`](Self::depth) times `frames`; NaN and infinite
+    /// results are replaced by zero.
     pub fn compute<'a>(
         &self,
         frames: usize,
@@ -218,7 +218,7 @@ pub fn names(formula: &str) -> Vec<&str> {
     names
 }
 
-/// The words of a formula that mean something of their own: functions, constants and the time.
+/// The reserved words of a formula: functions, constants and the time.
 pub fn reserved(formula: &str) -> impl Iterator<Item = &str> {
     let is_word = |word: &&str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
     words(formula).filter(is_word).filter(|word| !is_free(word))
@@ -228,7 +228,7 @@ fn words(formula: &str) -> impl Iterator<Item = &str> {
     formula.split(|c: char| !(c.is_alphanumeric() || c == '_'))
 }
 
-/// Whether an input can have this name: one that means nothing else.
+/// True if an input can have this name, which must not be reserved.
 pub fn is_free(name: &str) -> bool {
     let mut letters = name.chars();
     let is_word = letters.next().is_some_and(|c| c.is_alphabetic() || c == '_')

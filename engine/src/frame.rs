@@ -53,13 +53,13 @@ pub struct Kind(&'static KindSpec);
 pub struct KindSpec {
     /// Name in messages, files and tables: `contact`.
     pub name: &'static str,
-    /// A frame of it in a sentence: `a contact`, `an event`, `weights`.
+    /// A frame of the kind in a sentence: `a contact`, `an event`, `weights`.
     pub one: &'static str,
     /// Name of each component, in the headers of CSV files; their number is the width of a frame.
     pub components: &'static [&'static str],
-    /// What stands where no frame has arrived yet; components beyond its end are 0.
+    /// The neutral frame, used before a frame has arrived; components beyond its end are 0.
     pub neutral: &'static [f64],
-    /// Whether frames may be scaled, summed and filtered component by component.
+    /// True if frames may be scaled, summed and filtered component by component.
     pub is_linear: bool,
     /// Bridges that are made for this kind. `Hold` and `Delay` carry every kind, and bridges that mix components
     /// every linear one.
@@ -71,11 +71,11 @@ pub struct KindSpec {
 /// A number that stands for a whole frame where the level of a signal is shown.
 #[derive(Debug, Clone, Copy)]
 pub struct Level {
-    /// What it is: `penetration`.
+    /// The name: `penetration`.
     pub name: &'static str,
-    /// Its unit; `None` for that of the port's quantity.
+    /// The unit; `None` for that of the port's quantity.
     pub unit: Option<&'static str>,
-    /// Its square, of the components of a frame.
+    /// The square, of the components of a frame.
     pub square: fn(&[f64]) -> f64,
 }
 
@@ -149,7 +149,8 @@ impl Kind {
     /// wrong number of components is a compile error.
     ///
     /// # Panics
-    /// If it has no components, or is linear and has more than a wrench: nodes that take linear frames keep state for those.
+    /// If it has no components, or is linear and has more components than a wrench: nodes that take linear frames keep
+    /// state for six.
     pub const fn new(spec: &'static KindSpec) -> Self {
         assert!(!spec.components.is_empty(), "a frame has at least one component");
         assert!(
@@ -159,7 +160,7 @@ impl Kind {
         Self(spec)
     }
 
-    /// Its specification.
+    /// The specification.
     pub const fn spec(self) -> &'static KindSpec {
         self.0
     }
@@ -169,7 +170,7 @@ impl Kind {
         self.0.components.len()
     }
 
-    /// Whether frames of this kind may be scaled, summed and filtered component by component.
+    /// True if frames of this kind may be scaled, summed and filtered component by component.
     pub const fn is_linear(self) -> bool {
         self.0.is_linear
     }
@@ -190,12 +191,12 @@ impl Kind {
         }
     }
 
-    /// Whether both are equal, for constants.
+    /// True if both are equal, for constants.
     pub(crate) const fn is(self, other: Self) -> bool {
         same(self.0.name, other.0.name) && self.width() == other.width()
     }
 
-    /// Whether two definitions of one name agree in everything but their level and their words.
+    /// True if two definitions of one name agree in everything but their level and their words.
     pub(crate) fn agrees_with(self, other: Self) -> bool {
         let (a, b) = (self.0, other.0);
         (a.name, a.components, a.is_linear, a.bridges) == (b.name, b.components, b.is_linear, b.bridges)
@@ -379,7 +380,7 @@ pub enum Kinds {
 }
 
 impl Kinds {
-    /// Whether one of these has frames of this width.
+    /// True if one of these has frames of this width.
     pub(crate) fn have_width(self, width: usize) -> bool {
         match self {
             Self::One(kind) => kind.width() == width,
@@ -491,9 +492,9 @@ pub trait Record: OneKind + Sized {
 /// Something that may happen at a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Event {
-    /// Did it happen at this tick?
+    /// True if the event happened at this tick.
     pub fired: bool,
-    /// Its value, in the port's quantity; 0 when it did not fire.
+    /// The value, in the port's quantity; 0 when it did not fire.
     pub value: f64,
 }
 

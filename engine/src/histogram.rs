@@ -33,17 +33,17 @@ impl Histogram {
         self.max_ns = self.max_ns.max(ns);
     }
 
-    /// How many durations were counted.
+    /// Number of durations counted.
     pub fn total(&self) -> u64 {
         self.total
     }
 
-    /// The largest, exactly, ns.
+    /// The largest duration, exactly, ns.
     pub fn max_ns(&self) -> u64 {
         self.max_ns
     }
 
-    /// Counts what another one has counted.
+    /// Adds the counts of another histogram.
     pub fn add(&mut self, other: &Self) {
         for (count, more) in self.counts.iter_mut().zip(&other.counts) {
             *count += more;
@@ -52,7 +52,7 @@ impl Histogram {
         self.max_ns = self.max_ns.max(other.max_ns);
     }
 
-    /// The duration that a fraction of all do not exceed, ns; 0 when nothing was counted.
+    /// The duration that this fraction of all durations does not exceed, ns; 0 if nothing was counted.
     pub fn quantile_ns(&self, fraction: f64) -> u64 {
         let wanted = (fraction * self.total as f64).ceil().max(1.0) as u64;
         let mut seen = 0;
@@ -89,7 +89,7 @@ impl SharedHistogram {
         self.max_ns.fetch_max(ns, Relaxed);
     }
 
-    /// What was counted so far.
+    /// The counts so far.
     pub fn read(&self) -> Histogram {
         let counts: Vec<u64> = self.counts.iter().map(|count| count.load(Relaxed)).collect();
         Histogram {
@@ -119,13 +119,13 @@ impl Default for AgeMeter {
 }
 
 impl AgeMeter {
-    /// The newest of what has arrived is of this moment. To be called when it can be read already, so that no age is
-    /// taken for less than it is.
+    /// Records that the newest data are of this moment. To be called once they can be read, so that no age is
+    /// underestimated.
     pub fn news(&self, of: Instant) {
         self.newest_ns.store(self.ns_at(of), Relaxed);
     }
 
-    /// Something was read at this moment that is `older_s` older than the newest.
+    /// Records that data were read at this moment that are `older_s` older than the newest.
     pub fn read(&self, now: Instant, older_s: f64) {
         let newest_ns = self.newest_ns.load(Relaxed);
         let older_ns = (1e9 * older_s).max(0.0) as u64;
@@ -133,13 +133,13 @@ impl AgeMeter {
             .record(self.ns_at(now).saturating_sub(newest_ns) + older_ns);
     }
 
-    /// How old the newest of what has arrived is at this moment.
+    /// Age of the newest data at this moment.
     pub fn newest(&self, now: Instant) -> Duration {
         let newest_ns = self.newest_ns.load(Relaxed);
         Duration::from_nanos(self.ns_at(now).saturating_sub(newest_ns))
     }
 
-    /// The ages of what was read so far.
+    /// The ages of the data read so far.
     pub fn ages(&self) -> Histogram {
         self.ages.read()
     }

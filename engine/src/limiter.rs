@@ -56,7 +56,7 @@ pub struct Limit {
     pub slew_per_s: Option<f64>,
 }
 
-/// Why a [`Limit`] cannot be kept.
+/// Reason why a [`Limit`] is invalid.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LimitError {
@@ -65,10 +65,10 @@ pub enum LimitError {
     NotPositive {
         /// The setting.
         name: &'static str,
-        /// Its value.
+        /// The value.
         value: f64,
     },
-    /// More continuous than peak.
+    /// The continuous limit is above the peak.
     #[error("the continuous limit {continuous} is above the peak {peak}: lower it to at most the peak")]
     ContinuousAbovePeak {
         /// The setting `continuous`.
@@ -246,7 +246,7 @@ impl<const N: usize> Limiter<N> {
         self.budget = -self.heat.mean_square(self.window_s);
     }
 
-    /// Whether its heat includes a time of unknown output.
+    /// True if its heat includes a time of unknown output.
     pub(crate) fn has_unknown_history(&self) -> bool {
         self.heat.is_partly_unknown()
     }

@@ -13,19 +13,19 @@ use std::sync::Arc;
 /// Forms of a connection that are no registered bridges.
 pub(crate) const RESERVED: [&str; 3] = ["Ring", "Delay", "Input"];
 
-/// A former name of a node kind: graph files that have it load as if they had the kind.
+/// A former name of a node kind, which graph files may still use.
 #[derive(Debug, Clone, Copy)]
 pub struct Alias {
     /// The former name.
     pub former: &'static str,
     /// The name of the kind.
     pub kind: &'static str,
-    /// Writes the fields of the former kind as those of the kind; messages go on naming the former.
+    /// Converts the fields of the former kind to those of the kind; messages still name the former kind.
     pub(crate) rewrite: fn(&mut Fields, &mut Reading<'_>),
 }
 
 impl Alias {
-    /// An alias, with what writes the fields of the former kind as those of the kind.
+    /// Makes an alias, with the function that converts the fields of the former kind to those of the kind.
     pub const fn new(
         former: &'static str,
         kind: &'static str,
@@ -135,7 +135,7 @@ impl Registry {
         self
     }
 
-    /// Adds a former name of a node kind. A kind or template of that name is taken instead.
+    /// Adds a former name of a node kind. A kind or template of that name takes precedence.
     pub fn add_alias(&mut self, alias: Alias) -> &mut Self {
         self.aliases.push(alias);
         self
@@ -252,7 +252,7 @@ impl Registry {
         self.aliases.iter().find(|alias| alias.former == former).copied()
     }
 
-    /// The node kind that is meant by this name, which may be a former one.
+    /// The node kind of this name or former name.
     pub fn node_meant(&self, name: &str) -> Option<NodeEntry> {
         let alias = || self.node(self.alias(name)?.kind);
         self.node(name).or_else(alias)
@@ -279,7 +279,7 @@ impl Registry {
     }
 }
 
-/// What is registered by name, each with names of its own.
+/// The namespaces of a registry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Namespace {
     Nodes,

@@ -1,7 +1,7 @@
-//! Nodes that are described while the program runs, like classes of a scripting language.
+//! Nodes whose kinds are defined at run time, such as classes of a scripting language.
 //!
-//! They are registered as all node kinds are. Their processors may allocate, lock and take their time, so no live run
-//! takes them: they are for trying an idea offline.
+//! They are registered like all node kinds. Their processors may allocate, lock and take any time, so live runs refuse
+//! them: they are for offline prototypes.
 
 use crate::diagnostic::Diagnostic;
 use crate::graph::{Graph, Node};
@@ -10,14 +10,15 @@ use crate::settings::{Fields, Reading, SettingSpec};
 
 /// A kind of node whose ports and settings are known only when the program runs.
 ///
-/// It is registered by [`NodeEntry::scripted`](crate::node::NodeEntry::scripted), and lives as long as the program.
+/// The type is registered by [`NodeEntry::scripted`](crate::node::NodeEntry::scripted), and lives as long as the
+/// program.
 pub trait ScriptedKind: Send + Sync + 'static {
     /// Ports and documentation.
     fn spec(&'static self) -> &'static NodeSpec;
-    /// Its settings, in the order of declaration; none of them is live.
+    /// The settings, in the order of declaration; none of them is live.
     fn settings(&self) -> Vec<SettingSpec>;
-    /// Takes its settings out of `fields` and returns what builds the processor. On `None` at least one diagnostic was
-    /// reported.
+    /// Takes its settings out of `fields` and returns the function that builds the processor. On `None` at least one
+    /// diagnostic was reported.
     fn read(&'static self, fields: &mut Fields, reading: &mut Reading<'_>) -> Option<ScriptBuild>;
 }
 
@@ -30,7 +31,7 @@ pub type ScriptBuild = Box<dyn FnOnce(&BuildContext) -> Result<Box<dyn Processor
 pub struct OfflineOnly {
     /// Path of the node.
     pub node: String,
-    /// Its kind.
+    /// The kind.
     pub kind: &'static str,
 }
 
@@ -51,14 +52,14 @@ pub(crate) fn read(
     }))
 }
 
-/// The finding that a scripted node raised an exception while it ran; `traceback` says where in the script.
+/// The diagnostic of a scripted node that raised an exception while it ran; `traceback` is its place in the script.
 pub fn raised(node: &Node, exception: &str, traceback: &str) -> Diagnostic {
     let message = format!("`{}` raised {exception}", node.path);
     Diagnostic::error("E0801", node.span, message).help(traceback)
 }
 
 impl Graph {
-    /// Its scripted nodes; a graph that has one runs offline only.
+    /// The scripted nodes; a graph that has one runs offline only.
     pub fn scripted_nodes(&self) -> impl Iterator<Item = &Node> {
         self.nodes().iter().filter(|node| node.entry.is_scripted())
     }

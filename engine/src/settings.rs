@@ -27,31 +27,31 @@ use std::path::{Path, PathBuf};
 /// Specification of a setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SettingSpec {
-    /// Its name, with its unit: `cutoff_hz`.
+    /// The name, with its unit: `cutoff_hz`.
     pub name: &'static str,
-    /// From the doc comment.
+    /// Description, from the doc comment.
     pub doc: String,
-    /// What a value has to be.
+    /// The values that the setting accepts.
     pub expected: Expected,
-    /// The unit of its numbers, as its name says, with the scale to SI.
+    /// The unit of its numbers, from its name, with the scale to SI.
     pub unit: Option<Unit>,
-    /// Default in RON; `None` if it has to be given.
+    /// Default in RON; `None` if the setting is required.
     pub default: Option<String>,
     /// Smallest and largest value.
     pub range: Option<(f64, f64)>,
-    /// Whether it can change while the graph runs.
+    /// True if the setting can change while the graph runs.
     pub live: bool,
-    /// Whether it is a whole number. Such a setting jumps to a new value.
+    /// True if the value is a whole number. Such a setting jumps to a new value.
     pub whole: bool,
-    /// Whether it is a frequency that must stay below half the rate of its node.
+    /// True if the value is a frequency that must stay below half the rate of its node.
     pub below_nyquist: bool,
-    /// What the engine takes it for.
+    /// Role of the setting in the engine.
     pub role: SettingRole,
-    /// Its fields or choices, if it is a structure or an enum.
+    /// The fields or choices, if it is a structure or an enum.
     pub parts: Vec<Part>,
 }
 
-/// What the engine takes a setting for, whatever its name.
+/// Role of a setting in the engine, independent of its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SettingRole {
     /// A setting of the node alone.
@@ -64,7 +64,7 @@ pub enum SettingRole {
 }
 
 impl SettingSpec {
-    /// A setting of type `T` that is not live; `default` as [`settings!`](crate::settings!) has it.
+    /// Makes a setting of type `T` that is not live; `default` as in [`settings!`](crate::settings!).
     pub fn new<T: Setting>(
         name: &'static str,
         doc: String,
@@ -93,9 +93,9 @@ impl SettingSpec {
 pub struct Part {
     /// Name of the choice; none for a structure.
     pub choice: Option<&'static str>,
-    /// From the doc comment.
+    /// Description, from the doc comment.
     pub doc: String,
-    /// Its fields, in the order of declaration.
+    /// The fields, in the order of declaration.
     pub fields: Vec<SettingSpec>,
 }
 
@@ -104,7 +104,7 @@ pub trait Settings: Sized + 'static {
     /// The fields among which [`SettingId::of`] looks a name up, in the order of declaration; may be empty if none is live
     /// or a limit.
     const FIELDS: &'static [DeclaredField];
-    /// Its fields, in the order of declaration.
+    /// The fields, in the order of declaration.
     fn specs() -> Vec<SettingSpec>;
     /// Takes its fields out of `fields`. `None` after at least one reported diagnostic.
     fn take_from(fields: &mut Fields, reading: &mut Reading<'_>) -> Option<Self>;
@@ -112,21 +112,21 @@ pub trait Settings: Sized + 'static {
 
 /// A type that a setting can have.
 pub trait Setting: Sized {
-    /// What a value has to be.
+    /// The values that the type accepts.
     fn expected() -> Expected;
     /// Reads a value. `None` after at least one reported diagnostic.
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self>;
-    /// Its value as it stands in a graph file, without a place; [`read`](Self::read) gives it back.
+    /// The value as it stands in a graph file, without a place; [`read`](Self::read) gives it back.
     fn value(&self) -> Value;
     /// The value in RON.
     fn show(&self) -> String {
         self.value().into_text()
     }
-    /// Its fields or choices, for the reference.
+    /// The fields or choices, for the reference.
     fn parts() -> Vec<Part> {
         Vec::new()
     }
-    /// Its value as a number, for the check of the range.
+    /// The value as a number, for the check of the range.
     fn number(&self) -> Option<f64> {
         None
     }
@@ -142,12 +142,12 @@ pub struct Reading<'a> {
     pub files: &'a mut Vec<PathBuf>,
     /// The setting that is being read.
     pub setting: Option<&'static str>,
-    /// The first source that is no file: what was given on the command line.
+    /// The first source that is not a file but was given on the command line.
     pub first_given: u32,
 }
 
 impl Reading<'_> {
-    /// Reports that `value` is not what was expected there.
+    /// Reports that `value` is not of the expected type.
     pub fn mismatch(&mut self, value: &Value, expected: &Expected) {
         let found = match &value.shape {
             Shape::Number(_, text) => text.clone(),

@@ -4,12 +4,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 crate::choices! {
-    /// What the silence of a live input does to every actuator that depends on it.
+    /// Effect of the silence of a live input on every actuator that depends on it.
     pub enum OnSilence {
-        /// The actuators ramp to zero through their limiters, and back through a ramp when the input is heard again.
+        /// The actuators ramp to zero through their limiters, and back through a ramp when data arrive again.
         Zero,
         /// The actuators go on: position and force hold their last values, a soundcard's signal reads zero. Until the
-        /// input is heard for the first time its actuators are at zero.
+        /// first data arrive, its actuators are at zero.
         Hold,
     }
 }
@@ -53,16 +53,16 @@ impl InputCell {
 /// Live input of a device. Copies of the device share its cell.
 #[derive(Debug, Clone)]
 pub struct LiveInput {
-    /// Its state.
+    /// The state.
     pub cell: Arc<InputCell>,
-    /// Whether the actuators that depend on it continue while it is silent.
+    /// True if the actuators that depend on it continue while it is silent.
     pub holds: bool,
     /// Time without new data after which it is silent, s.
     pub timeout_s: f64,
 }
 
 impl LiveInput {
-    /// Whether an actuator that depends on it is enabled. An actuator of the device itself (`own`) is disabled while
+    /// True if an actuator that depends on it is enabled. An actuator of the device itself (`own`) is disabled while
     /// the device is silent or jumps.
     pub(crate) fn lets_through(&self, own: bool) -> bool {
         match self.cell.get() {

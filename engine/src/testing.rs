@@ -1,4 +1,4 @@
-//! A bench that runs one node outside a graph: for tests of nodes, the shipped ones and yours.
+//! A bench that runs one node outside a graph, for tests of nodes.
 //!
 //! ```
 //! use haptograph_engine::frame::{Kind, Linear};
@@ -47,7 +47,7 @@ use crate::node::{
 use crate::plan::MAX_BLOCK;
 use haptograph_signal::time::Rate;
 
-/// The most frames a node on the bench gets at a time.
+/// Largest number of frames that a node on the bench receives at a time.
 pub const MAX_FRAMES: usize = MAX_BLOCK;
 
 /// A node, its clock and its wires.
@@ -58,7 +58,7 @@ pub struct Bench {
     wires: Vec<ResolvedInput>,
     memory: Memory,
     outputs: &'static [OutputSpec],
-    /// In the order of the outputs.
+    /// Places in memory, in the order of the outputs.
     placings: Vec<Placing>,
     out: Memory,
 }
@@ -73,7 +73,7 @@ impl Bench {
     /// [`BuildError`] as the node reports it.
     ///
     /// # Panics
-    /// Where the rate is not a whole number of hertz above zero.
+    /// If the rate is not a whole number of hertz above zero.
     pub fn new<K: NodeKind>(
         settings: K::Settings,
         rate_hz: f64,
@@ -158,7 +158,7 @@ impl Bench {
     }
 
     /// Puts frames on the wires, the components of each input frame by frame; equal successive frames of a held input
-    /// make one run. At most [`MAX_FRAMES`]; all inputs have to have the same number.
+    /// make one run. At most [`MAX_FRAMES`]; all inputs must have the same number.
     pub fn load(&mut self, inputs: &[&[f64]], frames: usize) {
         assert!(frames <= MAX_FRAMES, "at most {MAX_FRAMES} frames at a time");
         self.tick.first += self.tick.frames as u64;
@@ -188,8 +188,8 @@ impl Bench {
         self.processor.process(&self.tick, &mut io);
     }
 
-    /// The same for a single frame that was loaded, in the way of the engine: without ports where the node can be run
-    /// so, by `process` where it cannot. Tells which it was.
+    /// Runs a single loaded frame as the engine does: without ports if the node has a single-frame form, else by
+    /// `process`. Returns true if it ran without ports.
     pub fn step_single(&mut self) -> bool {
         assert_eq!(self.tick.frames, 1, "a single frame");
         let from = match &self.wires[..] {
@@ -219,7 +219,7 @@ impl Bench {
     /// The frames of an output after [`step`](Self::step).
     ///
     /// # Panics
-    /// If the handle is of another node, whose frames are wider or narrower.
+    /// If the handle is of another node, whose frames have another width.
     pub fn output<F: FrameKind>(&self, output: Output<F>) -> F::Frames<'_> {
         let placing = self.placings.get(output.index());
         let width = placing.map_or(0, |placing| placing.width as usize);
@@ -243,12 +243,12 @@ impl Bench {
         &self.out.all()[start as usize..][..self.tick.frames * width as usize]
     }
 
-    /// Runs the node over signals that are all there, in blocks of [`MAX_FRAMES`]; the components of every output.
+    /// Runs the node over whole signals, in blocks of [`MAX_FRAMES`]. Returns the components of every output.
     pub fn run(&mut self, inputs: &[&[f64]]) -> Vec<Vec<f64>> {
         self.run_in_blocks(inputs, &[MAX_FRAMES])
     }
 
-    /// The same in blocks of the given sizes, over and over.
+    /// Like [`run`](Self::run), in blocks of the given sizes, which are repeated.
     pub fn run_in_blocks(&mut self, inputs: &[&[f64]], blocks: &[usize]) -> Vec<Vec<f64>> {
         let first = self.wires.iter().zip(inputs);
         let frames = first
@@ -263,7 +263,7 @@ impl Bench {
         self.run_frames(frames, &[], &[MAX_FRAMES])
     }
 
-    /// Runs the node for a number of frames in blocks of the given sizes, over and over.
+    /// Runs the node for a number of frames in blocks of the given sizes, which are repeated.
     pub fn run_frames(&mut self, frames: usize, inputs: &[&[f64]], blocks: &[usize]) -> Vec<Vec<f64>> {
         let mut outputs = vec![Vec::new(); self.placings.len()];
         let (mut done, mut blocks) = (0, blocks.iter().copied().cycle());
@@ -288,12 +288,12 @@ impl Bench {
         outputs
     }
 
-    /// Puts the clock where another bench's is.
+    /// Sets the clock to that of another bench.
     pub fn skip_to(&mut self, other: &Self) {
         self.tick = other.tick;
     }
 
-    /// What is connected to each input.
+    /// The kind connected to each input; `None` if there is none.
     pub fn kinds(&self) -> &[Option<Kind>] {
         &self.kinds
     }

@@ -14,10 +14,11 @@ pub type Lives = Vec<(usize, Live)>;
 /// Reaches the real devices of some kinds in a live run.
 ///
 /// 1. [`open`](Self::open) connects the devices of a graph. Another graph may be opened during the run.
-/// 2. [`drive`](Self::drive) takes the drivers whose clocks its devices are, and starts them, once.
+/// 2. [`drive`](Self::drive) takes and starts, once, the drivers whose clocks are devices of the backend.
 /// 3. [`keep`](Self::keep) or [`undo`](Self::undo) follows each open: the graph runs, or it does not after all.
 /// 4. [`poll`](Self::poll), [`status`](Self::status) and [`counts`](Self::counts) serve the supervisor.
-/// 5. [`close`](Self::close) waits for the drivers and returns what they drove. Dropping it disconnects the devices.
+/// 5. [`close`](Self::close) waits for the drivers and returns the live runs that they drove. Dropping it disconnects
+///    the devices.
 ///
 /// A backend has one entry in [`BACKENDS`], or one that a program adds to its registry. This one reaches a printer, which sends
 /// and counts nothing:
@@ -68,7 +69,7 @@ pub trait Backend: Send {
         let _ = graph;
     }
 
-    /// Takes the drivers whose clocks its devices are, and starts them.
+    /// Takes and starts the drivers whose clocks are devices of the backend.
     ///
     /// # Errors
     /// [`BackendError`] if a driver cannot be started.
@@ -77,23 +78,23 @@ pub trait Backend: Send {
         Ok(())
     }
 
-    /// What has happened since the last call.
+    /// Events since the last call.
     fn poll(&mut self) -> Vec<BackendEvent> {
         Vec::new()
     }
 
-    /// Its connections and drivers. The run ends when all drivers are [`State::Finished`].
+    /// Connections and drivers of the backend. The run ends when all drivers are [`State::Finished`].
     fn status(&self) -> Vec<Connected>;
 
-    /// What each of its connections counted, in the order of [`status`](Self::status).
+    /// Counts of each connection, in the order of [`status`](Self::status).
     fn counts(&self) -> Vec<Counts>;
 
-    /// Rings from the clocks of its devices to the graph's.
+    /// Rings from the clocks of the backend's devices to those of the graph.
     fn rings(&self) -> Vec<RingReport> {
         Vec::new()
     }
 
-    /// Waits for its drivers, whose stop flags are set, and returns what they drove.
+    /// Waits for the drivers, whose stop flags are set, and returns the live runs that they drove.
     ///
     /// # Errors
     /// [`BackendError::Lost`] if a driver's thread panicked.
@@ -108,15 +109,15 @@ pub trait Backend: Send {
 pub struct Connected {
     /// Names of the endpoints; of a driver, its clock.
     pub names: Vec<String>,
-    /// What it does.
+    /// Role of the connection.
     pub role: Role,
-    /// The clock that it drives.
+    /// The clock that a driver drives; `None` for other roles.
     pub clock: Option<usize>,
     /// Address, path, port, stream or timer.
     pub place: String,
-    /// Whether it works.
+    /// State of the connection or driver.
     pub state: State,
-    /// What the system refused at its start, and how to allow it.
+    /// Privileges that the system refused at the start, and how to grant them.
     pub refused: Vec<String>,
 }
 
@@ -134,13 +135,13 @@ impl Connected {
     }
 }
 
-/// What a connection does.
+/// Role of a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Role {
-    /// It drives a part of the graph.
+    /// The connection drives a part of the graph.
     Driver,
-    /// It brings the samples of a sensor.
+    /// The connection delivers the samples of a sensor.
     Input,
     /// It exchanges the latest values with a device.
     Link,
@@ -151,13 +152,13 @@ pub enum Role {
 pub enum State {
     /// It works.
     Running,
-    /// Its device is gone and may come back.
+    /// The device is gone and may come back.
     Waiting,
     /// The run is over, and every actuator of the driver is at zero.
     Finished,
 }
 
-/// What a connection counted.
+/// Counts of a connection.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Counts {
@@ -226,7 +227,7 @@ pub enum BackendError {
     NotBuilt {
         /// Name of the endpoint.
         device: String,
-        /// What is missing.
+        /// The hardware that cannot be reached, in the plural.
         what: &'static str,
         /// The cargo feature.
         feature: &'static str,
@@ -234,13 +235,13 @@ pub enum BackendError {
     /// A soundcard cannot be used.
     #[error(transparent)]
     Soundcard(#[from] SoundcardError),
-    /// The graph needs streams that the run has not.
+    /// The graph needs soundcard streams that the run does not have.
     #[error("the graph needs {0}, which this run does not have; start a new run")]
     Stream(&'static str),
     /// No thread can be started.
     #[error(transparent)]
     Thread(std::io::Error),
-    /// Nothing drives a clock.
+    /// A clock has no driver.
     #[error("nothing drives the clock `{0}`: this program was built without the feature `timer`")]
     NoDriver(String),
     /// A driver's thread panicked.
@@ -256,18 +257,18 @@ pub struct BackendEntry {
     pub what: &'static str,
     /// The cargo feature of this crate; empty for a backend of the program's own.
     pub feature: &'static str,
-    /// Device kinds that it reaches.
+    /// Device kinds that the backend reaches.
     pub kinds: &'static [&'static str],
-    /// Whether this program was built with it.
+    /// True if this program was built with the backend.
     pub is_built: bool,
-    /// Whether it can drive a graph.
+    /// True if the backend can drive a graph.
     pub drives: bool,
-    /// Makes it, without connections; `None` if this program was built without it.
+    /// Makes the backend, without connections; `None` if this program was built without it.
     pub(crate) new: Option<fn() -> Box<dyn Backend>>,
 }
 
-/// All backends. Those that drive come in the order in which they take drivers: a missing soundcard is found before a timer
-/// moves anything.
+/// All backends. Those that drive a graph come in the order in which they take drivers: a missing soundcard is found
+/// before a timer moves anything.
 pub const BACKENDS: [BackendEntry; 7] = [
     crate::soundcard::BACKEND,
     crate::evdev::BACKEND,
@@ -320,12 +321,12 @@ impl BackendEntry {
         self
     }
 
-    /// Whether it reaches a device.
+    /// True if the backend reaches a device.
     pub fn reaches(&self, device: &GraphDevice) -> bool {
         self.kinds.contains(&device.entry.spec.name)
     }
 
-    /// The endpoints of a graph that it reaches.
+    /// The endpoints of a graph that the backend reaches.
     pub fn endpoints(self, graph: &Graph) -> impl Iterator<Item = &str> {
         let own = graph.devices().iter().filter(move |device| self.reaches(device));
         own.map(|device| &*device.name)
@@ -340,7 +341,7 @@ impl BackendEntry {
     }
 }
 
-/// In place of a backend that is not built.
+/// Stands in for a backend that is not built, and refuses its devices.
 struct Missing(BackendEntry);
 
 impl Backend for Missing {

@@ -42,7 +42,7 @@ use haptograph_nodes::network::link::Counts as PacketCounts;
 /// ```
 pub struct Connections {
     backends: Vec<Member>,
-    /// Whether a graph was connected since the last error, undo or keep.
+    /// True if a graph was connected since the last error, undo or keep.
     is_undoable: bool,
 }
 
@@ -127,7 +127,7 @@ impl Connections {
         }
     }
 
-    /// What has happened since the last call.
+    /// Events since the last call.
     pub fn poll(&mut self) -> Vec<BackendEvent> {
         self.all_mut().flat_map(|backend| backend.poll()).collect()
     }
@@ -145,7 +145,7 @@ impl Connections {
         all.filter(|connected| connected.role == Role::Driver)
     }
 
-    /// All connections and drivers of a role, with what they counted.
+    /// All connections and drivers of a role, with their counts.
     pub fn counted(&self, role: Role) -> impl Iterator<Item = (Connected, Counts)> {
         let all = self.all();
         let all = all.flat_map(|backend| backend.status().into_iter().zip(backend.counts()));
@@ -163,13 +163,14 @@ impl Connections {
         })
     }
 
-    /// The OSC addresses at a device's port to which messages came that no device listens to, and how many.
+    /// The OSC addresses of messages that came to a device's port and that no device listens to, with the number of
+    /// messages.
     pub fn unclaimed(&self, device: &str) -> Vec<(String, u64)> {
         let mut known = self.packets().filter(|(name, ..)| name == device);
         known.next().map_or_else(Vec::new, |(.., unclaimed)| unclaimed)
     }
 
-    /// Where a device is listened to or read from.
+    /// Address, path or port at which a device is read.
     pub fn place(&self, device: &str) -> Option<String> {
         let mut links = self.status().into_iter();
         let known =
@@ -182,7 +183,7 @@ impl Connections {
         self.all().flat_map(|backend| backend.rings())
     }
 
-    /// Ends the drivers and returns what they drove.
+    /// Ends the drivers and returns the live runs that they drove.
     ///
     /// # Errors
     /// [`BackendError::Lost`] if a driver's thread panicked.

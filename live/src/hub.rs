@@ -1,4 +1,4 @@
-//! Inputs of one number each that share a place: the hub listens there, on a thread, for all of them.
+//! Inputs of one number each that share an address or a port: a hub listens there for all of them, on one thread.
 
 use crate::backend::{Backend, BackendError, Connected, Counts};
 use haptograph_engine::device::DeviceKind;
@@ -21,12 +21,12 @@ pub(crate) trait Port: Send + 'static {
     /// Selects a number there.
     type Selector: Clone + PartialEq + Display + Debug + Send;
 
-    /// What an input selects, and where.
+    /// The selector of an input, and the place where it listens.
     fn select(
         settings: &<Self::Kind as DeviceKind>::Settings,
     ) -> std::io::Result<(Self::Place, Self::Selector)>;
 
-    /// Whether both are one place, whatever their settings.
+    /// True if both places are the same, whatever their settings.
     fn is_same(one: &Self::Place, other: &Self::Place) -> bool {
         one == other
     }
@@ -51,7 +51,7 @@ pub(crate) struct Route<S> {
     /// Silence after which its input counts as gone.
     pub timeout: Duration,
     pub link: Arc<Link>,
-    /// Whether it came with the last open.
+    /// True if the connection was added by the last open.
     pub is_new: bool,
 }
 
@@ -148,7 +148,7 @@ impl<P: Port> Hubs<P> {
         Box::new(Self(Vec::new()))
     }
 
-    /// The link of an input, at a hub that listens already or from now on.
+    /// The link of an input, at the hub of its place, which is opened if there is none.
     fn link(
         &mut self,
         device: &str,
@@ -238,7 +238,7 @@ impl<P: Port> Backend for Hubs<P> {
     }
 }
 
-/// What a link counted.
+/// Counts of a link.
 pub(crate) fn packets(link: &Link) -> Counts {
     Counts::Packets(link.counts(), link.unclaimed.list())
 }

@@ -7,10 +7,10 @@
 //!
 //! # Features
 //!
-//! | feature | default | what it adds |
+//! | feature | default | adds |
 //! |---|---|---|
 //! | `supervisor` | yes | supervision of a live run, with `timer` and `osc` |
-//! | `timer` | with `supervisor` | timers, which drive what no soundcard drives |
+//! | `timer` | with `supervisor` | timers, which drive the clocks that no soundcard drives |
 //! | `udp` | with `osc` | devices of other programs, by the device protocol |
 //! | `osc` | with `supervisor` | devices, inputs and settings by Open Sound Control, with `udp` |
 //! | `soundcard` | | soundcards, with `timer`; on Linux this needs the headers of ALSA, on macOS and Windows they are always there |

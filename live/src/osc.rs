@@ -19,7 +19,7 @@ pub(crate) use {
 
 use crate::backend::BackendEntry;
 
-/// Inputs by Open Sound Control. Devices are of the backend of UDP, which has their addresses.
+/// Inputs by Open Sound Control. Devices by Open Sound Control belong to the backend of UDP, which has their sockets.
 pub const BACKEND: BackendEntry = BackendEntry {
     what: "Open Sound Control",
     feature: "osc",

@@ -21,7 +21,7 @@ impl SettingValue {
     }
 }
 
-/// As a graph file has it: reading the text of a number gives the same bits.
+/// As in a graph file: reading the text of a number gives the same bits.
 impl fmt::Display for SettingValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

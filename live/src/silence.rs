@@ -29,7 +29,7 @@ fn press(link: &Link, force_n: f64) {
 pub(crate) struct Rig {
     pub lives: Vec<Live>,
     session: Session,
-    /// What `out` delivered.
+    /// The delivered signal of `out`.
     pub signal: Vec<f64>,
 }
 

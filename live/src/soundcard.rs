@@ -1,4 +1,4 @@
-//! Soundcards: they drive a live run by their clock, and listen to sensors.
+//! Soundcards, whose clock drives a live run, and whose inputs read sensors.
 //!
 //! Access to a real card needs cpal, which on Linux needs the headers of ALSA: it is the feature `soundcard`, always on
 //! where no system package is needed (macOS, Windows). Which streams a graph requests is known in every build.
@@ -80,7 +80,7 @@ pub enum SoundcardError {
     Unknown {
         /// The requested name.
         wanted: String,
-        /// Whether it should play or listen.
+        /// The requested direction, as a verb: `plays` or `listens`.
         does: &'static str,
         /// The cards that exist.
         found: String,
@@ -114,11 +114,11 @@ pub struct Listed {
     pub listens: Option<Ability>,
 }
 
-/// What a card supports in one direction.
+/// The capabilities of a card in one direction.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Ability {
-    /// Whether it is the system's default.
+    /// True if the card is the system's default.
     pub default: bool,
     /// Supported streams, one per line.
     pub formats: Vec<String>,

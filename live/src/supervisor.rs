@@ -95,7 +95,7 @@ const MAX_HANDLED: usize = 64;
 pub struct Supervisor {
     /// The graph that ran first.
     graph: Arc<Graph>,
-    /// What runs, with the present parameters.
+    /// The graph that runs, with the present parameters.
     source: GraphSource,
     /// The parameters that the run began with.
     given: Vec<(String, String)>,
@@ -158,7 +158,7 @@ pub struct Ended {
 impl Supervisor {
     /// Queues a request for the next [`poll`](Self::poll).
     ///
-    /// Of a program's requests for one name the latest counts.
+    /// If a program requests one name several times, the latest value counts.
     pub fn request(&mut self, request: Request) {
         if request.origin == Origin::Program {
             let same = |known: &Request| known.origin == Origin::Program && known.name == request.name;
@@ -167,7 +167,7 @@ impl Supervisor {
         self.requests.push(self.inbox.sender().ordered(request));
     }
 
-    /// Queues another value of a parameter or live setting, by the embedding program.
+    /// Queues a new value of a parameter or live setting, from the embedding program.
     ///
     /// A live setting (`out.gain`) takes a number, with exactly its bits. For a parameter (`gain`) the graph is loaded
     /// again, on another thread.
@@ -207,12 +207,12 @@ impl Supervisor {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Stops all drivers and waits until none drives any device: after a panic of the caller.
+    /// Stops all drivers and waits until none drives any device. For use after a panic of the caller.
     pub fn stop_now(&mut self) {
         self.drivers.stop();
     }
 
-    /// Whether the run is over: every actuator is at zero, or nothing drives it any more.
+    /// True if the run is over: every actuator is at zero, or nothing drives it any more.
     pub fn is_finished(&self) -> bool {
         self.drivers.is_finished(self.stop.load(Ordering::Relaxed))
     }
@@ -233,7 +233,7 @@ impl Supervisor {
         }
     }
 
-    /// Does what is due, without waiting: polls devices and files, handles requests, loads and swaps graphs.
+    /// Does all work that is due, without waiting: polls devices and files, handles requests, loads and swaps graphs.
     pub fn poll(&mut self) -> Vec<Event> {
         for event in self.drivers.poll() {
             self.events.extend(self.notes.add(event).map(Event::Device));
@@ -264,7 +264,8 @@ impl Supervisor {
         std::mem::take(&mut self.events)
     }
 
-    /// Completes the files and returns what the run did. A run that is not [finished](Self::is_finished) is stopped first.
+    /// Completes the files and returns the outcome of the run. A run that is not [finished](Self::is_finished) is
+    /// stopped first.
     ///
     /// # Errors
     /// [`BackendError::Lost`] if a driver's thread panicked.
@@ -311,7 +312,7 @@ impl Supervisor {
         })
     }
 
-    /// What drives the run, in words.
+    /// Description of the drivers of the run.
     pub fn description(&self) -> String {
         drivers::description(&self.drivers)
     }
@@ -321,7 +322,7 @@ impl Supervisor {
         self.drivers.status()
     }
 
-    /// What the system refused at the start, and how to allow it, one sentence each.
+    /// Privileges that the system refused at the start, and how to grant them, one sentence each.
     pub fn refused_at_start(&self) -> &[String] {
         &self.refused_at_start
     }
@@ -331,7 +332,7 @@ impl Supervisor {
         &self.unrested
     }
 
-    /// Where settings are received by Open Sound Control.
+    /// Address at which settings are received by Open Sound Control.
     pub fn osc_address(&self) -> Option<SocketAddr> {
         self.osc.as_ref().map(OscControl::address)
     }
@@ -348,7 +349,7 @@ impl Supervisor {
         self.parameters.iter().map(parameter).chain(live).collect()
     }
 
-    /// What was set, when and by whom, one line each.
+    /// The changes of settings, each with its time and origin, one line each.
     pub fn history(&self) -> String {
         self.history.lines()
     }

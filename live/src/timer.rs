@@ -1,4 +1,4 @@
-//! Timers: they drive what no soundcard drives.
+//! Timers, which drive the clocks that no soundcard drives.
 
 #[cfg(feature = "timer")]
 mod drivers;

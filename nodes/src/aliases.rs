@@ -2,7 +2,7 @@
 
 use haptograph_engine::registry::Alias;
 
-/// Fields of a `Contact` and of every node, and what no node has; all others were those of a shape.
+/// Fields of a `Contact` and of every node, and fields that no node has; all others were those of a shape.
 const OF_CONTACT: [&str; 5] = ["position", "proxy_diameter_mm", "clock", "only", "endpoint"];
 /// The same for a mesh, whose tool was a point always.
 const OF_MESH: [&str; 4] = ["position", "clock", "only", "endpoint"];

@@ -17,7 +17,7 @@ use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind, Record};
 /// towards the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Contact {
-    /// Whether the tool touches the object.
+    /// True if the tool touches the object.
     pub touching: bool,
     /// Haptic interface point (HIP): position of the device, m.
     pub hip_m: Vec3,

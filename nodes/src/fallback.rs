@@ -26,7 +26,7 @@ impl Fallback {
         }
     }
 
-    /// Whether the input is connected.
+    /// True if the input is connected.
     pub fn is_connected(&self, cx: &BuildContext) -> bool {
         cx.is_connected(self.input)
     }

@@ -70,7 +70,7 @@ struct Tuning {
     settings: [f64; MOST],
     /// The frequencies last requested. The sections keep their old ones where these give no filter.
     asked: [f64; MOST],
-    /// Whether one of the frequencies is a signal.
+    /// True if one of the frequencies is a signal.
     follows: bool,
 }
 

@@ -1,7 +1,7 @@
 //! The node kinds of haptograph: sensing, texture, friction, tapping, actuators, simulated bodies.
 //!
-//! [`registry`] has them all. Each is declared in one place: its settings, its ports and its documentation are what
-//! graphs are checked against and what `haptograph nodes` prints.
+//! [`registry`] has them all. Each is declared in one place: graphs are checked against its settings and ports, and
+//! `haptograph nodes` prints them with its documentation.
 //!
 //! ```
 //! use haptograph_engine::document::Document;
@@ -26,7 +26,7 @@
 //!
 //! # Features
 //!
-//! | feature | default | what it adds |
+//! | feature | default | adds |
 //! |---|---|---|
 //! | `touch` | yes | contact, friction, taps, textures, actuators, simulated bodies, devices, recording and plots; without it a program builds 51 crates in place of 115 |
 //! | `serde` | | the counts of a device's packets can be serialised |

@@ -50,7 +50,7 @@ fn inside_the_run(file: &str, endings: &[&str]) -> Result<PathBuf, BuildError> {
     Ok(path.to_owned())
 }
 
-/// Whether every file system accepts this part of a path.
+/// True if every file system accepts this part of a path.
 fn is_portable(part: &str) -> bool {
     let stem = part.split('.').next().unwrap_or_default().to_ascii_lowercase();
     let is_port = |name: &str| {

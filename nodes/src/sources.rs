@@ -15,7 +15,7 @@ use haptograph_engine::node::{
 };
 
 haptograph_engine::choices! {
-    /// What a source outputs after the end of its file.
+    /// Output of a source after the end of its file.
     pub enum AtEnd {
         /// The run ends: the last frame of the data is the last one of the run.
         Stop,

@@ -11,7 +11,7 @@ use super::theme;
 use haptograph_engine::graph::Graph;
 use sketch::{NodeBox, Role, Sketch};
 
-/// The drawing of `graph` as a standalone SVG file.
+/// Draws `graph` as a standalone SVG file.
 pub fn standalone_svg(graph: &Graph, title: &str) -> String {
     draw(&Sketch::of(graph), title, &theme::css())
 }

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Name of the file with the facts, in the folder of a run.
 pub const FILE: &str = "run.json";
 
-/// The fact that the headlines of a page state already.
+/// Key of the fact that the headlines of a page already state.
 const LIMITS: &str = "limits";
 
 /// A fact: key in `run.json`, name on the page, value.

@@ -17,7 +17,7 @@ pub use super::texture_map::{strokes_on_map, triangulation};
 /// Display unit of a quantity: for example millimetres and degrees Celsius.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unit {
-    /// Its symbol; empty for plain numbers.
+    /// The symbol; empty for plain numbers.
     pub symbol: String,
     factor: f64,
     offset: f64,

@@ -16,7 +16,7 @@ pub struct Headline {
     pub label: String,
     /// Value with its unit.
     pub value: String,
-    /// What the value refers to.
+    /// The reference of the value: its signal, or its conditions.
     pub of: String,
 }
 

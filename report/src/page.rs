@@ -24,7 +24,7 @@ pub struct Page<'a> {
     pub title: String,
     /// The description in the graph's file.
     pub about: String,
-    /// Which part of the run is simulated.
+    /// The simulated part of the run.
     pub simulation: Simulation,
     /// Headlines, shown before those of the sound.
     pub headlines: Vec<Headline>,
@@ -48,7 +48,7 @@ pub struct Page<'a> {
     pub drawing: String,
 }
 
-/// Which part of a run is simulated.
+/// The simulated part of a run.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum Simulation {
     /// Nothing.

@@ -105,11 +105,11 @@ pub struct Image {
 /// Style of a mark.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Style {
-    /// Its colour.
+    /// The colour.
     pub ink: Ink,
     /// Name in the legend; empty to omit it.
     pub name: String,
-    /// Its weight.
+    /// The weight.
     pub weight: Weight,
 }
 

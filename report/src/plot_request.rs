@@ -24,7 +24,7 @@ pub struct PlotRequest {
     pub title: String,
     /// Form of the plot.
     pub form: Form,
-    /// Its signals, in the order of the inputs.
+    /// The signals, in the order of the inputs.
     pub signals: Vec<WatchedOutput>,
     /// Names of the signals in the plot: the node alone if it has a single output.
     pub names: Vec<String>,

@@ -116,7 +116,7 @@ pub fn friction(graph: &Graph) -> Option<Friction> {
     })
 }
 
-/// Whether an output declares itself a coefficient of friction, which its quantity, a plain number, does not tell.
+/// True if an output is declared as a coefficient of friction. Its quantity is a plain number and does not show this.
 fn is_friction_coefficient(node: &Node, output: usize) -> bool {
     let Some(port) = node.outputs.get(output) else {
         return false;

@@ -319,8 +319,8 @@ fn body_of_device(entry: &DeviceEntry) -> String {
     );
     source(&mut text, spec.source);
     let channel = |c: &'static Channel| (c.name, format!("{}, {}", c.kind, c.quantity), c.doc);
-    ports(&mut text, "Senses", spec.senses.iter().map(channel));
-    ports(&mut text, "Is driven by", spec.drives.iter().map(channel));
+    ports(&mut text, "Read by sources", spec.senses.iter().map(channel));
+    ports(&mut text, "Driven by sinks", spec.drives.iter().map(channel));
     settings(&mut text, &entry.settings());
     example(&mut text, spec.example);
     text

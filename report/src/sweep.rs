@@ -16,15 +16,15 @@ use haptograph_surfaces::TextureModel;
 /// One run of a sweep.
 #[derive(Debug)]
 pub struct SweptRun<'a> {
-    /// Its settings, as a name.
+    /// Name of the run, from its settings.
     pub name: String,
     /// Header of its column: only the value if the runs differ in one parameter.
     pub head: String,
     /// URL of its own page, relative to this one.
     pub page: Option<String>,
-    /// Its signals, the same in every run.
+    /// The signals of the run; every run has the same.
     pub signals: Vec<Recorded>,
-    /// Its traces for each plot that the graph requests.
+    /// The traces of the run for each plot that the graph requests.
     pub drawn: Vec<RunTraces<'a>>,
     /// Warnings.
     pub warnings: Vec<String>,
@@ -39,7 +39,7 @@ pub struct SweepPage<'a> {
     pub about: String,
     /// The parameter in which the runs differ, if there is only one.
     pub over: Option<String>,
-    /// Which part of the runs is simulated.
+    /// The simulated part of the runs.
     pub simulation: Simulation,
     /// The signals that yield the friction coefficient.
     pub friction: Option<Friction>,

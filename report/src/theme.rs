@@ -15,7 +15,7 @@ pub enum Ink {
     Olive,
     /// The sixth.
     Rose,
-    /// The colour of what only gives orientation.
+    /// The colour of grids and other elements for orientation.
     Grey,
 }
 

@@ -228,7 +228,7 @@ fn warped_voice() {
     }
 }
 
-/// What new coefficients cost by themselves.
+/// The cost of new coefficients alone.
 fn updates() {
     let sets = models(BLOCK / FRAME, 0);
     let (mut plain, mut warped) = (ArmaFilter::new(Form::Lattice), WarpedLattice::new());

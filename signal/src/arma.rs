@@ -153,7 +153,7 @@ fn check(ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
     }
 }
 
-/// Whether this state is to be cleared: all of it silent, or some of it NaN or infinite.
+/// True if this state is to be cleared: all of it silent, or some of it NaN or infinite.
 fn is_over(inputs: &[f64], outputs: &[f64]) -> bool {
     let silent =
         |values: &[f64]| gather(values, |most, v| if v.abs() > most { v.abs() } else { most }) < SILENCE;
@@ -162,7 +162,7 @@ fn is_over(inputs: &[f64], outputs: &[f64]) -> bool {
     !sounds && silent(outputs) && silent(inputs) || !(are_finite(inputs) && are_finite(outputs))
 }
 
-/// Whether every value is finite.
+/// True if every value is finite.
 fn are_finite(values: &[f64]) -> bool {
     // Nothing times those is nothing; times the others it is not a number.
     gather(values, |sum, v| sum + v * 0.0) == 0.0

@@ -1,7 +1,7 @@
 //! Arithmetic on every sample of a block, compiled for several instruction sets and dispatched at run time.
 //!
-//! Each sample is computed by the same operations in the same order, and fused are only those that say so, so that the bits
-//! depend neither on the instruction set nor on the block.
+//! Each sample is computed by the same operations in the same order, and no operation is fused unless its function says
+//! so. The bits therefore depend neither on the instruction set nor on the block.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -65,7 +65,7 @@ pub fn mix(gains: [f64; 2], a: &[f64], b: &[f64], y: &mut [f64]) {
     );
 }
 
-/// Every sample of `y` from the one of `x`, up to the shorter of the two.
+/// Computes every sample of `y` from that of `x`, up to the shorter of the two.
 ///
 /// `f` has to be marked `#[inline(always)]` to be compiled for the instruction set.
 #[inline]
@@ -77,7 +77,7 @@ pub fn map(x: &[f64], y: &mut [f64], f: impl Fn(f64) -> f64) {
     in_blocks(Map { x, y, f });
 }
 
-/// Every sample of `y` from those of `a` and `b`, up to the shortest; `f` as in [`map`].
+/// Computes every sample of `y` from those of `a` and `b`, up to the shortest; `f` as in [`map`].
 #[inline]
 pub fn zip(a: &[f64], b: &[f64], y: &mut [f64], f: impl Fn(f64, f64) -> f64) {
     if let ([a], [b], [y]) = (a, b, &mut *y) {

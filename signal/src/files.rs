@@ -16,19 +16,19 @@ use std::io::{self, BufRead, Read};
 use std::path::{Path, PathBuf};
 pub use write::{TEMPORARY, is_temporary, write_atomically, write_atomically_by};
 
-/// Most names that are read of one folder: the chunks of the largest batch twice, and more.
+/// Largest number of names that are read from one folder: more than twice the chunks of the largest batch.
 pub const MAX_NAMES: usize = 500_000;
 /// Longest line that is read from terminals and other programs, bytes.
 pub const MAX_LINE_BYTES: usize = 64 << 10;
 
-/// Why a file or line is refused. An [`io::Error`] carries it.
+/// Reason for refusing a file or a line. An [`io::Error`] carries it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
     /// The path leads to a folder, pipe, socket or device.
     #[error("it is {found}, not a regular file")]
     NotRegular {
-        /// Its type.
+        /// The type.
         found: &'static str,
     },
     /// The file is not a serial port or other terminal.
@@ -37,7 +37,7 @@ pub enum Refusal {
     /// The path is outside the folders that may be read, whether it exists or not.
     #[error("it is outside the folders that may be read here")]
     Outside,
-    /// The file is longer than the bound, by the bytes read.
+    /// More bytes were read than the bound allows.
     #[error("it is longer than {max_bytes} bytes")]
     TooLong {
         /// The bound.
@@ -100,7 +100,7 @@ impl Read for Bounded {
     }
 }
 
-/// Opens a regular file for reading at most so many bytes.
+/// Opens a regular file for reading at most `max_bytes` bytes.
 ///
 /// Never blocks. The type is checked after opening, so that the file cannot be replaced in between. A thread that is
 /// confined to [`Roots`] opens nothing else.
@@ -135,7 +135,7 @@ fn length(file: &File) -> io::Result<u64> {
     file.length()
 }
 
-/// Whether the path is a regular file that may be read.
+/// True if the path is a regular file that may be read.
 pub fn is_file(path: &Path) -> bool {
     let Ok(path) = roots::admitted(path) else {
         return false;
@@ -146,7 +146,7 @@ pub fn is_file(path: &Path) -> bool {
     return memory::is_file(&path);
 }
 
-/// Whether the path is a folder that may be read.
+/// True if the path is a folder that may be read.
 pub fn is_folder(path: &Path) -> bool {
     let Ok(path) = roots::admitted(path) else {
         return false;
@@ -261,7 +261,7 @@ fn kind(of: std::fs::FileType) -> &'static str {
     if of.is_dir() { "a folder" } else { "something else" }
 }
 
-/// Reads a regular file of at most so many bytes.
+/// Reads a regular file of at most `max_bytes` bytes.
 ///
 /// # Errors
 /// As [`open`].
@@ -276,7 +276,7 @@ pub fn read(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads a regular UTF-8 file of at most so many bytes.
+/// Reads a regular UTF-8 file of at most `max_bytes` bytes.
 ///
 /// # Errors
 /// As [`open`]; and [`io::ErrorKind::InvalidData`] if it is not UTF-8.
@@ -285,7 +285,7 @@ pub fn read_text(path: &Path, max_bytes: u64) -> io::Result<String> {
     String::from_utf8(read(path, max_bytes)?).map_err(not_text)
 }
 
-/// The lines of a source without their ends, each of at most so many bytes. A longer line is skipped and gives
+/// The lines of a source without their ends, each of at most `max_bytes` bytes. A longer line is skipped and gives
 /// [`Refusal::TooLong`].
 pub fn lines(mut source: impl BufRead, max_bytes: usize) -> impl Iterator<Item = io::Result<Vec<u8>>> {
     std::iter::from_fn(move || line(&mut source, max_bytes).transpose())

@@ -45,7 +45,7 @@ impl Biquad {
         a: [0.0, 0.0],
     };
 
-    /// Whether both poles lie inside the unit circle.
+    /// True if both poles lie inside the unit circle.
     pub fn is_stable(&self) -> bool {
         let [a1, a2] = self.a;
         a2.abs() < 1.0 && a1.abs() < 1.0 + a2
@@ -133,7 +133,7 @@ impl Sections {
         samples / rate_hz
     }
 
-    /// Whether every pole lies inside the unit circle.
+    /// True if every pole lies inside the unit circle.
     pub fn is_stable(&self) -> bool {
         self.sections.iter().all(Biquad::is_stable)
     }

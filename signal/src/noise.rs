@@ -239,7 +239,7 @@ fn length(word: u64) -> f64 {
     (-2.0 * ln(2.0 - one_to_two)).sqrt() // ln of a number in (0, 1]
 }
 
-/// Its direction from the lower 26 bits.
+/// The direction of the pair, from the lower 26 bits.
 #[inline(always)]
 fn direction(word: u64) -> (f64, f64) {
     // 24 bits make an angle in one quarter of the circle; the last two choose the quarter, as a swap of cosine and sine

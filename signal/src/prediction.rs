@@ -25,7 +25,7 @@ pub enum PredictionError {
     Unstable {
         /// Which coefficient, from 1.
         order: usize,
-        /// Its value.
+        /// The value.
         reflection: f64,
     },
     /// A NaN or infinite coefficient.
@@ -242,7 +242,7 @@ pub(crate) fn step_down(ar: &mut [f64]) -> Result<(), PredictionError> {
 /// [`step_down`] of as many polynomials as there are lanes, row k the coefficients `a_{k+1}` of all, with the same
 /// bits.
 ///
-/// Whether all are stable; if not, the rows are of no meaning.
+/// Returns true if all are stable; otherwise the rows are meaningless.
 #[inline(always)]
 #[must_use]
 pub(crate) fn step_down_lanes<const L: usize>(rows: &mut [[f64; L]]) -> bool {
@@ -279,7 +279,7 @@ fn lower_order_lanes<const L: usize>(rows: &mut [[f64; L]], unstable: &mut [f64;
 /// [`ladder`] of as many filters as there are lanes, with the same bits: `sine` has the coefficients of `A(z)`, then 0, and `taps`
 /// those of `B(z)` from 1 on, then 0, a row each.
 ///
-/// Whether all are stable; if not, the rows are of no meaning. The taps of a stable one may be infinite.
+/// Returns true if all are stable; otherwise the rows are meaningless. The taps of a stable one may be infinite.
 #[inline(always)]
 #[must_use]
 pub(crate) fn ladder_lanes<const L: usize>(

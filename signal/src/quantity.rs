@@ -86,7 +86,7 @@ impl Quantity {
             .map(|(quantity, ..)| *quantity)
     }
 
-    /// Its name, where it has one.
+    /// The name of the quantity, if it has one.
     pub fn name(self) -> Option<&'static str> {
         Self::NAMED
             .iter()
@@ -94,7 +94,7 @@ impl Quantity {
             .map(|(_, name, _)| *name)
     }
 
-    /// Its SI unit: the usual symbol, or the product of base units.
+    /// The SI unit of the quantity: the usual symbol, or the product of base units.
     pub fn unit(self) -> String {
         if let Some((.., unit)) = Self::NAMED.iter().find(|(known, ..)| *known == self) {
             return (*unit).to_owned();

@@ -61,9 +61,7 @@ pub enum SpectrumError {
     #[error("a segment must have at least one sample")]
     EmptySegment,
     /// An overlap as long as the segment.
-    #[error(
-        "an overlap of {overlap} samples leaves segments of {segment} no way forward; it must be smaller"
-    )]
+    #[error("an overlap of {overlap} samples must be shorter than the segment, which has {segment}")]
     OverlapTooLarge {
         /// Samples in a segment.
         segment: usize,
@@ -87,7 +85,7 @@ pub enum SpectrumError {
 }
 
 /// Welch's estimate: the mean over overlapping segments of `segment` samples, `overlap` of them shared with the next,
-/// under a periodic window. What is left at the end of `x` is not used.
+/// under a periodic window. Samples left over at the end of `x` are not used.
 ///
 /// # Errors
 /// [`SpectrumError`] for an empty segment, an overlap as long as it, a signal shorter than it, a bad rate.
@@ -223,7 +221,7 @@ pub fn arma_density(ar: &[f64], ma: &[f64], variance: f64, rate_hz: f64, frequen
     sides * variance / rate_hz * magnitude_squared(ma) / magnitude_squared(ar)
 }
 
-/// What [`welch`] gives on average for a process with these autocovariances (lag 0 first, at least `segment` of them;
+/// The expected value of [`welch`] for a process with these autocovariances (lag 0 first, at least `segment` of them;
 /// missing ones count as zero): the model's spectrum convolved with the window's response.
 ///
 /// # Errors
@@ -299,7 +297,7 @@ impl Periodogram {
         })
     }
 
-    /// How many frequencies from 0 to Nyquist.
+    /// Number of frequencies from 0 to Nyquist.
     fn bins(&self) -> usize {
         self.window.len() / 2 + 1
     }

@@ -124,7 +124,8 @@ impl fmt::Debug for Rate {
     }
 }
 
-/// A common time base: every clock ticks at whole multiples of its own whole period, counted in a unit all share.
+/// A common time base: every clock ticks at whole multiples of its own whole period, counted in a unit that all clocks
+/// share.
 ///
 /// Tick k of a clock with period P happens at unit kP, so that questions such as "which slow frame was the latest
 /// at this fast tick" are integer divisions, and have one answer whatever the block size.
@@ -178,13 +179,13 @@ impl TimeBase {
         self.periods[clock]
     }
 
-    /// How many units a second has.
+    /// Number of units in a second.
     pub fn units_per_second(&self) -> f64 {
         self.units_per_second.hz()
     }
 }
 
-/// How many ticks of a clock with this period happen strictly before `unit`.
+/// Number of ticks of a clock with this period strictly before `unit`.
 pub fn ticks_before(unit: u64, period: u64) -> u64 {
     unit.div_ceil(period)
 }

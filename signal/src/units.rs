@@ -1,15 +1,15 @@
-//! Units: at the end of the names of columns and settings (`stylus.force_n`, `speed_mm_s`), and as people read them.
+//! Units: as suffixes of the names of columns and settings (`stylus.force_n`, `speed_mm_s`), and as displayed symbols.
 
 use crate::quantity::Quantity;
 
 use std::borrow::Cow;
 
-/// The unit of a setting, as the end of its name says.
+/// The unit of a setting, by the suffix of its name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unit {
-    /// As people write it: `mm/s`.
+    /// The displayed symbol: `mm/s`.
     pub symbol: Cow<'static, str>,
-    /// What is measured, and SI per unit; none of a unit that no factor converts: °C and dB.
+    /// The quantity, and the SI value of one unit; `None` for °C and dB, which no factor converts.
     pub scale: Option<(Quantity, f64)>,
 }
 
@@ -85,7 +85,7 @@ const UNITS: &[Row] = &[
 /// Units that no factor converts: the ends of their names, and their symbols.
 const WITHOUT_A_FACTOR: [(&str, &str); 2] = [("_db", "dB"), ("_c", "°C")];
 
-/// Units that people read in place of those of SI.
+/// Units that are displayed in place of SI units.
 const SHOWN: [&str; 4] = ["_mm", "_mm_s", "_n_mm", "_n_per_mm"];
 
 /// The suffix of a column of this quantity in SI; none for a plain number.
@@ -102,7 +102,7 @@ pub fn suffix(quantity: Quantity) -> String {
     }
 }
 
-/// The symbol of the unit in which people read a quantity, and SI per unit: N/mm, 1000.
+/// The symbol of the unit in which a quantity is displayed, and the SI value of one unit: N/mm, 1000.
 pub fn shown(quantity: Quantity) -> (String, f64) {
     let shown = of(quantity).find(|unit| SHOWN.contains(&unit.suffix));
     match shown.or_else(|| of(quantity).find(|unit| unit.si == 1.0)) {

@@ -59,7 +59,7 @@ pub(crate) fn residual_share(ar: &[f64], warping: f64, product: &mut [f64]) -> R
         .product())
 }
 
-/// What is wrong with the first of some models in lanes that is refused.
+/// The error of the first refused model among the models in lanes, with its lane.
 #[cold]
 pub(crate) fn first_error<const L: usize, E: From<PredictionError>>(
     ar: &[[f64; L]],

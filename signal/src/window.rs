@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-/// Which samples of the raised cosine a window takes.
+/// Symmetry of a window: about its middle, or as one period of a periodic function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Symmetry {
     /// First and last sample equal: for designing filters.

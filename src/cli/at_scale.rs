@@ -73,7 +73,7 @@ pub struct Folder {
     /// Learn one of several parts of the surfaces of a folder
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
-    /// What one surface is learned from
+    /// The recordings that one surface is learned from
     #[arg(long, value_enum)]
     by: Option<By>,
 }

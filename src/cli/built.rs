@@ -33,7 +33,7 @@ pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
     )))
 }
 
-/// How to build haptograph with these features.
+/// The command that builds haptograph with these features.
 fn how_to_build(features: &[&str]) -> String {
     let of_alsa = [soundcard::BACKEND.feature, midi::BACKEND.feature];
     let headers = match features.iter().any(|feature| of_alsa.contains(feature)) {
@@ -48,7 +48,7 @@ fn how_to_build(features: &[&str]) -> String {
     )
 }
 
-/// Why the sound of a run cannot be played, what that means for the run, and where the sound can be heard.
+/// The error that the sound of a run cannot be played, with the effect on the run and the page that plays the sound.
 pub fn cannot_play(error: &SoundcardError, run: &str) -> Failure {
     let help = match error {
         SoundcardError::NotBuilt => format!("; {}", how_to_build(&[soundcard::BACKEND.feature])),

@@ -66,17 +66,17 @@ struct Found {
     bands: BandErrors,
     /// Excess kurtosis of both.
     kurtosis: [f64; 2],
-    /// None where neither file has force and speed.
+    /// `None` if neither file has force and speed.
     envelope: Option<Envelope>,
     sd: Option<f64>,
 }
 
-/// How far levels over 50 ms are apart, dB, beside what they can be held against.
+/// Distance between the levels over 50 ms, dB, with its references.
 struct Envelope {
     error_db: f64,
-    /// What the force and speed of a file leave unexplained of its own levels.
+    /// The part of a file's own levels that its force and speed do not explain.
     unexplained_db: f64,
-    /// How far those of two noises with that file's spectrum are apart.
+    /// Distance between the levels of two noises with the spectrum of that file.
     between_seeds_db: f64,
 }
 

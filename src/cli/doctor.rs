@@ -24,7 +24,7 @@ pub struct Arguments {
 struct Finding {
     what: &'static str,
     found: String,
-    /// What to do; `None` if nothing is wrong.
+    /// The remedy; `None` if nothing is wrong.
     advice: Option<&'static str>,
 }
 

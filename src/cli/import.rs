@@ -1,9 +1,9 @@
-//! Command-line flags for what tables do not state themselves.
+//! Command-line flags for facts that tables do not state themselves.
 
 use crate::engine::settings::closest;
 use crate::surfaces::recording::{ImportSettings, QUANTITIES};
 
-/// How the tables of other data loggers are read.
+/// Flags for reading the tables of other data loggers.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Reading tables")]
 pub struct Import {

@@ -72,17 +72,17 @@ impl Arguments {
     }
 }
 
-/// How textures are learned.
+/// Flags of learning textures.
 #[derive(Debug, clap::Args)]
 pub struct Settings {
-    /// How the three axes of acceleration become one
+    /// The reduction of the three axes of acceleration to one
     #[arg(long, value_enum, default_value_t = Reduction::Dft321)]
     reduction: Reduction,
     /// Resample vibrations to this rate first; default: their own rate. At a lower rate models of the same
     /// order resolve lower frequencies
     #[arg(long = "rate", value_name = "HZ")]
     rate_hz: Option<f64>,
-    /// How a texture is learned
+    /// The learning method of textures
     #[arg(long, value_enum, default_value_t = Method::Law)]
     method: Method,
     /// The order of all models; default: 20, or with the thesis's method the median of the segments' orders
@@ -94,10 +94,10 @@ pub struct Settings {
     /// The highest order of a segment's model (thesis's method)
     #[arg(long, value_name = "P", default_value_t = 20)]
     max_order: usize,
-    /// How a segment's innovation variance is estimated during the search for breaks (thesis's method)
+    /// The estimator of a segment's innovation variance during the search for breaks (thesis's method)
     #[arg(long, value_enum, default_value_t = segment::Variance::LeastSquares)]
     variance: segment::Variance,
-    /// How the coefficients of a segment are estimated (thesis's method)
+    /// The estimator of a segment's coefficients (thesis's method)
     #[arg(long, value_enum, default_value_t = Fit::YuleWalker)]
     fit: Fit,
     /// Keep outlier models (thesis's method)

@@ -48,8 +48,7 @@ struct Server<'r> {
 #[derive(Default)]
 struct Open {
     text: String,
-    /// What can be connected, with its kind and quantity, when the graph was last sound: it is not while one
-    /// types.
+    /// The outputs that can be connected, with kind and quantity, from the last text without errors.
     outputs: Vec<(String, String)>,
 }
 

@@ -50,7 +50,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     if failed { Err(Failure::Reported) } else { Ok(()) }
 }
 
-/// What was done with a file, or why it failed.
+/// The change made to a file, or the reason of a failure.
 type Done = Result<String, Failure>;
 
 fn recover(path: &Path) -> Result<Vec<Done>, Failure> {

@@ -32,7 +32,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use summary::Summary;
 
-/// Run a graph and write what its sinks receive, with a page to look at
+/// Run a graph and write the signals of its sinks, with a page to look at
 #[derive(Debug, Clone, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
@@ -191,7 +191,7 @@ fn has_end(arguments: &Arguments) -> bool {
     !arguments.live || arguments.duration_s.is_some()
 }
 
-/// A run before its start: its file sinks, and what completes it afterwards.
+/// A run before its start: its file sinks, and the data that complete it afterwards.
 struct RunSetup<'a> {
     file_sinks: FileSinks<'a>,
     completion: Completion,

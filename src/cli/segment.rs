@@ -26,7 +26,7 @@ pub struct Arguments {
     /// The column to segment, by its name in the header
     #[arg(long, value_name = "NAME")]
     column: String,
-    /// How to minimise the objective: exactly, or by the thesis's island genetic algorithm
+    /// The search for the minimum: exact, or by the thesis's island genetic algorithm
     #[arg(long, value_enum, default_value_t = Method::Exact)]
     method: Method,
     /// The fewest samples a segment may have
@@ -35,7 +35,7 @@ pub struct Arguments {
     /// The highest order of a segment's model
     #[arg(long, value_name = "P", default_value_t = 20)]
     max_order: usize,
-    /// How a segment's innovation variance is estimated
+    /// The estimator of a segment's innovation variance
     #[arg(long, value_enum, default_value_t = Variance::LeastSquares)]
     variance: Variance,
     /// Seed of the genetic algorithm; default: 1

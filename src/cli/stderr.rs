@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 /// Maximum number of queued messages; further ones are counted and the count is printed.
 const MAX_QUEUED: usize = 1024;
-/// How long a stopped command waits for a blocked reader.
+/// Time for which a stopped command waits for a blocked reader.
 const PATIENCE: Duration = Duration::from_millis(500);
 const POLL_PERIOD: Duration = Duration::from_millis(2);
 

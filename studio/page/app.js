@@ -1,4 +1,4 @@
-// The studio: what the engine last said, what the page may ask of it, and the panels that show and do so.
+// The studio: the latest messages of the engine, the requests that the page may send, and its panels.
 import { mountArming } from "./arming.js";
 import { mountCompare } from "./compare.js";
 import { Connection } from "./connection.js";
@@ -20,7 +20,7 @@ import { Taps } from "./taps.js";
 
 const VERSION = 1;
 
-// Emits `hello`, `graph`, `status` when the engine says them and `value` ({ name, value }) when a setting changes.
+// Emits `hello`, `graph`, `status` when the engine sends them and `value` ({ name, value }) when a setting changes.
 class Studio extends Emitter {
     constructor() {
         super();
@@ -49,12 +49,12 @@ class Studio extends Emitter {
         return currentSurface(this.graph);
     }
 
-    // Does the engine run, as far as is known, without a STOP that it has not confirmed?
+    // True if the engine runs according to its latest status, and no STOP waits for confirmation.
     get runs() {
         return this.connection.open && this.status?.state === "running";
     }
 
-    // May this page put a hand on the pad now?
+    // True if this page may put a hand on the pad now.
     mayTouch() {
         return this.runs && this.status.owner;
     }
@@ -69,7 +69,7 @@ class Studio extends Emitter {
         this.#changed(name, value);
     }
 
-    // The reply's `error` says what the first problem is.
+    // The reply's `error` is the first problem.
     async parameter(name, value) {
         const reply = await this.connection.request({ type: "parameter", name, value });
         const first = reply.diagnostics?.[0]?.message;
@@ -121,7 +121,7 @@ class Studio extends Emitter {
         for (const [name, value] of this.values) this.emit("value", { name, value });
     }
 
-    // An engine that was told to stop is "stopping", whatever older statuses say, until it says that it is stopped.
+    // After STOP the engine's state is "stopping", whatever older statuses say, until its status is "stopped".
     #follow(received) {
         const before = this.status;
         const stops = received.state === "running" && this.connection.stopping;
@@ -167,13 +167,13 @@ class Studio extends Emitter {
     }
 }
 
-// What lies over the pad while it cannot be touched, and what to do about it.
+// The text over the pad while it cannot be touched, with its button.
 function coverSays(studio) {
     const { status } = studio;
     const { engine, open } = studio.connection;
     if (!open) return null;
     if (engine?.waits)
-        return ["The engine runs in this page. Browsers let it begin only when you say so.", "Start", () => engine.start()];
+        return ["The engine runs in this page. Browsers start it only when you press the button.", "Start", () => engine.start()];
     const stop = stopSays(studio);
     if (stop) return [`${stop.text}.`, stop.label, stop.action];
     if (status && !status.owner) return ["Another page owns the pad.", "Take over", () => studio.own()];
@@ -191,7 +191,7 @@ function cover(studio) {
     find("pad-cover-button").onclick = says[2];
 }
 
-// Escape and full stop are STOP, unless one writes or what has the focus took the key for itself.
+// Escape and full stop are STOP, unless a text field or the element with the focus handles the key.
 function mountStop(studio) {
     find("stop").addEventListener("click", () => studio.stop());
     window.addEventListener("keydown", (event) => {
@@ -216,7 +216,7 @@ async function mountGraphChoice({ connection: { engine } }) {
     });
 }
 
-// A unit as it is printed: "m/s2" as m/s², and none where it is a plain number.
+// A unit as it is printed: "m/s2" as m/s², empty for a plain number.
 const printed = (unit) =>
     unit === "1"
         ? ""

@@ -1,4 +1,5 @@
-// Real actuators: they get zeros until they are armed here, and only while this page is seen and its owner's.
+// Real actuators: they get zeros until they are armed here, and stay armed only while this page is visible and is the
+// owner.
 import { find, setText } from "./dom.js";
 
 const HOLD_MS = 50;
@@ -20,7 +21,7 @@ export function mountArming(studio) {
     const leave = () => holds() && send({ type: "disarm" });
     document.addEventListener("visibilitychange", () => document.hidden && leave());
     window.addEventListener("pagehide", leave);
-    // If this page hangs, the engine disarms by itself; after a suspend, which stops both, the page does.
+    // If this page hangs, the engine disarms the actuators; after a suspend, which stops both, this page does.
     let last_ms = Date.now();
     setInterval(() => {
         const passed_ms = Date.now() - last_ms;
@@ -31,12 +32,12 @@ export function mountArming(studio) {
     for (const turn of ["graph", "status"]) studio.on(turn, () => show(studio, level));
 }
 
-// Whether the status that came then still tells what the actuators do.
+// True if a status received at `heard_ms` is still current.
 export const isRecent = (heard_ms, now_ms) => now_ms - heard_ms < HEARD_MS;
 
 function show(studio, level) {
     const real = drivenOf(studio.graph);
-    // The page of a site drives nothing.
+    // The page of a site drives no device.
     const none = !real.length || studio.hello?.host === "page";
     find("real").hidden = none;
     if (none) return;
@@ -51,7 +52,7 @@ function show(studio, level) {
     setText(find("real-text"), said(studio, real.map(named).join(" and "), armed));
 }
 
-// The devices that actuators drive and that are neither simulated nor this page's, each once.
+// The driven devices that are neither simulated nor in this page, each once.
 export function drivenOf(graph) {
     const driven = new Set((graph?.actuators ?? []).map(({ endpoint }) => endpoint));
     return (graph?.devices ?? []).filter(({ name, simulated }) => !simulated && driven.has(name));

@@ -7,7 +7,7 @@ const BEYOND_MM = 2; // the hand has to be this far across
 
 // `studio.compared` are the surfaces, left then right, or null; `studio.blind` hides which.
 export function mountCompare(studio) {
-    // `side` is the half whose surface runs, `refused` the one that the engine did not take.
+    // `side` is the half whose surface runs, `refused` the surface that the engine rejected.
     const state = { on: false, chosen: ["", ""], swapped: false, side: null, refused: null, asked: false, turn: 0 };
     const [button, blind, tools] = ["compare", "blind", "compare-tools"].map(find);
     const choices = ["compare-a", "compare-b"].map(find);
@@ -58,7 +58,7 @@ export function mountCompare(studio) {
     everyFrame(() => follow(studio, state));
 }
 
-// The half that the hand is on is the surface that runs.
+// Runs the surface of the half under the hand.
 async function follow(studio, state) {
     const x_mm = studio.pad.hands.down[0]?.samples.at(-1)?.x_mm;
     if (x_mm === undefined) state.refused = null; // the next touch asks again
@@ -75,7 +75,7 @@ async function follow(studio, state) {
     if (!reply.ok) studio.say("bad", studio.blind ? "The engine refused the surface of this half" : reply.error);
 }
 
-// What lies under the hand: a picture on either half, or none where nobody is to know.
+// Shows picture and name of the surface on each half; only a number in a blind comparison.
 export function showHalves(studio, element) {
     const { compared, blind } = studio;
     element.replaceChildren(
@@ -89,7 +89,7 @@ export function showHalves(studio, element) {
     if (compared) setText(find("pad-surface-name"), blind ? "1 or 2?" : compared.map(({ name }) => name).join(" or "));
 }
 
-// What the photograph of a surface is kept under.
+// The storage key of a surface's photograph.
 export const photoName = (surface) => surface?.path ?? "";
 
 // The picture of a surface as a background: its own photograph, else its swatch on its tone below `veil`.

@@ -1,4 +1,4 @@
-// The way to the engine: messages out, messages in, requests and their replies, and coming back when it is lost.
+// The connection to the engine: messages out and in, requests with their replies, and reconnection when it is lost.
 import { PageEngine } from "./engine.js";
 import { Emitter } from "./events.js";
 import { read } from "./frames.js";
@@ -7,8 +7,9 @@ const PROTOCOL = "haptograph.studio.1";
 const FIRST_WAIT_S = 0.5;
 const LONGEST_WAIT_S = 8;
 
-// Emits `open`, `lost` ({ wait_s, ever, reason }; `wait_s` is null where it is not tried again), `waiting` when an engine in
-// this page waits for a press or no more, `samples`, and every JSON message by its type. Sound goes to the player's port.
+// Emits `open`, `lost` ({ wait_s, ever, reason }; `wait_s` is null if no further attempt follows), `waiting` when an
+// engine in this page begins or ends to wait for a press, `samples`, and every JSON message by its type. Sound goes to
+// the player's port.
 export class Connection extends Emitter {
     #worker = new Worker(new URL("socket.js", import.meta.url), { type: "module" });
     #wait_s = FIRST_WAIT_S;
@@ -33,7 +34,7 @@ export class Connection extends Emitter {
         this.#worker.onmessage = ({ data }) => hear[data.what]?.(data);
     }
 
-    // Was STOP sent, or is it kept to be sent, without the engine having said that it is stopped?
+    // True if a STOP was sent or waits to be sent, and the engine has not confirmed it.
     get stopping() {
         return this.#stop !== null;
     }
@@ -63,7 +64,7 @@ export class Connection extends Emitter {
         }
     }
 
-    // The port of whoever plays the sound.
+    // The port of the sound player.
     playBy(port) {
         this.#worker.postMessage({ what: "player", port }, [port]);
     }
@@ -73,7 +74,8 @@ export class Connection extends Emitter {
         this.#worker.postMessage({ what: "stroke", ...how });
     }
 
-    // A STOP is kept until the engine confirms it or somebody resumes; everything else is dropped without a connection.
+    // A STOP is kept until the engine confirms it or a page resumes; all other messages are dropped without a
+    // connection.
     send(message) {
         if (message.type === "stop") this.#stop = message;
         if (message.type === "resume") this.#stop = null;

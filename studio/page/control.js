@@ -6,7 +6,7 @@ const STEPS = 1000;
 const LOG_FROM_RATIO = 100;
 const USELESS_RATIO = 1e6; // a range this many times the value is a bound on what is valid, not one to turn through
 
-// How a slider's place from 0 to 1 stands for a value; null where the setting has no range to turn through.
+// The mapping between a slider's position, 0 to 1, and a value; null if the setting has no range.
 export function scaleFor({ min, max, value, whole }) {
     if (min === null || max === null || min === undefined || max === undefined || !(max > min)) return null;
     if (min > 0 && max / min > LOG_FROM_RATIO) {
@@ -19,10 +19,10 @@ export function scaleFor({ min, max, value, whole }) {
     return { to: (x) => rounded(min + (max - min) * x, whole), from: (v) => (v - min) / (max - min) };
 }
 
-// No more digits than a slider can mean.
+// As many digits as a slider's position resolves.
 const rounded = (value, whole) => (whole ? Math.round(value) : Number(value.toPrecision(4)));
 
-// How a live setting is turned: at once, and its value comes from the studio.
+// The access to a live setting: changes apply at once, and the studio holds its value.
 const live = (studio, { name, value }) => ({
     isLive: true,
     set: (to) => studio.set(name, to),
@@ -30,7 +30,7 @@ const live = (studio, { name, value }) => ({
     follow: (show) => studio.on("value", (changed) => changed.name === name && show(changed.value)),
 });
 
-// The row of a setting; `dispose` ends its listening. What is not live is set when the slider is let go.
+// The row of a setting; `dispose` ends its listening. A value that is not live is set when the slider is released.
 export function controlRow(studio, setting, { compact = false, turn = live(studio, setting) } = {}) {
     const scale = scaleFor(setting);
     const label = `${setting.node} ${setting.field}`;
@@ -71,7 +71,7 @@ export function controlRow(studio, setting, { compact = false, turn = live(studi
     return { element: row, dispose };
 }
 
-// As a field shows it: no digits of rounding.
+// The text of a value in a field, without digits of rounding.
 const asNumber = (value) => String(Number(Number(value).toPrecision(6)));
 
 function sliderOf(scale, label) {

@@ -69,10 +69,10 @@ function rebuild(studio, graph) {
     return rows;
 }
 
-// Is it a number that feeds a setting, whose unit and range it has then?
+// True for a number that feeds a setting; it has the setting's unit and range.
 const isTurned = ({ value, doc }) => Boolean(doc) && value.trim() !== "" && Number.isFinite(Number(value));
 
-// A parameter with the row of a setting: the graph is loaded anew when it is let go.
+// A parameter with the row of a setting: the graph is loaded anew when the slider is released.
 function turnedRow(studio, parameter) {
     const { name, value, default: otherwise } = parameter;
     const usual = Number.isFinite(Number(otherwise)) ? Number(otherwise) : Number(value);
@@ -80,7 +80,7 @@ function turnedRow(studio, parameter) {
     const now = () => Number(studio.graph.parameters.find((each) => each.name === name)?.value ?? value);
     const listeners = [];
     const show = () => listeners.forEach((listener) => listener(now()));
-    // A held key turns faster than graphs are loaded: while one is under way, only the latest value waits.
+    // A held key changes values faster than graphs load: while a graph loads, only the latest value waits.
     let waiting = null;
     let isUnderWay = false;
     const set = async (to) => {
@@ -134,7 +134,7 @@ function parameterRow(studio, parameter) {
     );
 }
 
-// While surfaces are compared blind, no field says which one runs.
+// In a blind comparison no field shows the surface that runs.
 function showParameters({ graph, blind }) {
     for (const { name, value, is_surface } of graph.parameters) {
         const field = find("controls").querySelector(`[data-parameter="${CSS.escape(name)}"]`);

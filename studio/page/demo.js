@@ -1,4 +1,5 @@
-// A simulated hand on the first pad. It strokes beside the socket, so that it is even while the page is busy.
+// A simulated hand on the first pad. It runs in the worker of the socket, so that its strokes stay even while the page
+// is busy.
 const WHO = "demo";
 
 export class DemoHand {

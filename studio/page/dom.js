@@ -15,12 +15,12 @@ export function make(tag, properties = {}, ...children) {
     return element;
 }
 
-// Sets text only where it changed, so that a screen reader is not told the same again.
+// Sets text only if it changed, so that a screen reader does not repeat it.
 export function setText(element, text) {
     if (element.textContent !== text) element.textContent = text;
 }
 
-// Is the person writing there?
+// True if `element` takes text.
 export function takesText(element) {
     return (
         element instanceof HTMLElement &&
@@ -31,7 +31,7 @@ export function takesText(element) {
     );
 }
 
-// What a browser keeps for this page; nothing where it is not allowed to.
+// The page's storage in the browser; empty if the browser does not allow it.
 export const kept = {
     get(key, otherwise) {
         try {
@@ -44,7 +44,7 @@ export const kept = {
         try {
             localStorage.setItem(`studio.${key}`, JSON.stringify(value));
         } catch {
-            // Private windows keep nothing; the page works without.
+            // Private windows may have no storage; the page works without it.
         }
     },
 };

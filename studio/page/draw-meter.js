@@ -57,7 +57,7 @@ function drawBar(context, box, y, height, name, part, mark, text) {
     context.fillText(text, box.left + box.width + 10, y + height / 2 + 4);
 }
 
-// The latest value, large; of several lanes one a line.
+// The latest value, large; with several components, one on each line.
 export function drawNumber(context, surface, { trace, port }) {
     const rows = Math.max(1, trace.lanes);
     const size = Math.min(30, (surface.height - 14) / rows - 4);

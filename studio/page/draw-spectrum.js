@@ -22,7 +22,8 @@ const HEAT = [
     [252, 253, 191],
 ];
 
-// Takes the newest samples into `memory` when it is time, or those that end `back_s` before; true where there is a spectrum.
+// Takes the newest samples, or those that end `back_s` earlier, into `memory` if an update is due; true if there is a
+// spectrum.
 function measure(trace, memory, now_ms, back_s = 0) {
     if (memory.density && now_ms - memory.at_ms < EVERY_MS && memory.back_s === back_s) return true;
     const back = Math.round(back_s / (trace.interval_s || 1));

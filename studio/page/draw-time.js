@@ -1,4 +1,4 @@
-// A scope over time: least and most of every pixel's column, so that no peak is lost.
+// A scope over time: minimum and maximum of every pixel column, so that no peak is lost.
 import { roundUp, scaleOf, tickText, ticks } from "./numbers.js";
 import { colours, haloText } from "./theme.js";
 
@@ -6,7 +6,7 @@ const INSET = { left: 46, right: 6, top: 5, bottom: 17 };
 const NARROWER = 0.985;
 export const LANE_INKS = ["ink0", "ink1", "ink2", "ink3", "ink4", "ink5"];
 
-// What is smaller than this fills no scope: at rest an axis is quiet.
+// Smallest range of an axis: the noise of a signal at rest does not fill a scope.
 const LEAST_SHOWN = { m: 0.005, "m/s": 0.01, N: 0.05, "m/s²": 0.05, A: 1e-3, V: 1e-3 };
 
 // The box of a plot in a scope's canvas.
@@ -37,7 +37,8 @@ export function drawTime(context, surface, { trace, end_s, back_s, span_s, memor
     if (trace.lanes > 1) drawNames(context, box, port.lanes);
 }
 
-// For every lane least and most of each column, NaN where there is nothing; and the columns with NaN beside a number.
+// Minimum and maximum of each column for every component, NaN without samples; and the columns that hold both NaN and
+// numbers.
 export function columnsOf(trace, end_s, span_s, width) {
     const low = Array.from({ length: trace.lanes }, () => new Float32Array(width).fill(NaN));
     const high = low.map((lane) => new Float32Array(lane));
@@ -63,7 +64,8 @@ export function columnsOf(trace, end_s, span_s, width) {
     return { low, high, first, last, faults, sparse: trace.interval_s * scale > 0.9 };
 }
 
-// Follows what is seen: wider at once, narrower slowly, by the part `narrower` a frame.
+// The range of the axis follows the visible samples: wider at once, narrower by at most the factor `narrower` per
+// frame.
 function rangeOf({ low, high }, memory, limits, zoom, narrower) {
     let [least, most] = [0, 0];
     low.forEach((lane) => lane.forEach((value) => value < least && (least = value)));
@@ -107,7 +109,7 @@ function drawAxes(context, box, range, scale, [start, end], y) {
     context.fillText(start, Math.max(box.left - 8, unitEnd), box.top + box.height + 14);
 }
 
-// The peak limit as a line, the continuous one dashed, where they are within what is shown.
+// The peak limit as a line, the continuous one dashed, if they lie within the axis.
 function drawLimits(context, box, range, limits, y) {
     context.strokeStyle = colours.bad;
     context.lineWidth = 1.2;
@@ -148,7 +150,7 @@ function drawLane(context, box, { low, high, first, last, sparse }, lane, y) {
     context.stroke();
 }
 
-// Where NaN was.
+// Marks of NaN.
 function drawFaults(context, box, { faults }) {
     context.fillStyle = colours.bad;
     for (const x of faults) context.fillRect(box.left + x - 1, box.top, 3, box.height);

@@ -1,4 +1,5 @@
-// The graph's own text: written with colours, completion and help, checked by the engine as one types, applied and saved.
+// The graph's own text: written with colours, completion and help, checked by the engine while it is edited, applied
+// and saved.
 import { find, make, setText } from "./dom.js";
 import { completions, helpAt } from "./help.js";
 import { prose } from "./prose.js";
@@ -36,7 +37,7 @@ const plain = (diagnostic) => ({
 
 const textOf = (state) => state.view.state.doc.toString();
 
-// Another text; what the engine sends is not the person's own work, and is not undone.
+// Replaces the text; a text from the engine does not enter the undo history.
 function replace(state, text, undoable = true) {
     const annotations = cm.Transaction.addToHistory.of(undoable);
     state.view.dispatch({ changes: { from: 0, to: state.view.state.doc.length, insert: text }, annotations });
@@ -88,7 +89,7 @@ function tooltip(studio, view, at) {
     return help && { pos: help.from, end: help.to, above: true, create: () => ({ dom: help.element }) };
 }
 
-// Asks the engine what is wrong with the text; an answer to an older text is passed over.
+// Requests the diagnostics of the text from the engine; a reply to an older text is ignored.
 async function check(studio, state) {
     if (!studio.connection.open || studio.hello?.can.edit === false) return;
     const asked = ++state.asked;
@@ -124,10 +125,10 @@ function show(studio, state) {
     find("editor-save").disabled = !studio.hello?.can.save || (applied && state.saved) || !can;
     find("editor-revert").disabled = applied;
     const says = !applied
-        ? "Not applied yet: what runs is the text before"
+        ? "Not applied yet: the previous text runs"
         : state.saved
-          ? "What runs is what the file says"
-          : "What runs is not saved";
+          ? "The running graph is saved"
+          : "The running graph is not saved";
     setText(find("editor-state"), state.note ? `${state.note}${applied && !state.saved ? ". Not saved" : ""}` : says);
     find("editor-state").title = find("editor-state").textContent;
 }

@@ -1,5 +1,5 @@
-// In place of a WebSocket: the way to an engine in the audio thread. Edits are checked here, beside it, by a second
-// engine, so that the one that plays loads only what is right.
+// The connection to an engine in the audio thread, in place of a WebSocket. A second engine checks edits here, so that
+// the playing engine loads only valid graphs.
 import { Module } from "./module.js";
 
 const CHECKED = new Set(["check", "apply", "parameter"]);
@@ -82,7 +82,7 @@ export class EngineLink {
         if (edits) this.#flushLater();
     }
 
-    // Where nothing plays any more, nothing else may come that has an edit loaded.
+    // Without playback no other message may follow, and the edit would not be loaded.
     #flushLater() {
         setTimeout(() => this.#port.postMessage({ bytes: new ArrayBuffer(0), text: false }), EDIT_WAITS_MS);
     }
@@ -98,7 +98,7 @@ export class EngineLink {
         try {
             checker?.follow(encoder.encode(message));
         } catch {
-            // The next check says so.
+            // The next check reports it.
         }
     }
 
@@ -115,7 +115,7 @@ function learnBeside(wasm, name, csv) {
         const end = (why) => (worker.terminate(), failed(new Error(`the engine that learns ${why}; use a shorter recording`)));
         worker.onerror = ({ message }) => end(`failed: ${message}`);
         worker.onmessageerror = () => end("gave an answer that cannot be read");
-        // A worker that the browser ends for want of memory may say nothing.
+        // A worker that the browser ends for lack of memory may send no message.
         setTimeout(end, LEARNS_AT_MOST_MS, `took more than ${LEARNS_AT_MOST_MS / 60_000} minutes`);
         const bytes = encoder.encode(csv);
         worker.postMessage({ wasm, path: encoder.encode(name), bytes }, [bytes.buffer]);

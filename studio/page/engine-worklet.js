@@ -1,5 +1,6 @@
-// The engine in the audio thread: it runs as many frames as are played, and talks to the page between them. While it loads an
-// edited graph nothing can be played, so that what is heard falls to silence first, and rises again after.
+// The engine in the audio thread: it computes the frames as they are played, and exchanges messages with the page
+// between them. While it loads an edited graph nothing can be played, so the sound fades to silence first and returns
+// afterwards.
 import { Module } from "./module.js";
 
 const PUBLISH_S = 0.01;
@@ -34,7 +35,7 @@ class Engine extends AudioWorkletProcessor {
     join(link) {
         this.link = link;
         link.onmessage = ({ data }) => {
-            // A stop waits for no edit; nothing asks for silence where nothing plays.
+            // STOP does not wait for an edit; without playback there is nothing to fade.
             if (Date.now() - this.ran_ms > QUIET_MS) this.edits.splice(0).forEach((waiting) => this.hear(waiting));
             else if (data.edits) return this.edits.push(data);
             if (data.text || data.surface || data.bytes.byteLength) this.hear(data);
@@ -48,7 +49,7 @@ class Engine extends AudioWorkletProcessor {
         this.tell();
     }
 
-    // What goes wrong ends the engine, in silence.
+    // An error ends the engine, in silence.
     attempt(work) {
         if (this.failure) return;
         try {
@@ -93,7 +94,7 @@ class Engine extends AudioWorkletProcessor {
         else this.resample(played, module.sound_hz / sampleRate, out);
     }
 
-    // To silence while an edit waits, and back.
+    // Fades to silence while an edit waits, and back.
     fade(out) {
         const step = (this.edits.length ? -1 : 1) / (FADE_S * sampleRate);
         if (step > 0 && this.gain === 1) return;

@@ -5,7 +5,7 @@ const WELL_HEARD_HZ = 32_000; // a context of a lower rate is slow to answer
 export class PageEngine {
     #site = null;
 
-    // Of a page that was exported; null where a server is behind it.
+    // The engine of an exported page; null if a server runs it.
     static here() {
         const address = document.querySelector(`meta[name="${NAME}"]`)?.content;
         return address ? new PageEngine(new URL(address, location.href)) : null;
@@ -17,7 +17,7 @@ export class PageEngine {
         this.onchange = () => {};
     }
 
-    // Why no engine can run in this page, and what to do about it; null where one can.
+    // The reason why no engine can run in this page, with a remedy; null if an engine can run.
     get obstacle() {
         if (!isSecureContext)
             return "Browsers run the engine of this page only where it comes by https or from this machine: open its https address, or serve it on this machine and open it at localhost.";
@@ -40,7 +40,7 @@ export class PageEngine {
         return (await this.#load()).graphs;
     }
 
-    // A new engine for the graph that the address names, or the first: what a link to it needs.
+    // A new engine for the graph in the address, or for the first graph.
     async open() {
         const { graphs, files, wasm } = await this.#load();
         const wanted = new URLSearchParams(location.search).get("graph");
@@ -54,7 +54,7 @@ export class PageEngine {
             outputChannelCount: [2],
             processorOptions,
         });
-        // What is not connected does not run.
+        // A node that is not connected does not run.
         const silent = new GainNode(this.context, { gain: 0 });
         this.node.connect(silent).connect(this.context.destination);
         const { port1, port2 } = new MessageChannel();

@@ -1,8 +1,8 @@
-// A thing that others listen to.
+// A source of events.
 export class Emitter {
     #listeners = new Map();
 
-    // Calls `listener` with the value of every `type` from now on; returns what ends that.
+    // Calls `listener` with the value of every `type` from now on; returns a function that ends this.
     on(type, listener) {
         if (!this.#listeners.has(type)) this.#listeners.set(type, new Set());
         this.#listeners.get(type).add(listener);

@@ -1,5 +1,5 @@
-// One loop for all that is drawn: at every frame while the page is seen. On a machine that does not keep up, what can
-// wait is drawn at every second one, half of it at each.
+// The loop for all drawing: at every frame while the page is visible. On a slow machine, drawers that can wait run at
+// every second frame, half of them at each.
 const FULL_RATE_HZ = 48;
 const drawers = new Set();
 let turns = 0;
@@ -8,13 +8,13 @@ let frames = 0;
 let since_ms = performance.now();
 let rate_hz = 60;
 
-// Calls `draw(now_ms)` at every frame; returns what ends that.
+// Calls `draw(now_ms)` at every frame; returns a function that ends this.
 export function everyFrame(draw) {
     drawers.add(draw);
     return () => drawers.delete(draw);
 }
 
-// The same for what can wait.
+// The same for drawers that can wait.
 export function mostFrames(draw) {
     const mine = turns++ % 2;
     return everyFrame((now_ms) => (rate_hz >= FULL_RATE_HZ || turn === mine) && draw(now_ms));
@@ -25,7 +25,7 @@ export const frameRate = () => rate_hz;
 
 const failed = new Set();
 
-// What fails in one drawer is reported once and ends neither the others nor the loop.
+// An error in a drawer is reported once and ends neither the others nor the loop.
 function drawWith(draw, now_ms) {
     try {
         draw(now_ms);

@@ -1,11 +1,11 @@
-// The binary messages, little-endian, as docs/studio-protocol.md has them.
+// The binary messages, little-endian, as in docs/studio-protocol.md.
 const POINTERS = 1;
 const SAMPLES = 2;
 const SOUND = 3;
 const POINTER_HEAD = 8;
 const POINTER_BYTES = 28;
 
-// Binary 1: what one hand did on pad number `pad`, oldest first.
+// Binary 1: the samples of a hand on pad number `pad`, oldest first.
 export function pointers(pad, samples) {
     const view = new DataView(new ArrayBuffer(POINTER_HEAD + POINTER_BYTES * samples.length));
     view.setUint8(0, POINTERS);

@@ -1,4 +1,5 @@
-// The drawn graph: moved and zoomed, its nodes chosen, its wires put on scopes; what is live on it is in live-drawing.js.
+// The drawn graph: movement and zoom, selection of nodes, wires to scopes; live-drawing.js shows levels, costs and
+// faults.
 import { find, make } from "./dom.js";
 import { LIVE_STYLE, mountLiveDrawing } from "./live-drawing.js";
 import { mountNode } from "./node.js";
@@ -65,7 +66,7 @@ function build(studio, shadow, view, drawing, showNode) {
             (event) => (event.key === "Enter" || event.key === " ") && (event.preventDefault(), showNode(path)),
         );
     }
-    // A wire is thin: what is clicked is a wide one that is not seen.
+    // A wire is thin: a wide invisible line takes the clicks.
     for (const wire of svg.querySelectorAll('path[data-port]:not([data-port=""])')) wire.after(grabOf(wire));
     shadow.append(svg);
     view.svg = svg;
@@ -79,7 +80,7 @@ function build(studio, shadow, view, drawing, showNode) {
     place(view);
 }
 
-// While surfaces are compared blind the drawing names none.
+// In a blind comparison the drawing names no surface.
 function hideSurfaces(svg, surfaces) {
     const files = surfaces.map(({ path }) => bare(path).split("/").at(-1));
     for (const element of svg.querySelectorAll("text, tspan, title, desc"))
@@ -108,7 +109,7 @@ function place(view) {
     if (view.svg) view.svg.style.transform = `translate(${view.x}px, ${view.y}px) scale(${view.scale})`;
 }
 
-// The whole graph where it can be read so, else as much as can be read of it, from its upper left corner on.
+// Shows the whole graph if its text is then readable, else its upper left part.
 function fit(host, view, whole = false) {
     const [width, height] = [host.clientWidth, host.clientHeight];
     if (!width || !height) return;

@@ -1,4 +1,4 @@
-// From pointers and keys to hands on the pads: where, how hard, how tilted; sent at once.
+// Converts pointers and keys to hands on the pads: position, force, tilt; sent at once.
 import { pointers } from "./frames.js";
 
 const REPEAT_MS = 50; // a hand that rests is sent again this often, so that it is not taken for a silent input
@@ -32,7 +32,8 @@ export class Hands {
         this.pads = pads;
     }
 
-    // Puts a hand on the first free pad; false where there is none. A pen has a force of its own, all others that of the slider.
+    // Puts a hand on the first free pad; false if none is free. A pen has its own force, all others have the force of
+    // the slider.
     press(who, sample, hasForce = false) {
         if (!this.allowed()) return false;
         if (who !== "demo") this.lift("demo");
@@ -43,18 +44,19 @@ export class Hands {
         return true;
     }
 
-    // The force at full pressure of the pad that a hand is on or would be put on.
+    // The force at full pressure of the hand's pad, or of the next free pad.
     fullForce(who) {
         return this.pads[this.#padFor(who)]?.force_n ?? 1;
     }
 
-    // The pad of a hand that is down, else the first that is free or only the simulated hand's; -1 where there is none.
+    // The pad of a hand that is down, else the first pad that is free or that only the simulated hand uses; -1 if there
+    // is none.
     #padFor(who) {
         const taken = new Set(this.down.filter((hand) => hand.who !== "demo").map((hand) => hand.pad));
         return this.#hands.get(who)?.pad ?? this.pads.findIndex((_, i) => !taken.has(i));
     }
 
-    // A hand on the first pad that is moved and sent elsewhere; `end` lifts it there.
+    // A hand on the first pad that the worker moves and sends; `end` lifts it.
     guide(who, end) {
         if (!this.allowed() || this.pads.length === 0 || this.down.length > 0) return false;
         this.#hands.set(who, { who, pad: 0, samples: [], speed_mm_s: 0, sent_ms: Infinity, end });
@@ -120,7 +122,7 @@ export class Hands {
         }
     }
 
-    // Length of the way in the last few hundredths of a second over its time.
+    // Mean speed over the last few hundredths of a second.
     #measure(hand) {
         const end = hand.samples.at(-1);
         while (hand.samples.length > 2 && end.time_ms - hand.samples[0].time_ms > TRAIL_MS) hand.samples.shift();
@@ -135,7 +137,7 @@ export class Hands {
     }
 }
 
-// How far a pen is tilted to the right and towards the person, degrees; some browsers say it by altitude and azimuth only.
+// Tilt of a pen to the right and towards the user, degrees; some browsers report only altitude and azimuth.
 export function tiltOf({ tiltX = 0, tiltY = 0, altitudeAngle = Math.PI / 2, azimuthAngle = 0 }) {
     if (tiltX || tiltY || !(altitudeAngle < Math.PI / 2)) return { tilt_x_deg: tiltX, tilt_y_deg: tiltY };
     const aside = 1 / Math.tan(Math.max(altitudeAngle, LEAST_ALTITUDE));
@@ -143,7 +145,7 @@ export function tiltOf({ tiltX = 0, tiltY = 0, altitudeAngle = Math.PI / 2, azim
     return { tilt_x_deg: degrees(Math.cos(azimuthAngle)), tilt_y_deg: degrees(Math.sin(azimuthAngle)) };
 }
 
-// Pointer Events on `element`; `toMm(clientX, clientY)` says where on the pad that is.
+// Pointer Events on `element`; `toMm(clientX, clientY)` is the position on the pad.
 export function followPointers(element, hands, toMm) {
     const sampleOf = (event, force_n) => ({
         ...toMm(event.clientX, event.clientY),
@@ -166,7 +168,7 @@ export function followPointers(element, hands, toMm) {
         element.setPointerCapture(event.pointerId);
         hands.press(event.pointerId, sampleOf(event, forceOf(event)), isPen(event));
     });
-    // Not held back until the next frame where the browser can do that; pointermove brings what is left.
+    // pointerrawupdate, if the browser has it, does not wait for the next frame; pointermove brings the rest.
     element.addEventListener("pointerrawupdate", move);
     element.addEventListener("pointermove", move);
     for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) element.addEventListener(type, lift);

@@ -1,4 +1,4 @@
-// Completion and documentation while one writes a graph, from what the engine says it has.
+// Completion and documentation in the editor, from the engine's catalogue.
 import { make } from "./dom.js";
 import { DERIVED, DRIVER, GRAPH } from "./keys.js";
 import { factsOf } from "./node.js";
@@ -29,7 +29,7 @@ export function completions(studio) {
     };
 }
 
-// The structure whose fields stand at the place, as { of, inputs, settings, ... }; null where there is none.
+// The structure whose fields are at the place, as { of, inputs, settings, ... }; null if there is none.
 function structureAt(studio, { open }) {
     let structure = null,
         section = null,
@@ -88,7 +88,7 @@ const quantities = ({ hello }, apply) =>
         type: "constant",
     }));
 
-// The clocks of a text, { name, kind, rate }: the last of a name, as it is written.
+// The clocks of a text, { name, kind, rate }; the last one of each name.
 const clocksOf = (text) =>
     [...text.matchAll(/"([^"\\\n]+)"\s*:\s*(Driver|Derived)\(([^{}]*?)\)\s*[,}/]/g)].map(([, name, kind, fields]) => {
         const rate = fields.match(/rate_hz\s*:\s*([\d._e]+)/)?.[1];
@@ -102,7 +102,7 @@ function nodesOf({ hello }, text) {
     return new Map(kinds.filter(([, kind]) => kind && kind.group !== "devices"));
 }
 
-// The outputs of the graph that runs, and those of the nodes that are in the text alone.
+// The outputs of the running graph, and of the nodes that only the text has.
 function portsOf(studio, text) {
     const running = studio.graph.ports.map(({ name, unit, rate_hz }) => [
         name,
@@ -168,7 +168,7 @@ function choice({ parts, choices }, label) {
     return { label, apply, type: "enum", info: part?.doc ? () => element({ title: label, doc: part.doc }) : null };
 }
 
-// What can be the value of a name in a part of the graph.
+// The possible values of a field in a part of the graph.
 function kinds(studio, section) {
     if (section === "clocks")
         return Object.entries(CLOCKS).map(([name, { doc }]) => ({
@@ -190,7 +190,7 @@ function kinds(studio, section) {
     }));
 }
 
-// The documentation of what stands at `at`, as { from, to, element }; null where there is none.
+// The documentation of the word at `at`, as { from, to, element }; null if there is none.
 export function helpAt(studio, text, at) {
     const help = helpOf(studio, text, at);
     return help && { from: help.from, to: help.to, element: element(help) };
@@ -254,7 +254,7 @@ function parameterTip({ graph }, word) {
     };
 }
 
-// An output, by its name or by that of its node where it has no other.
+// An output, by its name, or by its node's name if it is the node's only output.
 function portTip(studio, text, word) {
     const nodes = nodesOf(studio, text);
     const dot = word.lastIndexOf(".");

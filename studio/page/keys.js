@@ -1,4 +1,4 @@
-// The keys of a graph file and of its clocks, as far as they belong to no kind of node: docs/format.md.
+// The keys of a graph file and of its clocks, except those of the kinds of nodes: docs/format.md.
 export const GRAPH = {
     format: "The version of the format: 1.",
     about: "What the graph is, in a sentence.",

@@ -1,4 +1,5 @@
-// Learns one recording, beside the page and the engine, and ends: { wasm, path, bytes } comes, { learned } or { error } goes.
+// Learns one recording in a worker of its own, and ends: receives { wasm, path, bytes }, sends { learned } or { error
+// }.
 import { Module } from "./module.js";
 
 const decoder = new TextDecoder();

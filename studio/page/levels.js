@@ -1,4 +1,5 @@
-// What a graph that runs says of its wires and nodes: levels, parts of the cost, and where a limit acted or NaN appeared.
+// The measurements of a running graph: levels of wires, shares of the cost, and places where a limit acted or NaN
+// appeared.
 import { digits, quantity } from "./numbers.js";
 
 const DECAY = 0.99; // of the loudest that a port was, a message
@@ -16,7 +17,7 @@ export class Levels {
     #costs = null;
     #origin = null;
 
-    // Another graph, or a run that began anew.
+    // Begins another graph or a new run: drops the ports that it does not have.
     restart({ levels }) {
         this.#described = new Map(levels.map((level) => [level.name, level]));
         for (const name of this.#ports.keys()) if (!this.#described.has(name)) this.#ports.delete(name);
@@ -40,12 +41,12 @@ export class Levels {
         return { ...since(this.#limits.get(node), "held", held, now_ms), counts };
     }
 
-    // Are the costs of single nodes known?
+    // True if the costs of single nodes are known.
     get hasCosts() {
         return this.#costs !== null;
     }
 
-    // A wire of this port: its width in pixels, whether NaN or infinity was in it, and what it says to a person.
+    // The wire of a port: its width in pixels, whether it carried NaN or infinity, and its text.
     wire(port) {
         const { rms = 0, peak = 0, loudest = 0 } = this.#ports.get(port) ?? {};
         const { what = "level", unit = "" } = this.#described.get(port) ?? {};
@@ -56,7 +57,7 @@ export class Levels {
         return { width, isFaulty: frames > 0, text: frames > 0 ? `${text}; NaN or infinity in ${frames} frames` : text };
     }
 
-    // A node: its part of the cost (null where it is not known or next to nothing), and what happened there.
+    // A node: its share of the cost (null if unknown or negligible), and its mark.
     node(path, now_ms) {
         const part = this.#costs?.[path] ?? 0;
         return { cost: part >= COST_FROM ? part : null, mark: this.#fault(path, now_ms) ?? this.#limit(path, now_ms) };
@@ -67,7 +68,7 @@ export class Levels {
         const isOfNode = (port) => port.startsWith(`${path}.`) && !port.slice(path.length + 1).includes("/");
         const found = [...this.#faults].find(([port]) => isOfNode(port));
         if (!found && this.#origin !== path) return null;
-        const came = found ? `NaN or infinity in ${found[1].frames} frames of ${found[0]}` : "NaN or infinity came out of it";
+        const came = found ? `NaN or infinity in ${found[1].frames} frames of ${found[0]}` : "its outputs were NaN or infinite";
         const text = this.#origin === path ? `${came}; it was the first` : came;
         return { kind: "fault", isRecent: found !== undefined && now_ms - found[1].since_ms < RECENT_MS, text };
     }
@@ -83,7 +84,7 @@ export class Levels {
     }
 }
 
-// A count, and when it grew last; what it was when it was seen first is of before.
+// A count, and the time of its latest increase; the first value that is not 0 counts as an increase.
 function since(before, name, count, now_ms) {
     const grew = before !== undefined && count > before[name];
     return { [name]: count, since_ms: grew || (before === undefined && count > 0) ? now_ms : (before?.since_ms ?? -Infinity) };

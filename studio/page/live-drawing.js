@@ -1,4 +1,5 @@
-// The drawing shows levels, costs and faults: it is changed only where what is seen changes, as a change paints it anew.
+// Levels, costs and faults in the drawing: an element is changed only if its appearance changes, as each change
+// repaints the drawing.
 import { make, setText } from "./dom.js";
 import { Levels } from "./levels.js";
 
@@ -16,7 +17,7 @@ export const LIVE_STYLE = `
 .mark.past{opacity:.5}
 [data-port].faulty{stroke:var(--bad)!important;stroke-dasharray:6 3}`;
 
-// `view.svg` is the drawing that shows now, if any.
+// `view.svg` is the drawing on display, if any.
 export function mountLiveDrawing(studio, host, view) {
     const levels = new Levels();
     const key = make("p", { class: "graph-key soft" });
@@ -32,11 +33,11 @@ export function mountLiveDrawing(studio, host, view) {
         for (const part of live.parts) part(now_ms);
         setText(key, levels.hasCosts ? `${KEY} ${COSTS}` : studio.hello.host === "page" ? `${KEY} ${NO_COSTS}` : KEY);
     });
-    // The card of a node says the same in words.
+    // The card of a node has the same as text.
     studio.nodeNow = (path) => levels.node(path, performance.now());
 }
 
-// Levels are sent while the drawing is seen.
+// Levels are sent while the drawing is visible.
 function followVisibility(studio, host) {
     let sent = false;
     const update = () => {
@@ -52,7 +53,7 @@ function followVisibility(studio, host) {
     });
 }
 
-// What changes each wire and node of a drawing.
+// The functions that update each wire and node of a drawing.
 function partsOf(svg, levels) {
     const wires = [...svg.querySelectorAll('path[data-port]:not([data-port=""])')];
     const nodes = [...svg.querySelectorAll("[data-node]")];
@@ -63,7 +64,7 @@ function wirePart(wire, levels) {
     const port = wire.getAttribute("data-port");
     const grab = wire.nextElementSibling;
     let shown = null;
-    // Its title is made when it is pointed at.
+    // The title is made when the pointer enters.
     grab?.addEventListener("pointerenter", () => {
         grab.querySelector("title").textContent = `${levels.wire(port).text}. Click to put it on a scope`;
     });

@@ -1,9 +1,10 @@
-// Where a point lies among the triangles of a map, as the engine finds it.
+// The triangle of a map around a point, as the engine computes it.
 
-// Within the map, as the engine brings it there; what is no number is zero.
+// The point, limited to the map as in the engine; NaN becomes zero.
 const within = (value, most) => (value > 0 ? Math.min(value, most) : 0);
 
-// The triangle around the point and the weight of each corner: none negative, their sum 1. null where there is no triangle.
+// The triangle around the point and the weight of each corner: none negative, their sum 1. null if there is no
+// triangle.
 export function locate({ points, triangles }, speed, force) {
     const most = points.reduce(([s, f], [a, b]) => [Math.max(s, a), Math.max(f, b)], [0, 0]);
     const [x, y] = [within(speed, most[0]), within(force, most[1])];
@@ -29,7 +30,7 @@ export function locate({ points, triangles }, speed, force) {
     };
 }
 
-// Barycentric weights of a point; negative where it is outside.
+// Barycentric weights of a point; one or more are negative outside the triangle.
 function weightsIn([[ax, ay], [bx, by], [cx, cy]], x, y) {
     const area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay);
     const second = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / area;

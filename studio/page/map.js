@@ -66,7 +66,7 @@ function draw(studio, ground, surface, view, now_ms) {
     if (found) drawPoint(context, view, found);
 }
 
-// A number as wide as the largest, so that what stands beside it stays.
+// A number padded to the width of the largest, so that the text beside it does not move.
 const wide = (text, places) => text.padStart(places, "\u2007");
 
 const said = (found, speed, force) => {
@@ -115,7 +115,7 @@ function drawGround(surface, map) {
     return plot;
 }
 
-// Root axes: the small speeds and forces, where most of what a hand does is, get the room.
+// Square-root axes: they give room to small speeds and forces, which are the most frequent.
 const root = (part) => Math.sqrt(Math.max(0, Math.min(part, 1.02)));
 
 function outline(context, plot, corners) {

@@ -1,4 +1,4 @@
-// The engine as a WebAssembly module: its calls by names that say what they do, over its own memory. It runs in audio
+// The engine as a WebAssembly module: its calls under descriptive names, over its own memory. It runs in audio
 // threads, which cannot turn text into bytes, so all text here is UTF-8 already.
 const TEXT = 1;
 
@@ -9,19 +9,19 @@ export class Module {
         this.#calls = new WebAssembly.Instance(new WebAssembly.Module(wasm), {}).exports;
     }
 
-    // A file ({ path, bytes }) that graphs name.
+    // Adds a file ({ path, bytes }) that graphs use.
     put({ path, bytes }) {
         this.#fill(path, bytes);
         this.#calls.haptograph_file(path.length);
     }
 
-    // Begins to run a graph ({ graph, set } as JSON); throws what is wrong with it, as bytes.
+    // Begins to run a graph ({ graph, set } as JSON); throws its errors, as bytes.
     open(opened) {
         this.#fill(opened);
         if (!this.#calls.haptograph_open()) throw this.#message();
     }
 
-    // The same to check edits.
+    // The same for an engine that only checks edits.
     openChecker(opened) {
         this.#fill(opened);
         if (!this.#calls.haptograph_open_checker()) throw this.#message();
@@ -33,14 +33,13 @@ export class Module {
         this.#calls.haptograph_hear(text ? 1 : 0);
     }
 
-    // The answer to a message that asks for a check or a wrong edit; null where the engine has to answer.
+    // The answer to a message that asks for a check or a wrong edit; null if the engine has to answer.
     check(message) {
         this.#fill(message);
         return this.#calls.haptograph_check() ? this.#message() : null;
     }
 
-    // Learns the surface of a recording, { path, bytes }; what the module makes of it, as JSON. Throws what is wrong with it,
-    // as bytes.
+    // Learns the surface of a recording, { path, bytes }; returns the result as JSON. Throws its errors, as bytes.
     learn(recording) {
         this.put(recording);
         this.#fill(recording.path);
@@ -49,20 +48,20 @@ export class Module {
         return this.#message();
     }
 
-    // Puts a new surface beside the graph's others, { name, text }; its path as a parameter, where the module checks edits.
-    // Null where it cannot be named.
+    // Puts a new surface beside the graph's others, { name, text }; returns its path as a parameter. For a module that
+    // checks edits. Null if the surface cannot be named.
     addSurface({ name, text }) {
         this.#fill(name, text);
         return this.#calls.haptograph_surface(name.length) ? this.#message() : null;
     }
 
-    // Checks against what the engine's message says that it runs.
+    // Updates the running graph, against which edits are checked, from the engine's message.
     follow(message) {
         this.#fill(message);
         this.#calls.haptograph_follow();
     }
 
-    // Runs so many frames of the driver; what is played of them, a view that is valid until the next call.
+    // Runs so many frames of the driver; returns the played samples as a view that is valid until the next call.
     process(frames) {
         const count = this.#calls.haptograph_process(frames);
         return new Float64Array(this.#calls.memory.buffer, this.#calls.haptograph_played(), count);
@@ -82,7 +81,7 @@ export class Module {
         return this.#calls.haptograph_driver_hz();
     }
 
-    // 0 where there is nothing to be heard.
+    // 0 if there is no sound.
     get sound_hz() {
         return this.#calls.haptograph_sound_hz();
     }
@@ -91,7 +90,7 @@ export class Module {
         return this.#calls.memory.buffer.byteLength;
     }
 
-    // Why the module ended, as bytes; none while it runs.
+    // The reason why the module ended, as bytes; empty while it runs.
     get panic() {
         return this.#copy(this.#calls.haptograph_panic(), this.#calls.haptograph_panic_length());
     }

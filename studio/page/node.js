@@ -1,9 +1,9 @@
-// The card of the chosen node: what it does, its live settings, its ports, and what else it can be told.
+// The card of the chosen node: its documentation, its live settings, its ports, and its other settings.
 import { controlRow } from "./control.js";
 import { find, make, setText } from "./dom.js";
 import { prose } from "./prose.js";
 
-// Returns what shows the card of a node by its path, or hides it.
+// Returns a function that shows the card of the node at a path, or hides the card.
 export function mountNode(studio, chosen) {
     const card = find("node");
     let rows = [],
@@ -27,7 +27,7 @@ export function mountNode(studio, chosen) {
 const element = (path) => find("graph").firstElementChild?.shadowRoot?.querySelector(`[data-node="${CSS.escape(path)}"]`);
 const drawn = (path) => element(path) !== null;
 
-// The kind of a node: as the drawing says it, else by its first port.
+// The kind of a node, from the drawing, else from its first port.
 function kindOf(studio, path) {
     const kinds = studio.hello.kinds;
     const node = element(path);
@@ -63,7 +63,7 @@ function contentOf(studio, path, rows, close) {
     ].filter(Boolean);
 }
 
-// What it costs and what happened there, as long as its card is open.
+// Updates cost and faults while the card is open.
 function nowOf(studio, path) {
     const line = make("p", { class: "soft" });
     const end = studio.connection.on("levels", () => {

@@ -1,4 +1,4 @@
-// Numbers as a person reads them, axes and their ticks.
+// Numbers as text, axes and their ticks.
 const PREFIXABLE = new Set(["m", "m/s", "A", "V", "W", "s", "N", "N m"]);
 
 // For an axis up to `most` in an SI unit: the factor to multiply by and the unit's name then.

@@ -65,8 +65,8 @@ export function mountPad(studio) {
     return { hands, demo };
 }
 
-// How strong what is rendered is now, 0 to 1 of the strongest lately: of the last acceleration in the graph, or of
-// what an actuator gets.
+// Strength of the vibration now, relative to the recent maximum, 0 to 1: of the last acceleration in the graph, or of
+// an actuator's command.
 function followVibration(studio) {
     let trace = null,
         most = 0;
@@ -101,8 +101,8 @@ function layOut(canvas, grid, hands, place) {
     drawGrid(grid, place);
 }
 
-// What a pen presses with at full pressure, as no tablet states newtons: the engine's own until a person says otherwise, which
-// is kept. `changed` is called when it changes.
+// The force of a pen at full pressure, as no tablet states newtons: the engine's value until the user sets another,
+// which is kept. `changed` is called when it changes.
 function mountCalibration(changed) {
     const field = find("full-force");
     let said = kept.get("full_force_n", null);
@@ -275,7 +275,7 @@ function drawHand(context, hand, place, pad, now_ms) {
     drawLabel(context, `${last.force_n.toFixed(2)} N   ${hand.speed_mm_s.toFixed(0)} mm/s`, x, y - radius - 14, place);
 }
 
-// The way of the last seconds, as wide as the vibration was strong there.
+// The path of the last seconds; its width is the strength of the vibration.
 function drawTrail(context, samples, px, ink, now_ms) {
     const newest_ms = now_ms - samples.at(-1).time_ms > TRAIL_MS ? now_ms : samples.at(-1).time_ms;
     const ageOf = ({ time_ms }) => Math.floor((TRAIL_STEPS * (newest_ms - time_ms)) / TRAIL_MS);

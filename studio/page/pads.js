@@ -1,13 +1,13 @@
-// What the pads of a graph are, in words.
+// Descriptions of the pads of a graph.
 import { digits } from "./numbers.js";
 
-// How a pad lies that is no tablet.
+// The orientation of a pad that is not a tablet.
 export function laidOn({ endpoint, is_laid, gives_n_per_mm }) {
     if (!is_laid) return null;
     return gives_n_per_mm === null ? `${endpoint}, from above` : `${endpoint}, from above; gives 1 mm at ${digits(gives_n_per_mm)} N`;
 }
 
-// Which endpoints the pointer is, and which move by themselves.
+// The endpoints that the pointer moves, and the simulated ones.
 export function whatMoves(graph) {
     const pads = (graph?.pads ?? []).map(({ endpoint, channels }) => `The pointer is ${endpoint}: ${channels.join(", ")}.`);
     return [...pads, ...simulatedAlone(graph)].join(" ");

@@ -1,4 +1,4 @@
-// Documentation text as nodes: what stands between back-ticks as code, all else as text.
+// Documentation text as nodes: text between back-ticks as code, all other as text.
 import { make } from "./dom.js";
 
 export function prose(text) {

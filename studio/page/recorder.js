@@ -1,4 +1,4 @@
-// Records what hands and settings do from the first frame of a new run on, and does it again.
+// Records hands and settings from the first frame of a new run, and replays them.
 import { find, make, setText } from "./dom.js";
 import { reportLink } from "./surfaces.js";
 
@@ -12,7 +12,7 @@ export function mountRecorder(studio) {
     record.addEventListener("click", () => studio.connection.send({ type: "record", on: studio.status?.recording_s === null }));
     replay.addEventListener("click", async () => {
         const reply = await studio.connection.request({ type: "replay", recording });
-        studio.say(reply.ok ? "good" : "bad", reply.ok ? `Done again: ${reply.change}` : reply.error);
+        studio.say(reply.ok ? "good" : "bad", reply.ok ? `Replayed: ${reply.change}` : reply.error);
     });
     keep.addEventListener("click", () => download(recording));
     studio.connection.on("recording", (message) => {

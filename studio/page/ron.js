@@ -1,4 +1,4 @@
-// RON as the editor sees it: its colours, and where in it a place is.
+// RON in the editor: its highlighting, and the context of a place.
 import { StreamLanguage } from "./vendor/codemirror.js";
 
 export const ron = StreamLanguage.define({
@@ -33,7 +33,7 @@ function inComment(stream, state) {
     return "blockComment";
 }
 
-// What stands around the place `at`: the open brackets with the names before them, the key whose value it is in, and
+// The context of the place `at`: the open brackets with the names before them, the key whose value it is in, and
 // the string it is in.
 export function placeOf(text, at) {
     const open = [];

@@ -13,8 +13,8 @@ const VIEWS = { time: drawTime, spectrum: drawSpectrum, spectrogram: drawSpectro
 const SPECTRAL_FROM_HZ = 200;
 
 export function mountScopes(studio) {
-    // `paused` is what a pause froze: { end_s, kept_s, back_s, now_ms, actuators, traces }, copies by the traces that go on;
-    // `back_s` is how long before its end the scopes end.
+    // `paused` is the state at the pause: { end_s, kept_s, back_s, now_ms, actuators, traces }, copies by the traces
+    // that go on; `back_s` is the time from the end of the scopes to its end.
     const state = { cards: [], span_s: kept.get("span", 2), paused: null, graph: null };
     mountBar(studio, state);
     studio.on("graph", (graph) => follow(studio, state, graph));
@@ -39,7 +39,7 @@ function mountBar(studio, state) {
     });
 }
 
-// A pause freezes what is seen; zoom, span, view and going back act on what was kept at that moment.
+// A pause freezes the scopes; zoom, span, view and going back act on the data kept at that moment.
 function setPaused(studio, state, on) {
     state.paused = on
         ? {
@@ -112,7 +112,7 @@ function group(ports) {
     return nodes;
 }
 
-// What a person wants to see first: what the hand does, what is rendered, what the actuator gets.
+// The initial scopes: the hand's motion, the vibration, the actuator's command.
 function firstScopes({ maps, ports, actuators }) {
     const out = [];
     const take = (port, view) =>
@@ -137,7 +137,7 @@ function add(studio, state, name, view, keep = true) {
     if (!port) return;
     const card = { name, port, view, memory: {}, zoom: 1, trace: null };
     card.trace = studio.taps.watch(name, SPECTRAL.has(view));
-    if (!card.trace) return studio.say("warn", "Sixteen ports are shown at most: remove a scope first.");
+    if (!card.trace) return studio.say("warn", "At most sixteen ports can be shown: remove a scope first.");
     const canvas = make("canvas", { role: "img", "aria-label": `${name} as ${view}` });
     card.element = make(
         "article",
@@ -158,7 +158,7 @@ function barOf(studio, state, card) {
     const views = card.port.rate_hz >= SPECTRAL_FROM_HZ ? Object.keys(VIEWS) : ["time", "meter", "number"];
     const choice = make(
         "select",
-        { "aria-label": `How ${card.name} is shown` },
+        { "aria-label": `View of ${card.name}` },
         ...views.map((view) => make("option", { text: view })),
     );
     choice.value = card.view;
@@ -193,7 +193,7 @@ function barOf(studio, state, card) {
 
 function setView(studio, state, card, view) {
     const trace = studio.taps.watch(card.name, SPECTRAL.has(view));
-    if (!trace) return studio.say("warn", "Sixteen ports are shown at most: remove a scope first.");
+    if (!trace) return studio.say("warn", "At most sixteen ports can be shown: remove a scope first.");
     studio.taps.release(card.trace);
     Object.assign(card, { trace, view, memory: {}, zoom: 1 });
     remember(state);
@@ -245,5 +245,5 @@ function drawCard(studio, state, card, frame_ms) {
 
 function drawNothing(context, { height }) {
     context.fillStyle = colours.soft;
-    context.fillText("Nothing was kept of this before the pause", 12, height / 2);
+    context.fillText("No data of this port was kept before the pause", 12, height / 2);
 }

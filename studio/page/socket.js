@@ -1,5 +1,6 @@
-// A Worker with the way to the engine in it, a WebSocket or a port to the page's audio thread: a server's sound goes from here to the player by a port of its own, past whatever the page
-// is busy with, and the simulated hand strokes from here. All else goes to the page.
+// A Worker that holds the connection to the engine, a WebSocket or a port to the page's audio thread. A server's sound
+// goes from here to the player by a port of its own, without waiting for the page; the simulated hand runs here. All
+// other messages go to the page.
 import { EngineLink } from "./engine-link.js";
 import { pointers } from "./frames.js";
 import { Stroke } from "./stroke.js";
@@ -51,7 +52,7 @@ function send(message) {
     said = null;
 }
 
-// Begins to stroke, changes the force, or lifts the hand where there is no pad.
+// Begins to stroke, changes the force, or lifts the hand if there is no pad.
 function guide(pad, force_n) {
     const now_ms = performance.now() + page_ms;
     if (pad && stroke) stroke.force_n = force_n;
@@ -69,7 +70,7 @@ setInterval(() => {
     postMessage({ what: "stroked", samples });
 }, STROKE_MS);
 
-// How much still waits here, for the progress of what is long.
+// Number of bytes that wait to be sent, for the progress of long messages.
 setInterval(() => {
     const unsent = socket?.bufferedAmount ?? 0;
     if (unsent !== said) postMessage({ what: "unsent", unsent });

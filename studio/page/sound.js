@@ -1,4 +1,4 @@
-// What the actuator gets, to be heard: only after a press, and quietly at first.
+// The actuator's command as sound: only after a press, and quiet at first.
 import { find, setText } from "./dom.js";
 
 const FIRST_LEVEL_DB = -20;
@@ -25,24 +25,24 @@ export class Sound {
         this.#show();
     }
 
-    // Why there can be no sound here; null where there can.
+    // The reason why sound is impossible here; null if it is possible.
     get obstacle() {
         if (!this.#studio.graph) return null;
-        if (!this.#studio.graph.sound) return "This graph drives nothing that could be heard";
+        if (!this.#studio.graph.sound) return "This graph has no output that can be played as sound";
         if (!("audioWorklet" in AudioContext.prototype))
             return this.#studio.hello?.from === "network"
-                ? "The pad of another machine, by plain HTTP: browsers allow no sound here and report a pointer only once a frame. Hear, edit, save, record and learn on that machine"
-                : "No sound in this browser at this address: over plain HTTP from another machine sound is not allowed. Open the page on the machine itself";
+                ? "This page came from another machine over plain HTTP, so browsers play no sound and report the pointer only once per frame. Listen, edit, save, record and learn on that machine"
+                : "No sound at this address: browsers play no sound over plain HTTP from another machine. Open the page on the machine itself";
         return this.error;
     }
 
-    // From what the engine sends to the ear, in seconds; null while nothing plays.
+    // Latency from the engine to the ear, s; null while nothing plays.
     get latency_s() {
         if (!this.on || !this.report || !this.#context) return null;
         return this.report.fill_s + (this.#context.baseLatency || 0) + (this.#context.outputLatency || 0);
     }
 
-    // What the sound is multiplied by now.
+    // The current gain of the sound.
     get gain() {
         return this.#gain?.gain.value ?? 0;
     }
@@ -58,7 +58,7 @@ export class Sound {
         this.#show();
     }
 
-    // Silence at once, at STOP.
+    // Mutes at once, at STOP.
     cut() {
         this.#gain?.gain.cancelScheduledValues(0);
         this.#gain?.gain.setTargetAtTime(0, this.#context.currentTime, CUT_S);
@@ -100,11 +100,11 @@ export class Sound {
         this.#connect(this.#context, player);
     }
 
-    // What plays, a node of its own or the engine itself, is heard through a gain.
+    // The player, or the engine itself, plays through a gain.
     #connect(context, player) {
         this.#context = context;
         this.#player = player;
-        // The browser counts where it had nothing to play in time.
+        // The browser counts its underruns.
         player.port.onmessage = ({ data }) =>
             (this.report = { ...data, underruns: data.underruns + (context.playbackStats?.underrunEvents ?? 0) });
         this.#gain = new GainNode(context, { gain: 0 });
@@ -121,7 +121,7 @@ export class Sound {
         this.#show();
     }
 
-    // Another graph, or the same engine again: it has to be asked anew.
+    // Another graph, or the same engine again: the sound has to be requested anew.
     async #follow({ sound }) {
         if (!this.on) return this.#show();
         if (!sound) return this.#end();
@@ -134,7 +134,7 @@ export class Sound {
         this.#show();
     }
 
-    // Only while the engine runs and the page is seen: what was cut stays so.
+    // Only while the engine runs and the page is visible; otherwise the sound stays muted.
     #ramp(time_s = RAMP_S) {
         if (!this.on || !this.#studio.runs || document.hidden) return;
         const { gain } = this.#gain;
@@ -153,7 +153,7 @@ export class Sound {
     }
 }
 
-// A context at the engine's rate, or at the card's where the browser will not have that.
+// A context at the engine's rate, or at the card's if the browser rejects that.
 function contextAt(rate_hz) {
     try {
         return new AudioContext({ sampleRate: rate_hz, latencyHint: "interactive" });

@@ -1,4 +1,4 @@
-// The one line that says what is the matter and what to do, and the figures beside it.
+// The status line: the most urgent problem with its remedy, and the figures beside it.
 import { find, setText } from "./dom.js";
 import { frameRate } from "./frame.js";
 
@@ -26,7 +26,7 @@ export function mountStatus(studio) {
     studio.on("graph", () => show(studio, state));
 }
 
-// Counts that grew lately are worth a word; old ones stand in the figures.
+// Counts that grew recently are reported; older ones are in the figures.
 function watchCounts(studio, { counts, since }) {
     const { lost, faults, xruns } = studio.status;
     const now = { lost, faults, xruns: xruns ?? 0, underruns: studio.sound.report?.underruns ?? 0 };
@@ -51,7 +51,7 @@ function show(studio, state) {
     setText(find("status-figures"), figures(studio, state));
 }
 
-// The most pressing thing.
+// The most urgent message.
 function pick(studio, state) {
     const recent = (name) => performance.now() - (state.since[name] ?? -Infinity) < RECENT_MS;
     for (const find of [connectionSays, stateSays]) {
@@ -84,15 +84,15 @@ function connectionSays(studio) {
     return { level: "warn", text: "Not connected: the engine has taken its actuators to zero by itself" };
 }
 
-// An engine that is connected and says nothing: what the page shows is not what it does.
+// An engine that is connected but sends nothing: the page does not show its state.
 function silenceSays({ heard_ms, connection }) {
     const silent_s = (performance.now() - heard_ms) / 1000;
     if (silent_s < UNHEARD_S) return null;
     const end = connection.engine ? "Reload the page" : "Use its terminal";
-    return { level: "bad", text: `The engine has said nothing for ${silent_s.toFixed(0)} s, so its state is not known. ${end}` };
+    return { level: "bad", text: `The engine has sent nothing for ${silent_s.toFixed(0)} s, so its state is not known. ${end}` };
 }
 
-// What a STOP did, and how it ends; null where there is none.
+// The effect of a STOP, and the way to end it; null without a STOP.
 export function stopSays(studio) {
     const { state, owner } = studio.status ?? {};
     if (state !== "stopped" && state !== "stopping") return null;
@@ -100,7 +100,7 @@ export function stopSays(studio) {
     const late = performance.now() - studio.stop_ms > UNCONFIRMED_MS;
     const text =
         state === "stopped"
-            ? "Stopped: every drive is at zero"
+            ? "Stopped: every actuator is at zero"
             : late
               ? `Stopping: the engine has not confirmed STOP. If it does not, ${end}`
               : "Stopping";
@@ -119,7 +119,7 @@ function stateSays(studio) {
     if (state === "failed")
         return {
             level: "bad",
-            text: "The engine failed: its actuators are at zero. The terminal says why; start it again there",
+            text: "The engine failed: its actuators are at zero. The terminal shows the reason; start it again there",
         };
     return null;
 }
@@ -134,7 +134,7 @@ function engineSays(studio, counts, recent) {
     if (recent("faults"))
         return {
             level: "bad",
-            text: `An actuator was asked for NaN or infinity in ${counts.faults} ticks: it got zero. Undo the last edit`,
+            text: `The command of an actuator was NaN or infinite in ${counts.faults} ticks: it got zero. Undo the last edit`,
         };
     if (behind_ms > LATE_MS) {
         const why =
@@ -200,7 +200,7 @@ function showBadge(studio) {
     setText(owner, !studio.status ? "" : studio.status.owner ? "the pad is yours" : "Take over");
 }
 
-// Whether anything real can move: what the engine says of its devices.
+// Shows whether a real device can move, from the engine's list of devices.
 function showMoves(studio) {
     const real = studio.graph?.devices?.filter(({ simulated }) => !simulated);
     const badge = find("moves");
@@ -211,7 +211,7 @@ function showMoves(studio) {
     setText(find("moves-more"), real.length ? `: ${real.map(({ name }) => name).join(", ")}` : ": nothing real moves");
 }
 
-// From the pointer to the ear, where something is heard; else to the engine.
+// Latency from the pointer to the ear, or to the engine without sound.
 function showLatency(studio) {
     const pointer = studio.status?.pointer;
     const element = find("latency");
@@ -227,7 +227,7 @@ function showLatency(studio) {
         `Pointer to engine: median ${pointer.p50_ms.toFixed(1)} ms, largest ${pointer.max_ms.toFixed(1)} ms.` +
         (sound_s === null
             ? ""
-            : ` Sound: buffer ${(1000 * studio.sound.report.fill_s).toFixed(0)} ms and ${(1000 * (sound_s - studio.sound.report.fill_s)).toFixed(0)} ms in the browser and the card. The network between is not counted.`);
+            : ` Sound: buffer ${(1000 * studio.sound.report.fill_s).toFixed(0)} ms and ${(1000 * (sound_s - studio.sound.report.fill_s)).toFixed(0)} ms in the browser and the card. The network is not included.`);
 }
 
 function figures(studio, { counts }) {

@@ -1,4 +1,4 @@
-// The way of a simulated hand: circles whose speed and force swell and fade, so that the whole map is heard.
+// The path of a simulated hand: circles of varying speed and force, which cover the whole map.
 const TURN_S = 1.3;
 const SPEED_SWELL_S = 7.1;
 const FORCE_SWELL_S = 4.3;
@@ -17,7 +17,7 @@ export class Stroke {
         this.#last_ms = now_ms;
     }
 
-    // The samples since the last time, evenly.
+    // The samples since the last call, at even intervals.
     until(now_ms) {
         const step_ms = Math.min(now_ms - this.#last_ms, LONGEST_MS);
         const count = Math.ceil(step_ms / LARGEST_MS);
@@ -31,7 +31,7 @@ export class Stroke {
         });
     }
 
-    // Where the hand is, said to be at `time_ms`.
+    // The hand's sample, with the time `time_ms`.
     sample(time_ms) {
         const radius_mm = 0.3 * Math.min(this.pad.width_mm, this.pad.height_mm);
         return {

@@ -21,10 +21,10 @@ export function mountSurfaces(studio) {
 // The parameter that a click on a swatch sets.
 export const parameterOf = (graph) => graph?.parameters.find(({ is_surface }) => is_surface) ?? null;
 
-// A path as the parameter wants it: a RON string, which JSON writes in the same way, unless it is one already.
+// A path as a value of the parameter: a RON string, which JSON writes in the same way, unless it is one already.
 export const quoted = (path) => (path.startsWith('"') ? path : JSON.stringify(path));
 
-// A path as it stands between the quotes.
+// A path without the quotes.
 export const bare = (path) => (/^"[^"\\]*"$/.test(path) ? path.slice(1, -1) : path);
 
 export function currentSurface(graph) {
@@ -38,7 +38,7 @@ export function currentSurface(graph) {
     );
 }
 
-// A tone for each, so that two are told apart at a glance; the relief in a swatch is the model's own.
+// A tone for each surface, to tell them apart at a glance; the relief in a swatch is the model's own.
 const TONES = ["#f0e2c4", "#d3e3e6", "#dfe8cd", "#ead6e2", "#e9d0bd", "#d9d9ee", "#f2dcd2", "#cfe6d9"];
 
 export const toneOf = (graph, surface) => TONES[Math.max(0, graph?.surfaces.indexOf(surface) ?? 0) % TONES.length];
@@ -76,7 +76,7 @@ function showCurrent(studio) {
     const says = !studio.graph.surfaces.length
         ? "The surface folder is empty"
         : parameter
-          ? "Click: it is on the pad at once"
+          ? "Click a surface to put it on the pad"
           : "This graph has no parameter for its surface";
     setText(find("surface-state"), says);
 }
@@ -134,13 +134,13 @@ async function learn(studio, file) {
         return end(
             "bad",
             studio.hello?.from === "network"
-                ? "A page that comes over the network learns no surfaces. Drop the recording on the page of the machine itself."
-                : "This engine does not learn surfaces.",
+                ? "A page that came over the network cannot learn surfaces. Drop the recording on the page of the machine itself."
+                : "This engine cannot learn surfaces.",
         );
     if (file.size > MOST_BYTES)
         return end(
             "bad",
-            `${file.name} has ${(file.size / 2 ** 20).toFixed(0)} MiB; at most 64 MiB are taken. Cut the recording, or use \`haptograph learn\`.`,
+            `${file.name} has ${(file.size / 2 ** 20).toFixed(0)} MiB; at most 64 MiB are supported. Cut the recording, or use \`haptograph learn\`.`,
         );
     text.textContent = `Reading ${file.name}…`;
     const csv = await file.text();
@@ -157,7 +157,7 @@ async function learn(studio, file) {
     if (reply.learned) text.after(...keepLinks(reply.learned, bare(reply.change).split("/").at(-1)));
 }
 
-// A page has no folder: what was learned is kept by downloading it.
+// A page has no folder: a learned surface is kept by downloading it.
 function keepLinks({ surface, report }, file) {
     const link = (label, download, type, content) =>
         make("a", { class: "report", href: URL.createObjectURL(new Blob([content], { type })), download, text: label });
@@ -167,7 +167,7 @@ function keepLinks({ surface, report }, file) {
     ];
 }
 
-// The page that a folder of the studio's holds, in a tab of its own.
+// A link to the page in a folder of the studio, which opens a new tab.
 export function reportLink(folder) {
     const address = new URL(`report/${encodeURIComponent(folder)}`, location.href);
     address.search = new URLSearchParams({ token: new URLSearchParams(location.search).get("token") ?? "" });

@@ -1,4 +1,4 @@
-// An SVG text as elements that draw and do nothing else.
+// SVG text as elements that only draw.
 const DRAWS = new Set([
     "svg",
     "g",
@@ -25,7 +25,7 @@ const DRAWS = new Set([
     "mask",
 ]);
 
-// The drawing without whatever could run or load something; null where the text is no SVG.
+// The drawing without whatever could run or load something; null if the text is not SVG.
 export function cleaned(text) {
     const root = new DOMParser().parseFromString(text, "image/svg+xml").documentElement;
     if (root.nodeName !== "svg" || root.querySelector("parsererror")) return null;

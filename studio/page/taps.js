@@ -17,7 +17,7 @@ export class Taps {
         connection.on("lost", () => (this.#offset_s = null));
     }
 
-    // The trace of a port, sent from now on until it is released; null where all places are taken.
+    // The trace of a port, sent from now on until it is released; null if all slots are taken.
     watch(name, raw = false) {
         let slot = this.#slots.find(({ trace }) => trace.name === name && trace.raw === raw);
         if (!slot) {
@@ -30,7 +30,7 @@ export class Taps {
         return slot.trace;
     }
 
-    // Ends one use. The last place moves into the one that is free, so the others keep theirs.
+    // Ends one use. The last slot moves into the free one, so the others keep theirs.
     release(trace) {
         if (!trace || --trace.users > 0) return;
         const at = this.#slots.findIndex((slot) => slot.trace === trace);
@@ -45,7 +45,7 @@ export class Taps {
         return this.#slots.map(({ trace }) => trace);
     }
 
-    // The run's time, as smooth as the page's own clock.
+    // The time of the run, interpolated by the page's clock.
     now_s() {
         return performance.now() / 1000 + (this.#offset_s ?? 0);
     }

@@ -1,4 +1,4 @@
-// Colours for what is drawn on canvases, and canvases that know their size.
+// Colours for drawing on canvases, and canvases that follow their size.
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const NAMES = [
     "paper",
@@ -19,7 +19,7 @@ const NAMES = [
 export const FONT = "11px system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
 export const FONT_STRONG = FONT.replace("11px", "600 12px");
 
-// The colours of the theme that shows now, by name.
+// The colours of the current theme, by name.
 export const colours = {};
 
 function load() {
@@ -74,7 +74,7 @@ export class Surface {
     }
 }
 
-// Text with a halo in the colour of the ground, so that it reads over curves.
+// Text with a halo in the background's colour, so that it is readable over curves.
 export function haloText(context, text, x, y, colour, ground) {
     context.lineWidth = 3;
     context.lineJoin = "round";

@@ -1,4 +1,4 @@
-// The last seconds of one port: a ring of least and most per interval and lane.
+// The last seconds of one port: a ring of minimum and maximum per interval and component.
 const THINNED_HISTORY_S = 24;
 const RAW_HISTORY_S = 3;
 
@@ -34,7 +34,7 @@ export class Trace {
         this.end_s = time_s + count * interval_s;
     }
 
-    // The latest value of a lane (the most of the last interval); NaN where there is none.
+    // The latest value of a component (the maximum of the last interval); NaN if there is none.
     latest(lane = 0) {
         if (this.written === 0 || lane >= this.lanes) return NaN;
         return this.most[((this.written - 1) % this.capacity) * this.lanes + lane];
@@ -45,7 +45,7 @@ export class Trace {
         return ((this.written - 1 - back) % this.capacity) * this.lanes;
     }
 
-    // Root mean square of the middle of the last `span_s` and the largest absolute value in it, of all lanes.
+    // Root mean square of the middle of the last `span_s` and the largest absolute value in it, over all components.
     level(span_s) {
         const frames = Math.min(this.count, Math.ceil(span_s / (this.interval_s || 1)));
         let sum = 0,
@@ -67,7 +67,7 @@ export class Trace {
         return { rms: taken ? Math.sqrt(sum / taken) : 0, peak };
     }
 
-    // As it is now: what comes later does not reach it.
+    // A copy of the present state, which later samples do not change.
     copy() {
         const copy = Object.assign(new Trace(this.name, this.raw), this);
         copy.most = this.most.slice();

@@ -1,4 +1,4 @@
-// Plays binary 3: a ring that fills by messages and empties at the card's rate, with a fill that it holds steady.
+// Plays binary 3: a ring that messages fill and that is played at the card's rate; its fill is controlled.
 const HEAD_BYTES = 16; // of binary 3, before the samples
 const RING_S = 2;
 const FIRST_TARGET_S = 0.025;
@@ -70,7 +70,7 @@ class Player extends AudioWorkletProcessor {
         return true;
     }
 
-    // One sample; where there is none, or too many, the sound fades and comes back.
+    // One sample; if there is none, or too many, the sound fades out and in.
     next(step, late) {
         const ready = this.write - this.read > 3;
         if (!ready && !this.filling) {

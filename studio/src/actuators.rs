@@ -12,7 +12,7 @@ use haptograph_signal::quantity::Quantity;
 #[derive(Debug)]
 pub struct Actuator {
     pub name: String,
-    /// The endpoint that it drives, and whether that is neither simulated nor a pad.
+    /// The endpoint that the actuator drives, and whether that endpoint is a real device: neither simulated nor a pad.
     pub endpoint: String,
     pub is_real: bool,
     pub unit: String,
@@ -28,7 +28,7 @@ fn is_real(device: &GraphDevice) -> bool {
     !device.entry.spec.simulated && !device.entry.is_host()
 }
 
-/// The real devices that a graph drives, with the fingerprints of what they are set to.
+/// The real devices that a graph drives, with the fingerprints of their settings.
 pub fn driven(graph: &Graph) -> Vec<(&str, u64)> {
     let devices = graph.driven_devices().filter(|device| is_real(device));
     devices

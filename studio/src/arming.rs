@@ -1,5 +1,5 @@
-//! Real actuators get zeros until the page that owns the graph arms them. The gate is the engine's
-//! ([`ArmSwitch`](haptograph_engine::run::ArmSwitch)), where the device is driven.
+//! Arming of real actuators, which receive zeros until the page that owns the graph arms them. The gate is part of the
+//! engine ([`ArmSwitch`](haptograph_engine::run::ArmSwitch)) and acts where the device is driven.
 
 use super::actuators::driven;
 use super::load::Loaded;
@@ -8,14 +8,14 @@ use haptograph_engine::run::Session;
 use haptograph_engine::silence::InputState;
 use haptograph_live::soundcard::output_sinks;
 
-/// The part of what the limits let through that arming begins with: -20 dB.
+/// The gain behind the limits with which arming begins: -20 dB.
 pub const FIRST_GAIN: f64 = 0.1;
 
 impl Stage {
     /// Arms the real actuators, with [`FIRST_GAIN`].
     ///
     /// # Errors
-    /// [`StageError`]: nothing is driven that could be armed.
+    /// [`StageError`] if the graph drives no real device.
     pub fn arm(&mut self) -> Result<(), StageError> {
         let refused = |why: &str| Err(StageError::Other(format!("cannot arm: {why}")));
         if !self.host.can_drive || driven(&self.loaded.graph).is_empty() {
@@ -35,7 +35,7 @@ impl Stage {
         Ok(())
     }
 
-    /// Where a real device of the run is reached: an address, or the name that it gives itself.
+    /// The place at which a real device of the run is reached: an address, or the name that the system reports.
     pub fn place_of(&self, device: &str) -> Option<String> {
         let mut heard = self.inputs.streams();
         let is_played = || {
@@ -57,7 +57,8 @@ impl Stage {
         self.switch.disarm();
     }
 
-    /// Disarms when a driven device that was heard falls silent: whatever answers next may be another one.
+    /// Disarms if a driven device that sent data falls silent, because the next device at its address may be another
+    /// one.
     pub fn disarm_if_silent(&mut self) {
         let driven = driven(&self.loaded.graph);
         let is_driven = |device: &str| driven.iter().any(|(name, _)| *name == device);
@@ -83,7 +84,7 @@ impl Stage {
         self.heard = heard;
     }
 
-    /// Another graph takes over: what is armed is not another device.
+    /// Disarms before another graph takes over, unless it drives the same devices with the same settings.
     pub fn disarm_unless_same(&self, next: &Loaded) {
         if driven(&self.loaded.graph) != driven(&next.graph) {
             self.disarm();

@@ -73,7 +73,7 @@ pub struct NoPad {
     pub lacks: Vec<&'static str>,
 }
 
-/// Divides the endpoints of a hosted graph into pads and others; an endpoint that `stays` is no pad.
+/// Divides the endpoints of a hosted graph into pads and others; an endpoint for which `stays` is true is not a pad.
 /// `simulated` loads the same graph with its own endpoints, which state what their hands touch; it is called
 /// only if needed.
 pub fn sort(

@@ -17,7 +17,7 @@ const STEP: Duration = Duration::from_millis(2);
 /// Delay above which a wake-up counts as late, s.
 const LATE_S: f64 = 0.02;
 
-/// How a thread keeps time.
+/// Timing of a driver thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Timing {
     /// Wake-up period.
@@ -28,7 +28,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// For a run that only pages wait for.
+    /// For a run without real devices.
     pub const EASY: Self = Self {
         step: Duration::from_millis(2),
         max_behind: Duration::from_millis(100),
@@ -71,7 +71,7 @@ impl Pace {
         self.late.load(Relaxed)
     }
 
-    /// Number of ticks in which an actuator was given NaN or infinity.
+    /// Number of ticks in which an actuator received NaN or infinity.
     pub fn faults(&self) -> u64 {
         self.faults.load(Relaxed)
     }
@@ -149,7 +149,7 @@ impl Driven for Paced {
     }
 }
 
-/// Who drives the player.
+/// The driver of a player.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DrivenBy {
     /// A thread of its own, at the rate of the graph's driver clock.
@@ -183,7 +183,7 @@ impl Drive {
     /// Opens a soundcard, whose callback runs the player.
     ///
     /// # Errors
-    /// [`SoundcardError`]: there is no such card.
+    /// [`SoundcardError`] if there is no such card.
     pub fn start_by_card(player: Player, request: Request) -> Result<Self, SoundcardError> {
         let pace = Arc::new(Pace::default());
         let paced = Paced {
@@ -213,7 +213,7 @@ impl Drive {
         matches!(&self.runner, Runner::Card(card) if card.is_waiting())
     }
 
-    /// The soundcard that drives it, as it calls itself.
+    /// Name of the soundcard that drives the player.
     pub fn card(&self) -> Option<&str> {
         match &self.runner {
             Runner::Card(card) => Some(&card.got().card),
@@ -221,7 +221,7 @@ impl Drive {
         }
     }
 
-    /// Number of under- and overruns of the soundcard that drives it.
+    /// Number of under- and overruns of the soundcard that drives the player.
     pub fn xruns(&self) -> Option<u64> {
         match &self.runner {
             Runner::Card(card) => Some(card.counts().xruns),

@@ -64,14 +64,14 @@ impl Confirmed {
 pub struct Proposal {
     /// Counts the proposals of a studio, from 1.
     pub number: u64,
-    /// Everything in which it exceeds the envelope, one sentence each.
+    /// The ways in which it exceeds the envelope, one sentence each.
     pub beyond: Vec<String>,
     source: Source,
     text: String,
 }
 
 impl Stage {
-    /// Keeps what was refused, for the person at the terminal.
+    /// Keeps a refused edit, for confirmation at the terminal.
     pub fn propose(&mut self, source: Source, text: String, beyond: Vec<String>) {
         self.proposals += 1;
         self.proposal = Some(Proposal {
@@ -169,7 +169,7 @@ impl SafetyEnvelope {
         })
     }
 
-    /// Everything in which `next` exceeds this envelope, one sentence each; empty if it is as safe.
+    /// The ways in which `next` exceeds this envelope, one sentence each; empty if it does not.
     pub fn exceeded_by(&self, next: &Self) -> Vec<String> {
         let mut beyond = Vec::new();
         for (place, text) in &next.depends {

@@ -1,4 +1,4 @@
-//! The settings that the parameters of a graph feed.
+//! The settings that take their values from the parameters of a graph.
 
 use haptograph_engine::document::value::{Body, Shape, Tagged, Value};
 use haptograph_engine::registry::Registry;

@@ -1,4 +1,4 @@
-//! Learns a surface from a recording, as the page's drop of a table asks for it.
+//! Learning of a surface from a recording that is dropped on the page.
 
 use haptograph_surfaces::Surface;
 use haptograph_surfaces::files::native;
@@ -32,7 +32,7 @@ impl Learned {
 /// Learns the table in a file; the surface is named `stem`.
 ///
 /// # Errors
-/// What is wrong with the table, without the file's folder, or that it holds no drag.
+/// A description of the error in the table, without the file's folder, or a note that the table contains no drag.
 pub fn learn_table(stem: &str, table: &Path) -> Result<Learned, String> {
     let folder = table.parent().unwrap_or(Path::new("")).to_string_lossy();
     let shown = |error: &dyn Display| match &*folder {
@@ -49,7 +49,7 @@ pub fn learn_table(stem: &str, table: &Path) -> Result<Learned, String> {
     }
 }
 
-/// Why no file is free.
+/// Message if no file name is free.
 pub const FULL: &str = "a thousand surfaces with this name exist; remove or rename some";
 
 /// The files that a surface may get, in the order in which they are tried.

@@ -175,8 +175,8 @@ impl Engine {
     }
 }
 
-/// Checks edits before they reach an engine, which then loads correct graphs only. It changes when the engine does:
-/// [`follow`](Self::follow).
+/// Checks edits before they reach an engine, so that the engine loads correct graphs only. [`follow`](Self::follow)
+/// keeps it in step with the engine.
 pub struct Checker {
     source: Source,
     /// The running text.
@@ -237,14 +237,14 @@ fn free_file(source: &Source, name: &str) -> Option<PathBuf> {
 /// Learns the surface of a recording in a file: its name, the text of its file, and the report as HTML.
 ///
 /// # Errors
-/// What is wrong with the recording, as readable text.
+/// A description of the error in the recording.
 pub fn learn_recording(recording: &Path) -> Result<[String; 3], String> {
     let stem = learn::stem(&recording.to_string_lossy());
     let learned = learn::learn_table(&stem, recording)?;
     Ok([stem, learned.text(), learned.page()])
 }
 
-/// What a checker needs of the engine's messages.
+/// The parts of the engine's messages that a checker needs.
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
 enum Running {

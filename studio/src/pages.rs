@@ -14,7 +14,7 @@ pub trait Line: Send {
     fn send(&mut self, message: Message) -> Result<(), LineError>;
 }
 
-/// Why a message was not sent.
+/// Reason why a message was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LineError {
     /// The page does not read.
@@ -39,7 +39,7 @@ pub struct Page {
     pub line: Box<dyn Line>,
     pub wanted: Vec<ScopeRequest>,
     pub hears: bool,
-    /// True if it displays the drawing.
+    /// True if the page displays the drawing.
     pub sees_levels: bool,
     pub lost: u64,
     pub is_gone: bool,
@@ -77,7 +77,7 @@ impl Stage {
         }
     }
 
-    /// Another page becomes the owner. What it did not arm is not armed.
+    /// Makes another page the owner. Actuators that the previous owner armed are disarmed.
     pub fn give_to(&mut self, page: u64) {
         if self.owner.replace(page) != Some(page) {
             self.disarm();

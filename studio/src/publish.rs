@@ -90,7 +90,7 @@ pub fn text(value: &Value) -> Message {
     Message::Text(value.to_string())
 }
 
-/// Sends what the last look saw.
+/// Sends the data that the last [`Stage::look`] collected.
 pub fn send_samples(stage: &mut Stage) {
     let Stage {
         pages, scopes, sound, ..
@@ -179,8 +179,8 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
 }
 
 impl Page {
-    /// Sends a message to a page that may not read. Lost samples are counted; where a text is lost, such as the new graph,
-    /// the page is disconnected, and told everything when it comes back.
+    /// Sends a message to a page that may not read. Lost samples are counted; if a text is lost, such as the new graph,
+    /// the page is disconnected and receives the full state when it reconnects.
     pub fn send(&mut self, message: Message) {
         let is_text = matches!(message, Message::Text(_));
         match self.line.send(message) {

@@ -126,7 +126,7 @@ impl Move {
     }
 }
 
-/// Why a recording cannot be replayed.
+/// Reason why a recording cannot be replayed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RecordingError {
     /// The format is newer than this version.
@@ -177,7 +177,7 @@ impl Recording {
         self.frames as f64 / self.rate_hz
     }
 
-    /// Checks that a graph at this rate can replay it.
+    /// Checks that a graph at this rate can replay the recording.
     pub fn check(&self, rate_hz: f64) -> Result<(), RecordingError> {
         if self.format != FORMAT {
             return Err(RecordingError::Format(self.format));

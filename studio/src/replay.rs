@@ -22,7 +22,7 @@ pub struct Replay {
 pub enum ReplayStep<'a> {
     Move(&'a Move),
     Setting(&'a SettingChange),
-    /// No event before this frame.
+    /// Run up to this frame: no event comes before it.
     Until(u64),
     /// The replay is over.
     Over,

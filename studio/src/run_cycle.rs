@@ -20,7 +20,7 @@ use std::time::Duration;
 /// Maximum duration of the fall to zero.
 const STOPPING: Duration = Duration::from_secs(2);
 
-/// What follows when a run has fallen to zero.
+/// The run that follows when the outputs of the present one have fallen to zero.
 #[derive(Debug, Default)]
 pub enum NextRun {
     /// No run.
@@ -110,7 +110,7 @@ impl Stage {
         options
     }
 
-    /// Starts what drives the player: the soundcard that the graph plays on, a thread, or the caller.
+    /// Starts the driver of the player: the soundcard that the graph plays on, a thread, or the caller.
     fn drive_by(&self, player: Player, how: &NextRun, is_live: bool) -> Result<Drive, StageError> {
         let requests = self.card_requests.as_ref().filter(|_| is_live);
         if let Some(request) = requests.and_then(|requests| requests.output.clone()) {

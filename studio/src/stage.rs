@@ -52,7 +52,7 @@ pub enum StageError {
     Graph(Diagnostics),
     /// The graph exceeds the limits and devices of the file when the studio was opened, one sentence each.
     #[error(
-        "limits cannot be raised, nor actuators added or devices changed, from the page alone: {}; nothing was changed. \
+        "a page alone cannot raise limits, add actuators or change devices: {}; nothing was changed. \
          Confirm it at the terminal of the studio, then repeat it here",
         .0.join("; ")
     )]
@@ -89,7 +89,7 @@ pub struct Stage {
     pub drive: Option<Drive>,
     /// Arms the real actuators; the same for all runs.
     pub switch: Arc<ArmSwitch>,
-    /// The driven devices that were heard at the last look.
+    /// The driven devices that sent data before the last look.
     pub heard: Vec<String>,
     /// The real devices of other programs, the soundcards that are listened to, and the streams requested of soundcards.
     pub network: Connections,
@@ -116,7 +116,7 @@ pub struct Stage {
     /// Error of writing that page.
     pub page_error: Option<String>,
     pub replay: Option<Replay>,
-    /// What follows this run.
+    /// The run that follows this one.
     pub next_run: NextRun,
     /// Time still to be run in a replay, s.
     pub pending_s: f64,
@@ -206,7 +206,7 @@ impl Stage {
         self.look_at_scopes(now_s);
     }
 
-    /// Ends what is over, once the pages have been sent what was seen of it.
+    /// Ends runs and replays that are over, after their last data have been sent to the pages.
     pub fn end_what_is_over(&mut self) {
         if self.state == State::Running && self.drive.as_ref().is_some_and(|drive| drive.pace.is_over()) {
             self.end();

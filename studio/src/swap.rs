@@ -47,7 +47,7 @@ impl Stage {
         Ok(changed.change.to_string())
     }
 
-    /// Why a graph cannot be swapped in without a new run.
+    /// Reason why a graph cannot be swapped in without a new run.
     fn obstacle(&self, next: &Loaded) -> Option<String> {
         if self.recorder.is_some() || self.replay.is_some() {
             return Some("a recording or a replay keeps its graph; end it first".to_owned());

@@ -10,9 +10,9 @@ use haptograph_engine::diagnostic::{Diagnostics, to_json};
 use serde_json::{Value, json};
 use std::time::Duration;
 
-/// What to do about a message.
+/// The action that a message requires.
 pub enum Response {
-    /// Nothing.
+    /// No action.
     None,
     /// Send this answer.
     Answer(Value),
@@ -59,7 +59,7 @@ pub fn greet(stage: &mut Stage, line: Box<dyn Line>, reach: Reach) -> (u64, [Mes
     (stage.join(line, reach), [text(&hello), text(&graph)])
 }
 
-/// Handles a message as far as that is quick.
+/// Handles a message, except for work that takes long.
 pub fn hear(stage: &mut Stage, page: u64, message: &Message) -> Response {
     act_on(stage, page, read(message))
 }
@@ -81,7 +81,7 @@ pub fn disarms(incoming: &Result<Incoming, WireError>) -> bool {
     )
 }
 
-/// Handles a parsed message as far as that is quick.
+/// Handles a parsed message, except for work that takes long.
 pub fn act_on(stage: &mut Stage, page: u64, incoming: Result<Incoming, WireError>) -> Response {
     match incoming {
         Ok(Incoming::Pointers(pad, points)) => {

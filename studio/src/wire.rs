@@ -174,13 +174,13 @@ impl Pointer {
     }
 }
 
-/// Why a message is rejected.
+/// Reason why a message is rejected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
     /// Not a message of the protocol.
     #[error("unknown message: {0}")]
     Json(String),
-    /// It is longer than any that is known.
+    /// The message is longer than any of the protocol.
     #[error("a message of {0} bytes is too long")]
     Long(usize),
     /// A binary message of another kind or length.
@@ -188,7 +188,7 @@ pub enum WireError {
     Binary(usize),
     /// A pointer out of range.
     #[error(
-        "a pointer is at no number, further than {MAX_MM} mm from the middle, presses with more than {MAX_N} N, or is tilted by more than {MAX_DEG} degrees"
+        "a pointer is at NaN or infinity, further than {MAX_MM} mm from the middle, presses with more than {MAX_N} N, or is tilted by more than {MAX_DEG} degrees"
     )]
     Pointer,
 }

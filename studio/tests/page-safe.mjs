@@ -228,7 +228,7 @@ programTest("a real actuator rises when it is armed, and falls at STOP and where
         // The page goes on, but the engine's statuses do not come.
         proxy.hold();
         await until_driven((current) => current === 0, 3000);
-        await until(page, () => /^The engine has said nothing for/.test(document.getElementById("status-text").textContent));
+        await until(page, () => /^The engine has sent nothing for/.test(document.getElementById("status-text").textContent));
         proxy.release();
         await until(page, () => document.getElementById("real").dataset.armed === "false");
         await assertSilent();

@@ -59,9 +59,9 @@ pub struct Spot {
     pub force_n: f64,
     /// The triangle's number, from 0.
     pub triangle: u32,
-    /// Its vertices' numbers, from 0.
+    /// The vertices' numbers, from 0.
     pub vertices: Triangle,
-    /// Their weights.
+    /// The weights.
     pub weights: [f64; 3],
 }
 
@@ -172,7 +172,7 @@ impl Interpolator {
         spot
     }
 
-    /// [`Self::locate`] for one of several that share these models: each keeps its own last triangle.
+    /// Like [`Self::locate`], for one of several voices that share these models: each keeps its own last triangle.
     pub(crate) fn locate_from(&self, last_triangle: &mut u32, speed_m_s: f64, force_n: f64) -> Spot {
         let (speed_m_s, force_n) = self.map.saturate(speed_m_s, force_n);
         let Location { triangle, weights } = self.map.locate_from(*last_triangle, speed_m_s, force_n);

@@ -7,7 +7,7 @@
 //!
 //! # Features
 //!
-//! | feature | default | what it adds |
+//! | feature | default | adds |
 //! |---|---|---|
 //! | `spreadsheets` | yes | recordings in XLSX files |
 //! | `genetic` | | the island genetic algorithm of the thesis for segmentation, slower and never better than the exact search |

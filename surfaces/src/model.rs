@@ -103,7 +103,7 @@ impl ArmaModel {
         })
     }
 
-    /// A model exactly as stored, coefficients and LSFs both, checked one against the other.
+    /// A model exactly as stored, with coefficients and LSFs, which are checked against each other.
     pub fn from_stored(stored: StoredModel) -> Result<Self, ModelError> {
         let StoredModel {
             ar,
@@ -208,7 +208,7 @@ impl ArmaModel {
         &self.filter.ar
     }
 
-    /// LSFs of A(z), radians, ascending: what rendering uses.
+    /// LSFs of A(z), radians, ascending; rendering uses them.
     pub fn ar_lsf(&self) -> &[f64] {
         &self.filter.ar_lsf
     }
@@ -270,7 +270,7 @@ impl ArmaModel {
         gain * gain * squared_magnitude(ma, frequency_rad) / squared_magnitude(ar, frequency_rad)
     }
 
-    /// Whether two models have bitwise equal filters, regardless of variance.
+    /// True if two models have bitwise equal filters, regardless of variance.
     pub fn same_filter(&self, other: &ArmaModel) -> bool {
         Arc::ptr_eq(&self.filter, &other.filter) || self.filter == other.filter
     }
@@ -349,7 +349,7 @@ fn check_polynomial(
     Ok(())
 }
 
-/// Which of a model's two polynomials an error is about.
+/// The polynomial of a model that an error concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Polynomial {
     /// The autoregressive denominator.
@@ -373,9 +373,9 @@ pub enum ModelError {
     /// The order is too high.
     #[error("the {polynomial} polynomial has order {order}; at most {MAX_ORDER} is supported")]
     Order {
-        /// Which polynomial.
+        /// The polynomial.
         polynomial: Polynomial,
-        /// Its order.
+        /// The order.
         order: usize,
     },
     /// A different number of coefficients and LSFs.
@@ -383,7 +383,7 @@ pub enum ModelError {
         "the {polynomial} polynomial has {coefficients} coefficients (without the leading 1) but {lsf} LSFs"
     )]
     Lengths {
-        /// Which polynomial.
+        /// The polynomial.
         polynomial: Polynomial,
         /// Number of coefficients.
         coefficients: usize,
@@ -395,7 +395,7 @@ pub enum ModelError {
         "the {polynomial} polynomial has a root on or outside the unit circle (or a coefficient that is not finite)"
     )]
     Unstable {
-        /// Which polynomial.
+        /// The polynomial.
         polynomial: Polynomial,
     },
     /// LSFs must ascend strictly within (0, π).
@@ -403,7 +403,7 @@ pub enum ModelError {
         "the {polynomial} LSFs must ascend within (0, pi), at least {MIN_LSF_GAP_RAD} rad apart; number {index} (from 0; the last is pi itself) does not"
     )]
     LsfOrder {
-        /// Which polynomial.
+        /// The polynomial.
         polynomial: Polynomial,
         /// The first that breaks the order; the number of LSFs if the last is too close to π.
         index: usize,
@@ -413,7 +413,7 @@ pub enum ModelError {
         "the {polynomial} LSFs do not belong to the coefficients: coefficient {index} is {stored}, but the LSFs give {implied}"
     )]
     Disagree {
-        /// Which polynomial.
+        /// The polynomial.
         polynomial: Polynomial,
         /// The coefficient's number, from 1.
         index: usize,

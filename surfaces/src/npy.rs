@@ -7,21 +7,21 @@ use std::io::Read;
 const MAX_HEADER_BYTES: usize = 4096;
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 
-/// What precedes the numbers of an array.
+/// The header of an array, before its numbers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Header {
     /// The type of a number, in NumPy's notation: `<f8`.
     pub descr: String,
-    /// Whether the first index varies fastest.
+    /// True if the first index varies fastest.
     pub is_fortran: bool,
     /// The number of elements along each axis.
     pub shape: Vec<u64>,
 }
 
-/// Why bytes are not an array that is read here.
+/// Reason why bytes are not a supported array.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum NpyError {
-    /// Something else, or cut off before its header.
+    /// The bytes are not an array, or end before its header does.
     #[error("it is not an array")]
     NotAnArray,
     /// A version of the format after 3.
@@ -30,15 +30,15 @@ pub enum NpyError {
     /// A header that ends early or is longer than NumPy's.
     #[error("its header is not in NumPy's format")]
     HeaderLength,
-    /// Not the expected entry at a byte of the header's text.
+    /// An unexpected entry at a byte of the header's text.
     #[error("its header is not in NumPy's format: expected {expected} at byte {at}")]
     Syntax {
-        /// What a header has there.
+        /// The expected entry.
         expected: &'static str,
         /// The place in the header's text.
         at: usize,
     },
-    /// Other than the expected number of axes, or of elements along one but the first.
+    /// The number of axes, or of elements along an axis other than the first, is unexpected.
     #[error("its shape is {found:?}; expected (n) followed by {row:?}")]
     Shape {
         /// The shape of the array.
@@ -46,13 +46,13 @@ pub enum NpyError {
         /// The expected shape without the first axis.
         row: Vec<u64>,
     },
-    /// More than one axis, the first index fastest.
+    /// An array of several axes with the first index fastest.
     #[error("it is in Fortran order; save it in C order")]
     FortranOrder,
-    /// Integers, complex numbers and other types.
+    /// An unsupported type: integers, complex numbers and others.
     #[error("its number type is '{0}', which is not read; save doubles or singles, `astype(float)`")]
     Type(String),
-    /// More or fewer numbers than the shape says.
+    /// The number of values differs from that of the shape.
     #[error("it has {bytes} bytes, which does not match its shape")]
     Length {
         /// Bytes after the header.

@@ -49,7 +49,7 @@ impl std::str::FromStr for Origin {
     }
 }
 
-/// The origin of a surface and how it was made: enough to make it again.
+/// The origin of a surface, with the data needed to make it again.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Provenance {
     /// The kind of data it was made from.

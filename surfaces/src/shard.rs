@@ -15,7 +15,7 @@ impl Shard {
         (1..=of).contains(&number).then_some(Self { number, of })
     }
 
-    /// Whether the part contains the item of this number, from 0.
+    /// True if the part contains the item of this number, from 0.
     pub fn has(&self, item: u64) -> bool {
         item % self.of == self.number - 1
     }

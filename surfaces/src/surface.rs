@@ -19,7 +19,7 @@ use crate::{Provenance, Taps, TextureModel};
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surface {
-    /// The material's name, for people.
+    /// Name of the material.
     pub name: String,
     /// Sliding friction.
     pub friction: Option<Friction>,
@@ -137,7 +137,7 @@ pub enum SurfaceError {
     /// An R² above one or not finite.
     #[error("R² of the {what} is {r_squared}; it must be a finite number of at most 1")]
     RSquared {
-        /// Which line it belongs to.
+        /// The line that it belongs to.
         what: &'static str,
         /// The value given.
         r_squared: f64,
@@ -161,7 +161,7 @@ pub enum SurfaceError {
     TapSpeed {
         /// The tap's number, from 0.
         tap: usize,
-        /// Its speed.
+        /// The speed.
         speed_m_s: f64,
     },
     /// All taps must have the same number of samples, at least one.
@@ -171,7 +171,7 @@ pub enum SurfaceError {
     TapLength {
         /// The tap's number, from 0.
         tap: usize,
-        /// Its number of samples.
+        /// The number of samples.
         length: usize,
         /// The first tap's (or 1, if that is empty).
         expected: usize,

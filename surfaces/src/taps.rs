@@ -116,7 +116,7 @@ impl Taps {
         self.taps[0].acceleration_m_s2.len()
     }
 
-    /// Whether the recorded peak force of every tap is known.
+    /// True if the recorded peak force of every tap is known.
     pub fn has_forces(&self) -> bool {
         self.taps.iter().all(|tap| tap.peak_force_n.is_some())
     }

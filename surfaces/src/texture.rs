@@ -30,7 +30,7 @@ pub struct ModelAt {
     pub force_n: f64,
     /// The model.
     pub model: ArmaModel,
-    /// How the model was obtained.
+    /// Source of the model.
     pub kind: VertexKind,
 }
 
@@ -287,7 +287,7 @@ pub enum TextureError {
     Orders {
         /// The model's number, from 0.
         vertex: usize,
-        /// Its AR and MA orders.
+        /// The AR and MA orders.
         orders: (usize, usize),
         /// The first model's.
         expected: (usize, usize),
@@ -299,7 +299,7 @@ pub enum TextureError {
     Warpings {
         /// The model's number, from 0.
         vertex: usize,
-        /// Its warping factor.
+        /// The warping factor.
         warping: f64,
         /// The first model's.
         expected: f64,
@@ -328,7 +328,7 @@ pub enum TextureError {
     },
     /// A line out of range.
     #[error(
-        "a line of {cycles_per_m} cycles a metre: they must be finite and above 0, its diffusion and powers finite and at least 0"
+        "the line at {cycles_per_m} cycles per metre: its frequency must be finite and above 0, its diffusion and powers finite and at least 0"
     )]
     Line {
         /// The cycles given.
@@ -337,7 +337,7 @@ pub enum TextureError {
     /// Too many lines.
     #[error("the texture has {count} lines; it may have {} at most", lines::MAX_LINES)]
     Lines {
-        /// How many are given.
+        /// Number of lines given.
         count: usize,
     },
     /// A line whose number of powers differs from the number of models.
@@ -347,9 +347,9 @@ pub enum TextureError {
     LinePowers {
         /// The line's number, from 0.
         line: usize,
-        /// How many powers it has.
+        /// Number of its powers.
         powers: usize,
-        /// How many models there are.
+        /// Number of models.
         models: usize,
     },
     /// A line with power at zero speed or force.
@@ -369,7 +369,7 @@ pub enum TextureError {
     LoudAtRest {
         /// The model's number, from 0.
         vertex: usize,
-        /// Its variance.
+        /// The variance.
         variance: f64,
     },
     /// A measured model at zero speed or force.
@@ -379,9 +379,9 @@ pub enum TextureError {
     MeasuredAtRest {
         /// The model's number, from 0.
         vertex: usize,
-        /// Its speed.
+        /// The speed.
         speed_m_s: f64,
-        /// Its force.
+        /// The force.
         force_n: f64,
     },
     /// The requested maximum is below a measured model.

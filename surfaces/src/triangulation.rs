@@ -187,7 +187,7 @@ impl Cell {
         }
     }
 
-    /// Whether the point is on one side, and at none of its ends.
+    /// True if the point is on one side, and at none of its ends.
     fn is_within_a_side(&self, sides: &[f64; 3]) -> bool {
         sides.iter().filter(|side| **side > 0.0).count() == 2
     }
@@ -410,11 +410,11 @@ pub enum TriangulationError {
         "vertex {vertex} (from 0) lies at {speed_m_s} m/s, {force_n} N; both must be finite and not negative"
     )]
     Position {
-        /// Its number, from 0.
+        /// The number, from 0.
         vertex: usize,
-        /// Its speed.
+        /// The speed.
         speed_m_s: f64,
-        /// Its force.
+        /// The force.
         force_n: f64,
     },
     /// Two vertices at the same speed and force.
@@ -437,7 +437,7 @@ pub enum TriangulationError {
         triangle: usize,
         /// The vertex named, from 0.
         vertex: u32,
-        /// How many there are.
+        /// Number of vertices.
         vertices: usize,
     },
     /// A triangle without area.
@@ -476,7 +476,7 @@ pub enum TriangulationError {
     /// A vertex of no triangle.
     #[error("vertex {vertex} (from 0) belongs to no triangle")]
     Unused {
-        /// Its number, from 0.
+        /// The number, from 0.
         vertex: usize,
     },
 }

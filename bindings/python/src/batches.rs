@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 
-/// Renders a plan, or a part of it, into a folder. At ctrl-C it ends where a further run goes on.
+/// Renders a plan, or a part of it, into a folder. Ctrl-C ends it; a later call continues there.
 #[pyfunction]
 pub fn batch<'py>(
     py: Python<'py>,
@@ -45,7 +45,7 @@ pub fn batch<'py>(
     Ok(found)
 }
 
-/// Makes one folder of parts; how many chunks and jobs it has. At ctrl-C it ends where a further call goes on.
+/// Merges parts into one folder; returns the numbers of chunks and jobs. Ctrl-C ends it; a later call continues there.
 #[pyfunction]
 pub fn merge(
     py: Python<'_>,

@@ -6,19 +6,19 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::fmt::Display;
 
-/// Why a call failed.
+/// Error of a call.
 #[derive(Debug)]
 pub enum Failure {
-    /// What is wrong with a graph, each at its place.
+    /// The errors of a graph, with their positions.
     Graph(Box<Diagnostics>),
-    /// What a node in Python raised: the finding, and the exception.
+    /// An exception of a node in Python: the diagnostics, and the exception.
     Raised(Box<Diagnostics>, PyErr),
     /// One sentence.
     Message(String),
 }
 
 impl Failure {
-    /// Of anything that says in one sentence what is wrong.
+    /// The error of a library call, in one sentence.
     pub fn of(error: impl Display) -> Self {
         Self::Message(error.to_string())
     }
@@ -31,7 +31,7 @@ impl From<Diagnostics> for Failure {
 }
 
 impl Failure {
-    /// The exception for it.
+    /// The Python exception for this error.
     pub fn raise(&self, py: Python<'_>) -> PyErr {
         self.exception(py).unwrap_or_else(|failed| failed)
     }
@@ -61,7 +61,7 @@ fn graph_error(errors: &Bound<'_, PyModule>, found: &Diagnostics) -> PyResult<Py
     Ok(PyErr::from_value(raised))
 }
 
-/// All findings as dictionaries.
+/// All diagnostics as dictionaries.
 pub fn diagnostics<'py>(py: Python<'py>, found: &Diagnostics) -> PyResult<Bound<'py, PyList>> {
     let list = PyList::empty(py);
     for one in &found.list {

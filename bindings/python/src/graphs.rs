@@ -1,4 +1,4 @@
-//! Graphs: read and checked once, and again with what a run sets.
+//! Graphs: read and checked once, and checked again with the parameters of a run.
 
 use crate::errors::{Failure, diagnostics};
 use crate::players::Player;
@@ -27,7 +27,7 @@ pub struct Graph {
     nodes: Vec<NodeEntry>,
 }
 
-/// How a graph is checked.
+/// Options of checking a graph.
 #[derive(FromPyObject, Clone)]
 pub struct Checking {
     #[pyo3(item)]
@@ -38,7 +38,7 @@ pub struct Checking {
     endpoints: Option<String>,
 }
 
-/// A run that is asked for.
+/// Options of a run.
 #[derive(FromPyObject)]
 pub struct RunRequest<'py> {
     #[pyo3(item)]
@@ -52,7 +52,7 @@ pub struct RunRequest<'py> {
 }
 
 impl Checking {
-    /// The options of a graph with these on top.
+    /// The options of a graph, overridden by these.
     fn over(&self, usual: &CheckOptions) -> Result<CheckOptions, Failure> {
         let mut options = usual.clone();
         for (number, (name, _)) in self.set.iter().enumerate() {
@@ -107,7 +107,7 @@ impl Graph {
         })
     }
 
-    /// The graph of a run, and its nodes that are in Python.
+    /// The graph of a run, and its nodes in Python.
     fn again(
         &self,
         py: Python<'_>,
@@ -231,7 +231,7 @@ impl Graph {
         settings.iter().map(shown).collect()
     }
 
-    /// Channels that a caller can feed, and that one can hear: name, components, unit.
+    /// Channels that the caller can feed, and channels that it can read: name, components, unit.
     fn channels(&self, py: Python<'_>) -> PyResult<(Vec<runs::Channel>, Vec<runs::Channel>)> {
         let nothing = Checking {
             set: Vec::new(),
@@ -245,7 +245,7 @@ impl Graph {
         ))
     }
 
-    /// Warnings as the terminal shows them, and one by one.
+    /// The warnings as text for the terminal, and as a list.
     fn warnings<'py>(&self, py: Python<'py>) -> PyResult<(String, Bound<'py, PyList>)> {
         let found = Diagnostics {
             sources: self.graph.sources().clone(),
@@ -263,7 +263,7 @@ impl Graph {
         standalone_svg(&self.graph, &self.name)
     }
 
-    /// Runs it; its signals, and what the run did.
+    /// Runs the graph; returns its signals and the outcome.
     fn run<'py>(
         &self,
         py: Python<'py>,
@@ -297,7 +297,7 @@ impl Graph {
         Ok((signals, told))
     }
 
-    /// A block-wise run of it.
+    /// A run of the graph in blocks.
     fn player(
         &self,
         py: Python<'_>,

@@ -1,5 +1,5 @@
-//! The part of the Python package that is in Rust: arrays in, library calls on a thread of their own, arrays out. What
-//! users see, with its documentation, is in `python/haptograph`.
+//! The native part of the Python package: arrays in, library calls on a separate thread, arrays out. The public classes
+//! and functions, with their documentation, are in `python/haptograph`.
 
 mod batches;
 mod errors;
@@ -11,7 +11,7 @@ mod runs;
 mod surfaces;
 mod work;
 
-/// Everything that the package is made of; not for users.
+/// The native module, which only the package itself uses.
 #[pyo3::pymodule]
 mod _native {
     #[pymodule_export]

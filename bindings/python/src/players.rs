@@ -1,4 +1,4 @@
-//! A run in blocks, for loops that are live or want to look in between.
+//! Runs in blocks, from the caller's loop.
 
 use crate::errors::Failure;
 use crate::runs::{Told, drain};
@@ -25,7 +25,7 @@ struct Inside {
     outputs: Vec<AnyOutput>,
 }
 
-/// How much is processed between two looks at the outputs, s.
+/// Duration of the parts after which the outputs are read, s.
 const PART_S: f64 = 0.25;
 /// Frames that one call processes at most.
 const MAX_FRAMES: usize = 1 << 25;
@@ -63,7 +63,7 @@ impl Player {
         })
     }
 
-    /// Does something with the run, other Python threads going on meanwhile.
+    /// Calls `work` with the run while other Python threads continue.
     fn with<R: Send>(
         &self,
         py: Python<'_>,
@@ -101,7 +101,7 @@ fn refused(input: &AnyInput, error: Full) -> Failure {
 
 #[pymethods]
 impl Player {
-    /// Frames a second.
+    /// Rate of the driver, Hz.
     #[getter]
     fn rate(&self) -> f64 {
         self.rate_hz
@@ -129,7 +129,7 @@ impl Player {
         })
     }
 
-    /// From the next tick on, or from a time on, an input has this frame.
+    /// Sets the frame of an input from the next tick or from a time on.
     fn set(
         &self,
         py: Python<'_>,
@@ -148,7 +148,7 @@ impl Player {
         })
     }
 
-    /// Frames for the ticks to come; how many found room.
+    /// Queues frames for the next ticks; returns the number of frames queued.
     fn push(&self, py: Python<'_>, name: &str, frames: PyReadonlyArray2<'_, f64>) -> PyResult<usize> {
         let frames = frames.as_array().to_owned();
         self.with(py, move |inside| {
@@ -165,7 +165,7 @@ impl Player {
         })
     }
 
-    /// Runs it on; the new frames of every output and probe.
+    /// Runs the next frames; returns the new frames of every output and probe.
     fn process<'py>(&self, py: Python<'py>, frames: usize) -> PyResult<Bound<'py, PyDict>> {
         let part = ((PART_S * self.rate_hz) as usize).max(1);
         let read = self.with(py, |inside| {
@@ -214,7 +214,7 @@ impl Player {
         })
     }
 
-    /// What it is doing, and after how many frames.
+    /// The state of the run, and the number of frames.
     fn state(&self, py: Python<'_>) -> PyResult<(&'static str, u64)> {
         self.with(py, |inside| {
             let state = match inside.player.state() {
@@ -227,7 +227,7 @@ impl Player {
         })
     }
 
-    /// Fades out; the run has ended then.
+    /// Fades the outputs out, which ends the run.
     fn stop(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |inside| {
             inside.session.stop();
@@ -235,7 +235,7 @@ impl Player {
         })
     }
 
-    /// Ends the run and completes its files; what it did.
+    /// Ends the run and completes its files; returns the outcome.
     fn finish<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let done = py.detach(|| {
             let mut inside = self.inside.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,4 +1,4 @@
-//! Kinds of nodes that are classes of Python. They are registered as all kinds are, as scripts, and so run offline only.
+//! Kinds of nodes that are Python classes. They are registered like all kinds, but as scripts, which run offline only.
 
 mod running;
 mod settings;
@@ -30,7 +30,7 @@ pub struct NodeClass {
 /// Name, quantity, kind, whether it is optional, documentation.
 type GivenPort = (String, String, String, bool, String);
 
-/// What is known of a class. It lives as long as the program, as kinds of nodes do.
+/// The kind of a class. Like all kinds of nodes it lives as long as the program.
 struct PythonKind {
     class: Py<PyAny>,
     spec: NodeSpec,
@@ -161,7 +161,7 @@ impl ScriptedKind for PythonKind {
     }
 }
 
-/// What building leaves beside the graph.
+/// Results of building a graph, beside the graph itself.
 #[derive(Default)]
 struct Built {
     scripts: Scripts,
@@ -169,11 +169,12 @@ struct Built {
 }
 
 thread_local! {
-    /// A graph is checked on one thread, which builds its nodes; the engine has no place for what only Python has of them.
+    /// Results of the graph that this thread checks. One thread builds all nodes of a graph, and the engine cannot
+    /// store Python's part of them.
     static BUILT: RefCell<Built> = RefCell::default();
 }
 
-/// What `start` raised, as the finding of a node about itself.
+/// An exception of `start`, as the build error of the node.
 fn refused(py: Python<'_>, kind: &PythonKind, error: PyErr) -> BuildError {
     let (line, traceback) = told(py, &error);
     BUILT.with_borrow_mut(|built| {
@@ -182,7 +183,7 @@ fn refused(py: Python<'_>, kind: &PythonKind, error: PyErr) -> BuildError {
     BuildError::of_node(format!("`{}` raised {line}", kind.spec.name)).help(traceback)
 }
 
-/// What was raised, in a line, and the traceback.
+/// An exception as one line, and its traceback.
 fn told(py: Python<'_>, error: &PyErr) -> (String, String) {
     let module = py.import("haptograph._node");
     // Before Python 3.12 a value has its traceback only from here on.
@@ -212,17 +213,17 @@ pub fn checked(
     }
 }
 
-/// The nodes of one graph that are in Python: path, class, and what went wrong in each.
+/// The nodes of a graph that are in Python: path, class, and fault of each.
 #[derive(Clone, Default)]
 pub struct Scripts(Vec<(String, &'static str, Arc<Fault>)>);
 
 impl Scripts {
-    /// Did one raise an exception?
+    /// True if a node raised an exception.
     pub fn have_failed(&self) -> bool {
         self.0.iter().any(|(.., fault)| fault.has_failed())
     }
 
-    /// What the first in the graph raised that raised anything.
+    /// The exception of the first node in the graph that raised one.
     pub fn failure(&self, graph: &Graph) -> Option<Failure> {
         let (path, _, error) = self
             .0
@@ -238,14 +239,14 @@ impl Scripts {
         Some(Failure::Raised(Box::new(found), error))
     }
 
-    /// Ends what they are doing.
+    /// Interrupts the nodes that are running.
     pub fn interrupt(&self, py: Python<'_>) {
         for (.., fault) in &self.0 {
             fault.interrupt(py);
         }
     }
 
-    /// Their classes by their paths.
+    /// The classes of the nodes by their paths.
     pub fn named<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let named = PyDict::new(py);
         for (path, class, _) in &self.0 {

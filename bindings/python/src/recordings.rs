@@ -1,4 +1,4 @@
-//! Recordings: from files and from arrays, and what they hold.
+//! Recordings: from files and from arrays, and access to their signals.
 
 use crate::errors::Failure;
 use crate::work::apart;
@@ -19,14 +19,14 @@ use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What a tool felt.
+/// A recording of a tool.
 #[pyclass(frozen, module = "haptograph._native")]
 pub struct Recording {
     pub recording: Arc<AnyRecording>,
     findings: Vec<String>,
 }
 
-/// What a file does not say of itself.
+/// Facts that a file does not state about itself.
 #[derive(FromPyObject)]
 pub struct Import {
     #[pyo3(item)]
@@ -135,7 +135,7 @@ impl Recording {
         match &*self.recording {
             AnyRecording::Processed(recording) => Ok(recording.signals()),
             AnyRecording::Raw(_) => Err(Failure::of(
-                "this recording is as its sensors gave it: `processed()` makes accelerations, forces and speeds of it",
+                "this recording has sensor readings: `processed()` converts them to accelerations, forces and speeds",
             )
             .raise(py)),
         }
@@ -196,7 +196,7 @@ impl Recording {
         Ok(values.map(|values| PyArray1::from_slice(py, values)))
     }
 
-    /// The recording that models are learned from.
+    /// The processed recording, from which models are learned.
     fn processed(&self, py: Python<'_>, rate: Option<f64>) -> PyResult<Self> {
         let recording = Arc::clone(&self.recording);
         let made = apart(py, (None, false), move |_| {
@@ -217,7 +217,7 @@ impl Recording {
         apart(py, (None, true), move |_| Ok(library::save(&recording, &path)))?.map_err(PyErr::from)
     }
 
-    /// Its signals over time, each as SVG.
+    /// The signals over time, each as SVG.
     fn figures(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         let signals = self.signals(py)?;
         let simulated = self.recording.provenance().origin == Origin::Simulated;
@@ -266,7 +266,7 @@ pub fn figure(
     plots.iter().map(|plot| plot.to_standalone_svg()).collect()
 }
 
-/// A signal of a run over time, each of its plots as SVG; none for shapes that are no numbers over time.
+/// The plots of a signal of a run over time, each as SVG; none for kinds that cannot be plotted over time.
 #[pyfunction]
 pub fn figures(
     name: &str,

@@ -21,34 +21,34 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Numbers that the signals of a run may have together: 8 GB.
 const MAX_NUMBERS: f64 = 1e9;
-/// How long a run takes that nothing else ends, s.
+/// Duration of a run that nothing else ends, s.
 const USUAL_S: f64 = 10.0;
 
 /// Name, components, unit.
 pub type Channel = (String, usize, String);
 
-/// A channel as Python sees it.
+/// A channel as a Python tuple.
 pub fn channel((name, channel): (String, haptograph::engine::device::Channel)) -> Channel {
     (name, channel.kind.width(), channel.quantity.unit())
 }
 
-/// What a channel is fed with.
+/// The frames for a channel.
 pub struct Feed {
     pub name: String,
     lanes: Vec<f64>,
     width: usize,
-    /// One frame, again and again.
+    /// True if the one frame is repeated.
     constant: bool,
 }
 
-/// What is wanted of a run.
+/// Options of a run.
 pub struct Wanted {
     pub seconds: Option<f64>,
     pub probes: Option<Vec<String>>,
     pub folder: Option<PathBuf>,
 }
 
-/// What came of it.
+/// The result of a run.
 pub struct Done {
     pub signals: Vec<Signal>,
     pub outcome: Outcome,
@@ -117,7 +117,7 @@ impl Signal {
     }
 }
 
-/// What can be told of a run.
+/// Conversion of an outcome to Python.
 pub trait Told {
     fn into_python(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>>;
 }
@@ -145,7 +145,7 @@ impl Told for Outcome {
     }
 }
 
-/// Where frames go.
+/// Writer that keeps frames in memory.
 struct Kept(Arc<Mutex<Vec<f64>>>);
 
 impl FrameWriter for Kept {
@@ -161,7 +161,7 @@ impl FrameWriter for Kept {
     }
 }
 
-/// Runs a graph; its endpoints are fed where `feeds` say so.
+/// Runs a graph; `feeds` feed its endpoints.
 pub fn run(
     (graph, scripts): (&Graph, &Scripts),
     feeds: &[Feed],
@@ -182,7 +182,7 @@ pub fn run(
     }
 }
 
-/// Makes the folder, in which nothing is replaced.
+/// Creates the folder, and refuses to replace files in it.
 fn claim(graph: &Graph, folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder)
         .map_err(|error| Failure::Message(format!("cannot make {}: {error}", folder.display())))?;
@@ -239,7 +239,7 @@ fn fits(probes: &[(String, Stream)], seconds: f64) -> Result<(), Failure> {
     }
 }
 
-/// As the command does it.
+/// Runs a graph like the command, without feeds.
 fn alone(
     graph: &Graph,
     wanted: &Wanted,
@@ -278,7 +278,7 @@ fn alone(
     })
 }
 
-/// Takes all frames that wait.
+/// Takes all waiting frames.
 pub fn drain(output: &mut AnyOutput, frames: &mut Vec<f64>) {
     let width = output.kind().width();
     loop {

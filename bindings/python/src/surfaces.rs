@@ -1,4 +1,4 @@
-//! Surfaces: learned, read, asked and rendered; and how far two vibrations are from one another.
+//! Surfaces: learning, files, models and rendering; and the comparison of two vibrations.
 
 use crate::errors::Failure;
 use crate::recordings::Recording;
@@ -27,14 +27,14 @@ use std::fmt::Display;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Everything that a renderer needs to feel like one material.
+/// A surface: friction, taps, texture and stiffness of one material.
 #[pyclass(frozen, module = "haptograph._native")]
 pub struct Surface {
     surface: Arc<haptograph::surfaces::Surface>,
     report: Option<Arc<LearningReport>>,
 }
 
-/// How a surface is learned.
+/// Options of learning.
 #[derive(FromPyObject)]
 pub struct Learning {
     #[pyo3(item)]
@@ -119,7 +119,7 @@ impl Surface {
         })
     }
 
-    /// Writes a surface file; what its format has no place for.
+    /// Writes a surface file; returns the parts that its format cannot store.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<Vec<&'static str>> {
         let surface = Arc::clone(&self.surface);
         apart(py, (None, true), move |_| {
@@ -143,19 +143,19 @@ impl Surface {
         self.surface.friction.map(|friction| friction.mu())
     }
 
-    /// N/m.
+    /// Stiffness, N/m.
     #[getter]
     fn stiffness(&self) -> Option<f64> {
         self.surface.stiffness.map(|stiffness| stiffness.n_per_m())
     }
 
-    /// How many taps it has.
+    /// Number of recorded taps.
     #[getter]
     fn taps(&self) -> usize {
         self.surface.taps.as_ref().map_or(0, |taps| taps.taps().len())
     }
 
-    /// What could not be learned, and why.
+    /// Parts that could not be learned, with the reasons.
     #[getter]
     fn missing(&self) -> Vec<String> {
         let report = self.report.iter();
@@ -164,7 +164,7 @@ impl Surface {
             .collect()
     }
 
-    /// Of its texture: samples a second.
+    /// Samples per second of the texture.
     #[getter]
     fn rate(&self, py: Python<'_>) -> PyResult<f64> {
         Ok(self.texture(py)?.rate_hz())
@@ -298,14 +298,14 @@ impl Surface {
     }
 }
 
-/// The samples at which forces and speeds are read, of so many at a rate.
+/// Indices of the samples at which forces and speeds are read.
 #[pyfunction]
 pub fn update_samples(py: Python<'_>, rate: f64, update: f64, samples: usize) -> Bound<'_, PyArray1<i64>> {
     let places = synthesis::update_samples(rate, update, samples);
     PyArray1::from_iter(py, places.map(|place| place as i64))
 }
 
-/// So many samples of a vibration at a higher rate.
+/// Resamples a vibration to a higher rate; returns `samples` samples.
 #[pyfunction]
 pub fn resample<'py>(
     py: Python<'py>,
@@ -323,8 +323,8 @@ pub fn resample<'py>(
     Ok(PyArray1::from_vec(py, made))
 }
 
-/// Many vibrations at once into the rows of `out`: a row each of surfaces, forces and speeds at [`update_samples`], and seeds,
-/// of which there are as many.
+/// Renders many vibrations at once into the rows of `out`. Each row has a surface, a seed, and forces and speeds at
+/// [`update_samples`].
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // those of the package's own function
 pub fn render(
@@ -374,7 +374,7 @@ pub fn render(
     })
 }
 
-/// How far one vibration is from another, over the time that both cover.
+/// Compares two vibrations, over the time that both cover.
 #[pyfunction]
 pub fn compare<'py>(
     py: Python<'py>,

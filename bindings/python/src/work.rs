@@ -1,4 +1,4 @@
-//! Work on a thread of its own, while Python's other threads go on and ctrl-C is heard.
+//! Work on a separate thread, while Python's other threads continue and ctrl-C is noticed.
 
 use crate::errors::Failure;
 use crate::prototypes::Scripts;
@@ -11,27 +11,27 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
-/// How often it is asked whether ctrl-C was pressed and how far the work is.
+/// Period of checking for ctrl-C and reporting the progress.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// What the worker tells, and is told.
+/// Progress and stop flag of a worker.
 #[derive(Clone, Default)]
 pub struct Progress {
-    /// Once it is set, nobody wants the result any more.
+    /// Set when the result is no longer needed.
     pub stop: Arc<AtomicBool>,
     done: Arc<AtomicU64>,
 }
 
-/// What unwinds through work that cannot be stopped otherwise.
+/// Panic payload that ends work which does not check `stop`.
 struct Stopped;
 
 impl Progress {
-    /// Part that is done, 0 to 1.
+    /// Reports the fraction done, 0 to 1.
     pub fn at(&self, part: f64) {
         self.done.store(part.to_bits(), Ordering::Relaxed);
     }
 
-    /// The same, and whether the result is still wanted.
+    /// Reports the fraction done, and returns whether to continue.
     pub fn goes_on(&self, part: f64) -> ControlFlow<()> {
         self.at(part);
         match self.stop.load(Ordering::Relaxed) {
@@ -40,7 +40,7 @@ impl Progress {
         }
     }
 
-    /// The same, for work that does not look at `stop`: it ends here once that is set.
+    /// Reports the fraction done, for work that does not check `stop`: the work ends here once `stop` is set.
     pub fn at_or_end(&self, part: f64) {
         if self.goes_on(part).is_break() {
             resume_unwind(Box::new(Stopped));
@@ -48,8 +48,8 @@ impl Progress {
     }
 }
 
-/// Does `work` on another thread. `show` is called with the part done, now and then. At ctrl-C, or where `show` raises,
-/// the work is told to stop and left to itself; with `waits` it is waited for, so that what it writes is complete.
+/// Runs `work` on another thread, and calls `show` from time to time with the fraction done. At ctrl-C, or if `show`
+/// raises, `stop` is set and the call returns; with `waits` it waits for the work, so that written files are complete.
 pub fn apart<R: Send + 'static>(
     py: Python<'_>,
     (show, waits): (Option<&Bound<'_, PyAny>>, bool),
@@ -58,7 +58,7 @@ pub fn apart<R: Send + 'static>(
     apart_with(py, (show, waits), &Scripts::default(), work)
 }
 
-/// The same of work in which nodes in Python run: those are ended where it is.
+/// Runs work like [`apart`]; also interrupts its nodes in Python.
 pub fn apart_with<R: Send + 'static>(
     py: Python<'_>,
     (show, waits): (Option<&Bound<'_, PyAny>>, bool),
@@ -84,8 +84,8 @@ pub fn apart_with<R: Send + 'static>(
     })
 }
 
-/// Does `work` on another thread as [`apart`] does. It is waited for in any case, so that it may borrow; it has to end soon after
-/// it is told to stop.
+/// Runs `work` on another thread like [`apart`], and waits for it in any case, so that it may borrow. The work must end
+/// soon after `stop` is set.
 pub fn apart_within<R: Send>(
     py: Python<'_>,
     show: Option<&Bound<'_, PyAny>>,
@@ -107,8 +107,8 @@ pub fn apart_within<R: Send>(
     })
 }
 
-/// Waits for the result of a worker; none where it panicked. `show` is called with the part done, now and then. At ctrl-C, or
-/// where `show` raises, the worker is told to stop, and that is the error.
+/// Waits for the result of a worker; `None` if it panicked. Calls `show` from time to time with the fraction done. At
+/// ctrl-C, or if `show` raises, sets `stop` and returns that exception.
 fn attend<R: Send>(
     py: Python<'_>,
     show: Option<&Bound<'_, PyAny>>,
@@ -143,6 +143,6 @@ fn attend<R: Send>(
 /// The exception for a worker that has no result.
 fn panicked() -> PyErr {
     PyRuntimeError::new_err(
-        "haptograph panicked, which is a fault of haptograph: what it said is on standard error",
+        "haptograph panicked, which is an internal error of haptograph: its message is on standard error",
     )
 }

@@ -149,9 +149,9 @@ def test_rates_whose_ratio_is_rounded_are_rendered_to_the_last_sample(canvas):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ({"force": 1.0, "speed": 0.1}, "how long"),
+        ({"force": 1.0, "speed": 0.1}, "duration"),
         ({"force": [1.0], "speed": 0.1, "seconds": 1}, "leave"),
-        ({"force": [1.0, 1.0], "speed": [0.1] * 3}, "as many"),
+        ({"force": [1.0, 1.0], "speed": [0.1] * 3}, "same length"),
         ({"force": [[1.0]], "speed": 0.1}, "dimension"),
         ({"force": [np.nan], "speed": 0.1}, "finite"),
         ({"force": [1j], "speed": 0.1}, "real"),

@@ -1,4 +1,4 @@
-//! Which frames of a writer a reader's tick reads.
+//! The frames of a writer that a reader's tick reads.
 
 /// Both ends of a bridge in the present window of time. Frames and ticks are numbered from the start of the run.
 #[derive(Debug, Clone, Copy)]
@@ -45,7 +45,7 @@ impl Ends {
         (tick.saturating_sub(self.to.first) as usize).min(self.to.count)
     }
 
-    /// Whether the writer is the faster one.
+    /// True if the writer is the faster one.
     #[inline]
     pub fn goes_slower(&self) -> bool {
         self.from.period < self.to.period

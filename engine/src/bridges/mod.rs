@@ -77,13 +77,13 @@ pub(crate) use ring::steered;
 /// assert!(half.carries(Kind::VECTOR) && !half.carries(Kind::EVENT));
 /// ```
 pub trait BridgeType: Send + Sync + 'static {
-    /// Name, documentation, and what it connects.
+    /// Name, documentation and the clocks that the bridge connects.
     const SPEC: BridgeSpec;
 
-    /// Whether it can connect clocks of these rates.
+    /// Checks that the bridge can connect clocks of these rates.
     ///
     /// # Errors
-    /// Why not and what to do, for the help of a message.
+    /// The reason and the remedy, for the help of a message.
     fn check(from: Rate, to: Rate) -> Result<(), String> {
         let _ = (from, to);
         Ok(())
@@ -99,10 +99,10 @@ pub trait BridgeType: Send + Sync + 'static {
     /// Converts the frames `x` of the writer to the frames `y` of the reader, all components of a frame side by side.
     /// Real-time code: it does not allocate, and it writes every frame of `y`.
     ///
-    /// Either may be empty. However time is cut into windows, the same frames have to come out.
+    /// Either slice may be empty. The frames must not depend on how time is divided into windows.
     fn cross(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]);
 
-    /// Copies the state of a bridge of the same context, whose graph this one's replaces. Real-time code.
+    /// Copies the state of the corresponding bridge of the replaced graph, made in an equal context. Real-time code.
     fn copy_state_from(&mut self, old: &Self);
 }
 
@@ -111,9 +111,9 @@ pub trait BridgeType: Send + Sync + 'static {
 pub struct BridgeSpec {
     /// Name in graph files.
     pub name: &'static str,
-    /// What it does and between which clocks, without a full stop.
+    /// Description and the clocks that it connects, without a full stop.
     pub doc: &'static str,
-    /// What it gives, in the list of choices of a message: `the latest frame`.
+    /// The result of the bridge, for the list of choices in a message: `the latest frame`.
     pub gives: &'static str,
     /// Clocks that it connects.
     pub direction: Direction,
@@ -147,9 +147,9 @@ impl fmt::Display for Direction {
 pub enum Carries {
     /// All: frames pass unchanged.
     Every,
-    /// Linear kinds, which it mixes component by component, and those that name it.
+    /// Linear kinds, which the bridge mixes component by component, and those that name it.
     Linear,
-    /// Kinds that name it in [`KindSpec::bridges`](crate::frame::KindSpec::bridges).
+    /// Kinds that name the bridge in [`KindSpec::bridges`](crate::frame::KindSpec::bridges).
     Named,
 }
 
@@ -171,7 +171,7 @@ pub struct BridgeContext {
 /// A registered type of bridge, its type erased. Equal entries have equal names.
 #[derive(Clone, Copy)]
 pub struct BridgeEntry {
-    /// Name, documentation, and what it connects.
+    /// Name, documentation and the clocks that the bridge connects.
     pub spec: &'static BridgeSpec,
     check: fn(Rate, Rate) -> Result<(), String>,
     latency: fn(Rate, Rate) -> Latency,
@@ -197,7 +197,7 @@ impl BridgeEntry {
         }
     }
 
-    /// Whether frames of this kind can cross it.
+    /// True if frames of this kind can cross it.
     pub fn carries(self, kind: Kind) -> bool {
         match self.spec.carries {
             Carries::Every => true,

@@ -2,7 +2,7 @@
 
 use super::{BridgeContext, Ends};
 
-/// The writer's latest two frames, for a bridge that goes from one to the other, one period of the writer late.
+/// The writer's latest two frames, for a bridge that interpolates between them, one period of the writer late.
 #[derive(Debug, Clone)]
 pub struct Neighbours {
     /// Older first.
@@ -10,7 +10,7 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// Before any frame: two neutral ones.
+    /// Two neutral frames, before any frame has arrived.
     pub fn new(cx: &BridgeContext) -> Self {
         Self {
             held: [cx.kind.neutral(), cx.kind.neutral()]
@@ -20,8 +20,8 @@ impl Neighbours {
         }
     }
 
-    /// Calls `mix` with the older frame, the newer one, how far the reader's tick is from the older to the newer (0 to
-    /// 1), and the reader's frame; for each of the reader's frames. The frame before the first equals the first.
+    /// Calls `mix` for each of the reader's frames, with the older frame, the newer one, the position of the reader's
+    /// tick between them (0 to 1), and the reader's frame. The frame before the first equals the first.
     #[inline]
     pub fn cross(
         &mut self,

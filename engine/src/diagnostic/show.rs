@@ -1,11 +1,11 @@
-//! Diagnostics as a person reads them, and as an editor does.
+//! Diagnostics as text for people and as JSON for editors.
 
 use super::{Diagnostic, Diagnostics, Label, Severity, SourceId, Sources, Span, floor_boundary};
 use annotate_snippets::renderer::DecorStyle;
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use serde_json::{Value, json};
 
-/// The findings as rustc would show them: message, source lines with carets, help; then how many there are.
+/// The findings in the form of rustc: message, source lines with carets, and help; then their number.
 pub fn render(diagnostics: &Diagnostics, colour: bool) -> String {
     let renderer = if colour {
         Renderer::styled()
@@ -34,7 +34,7 @@ pub fn render(diagnostics: &Diagnostics, colour: bool) -> String {
     text + &summary(&diagnostics.list)
 }
 
-/// Findings that are shown at most; nobody reads more.
+/// Largest number of findings that are shown.
 pub const MAX_SHOWN: usize = 100;
 
 /// The findings that are shown, in their order: errors come before warnings where there is no room for all.
@@ -144,7 +144,7 @@ fn lines_around(text: &str, span: Span) -> std::ops::Range<usize> {
     start..end
 }
 
-/// What is around the start of a label in its line: where it begins, the text, and the number of the line.
+/// The text around the start of a label in its line, with the position where it begins and the number of the line.
 fn around(text: &str, span: Span) -> (usize, &str, usize) {
     let start = within(text, span).start;
     let line = lines_around(text, Span { end: start, ..span });
@@ -160,15 +160,15 @@ fn within(text: &str, span: Span) -> std::ops::Range<usize> {
     start..floor_boundary(text, span.end).max(start)
 }
 
-/// The findings for editors: an array of objects, one each.
+/// The findings for editors: an array with an object for each.
 ///
 /// ```text
 /// {"code": "E0404", "severity": "error", "message": "...", "path": "a.ron", "line": 3, "column": 7,
 ///  "end_line": 3, "end_column": 12, "start": 40, "end": 45, "label": "...", "related": [{...}], "help": ["..."]}
 /// ```
-/// Lines and columns count from 1, columns in characters; `start` and `end` are bytes. A finding about no place in
-/// a file has the graph's `path` alone. Of more than a hundred findings the last object, of severity
-/// `note` and without a code, says how many are left out.
+/// Lines and columns count from 1, columns in characters; `start` and `end` are bytes. A finding without a place in a
+/// file has only the graph's `path`. If there are more than a hundred findings, the last object, of severity `note` and
+/// without a code, states how many are left out.
 pub fn to_json(diagnostics: &Diagnostics) -> String {
     let sources = &diagnostics.sources;
     let mut list: Vec<Value> = shown(&diagnostics.list).map(|d| finding(d, sources)).collect();

@@ -1,4 +1,4 @@
-//! What limits and endpoints of a graph file depend on besides what they say themselves.
+//! The parameters, settings and formulas on which the limits and endpoints of a graph file depend.
 
 use super::value::{Body, Shape, Tagged, Value};
 use super::{Document, Name};
@@ -9,9 +9,9 @@ use crate::settings::SettingRole;
 use std::collections::BTreeMap;
 
 impl Document {
-    /// Limits of nodes and endpoints that are computed or taken from parameters and settings, with all formulas and uses of templates
-    /// that they come from: where each stands, and its text. Where two documents agree in these and in the values that they
-    /// come to, they agree for all parameters.
+    /// The limits of nodes and the endpoints that are computed or taken from parameters and settings, with all formulas
+    /// and uses of templates on which they depend: place and text of each. Two documents that agree in these and in the
+    /// resulting values agree for all parameters.
     pub fn dependent_safety(&self, registry: &Registry) -> BTreeMap<String, String> {
         let mut found = BTreeMap::new();
         let mut parameters = Vec::new();
@@ -64,7 +64,7 @@ impl Document {
         found
     }
 
-    /// Takes down a value that is not all it says, and the names in it.
+    /// Records a value that depends on names, and these names.
     fn note(
         &self,
         place: String,
@@ -128,7 +128,7 @@ fn fields(value: &Value) -> &[(Name, Value)] {
     }
 }
 
-/// Shows every `Param("...")`, `Setting("...")` and `Expr("...")` within a value.
+/// Calls `found` with every `Param("...")`, `Setting("...")` and `Expr("...")` within a value.
 fn walk(value: &Value, found: &mut impl FnMut(&str, &str)) {
     match &value.shape {
         Shape::List(values) => values.iter().for_each(|value| walk(value, found)),

@@ -1,4 +1,4 @@
-//! The templates of a library, for those who look for one.
+//! The templates of a library, for listings.
 
 use super::{Document, Template, load};
 use crate::diagnostic::Span;
@@ -7,15 +7,15 @@ use crate::document::value::{Body, Shape, Tagged, Value};
 /// A template that any graph can include.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LibraryTemplate {
-    /// Used as if it were a kind of node.
+    /// Name, used like that of a kind of node.
     pub name: String,
-    /// What has to be included: `std/texture.ron`.
+    /// The file to include: `std/texture.ron`.
     pub file: &'static str,
-    /// What it is for.
+    /// Purpose of the template.
     pub about: String,
     /// Names of its inputs; all of them have to be connected.
     pub inputs: Vec<String>,
-    /// Names of its settings, and their defaults as written; none where they have to be given.
+    /// Names of its settings, and their defaults as written; `None` for a setting that must be given.
     pub settings: Vec<(String, Option<String>)>,
     /// Names of its outputs.
     pub outputs: Vec<String>,
@@ -54,7 +54,7 @@ fn described(document: &Document, template: &Template, file: &'static str) -> Li
     }
 }
 
-/// Whether it is the `Required` of a setting without a default.
+/// True if the value is the `Required` of a setting without a default.
 pub(crate) fn is_required(default: &Value) -> bool {
     matches!(
         &default.shape,

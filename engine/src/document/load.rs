@@ -11,9 +11,9 @@ use std::sync::Arc;
 
 /// The version of the format that is read.
 pub(super) const FORMAT: u64 = 1;
-/// What names of parts of the library begin with; a folder of this name is written `./std/`.
+/// Prefix of the names of parts of the library; a folder of this name is written `./std/`.
 const LIBRARY: &str = "std/";
-/// Files that include files that include files.
+/// Largest depth of files that include files.
 const MAX_INCLUDE_DEPTH: usize = 32;
 
 pub(super) fn file(path: &Path, options: &LoadOptions) -> Result<Document, Diagnostics> {
@@ -134,7 +134,7 @@ fn canonical(path: &Path) -> PathBuf {
 
 struct Loader {
     max_bytes: u64,
-    /// What files yet to be included may hold together.
+    /// Largest total size of the files still to be included.
     left_bytes: u64,
     document: Document,
     /// Files being read, outermost first.
@@ -148,7 +148,7 @@ impl Loader {
         self.document.findings.push(diagnostic);
     }
 
-    /// Does something with the reader of settings, which reports to the document's findings.
+    /// Calls `read` with a reader of settings that reports to the document's findings.
     fn reading<T>(&mut self, read: impl FnOnce(&mut Reading<'_>) -> T) -> T {
         let mut diagnostics = std::mem::take(&mut self.document.findings);
         let sources = &self.document.sources;
@@ -486,7 +486,7 @@ impl Loader {
         }
     }
 
-    /// A list of names, none twice.
+    /// A list of names, without repetition.
     fn names(&mut self, value: &Value) -> Vec<Name> {
         let Shape::List(items) = &value.shape else {
             let words = "a list of names, [\"force\", \"speed\"]";

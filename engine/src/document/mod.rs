@@ -23,7 +23,7 @@ pub use builder::{Builder, Part, Wire, Written, average, delay, hold, linear, re
 #[derive(Debug, Clone)]
 pub struct Document {
     pub(crate) sources: Sources,
-    /// Of the word `Graph`.
+    /// Place of the word `Graph`.
     pub(crate) span: Span,
     pub(crate) about: String,
     pub(crate) seed: u64,
@@ -34,7 +34,7 @@ pub struct Document {
     pub(crate) nodes: Vec<(Name, Value)>,
     pub(crate) endpoints: Vec<(Name, Vec<(Name, Value)>)>,
     pub(crate) templates: Vec<Template>,
-    /// Included parts of the library, `std/...`, which is the registry's.
+    /// Included parts of the registry's library, `std/...`.
     pub(crate) library: Vec<Name>,
     pub(crate) findings: Vec<Diagnostic>,
 }
@@ -59,7 +59,7 @@ pub struct LoadOptions {
 }
 
 impl LoadOptions {
-    /// Refuses graphs whose files are larger than this together, bytes.
+    /// Sets the largest total size of the files of a graph, bytes.
     #[must_use]
     pub fn max_bytes(mut self, max_bytes: u64) -> Self {
         self.max_bytes = max_bytes;
@@ -105,12 +105,12 @@ impl Document {
         &self.about
     }
 
-    /// Its source files, the graph file first.
+    /// The source files, the graph file first.
     pub fn sources(&self) -> &Sources {
         &self.sources
     }
 
-    /// Its parameters and their defaults as written.
+    /// The parameters and their defaults as written.
     pub fn parameters(&self) -> impl Iterator<Item = (&str, &str)> {
         let text = |span: Span| {
             let source = self.sources.get(span.source)?;

@@ -10,14 +10,14 @@ use crate::diagnostic::{Diagnostic, SourceId, Span};
 pub(super) use tokens::is_name;
 use tokens::{Lexeme, Token};
 
-/// Brackets within brackets beyond this are refused, so that no file can overflow the stack.
+/// Deeper nesting of brackets is refused, so that no file can overflow the stack.
 pub(super) const MAX_DEPTH: usize = 64;
-/// After this many errors of syntax the rest is not worth reading.
+/// Number of syntax errors after which the parser stops.
 const MAX_ERRORS: usize = 20;
 
 /// Reads one value that is the whole of `text`.
 ///
-/// Where there is any error in it, at least one diagnostic is added and the value is not to be used.
+/// If the text has an error, at least one diagnostic is added and the value must not be used.
 pub(crate) fn read(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Option<Value> {
     let before = diagnostics.len();
     let lexemes = tokens::scan(source, text, diagnostics);
@@ -98,7 +98,7 @@ impl Reader<'_> {
         self.lexemes.get(self.at + 1).map(|lexeme| lexeme.token)
     }
 
-    /// The place of the token at hand; just past the last one at the end.
+    /// The place of the present token; at the end, just past the last one.
     fn span(&self) -> Span {
         match self.lexemes.get(self.at) {
             Some(lexeme) => self.span_of(lexeme.start, lexeme.end),
@@ -159,7 +159,7 @@ impl Reader<'_> {
         Some(self.span_of(long.start, line))
     }
 
-    /// `#![enable(implicit_some)]` and the like change nothing here, and are passed over as ron's users write them.
+    /// Skips `#![enable(implicit_some)]` and other extensions of ron, which change nothing here.
     fn skip_extensions(&mut self) {
         while self.token() == Some(Token::Attribute) {
             self.at += 1;
@@ -239,7 +239,7 @@ impl Reader<'_> {
         Some(Value { span, shape })
     }
 
-    /// What the round brackets at hand hold.
+    /// The content of the present round brackets.
     fn body(&mut self, depth: usize) -> Body {
         let close = self.partners[self.at];
         if self.holds_fields(close) {
@@ -249,7 +249,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Whether any item of these round brackets is a field.
+    /// True if any item of these round brackets is a field.
     fn holds_fields(&self, close: usize) -> bool {
         let mut at = self.at + 1;
         let mut begins = true;
@@ -483,7 +483,7 @@ impl Reader<'_> {
     }
 }
 
-/// How a number is written that was given a unit.
+/// Help for a number that was written with a unit.
 fn without_unit(number: &str, unit: &str) -> String {
     let general = format!("units are in the setting's name; write `{number}`");
     match (unit, number.parse::<f64>()) {

@@ -7,9 +7,9 @@ use crate::diagnostic::{Diagnostics, Sources, Span};
 /// A value and its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Value {
-    /// Its place.
+    /// The place.
     pub span: Span,
-    /// Its content.
+    /// The content.
     pub shape: Shape,
 }
 
@@ -37,11 +37,11 @@ pub enum Shape {
 pub struct Tagged {
     /// The name before the bracket, with its place.
     pub name: Option<Name>,
-    /// What the brackets hold.
+    /// The content of the brackets.
     pub body: Body,
 }
 
-/// What the brackets of a structure hold.
+/// The content of the brackets of a structure.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Body {
     /// No brackets: `Name`.
@@ -55,9 +55,9 @@ pub enum Body {
 /// An identifier or key and its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Name {
-    /// Its place.
+    /// The place.
     pub span: Span,
-    /// Its text.
+    /// The text.
     pub text: String,
 }
 

@@ -8,7 +8,7 @@ use haptograph_signal::units;
 const MAX_CHARACTERS: usize = 4096;
 const MAX_NESTED: usize = 64;
 
-/// What other languages write, and what is written here.
+/// Operators and functions of other languages, and their equivalents here.
 const FOREIGN: [(&str, &str); 14] = [
     ("**", "`^`"),
     (".*", "`*`"),
@@ -26,7 +26,8 @@ const FOREIGN: [(&str, &str); 14] = [
     ("arctan2", "`atan2`"),
 ];
 
-/// Binary operators by how weakly they bind, and what they do; of those that begin alike the longer comes first.
+/// Binary operators in the order of precedence, the weakest first. Of two with the same beginning, the longer comes
+/// first.
 const OPERATORS: [&[(&str, OfTwo)]; 5] = [
     &[("||", |a, b| truth(a != 0.0 || b != 0.0))],
     &[("&&", |a, b| truth(a != 0.0 && b != 0.0))],
@@ -45,7 +46,7 @@ const OPERATORS: [&[(&str, OfTwo)]; 5] = [
 /// The level of the comparisons, which do not chain.
 const COMPARISONS: usize = 2;
 
-/// The steps of a formula over inputs of these names, and how many numbers they need to work with.
+/// The steps of a formula over inputs of these names, and the number of values that they need as working memory.
 pub(super) fn steps(text: &str, inputs: &[&str]) -> Result<(Vec<Step>, usize), FormulaError> {
     let mut parser = Parser {
         text,
@@ -107,7 +108,7 @@ impl<'t> Parser<'t> {
         }
     }
 
-    /// What stands here cannot follow.
+    /// Error: the present token cannot follow.
     fn unexpected(&self) -> FormulaError {
         let Some(strange) = self.rest().chars().next() else {
             return self.wrong("expected a number, a name or `(`".to_owned());
@@ -128,7 +129,7 @@ impl<'t> Parser<'t> {
         self.wrong(format!("`{strange}` is not expected"))
     }
 
-    /// What is written here in place of a sign or function of other languages.
+    /// Help for a sign or function of other languages.
     fn foreign(&self, text: &str) -> Option<String> {
         let is_word = |sign: &str| sign.starts_with(char::is_alphabetic);
         let is_it = |sign: &str| {

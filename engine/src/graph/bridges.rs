@@ -254,7 +254,7 @@ fn carried(
 }
 
 impl Direction {
-    /// Whether a bridge leads from a clock to another whose rates compare so.
+    /// True if a bridge leads from a clock to another whose rates compare so.
     fn leads(self, rates: Ordering) -> bool {
         match self {
             Self::Any => true,

@@ -125,7 +125,7 @@ fn simulated(draft: &Draft, devices: &[DraftDevice]) -> Vec<bool> {
     simulated
 }
 
-/// Whether a field has an unknown name. Errors of the node could then follow from the missing setting.
+/// True if a field has an unknown name. Errors of the node could then follow from the missing setting.
 fn misread(node: &DraftNode) -> bool {
     let settings = node.entry.settings();
     let mut fields = node.fields.remaining().iter();

@@ -21,7 +21,7 @@ use std::collections::HashSet;
 pub struct CheckOptions {
     /// Parameter values by name: RON, or plain text if the default is a string.
     pub set: Vec<(String, String)>,
-    /// What the caller calls such a value; errors in one name it in the place of a file.
+    /// The caller's term for such a value, which errors name in place of a file.
     pub set_as: &'static str,
     /// The set of endpoints to which nodes are bound.
     pub endpoints: String,
@@ -38,7 +38,7 @@ pub enum Hosted {
     /// Endpoints of kind `Host` in the graph.
     #[default]
     AsWritten,
-    /// Also these, by name.
+    /// Those of kind `Host`, and these by name.
     Also(Vec<String>),
     /// All endpoints.
     All,

@@ -14,7 +14,7 @@ use std::collections::{HashMap, VecDeque};
 #[derive(Default)]
 pub(super) struct Clocks {
     pub list: Vec<Clock>,
-    /// Where each is declared.
+    /// The declaration of each.
     pub spans: Vec<Span>,
     /// Index by name; `None` for those that were reported.
     names: HashMap<String, Option<usize>>,

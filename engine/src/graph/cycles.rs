@@ -7,7 +7,7 @@ use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 use std::collections::VecDeque;
 
-/// Longer loops are shown by their beginning.
+/// Largest number of nodes shown of a loop.
 const SHOWN: usize = 12;
 
 /// Reports one loop of every group of nodes that reach each other without a delay. Devices delay by a tick, so
@@ -90,7 +90,7 @@ fn report(cx: &mut Context<'_>, draft: &mut Draft, way: &[(usize, usize)]) {
     }
     names.push(&draft.nodes[closing.0].path);
     let message = format!("a loop without delay: {}", names.join(" -> "));
-    let mut diagnostic = Diagnostic::error("E0408", back.span, message).label("here the loop closes");
+    let mut diagnostic = Diagnostic::error("E0408", back.span, message).label("the loop closes here");
     for step in way.iter().take(way.len() - 1).take(SHOWN) {
         if let Some(wire) = wire(*step).filter(|wire| wire.span != back.span) {
             let text = format!("to `{}`", draft.nodes[step.0].path);

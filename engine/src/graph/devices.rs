@@ -26,7 +26,7 @@ pub(super) struct DraftDevice {
     pub senses: Vec<Channel>,
     pub drives: Vec<Channel>,
     pub clock: Option<usize>,
-    /// Whether a node is bound to it.
+    /// True if a node is bound to it.
     pub bound: bool,
     pub broken: bool,
 }
@@ -105,9 +105,9 @@ pub struct DeclaredDevice {
     pub endpoint: String,
     /// Declaration as one line of RON, settings sorted by name.
     pub written: String,
-    /// Whether its kind is a simulation. An unregistered kind counts as real.
+    /// True if its kind is a simulation. An unregistered kind counts as real.
     pub is_simulated: bool,
-    /// Whether it is an endpoint of the calling program.
+    /// True if the device is an endpoint of the calling program.
     pub is_host: bool,
 }
 
@@ -271,7 +271,7 @@ fn take_on_types(node: &mut DraftNode, device: &DraftDevice) {
     }
 }
 
-/// Whether the device has the channels of the node.
+/// True if the device has the channels of the node.
 fn fits(node: &DraftNode, device: &DraftDevice) -> bool {
     let has = |channels: &[Channel], name: &str| channels.iter().any(|channel| channel.name == name);
     let spec = node.entry.spec;
@@ -431,7 +431,7 @@ fn adopt_channels(target: &DraftNode, draft: &Draft, device: &mut DraftDevice) {
     }
 }
 
-/// A port that takes anything takes on the type of its signal.
+/// The type of a port; a port of any type takes on the type of its signal.
 fn type_of(kind: KindRule, quantity: QuantityRule, carried: Option<Type>) -> Type {
     Type {
         kind: match kind {
@@ -445,7 +445,7 @@ fn type_of(kind: KindRule, quantity: QuantityRule, carried: Option<Type>) -> Typ
     }
 }
 
-/// What is wrong between a node's ports and its device's channels.
+/// The mismatches between a node's ports and its device's channels.
 fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic> {
     let target = &draft.nodes[node];
     let spec = device.entry.spec;
@@ -543,7 +543,7 @@ fn channel_mismatch(
         _ => return None,
     };
     let diagnostic = Diagnostic::error("E0602", target.fields.span, message)
-        .label("does not go with its device")
+        .label("does not match the device")
         .also(device.span, "the device");
     Some(diagnostic)
 }

@@ -28,7 +28,7 @@ impl Context<'_> {
         self.diagnostics.push(diagnostic);
     }
 
-    /// Whether the next error will be shown, so that a search for suggestions is worthwhile.
+    /// True if the next error will be shown, so that a search for suggestions is worthwhile.
     pub fn is_suggesting(&self) -> bool {
         let errors = self.diagnostics.iter().filter(|d| d.severity == Severity::Error);
         errors.take(MAX_SHOWN).count() < MAX_SHOWN
@@ -84,9 +84,9 @@ pub(super) struct DraftNode {
     pub clock: Option<usize>,
     /// Index of its device in the selected endpoints.
     pub device: Option<usize>,
-    /// Whether `only` leaves it out with the selected endpoints.
+    /// True if `only` leaves it out with the selected endpoints.
     pub is_left_out: bool,
-    /// Whether an error of it was reported. Errors that follow from it are not reported.
+    /// True if an error of it was reported. Errors that follow from it are not reported.
     pub broken: bool,
 }
 
@@ -102,7 +102,7 @@ pub(super) struct Slot {
     /// Index of the input in the spec.
     pub port: usize,
     pub wire: Option<Wire>,
-    /// Whether an error of it was reported.
+    /// True if an error of it was reported.
     pub broken: bool,
 }
 
@@ -112,7 +112,7 @@ pub(super) struct Wire {
     pub from: usize,
     pub output: usize,
     pub bridge: Option<(Bridge, Span)>,
-    /// Whether the bridge is inside a template, which can be used with any clocks.
+    /// True if the bridge is inside a template, which can be used with any clocks.
     pub general: bool,
     /// Place of the connection.
     pub span: Span,
@@ -134,7 +134,7 @@ pub(super) struct Scope {
     pub inputs: HashMap<String, Option<Value>>,
     /// Values of the template's settings; `None` where reported.
     pub settings: HashMap<String, Option<Value>>,
-    /// Whether `only` leaves its nodes out with the selected endpoints.
+    /// True if `only` leaves its nodes out with the selected endpoints.
     pub is_left_out: bool,
 }
 
@@ -157,12 +157,12 @@ impl DraftNode {
         }
     }
 
-    /// Whether an input of it has a reported error.
+    /// True if an input of it has a reported error.
     pub fn has_broken_input(&self) -> bool {
         self.inputs.iter().any(|slot| slot.broken)
     }
 
-    /// Its connections.
+    /// The connections.
     pub fn wires(&self) -> impl Iterator<Item = (usize, &Wire)> {
         let slots = self.inputs.iter().enumerate();
         slots.filter_map(|(i, slot)| Some((i, slot.wire.as_ref()?)))
@@ -176,7 +176,7 @@ impl DraftNode {
             .filter(move |slot| spec.inputs[slot.port].name == name)
     }
 
-    /// Whether the slot is a connection of a list.
+    /// True if the slot is a connection of a list.
     pub fn is_many(&self, slot: &Slot) -> bool {
         self.entry.spec.inputs[slot.port].presence == Presence::Many
     }

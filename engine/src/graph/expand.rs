@@ -85,7 +85,7 @@ impl Expansion<'_> {
                 cx.report(
                     Diagnostic::error("E0702", name.span, message)
                         .label("the count is reached here")
-                        .help("do templates use one another more often than was meant?"),
+                        .help("templates that use one another multiply the nodes; check how often they are used"),
                 );
                 return;
             }
@@ -237,7 +237,7 @@ impl Expansion<'_> {
         fields
     }
 
-    /// Whether `only` leaves out a node or a use of a template.
+    /// True if `only` leaves out a node or a use of a template.
     fn is_left_out(&self, cx: &mut Context<'_>, scope: usize, fields: &mut Fields) -> bool {
         let given = fields.take("only");
         let set = given

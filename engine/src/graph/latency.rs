@@ -43,7 +43,7 @@ impl Graph {
         found
     }
 
-    /// Whether a path ends at this node.
+    /// True if a path ends at this node.
     fn ends_paths(&self, node: NodeIndex) -> bool {
         let drives = matches!(self.nodes[node].work, Work::Actuator { .. });
         drives || self.nodes.edges(node).next().is_none()
@@ -83,7 +83,7 @@ impl Graph {
     }
 }
 
-/// Initial value of the search; a predicting filter has a negative delay.
+/// Initial value of the search, below all delays: that of a predicting filter is negative.
 const EARLIEST: Latency = Latency {
     transport_s: 0.0,
     group_delay_s: f64::NEG_INFINITY,
@@ -156,7 +156,7 @@ impl<'g> Slowest<'g> {
     }
 }
 
-/// Whether the edge is not declared feedback.
+/// True if the edge is not declared feedback.
 fn leads_on(edge: EdgeReference<'_, Edge>) -> bool {
     !matches!(edge.weight().bridge, Bridge::Delay { .. })
 }

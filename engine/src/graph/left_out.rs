@@ -42,7 +42,7 @@ fn left_out(draft: &Draft, actuator: usize, cause: usize) -> Diagnostic {
         .help("if that is intended, write the same `only` on the actuator sink; else connect it to another node")
 }
 
-/// Whether a node is kept without the removed nodes.
+/// True if a node is kept without the removed nodes.
 fn goes_on(draft: &Draft, node: usize, gone: &[bool]) -> bool {
     let target = &draft.nodes[node];
     let is_there = |wire: &Wire| !gone[wire.from];

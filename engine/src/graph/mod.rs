@@ -63,9 +63,9 @@ pub struct Graph {
 /// A clock: a driver with its own crystal or timer, or a clock at an exact ratio of a driver's rate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clock {
-    /// Its name in the file.
+    /// The name in the file.
     pub name: String,
-    /// Its rate.
+    /// The rate.
     pub rate: Rate,
     /// Index of its driver in the list of clocks; its own index if it is a driver.
     pub driver: usize,
@@ -104,11 +104,11 @@ impl SourceEnd<'_> {
 
 /// A checked node.
 pub struct Node {
-    /// Its path: `texture/filter`.
+    /// The path: `texture/filter`.
     pub path: String,
-    /// Its kind.
+    /// The kind.
     pub entry: NodeEntry,
-    /// Its clock, as an index; `None` for file sinks, whose inputs keep their own.
+    /// The clock, as an index; `None` for file sinks, whose inputs keep their own.
     pub clock: Option<usize>,
     /// Inputs in the order of the spec; the connections of a `Many` port follow one another at its place.
     pub inputs: Vec<Input>,
@@ -117,7 +117,7 @@ pub struct Node {
     pub(crate) work: Work,
     /// Place of its declaration.
     pub span: Span,
-    /// Whether its output depends on a simulated device.
+    /// True if its output depends on a simulated device.
     pub simulated: bool,
     /// Hash of its kind, rate, connections and non-live settings. Equal for nodes that differ in their path only.
     pub fingerprint: u64,
@@ -136,11 +136,11 @@ pub struct Input {
     pub name: &'static str,
     /// Kind of its frames; the port's kind if it is not connected.
     pub kind: Kind,
-    /// What its numbers are.
+    /// Quantity of the components.
     pub quantity: Quantity,
-    /// Whether it is connected. The edge whose `input` is this index holds the connection.
+    /// True if the input is connected. The edge whose `input` is this index holds the connection.
     pub connected: bool,
-    /// Whether it reads runs of held frames.
+    /// True if the input reads runs of held frames.
     pub held: bool,
 }
 
@@ -151,11 +151,11 @@ pub struct Output {
     pub name: &'static str,
     /// Shape of its frames.
     pub kind: Kind,
-    /// What its numbers are.
+    /// Quantity of the components.
     pub quantity: Quantity,
 }
 
-/// What a node does when it runs. Processors and devices are in their initial state: plans clone them.
+/// The work of a node in a run. Processors and devices are in their initial state: plans clone them.
 pub(crate) enum Work {
     Process(Box<dyn Processor>),
     /// Output i is channel `channels[i]` of those that the device senses.
@@ -194,7 +194,7 @@ impl Work {
 pub struct GraphDevice {
     /// Name of the endpoint.
     pub name: String,
-    /// Its kind.
+    /// The kind.
     pub entry: DeviceEntry,
     /// The clock that it ticks on.
     pub clock: usize,
@@ -215,13 +215,13 @@ pub struct Edge {
     pub output: usize,
     /// Index of the input at the node it goes to.
     pub input: usize,
-    /// How it crosses rates or time.
+    /// The bridge of the connection.
     pub bridge: Bridge,
     /// Place of the connection in the text.
     pub span: Span,
 }
 
-/// How a signal crosses rates or time.
+/// The way in which a connection crosses rates or time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bridge {
     /// No bridge: both ends run on one clock.
@@ -369,7 +369,7 @@ impl Graph {
     pub fn seed(&self) -> u64 {
         self.seed
     }
-    /// Its clocks.
+    /// The clocks.
     pub fn clocks(&self) -> &[Clock] {
         &self.clocks
     }
@@ -393,7 +393,7 @@ impl Graph {
         let clock = self.nodes.node_weight(index_of(node))?.clock?;
         self.clocks.get(clock).map(|clock| clock.driver)
     }
-    /// Whether connections lead from one node to another.
+    /// True if connections lead from one node to another.
     pub fn reaches(&self, from: NodeId, to: NodeId) -> bool {
         petgraph::algo::has_path_connecting(&self.nodes, index_of(from), index_of(to), None)
     }
@@ -411,8 +411,7 @@ impl Graph {
     pub fn devices(&self) -> &[GraphDevice] {
         &self.devices
     }
-    /// The body of a device, which whoever reaches the real one connects before the graph runs; `None` if it has another
-    /// type.
+    /// The body of a device, for connecting the real device before the graph runs; `None` if it has another type.
     pub fn body_mut<D: Device + 'static>(&mut self, device: usize) -> Option<&mut D> {
         self.devices.get_mut(device)?.device.as_any_mut().downcast_mut()
     }
@@ -432,12 +431,12 @@ impl GraphDevice {
         self.device.as_ref()
     }
 
-    /// Its body in its initial state, if it has this type.
+    /// The body in its initial state, if it has this type.
     pub fn body<D: Device + 'static>(&self) -> Option<&D> {
         self.device.as_any().downcast_ref()
     }
 
-    /// Its settings, if it is of this kind.
+    /// The settings, if it is of this kind.
     pub fn settings<K: DeviceKind>(&self) -> Option<&K::Settings> {
         self.settings.downcast_ref()
     }

@@ -53,7 +53,7 @@ impl TemplateOutput {
 }
 
 impl Graph {
-    /// Its nodes and connections.
+    /// The nodes and connections.
     pub fn nodes(&self) -> Nodes<'_> {
         Nodes(&self.nodes)
     }
@@ -63,8 +63,8 @@ impl Graph {
         &self.template_outputs
     }
 
-    /// The output that an input of the graph would name so: `node.port`, or the only one of `node`, where a node may be the
-    /// use of a template. `None` where there is none of that name, or there are several.
+    /// The output with the name that an input of the graph would use: `node.port`, or `node` if it has one output;
+    /// `node` may be the use of a template. `None` if no output or several have that name.
     pub(crate) fn output_called(&self, written: &str) -> Option<(NodeId, usize)> {
         let (path, port) = match written.split_once('.') {
             Some((path, port)) => (path, Some(port)),
@@ -92,7 +92,7 @@ impl<'a> Nodes<'a> {
         self.0.node_count()
     }
 
-    /// Whether there are no nodes.
+    /// True if there are no nodes.
     pub fn is_empty(self) -> bool {
         self.len() == 0
     }

@@ -193,7 +193,7 @@ fn port<'d>(node: &'d DraftNode, input: &str) -> Option<&'d InputSpec> {
     node.entry.spec.inputs.iter().find(|port| port.name == input)
 }
 
-/// Whether the connections of this list need one type, because an output or another input depends on it.
+/// True if the connections of this list need one type, because an output or another input depends on it.
 fn list_is_uniform(node: &DraftNode, name: &str) -> bool {
     let spec = node.entry.spec;
     let inputs = spec.inputs.iter().map(|port| (port.kind, port.quantity));
@@ -297,7 +297,7 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         let (source, setting) = stated_by(draft, wire).filter(|_| quantity == Quantity::NUMBER)?;
         let name = wanted.name()?;
         Some(format!(
-            "`{}` makes a plain number: give it `{setting}: \"{name}\"`, if that is what it is",
+            "`{}` makes a plain number: if it is {name}, write `{setting}: \"{name}\"`",
             source.path
         ))
     };

@@ -355,9 +355,9 @@ impl Parameters {
         place: Place<'_>,
     ) -> Option<Value> {
         if let Place::Template(settings) = place {
-            let message = format!("a template cannot see the graph's parameter `{asked}`");
+            let message = format!("a template cannot use the graph's parameter `{asked}`");
             let mut diagnostic =
-                Diagnostic::error("E0209", value.span, message).label("not known in a template");
+                Diagnostic::error("E0209", value.span, message).label("not available in a template");
             diagnostic = match settings.contains_key(asked) {
                 true => diagnostic.help(format!("`{asked}` is a setting: write `Setting(\"{asked}\")`")),
                 false => diagnostic.help(format!(
@@ -415,7 +415,7 @@ fn setting(cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -
     None
 }
 
-/// The text that is all the brackets hold, and where it stands.
+/// The text between brackets that contain nothing else, and its place.
 fn only_text(body: &Body) -> Option<(&str, Span)> {
     match body {
         Body::Tuple(values) => match values.as_slice() {
@@ -464,7 +464,7 @@ fn measure(value: &Value) -> (usize, usize) {
 /// Largest number of names compared with an unknown one; with 20,000 of each it would take a minute.
 const MAX_COMPARED_NAMES: usize = 500;
 
-/// These names in order, where they are still of use to [`suggest`].
+/// The names in order, as long as [`suggest`] still needs them.
 pub(super) fn in_order<'a, T>(cx: &Context<'_>, known: &'a HashMap<String, T>) -> Vec<&'a str> {
     if !cx.is_suggesting() {
         return Vec::new();

@@ -98,7 +98,7 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
     }
 }
 
-/// What the outputs of the uses of templates stand for.
+/// The outputs of nodes to which the outputs of templates are resolved.
 pub(super) fn template_outputs(cx: &mut Context<'_>, draft: &Draft) -> Vec<TemplateOutput> {
     let (document, before) = (cx.document, cx.diagnostics.len());
     let mut found = Vec::new();

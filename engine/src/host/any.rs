@@ -132,7 +132,7 @@ impl AnyInput {
         self.about.rate
     }
 
-    /// What its numbers are.
+    /// Quantity of the components.
     pub fn quantity(&self) -> Quantity {
         self.about.quantity
     }
@@ -192,7 +192,7 @@ impl AnyOutput {
         self.about.rate
     }
 
-    /// What its numbers are.
+    /// Quantity of the components.
     pub fn quantity(&self) -> Quantity {
         self.about.quantity
     }

@@ -14,11 +14,11 @@ const QUEUE_S: f64 = 1.0;
 const LEAST_FRAMES: usize = 1024;
 
 crate::settings! {
-    /// An endpoint that the calling program feeds and hears.
+    /// An endpoint whose inputs the calling program writes and whose outputs it reads.
     pub struct HostSettings {
-        /// After so long without anything new the endpoint counts as silent, ms.
+        /// Time without a new value after which the endpoint counts as silent, ms.
         timeout_ms: f64 = 100.0, in 1.0..=1e9;
-        /// What its silence does to the actuators that depend on it.
+        /// Effect of its silence on the actuators that depend on it.
         on_silence: OnSilence = OnSilence::Zero;
     }
 }
@@ -30,7 +30,7 @@ impl DeviceKind for Host {
     type Settings = HostSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "Host",
-        doc: "The program that embeds the graph: it feeds what nodes read and takes what they drive. Has the channels of \
+        doc: "The program that embeds the graph. It writes the channels that nodes read and reads the channels that nodes drive. Has the channels of \
               the nodes that are bound to it.",
         source: "",
         simulated: false,
@@ -79,7 +79,7 @@ pub(crate) struct HostEndpoint {
     /// Ticks since the last new value.
     age: u64,
     is_heard: bool,
-    /// Whether a player runs it.
+    /// True while a player runs it.
     pub(super) playing: Arc<AtomicBool>,
 }
 

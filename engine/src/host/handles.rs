@@ -17,9 +17,9 @@ use std::sync::Arc;
 pub trait HostFrame: Copy + Default + Send + 'static {
     /// Kind of the frame.
     const KIND: Kind;
-    /// Its components.
+    /// The components.
     fn components(&self) -> &[f64];
-    /// Its components, mutable.
+    /// The components, mutable.
     fn components_mut(&mut self) -> &mut [f64];
 }
 
@@ -72,7 +72,7 @@ pub enum HostError {
     Several {
         /// The endpoint.
         name: String,
-        /// Its channels.
+        /// The channels.
         channels: Vec<&'static str>,
     },
     /// The channel's frames are of another kind.
@@ -80,7 +80,7 @@ pub enum HostError {
     Kind {
         /// The channel.
         name: String,
-        /// Its kind.
+        /// The kind.
         kind: Kind,
         /// The requested kind.
         asked: Kind,
@@ -104,7 +104,7 @@ pub enum HostError {
     Drivers {
         /// Number of drivers.
         count: usize,
-        /// Their names.
+        /// The names.
         drivers: Vec<String>,
     },
     /// A node is a script.
@@ -118,7 +118,7 @@ pub enum HostError {
     },
 }
 
-/// Why a frame was not queued.
+/// Reason why a frame was not queued.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Full {
     /// The queue holds a second of frames: [`Player::process`](super::Player::process) is not called.
@@ -186,7 +186,7 @@ impl<V: HostFrame> Input<V> {
         self.any.rate()
     }
 
-    /// What its numbers are.
+    /// Quantity of the components.
     pub fn quantity(&self) -> Quantity {
         self.any.quantity()
     }
@@ -231,7 +231,7 @@ impl<V: HostFrame> Output<V> {
         self.any.rate()
     }
 
-    /// What its numbers are.
+    /// Quantity of the components.
     pub fn quantity(&self) -> Quantity {
         self.any.quantity()
     }

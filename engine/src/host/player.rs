@@ -22,8 +22,8 @@ pub struct PlayOptions {
     pub probes: Vec<String>,
     /// Folder of the graph's file sinks; without one they write nothing.
     pub folder: Option<PathBuf>,
-    /// Times about one block in sixteen, step by step, for [`Session::node_costs`]. A page has no clock that is fine enough:
-    /// there it does nothing.
+    /// Times about one block in sixteen, step by step, for [`Session::node_costs`]. It has no effect in a browser,
+    /// whose clock is too coarse.
     pub sample_costs: bool,
     /// Options of the live run.
     pub live: LiveOptions,

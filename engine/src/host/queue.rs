@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// When a queued frame takes effect.
+/// Time at which a queued frame takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Due {
     /// At the next tick, with all other frames that are due then.
@@ -42,7 +42,7 @@ pub(super) struct Queue {
     words: Box<[AtomicU64]>,
     put: AtomicU64,
     taken: AtomicU64,
-    /// Whether a handle has claimed the caller's end.
+    /// True if a handle has claimed the caller's end.
     pub held: AtomicBool,
 }
 

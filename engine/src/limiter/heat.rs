@@ -109,7 +109,7 @@ impl Heat {
         (-known_for_s / window).exp()
     }
 
-    /// Whether the heat includes a time of unknown output.
+    /// True if the heat includes a time of unknown output.
     pub(super) fn is_partly_unknown(&self) -> bool {
         self.known_for_s.is_finite()
     }

@@ -57,7 +57,7 @@ impl PlanOptions {
         self
     }
 
-    /// Adds several of them.
+    /// Adds several outputs whose frames are read after every block.
     #[must_use]
     pub fn taps(mut self, taps: impl IntoIterator<Item = (NodeId, usize)>) -> Self {
         self.taps.extend(taps);
@@ -126,7 +126,7 @@ pub struct Plan {
     pub(crate) actuators: Vec<ActuatorPlan>,
     /// Published output of each actuator.
     pub(crate) delivered: Arc<[Delivered]>,
-    /// What each step took while the plan ran, in the blocks that were timed.
+    /// Time of each step, in the blocks that were timed.
     pub(crate) times: Arc<[StepTime]>,
     pub(crate) bridges: Vec<BridgePlan>,
     pub(crate) delays: Vec<DelayPlan>,
@@ -174,7 +174,7 @@ pub(crate) struct SingleStep {
 }
 
 impl Step {
-    /// Whether the steps are equal except for the node's number.
+    /// True if the steps are equal except for the node's number.
     fn is_same_as(&self, other: &Self) -> bool {
         let node = other.node;
         Self { node, ..self.clone() } == *other
@@ -244,7 +244,7 @@ pub(crate) struct ActuatorPlan {
     pub limit: Limit,
     pub width: usize,
     pub rate: Rate,
-    /// Whether its device is simulated.
+    /// True if its device is simulated.
     pub simulated: bool,
     /// Unit of its output.
     pub unit: String,
@@ -253,7 +253,7 @@ pub(crate) struct ActuatorPlan {
 }
 
 impl ActuatorPlan {
-    /// Whether every live input that it depends on is heard or held.
+    /// True if every live input that it depends on delivers data or is held.
     pub(crate) fn is_let_through(&self, input: impl Fn(usize) -> Option<LiveInput>) -> bool {
         let mut inputs = self
             .silenced_by
@@ -262,7 +262,7 @@ impl ActuatorPlan {
         inputs.all(|(input, own)| input.is_none_or(|input| input.lets_through(own)))
     }
 
-    /// Whether they are equal except for the gain, which is a live setting.
+    /// True if the actuators are equal except for the gain, which is a live setting.
     fn is_same_as(&self, other: &Self) -> bool {
         let gain = other.gain;
         Self { gain, ..self.clone() } == *other
@@ -276,12 +276,12 @@ pub(crate) struct Delivered {
     at_zero: AtomicBool,
     level: AtomicU64,
     peak: AtomicU64,
-    /// Ticks in all, and those that the peak, the heat, the slew and a fault held back.
+    /// Number of all ticks, and of those that the peak, the heat, the slew and a fault limited.
     clipped: [AtomicU64; 5],
 }
 
 impl Delivered {
-    /// Writes how often each limit held something back since the run began.
+    /// Writes the number of ticks in which each limit acted since the run began.
     pub fn put_clipped(&self, counts: ClipCounts) {
         let ClipCounts {
             ticks,
@@ -296,7 +296,7 @@ impl Delivered {
         }
     }
 
-    /// What was written last.
+    /// The counts that were written last.
     pub fn clipped(&self) -> ClipCounts {
         let [ticks, peak, continuous, slew, fault] = self.clipped.each_ref().map(|count| count.load(Relaxed));
         ClipCounts {
@@ -334,7 +334,7 @@ impl Delivered {
     }
 }
 
-/// What a step took in the blocks that were timed, written by the driver alone and read by whoever asks.
+/// Time of a step in the blocks that were timed. The driver writes it; any thread may read it.
 #[derive(Debug, Default)]
 pub(crate) struct StepTime {
     ns: AtomicU64,
@@ -444,7 +444,7 @@ impl Plan {
         self.rates[self.driver]
     }
 
-    /// Whether both plans are of the same graph except for live settings. Nodes and connections may have other numbers,
+    /// True if both plans are of the same graph except for live settings. Nodes and connections may have other numbers,
     /// because those of other drivers can change.
     pub(crate) fn is_same_as(&self, other: &Self) -> bool {
         let rings = |plans: &[RingPlan], others: &[RingPlan]| {

@@ -16,8 +16,8 @@ pub(crate) struct Group {
     pub pacing: Vec<u64>,
 }
 
-/// All nodes in groups, every group after those it reads. Ties are broken by path, so that the order in the file
-/// does not matter.
+/// All nodes in groups, every group after the groups that it reads. Ties are broken by path, so that the order in the
+/// file does not matter.
 pub(crate) fn order(graph: &Graph) -> Vec<Group> {
     let links = with_device_links(graph);
     let mut group_of = vec![0_usize; graph.nodes.node_count()];
@@ -78,7 +78,7 @@ fn with_device_links(graph: &Graph) -> DiGraph<NodeIndex, ()> {
     links
 }
 
-/// The members in the order in which they run; `inside` tells members from other nodes.
+/// The members in the order in which they run; `inside` is true for members.
 fn island(
     graph: &Graph,
     links: &DiGraph<NodeIndex, ()>,

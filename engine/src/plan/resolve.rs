@@ -67,8 +67,7 @@ impl Places {
     }
 }
 
-/// Finds what runs together: the processors with a single-frame form, streaks of processors, and the works of each live
-/// setting.
+/// Joins steps: processors with a single-frame form, streaks of processors, and the works of each live setting.
 pub(super) fn join(plan: &mut Plan) {
     let mut works: HashMap<NodeId, Vec<StepWork>> = HashMap::new();
     for step in &mut plan.steps {

@@ -5,7 +5,7 @@ use super::silence::SilenceGate;
 use crate::limiter::{ClipCounts, Hottest, Limit, Limiter};
 use crate::plan::ActuatorPlan;
 
-/// What the limiter of an actuator sink did.
+/// Report of the limiter of an actuator sink.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ActuatorReport {
@@ -15,7 +15,7 @@ pub struct ActuatorReport {
     pub clipped: ClipCounts,
     /// Largest magnitude of a request, before the limits.
     pub largest_request: f64,
-    /// Its limit.
+    /// The limit.
     pub limit: Limit,
     /// Unit of the request and of the limit.
     pub unit: String,
@@ -126,7 +126,7 @@ impl CrossFadeRole {
         outgoing.iter().all(|x| x.is_finite())
     }
 
-    /// Whether the cross-fade is over at `time`.
+    /// True if the cross-fade is over at `time`.
     pub(super) fn is_over(&self, time: u64) -> bool {
         match self {
             Self::Mixer(_, rise) => rise.factor(time) >= 1.0,

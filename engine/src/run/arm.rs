@@ -1,5 +1,5 @@
-//! The arm gate: a gain between the limiters and a real device. It is zero until the device is armed, and again as
-//! soon as nothing holds it armed.
+//! The arm gate: a gain between the limiters and a real device. It is zero until the device is armed, and again when it
+//! is no longer held armed.
 
 use super::Run;
 use crate::plan::{DevicePlan, Plan};
@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// Time in which the gain of the gate rises from 0 to 1, s.
 pub const ARM_RISE_S: f64 = 1.0;
-/// Time in which it falls from 1 to 0, s. A slew limit can make the output slower.
+/// Time in which the gain of the gate falls from 1 to 0, s. A slew limit can make the output slower.
 pub const ARM_FALL_S: f64 = 0.02;
 /// Time without [`ArmSwitch::hold`] after which the real-time side disarms, s.
 pub const ARM_HOLD_S: f64 = 0.3;
@@ -54,7 +54,7 @@ impl ArmSwitch {
         f64::from_bits(self.gain.load(Relaxed))
     }
 
-    /// Whether it is armed.
+    /// True if the actuators are armed.
     pub fn is_armed(&self) -> bool {
         self.gain() > 0.0
     }

@@ -1,7 +1,7 @@
 //! The replay log of a live run, from which the run can be repeated bit for bit.
 //!
-//! Clocks and threads decide only how many frames a callback runs and what has arrived in its rings. Each driver has a
-//! file of this, one line per callback:
+//! Clocks and threads determine only the number of frames that a callback runs and the frames that have arrived in its
+//! rings. A file of each driver contains these, one line per callback:
 //!
 //! ```text
 //! audio frames,fade,open out,arrived moves.output to moving.input,sent torque.output to arm.torque
@@ -48,24 +48,24 @@ const FADING: f64 = 1.0;
 const REPLACED: f64 = 2.0;
 const SETTINGS_HEADER: &str = "frame,from,to,glide frames,setting";
 
-/// Why a run cannot be repeated.
+/// Reason why a run cannot be repeated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReplayError {
     /// A file is missing or cannot be read.
     #[error("cannot read {}: {error}; a live run writes it", path.display())]
     Read {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         error: std::io::Error,
     },
     /// The columns belong to another graph.
     #[error("{} belongs to another graph: its first line is `{found}`, expected `{wanted}`", path.display())]
     OtherGraph {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Its first line.
+        /// The first line.
         found: String,
         /// The expected line.
         wanted: String,
@@ -84,15 +84,15 @@ pub enum ReplayError {
     OtherVersion {
         /// The file of fingerprints.
         path: PathBuf,
-        /// Its version as written; `unknown` if it has none.
+        /// The version as written; `unknown` if it has none.
         found: String,
     },
     /// A line is malformed.
     #[error("{} line {line}: expected {columns} whole numbers", path.display())]
     Line {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Where, from 1.
+        /// Number of the line, from 1.
         line: usize,
         /// Number of columns of a line.
         columns: usize,
@@ -100,17 +100,17 @@ pub enum ReplayError {
     /// A line is not a change of a live setting of the graph.
     #[error("{} line {line}: expected `{SETTINGS_HEADER}`, four numbers and a live setting of this graph", path.display())]
     Setting {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Where, from 1.
+        /// Number of the line, from 1.
         line: usize,
     },
     /// A run of that length cannot have written the line.
     #[error("{} line {line}: {why}; the file is damaged or belongs to another run", path.display())]
     Implausible {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Where, from 1.
+        /// Number of the line, from 1.
         line: usize,
         /// The contradiction.
         why: String,
@@ -118,9 +118,9 @@ pub enum ReplayError {
     /// A callback read frames that no driver had sent by then.
     #[error("{} contradicts the files of the other drivers: line {line} waits for frames that they never send", path.display())]
     Contradiction {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Where, from 1.
+        /// Number of the line, from 1.
         line: usize,
     },
 }

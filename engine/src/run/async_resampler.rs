@@ -1,5 +1,5 @@
 //! The asynchronous resampler: a ring between two clocks, and a resampler at its read end whose ratio follows the fill.
-//! Bridges between drivers use it, and so does hardware with a clock of its own.
+//! Bridges between drivers and hardware with its own clock use it.
 //!
 //! Neither end has access to the other's clock. The reader polls the ring once per callback, uses the fill as a measure
 //! of the delay, and corrects its ratio by a slow delay-locked loop. Its output depends only on the polled counts: a
@@ -241,7 +241,7 @@ impl AsyncResamplerReader {
         }
     }
 
-    /// Whether it gives the signal, the fade-in included.
+    /// True if the output is the signal, the fade-in included.
     pub fn is_running(&self) -> bool {
         matches!(self.flow, Flow::Running(_))
     }

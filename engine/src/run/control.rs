@@ -38,7 +38,7 @@ pub struct Control {
     reports: Consumer<Report>,
     /// The running plan, or the one that will run after the last swap.
     plan: Arc<Plan>,
-    /// Its live settings with their last set values.
+    /// The live settings with their last set values.
     settings: Vec<LiveSetting>,
     meters: Meters,
     /// Replaced plans that have not been returned yet: they may still drive their actuators.
@@ -47,7 +47,7 @@ pub struct Control {
     freed: u64,
 }
 
-/// Why a command was not sent.
+/// Reason why a command was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ControlError {
@@ -72,7 +72,7 @@ pub enum ControlError {
 pub(super) struct Prepared {
     pub next: Box<PlanSwap>,
     plan: Arc<Plan>,
-    /// Its live settings after the swap, and those that ramp: index and new value.
+    /// The live settings after the swap, and those that ramp: index and new value.
     settings: Vec<LiveSetting>,
     changes: Vec<(usize, f64)>,
 }

@@ -1,4 +1,4 @@
-//! What each node of a live run costs, by timing a few of its blocks step by step.
+//! Cost of each node of a live run, measured by timing a few blocks step by step.
 
 use super::Run;
 use super::profile::{StepObserver, clock_ns};
@@ -8,24 +8,24 @@ use std::collections::BTreeMap;
 use std::sync::LazyLock;
 use std::time::Instant;
 
-/// One block in so many is timed, on average.
+/// One block in this many is timed, on average.
 const EVERY: u64 = 16;
-/// The golden ratio's part of 2^32: its multiples spread evenly, and fall in with no rhythm of the graph's clocks.
+/// 2^32 divided by the golden ratio: its multiples spread evenly and avoid aliasing with the graph's clocks.
 const STRIDE: u32 = 0x9E37_79B9;
 
-/// What looking at the clock itself takes, ns.
+/// Cost of reading the clock, ns.
 static CLOCK_NS: LazyLock<f64> = LazyLock::new(clock_ns);
 
-/// Which blocks are timed.
+/// Selection of the blocks that are timed.
 #[derive(Debug, Default)]
 pub(super) struct CostSampler {
     turn: u32,
-    /// Blocks before the next one that is.
+    /// Number of blocks before the next timed one.
     left: u64,
 }
 
 impl CostSampler {
-    /// Whether the next block is timed.
+    /// True if the next block is timed.
     pub fn is_due(&mut self) -> bool {
         if self.left > 0 {
             self.left -= 1;
@@ -37,7 +37,7 @@ impl CostSampler {
     }
 }
 
-/// Adds what each step takes to the plan's sums.
+/// Adds the time of each step to the plan's sums.
 struct Stopwatch<'p> {
     latest: Instant,
     times: &'p [StepTime],
@@ -56,7 +56,7 @@ impl StepObserver for Stopwatch<'_> {
 }
 
 impl Run {
-    /// The same as [`advance`](Self::advance), every step by itself and timed.
+    /// Like [`advance`](Self::advance), but runs and times every step by itself.
     pub(super) fn advance_timed(&mut self, frames: usize) {
         let Self { plan, state } = self;
         state.windows.next_block(frames.min(plan.block));
@@ -68,7 +68,7 @@ impl Run {
     }
 }
 
-/// What the nodes of a plan took in the blocks that were timed, ns; nothing where none was.
+/// Time of each node of a plan in the blocks that were timed, ns; empty if none was.
 pub(super) fn of_nodes(plan: &Plan) -> Vec<(NodeId, f64)> {
     let mut nodes: BTreeMap<NodeId, f64> = BTreeMap::new();
     for (step, time) in plan.steps.iter().zip(&*plan.times) {

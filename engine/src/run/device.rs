@@ -14,7 +14,7 @@ pub(super) struct DeviceState {
     pub gate: Option<ArmGate>,
     /// Last frame of each of the plan's writes, before the gate.
     pub written: Vec<[f64; 6]>,
-    /// Whether it panicked during the ramp to zero. It then receives no further output.
+    /// True if the device panicked during the ramp to zero. It then receives no further output.
     pub lost: bool,
     pub ownership: Ownership,
     /// Frame of each of the plan's reads at this tick, while two plans share the device.
@@ -25,7 +25,7 @@ pub(super) struct DeviceState {
     pub script: Option<InputScript>,
 }
 
-/// Which plan owns a device.
+/// The plan that owns a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ownership {
     /// This plan, which is the only one.
@@ -106,7 +106,7 @@ impl DeviceState {
         }
     }
 
-    /// Passes a limited frame to the device, as far as it is armed. Nothing else writes to a device.
+    /// Passes a limited frame to the device, times the gain of the arm gate. Nothing else writes to a device.
     pub(super) fn write(&mut self, channel: usize, frame: &[f64]) {
         match &mut self.gate {
             Some(gate) => {

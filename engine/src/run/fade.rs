@@ -29,7 +29,7 @@ impl FadeGate {
         }
     }
 
-    /// Whether the factor is 0 at `time` and after.
+    /// True if the factor is 0 at `time` and after.
     pub(crate) fn is_zero_from(self, time: u64) -> bool {
         matches!(self, Self::Falling { end, .. } if time >= end)
     }

@@ -12,7 +12,7 @@ pub struct Faults {
     pub ticks: u64,
     /// Path of the first node whose output was NaN or infinite. The graph may not have it any more.
     pub origin: Option<Arc<str>>,
-    /// Whether the outputs of steps are checked to find the origin.
+    /// True if the outputs of steps are checked to find the origin.
     pub(super) tracing: bool,
 }
 

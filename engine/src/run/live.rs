@@ -47,7 +47,7 @@ pub struct Live {
     commands: Consumer<Command>,
     reports: Producer<Report>,
     unreported: u64,
-    /// Which blocks are timed; none unless that was asked for.
+    /// Selection of the blocks that are timed; `None` if none is.
     sampler: Option<CostSampler>,
     /// Heat of the actuators that left the run.
     hottest: Arc<Hottest>,
@@ -60,19 +60,19 @@ pub enum LiveState {
     Running,
     /// Stopped after the fade-out.
     Stopped,
-    /// Its duration is over; the actuators ramp to zero and stay there.
+    /// The duration is over; the actuators ramp to zero and stay there.
     Finished,
     /// A node panicked; the actuators ramp to zero and stay there.
     Panicked,
 }
 
-/// What a driver runs: a live run, or something that does more with its frames.
+/// The object that a driver runs: a live run, or a wrapper of one that uses its frames.
 pub trait Driven: Send + 'static {
-    /// Runs so many frames of the driver. Real-time code.
+    /// Runs `frames` frames of the driver. Real-time code.
     fn run_frames(&mut self, frames: usize);
-    /// The most frames that it runs at once.
+    /// Largest number of frames that it runs at once.
     fn block(&self) -> usize;
-    /// Whether the run has ended and every actuator is at zero.
+    /// True if the run has ended and every actuator is at zero.
     fn is_idle(&self) -> bool;
     /// The devices, for the driver that owns some of them.
     fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)>;
@@ -272,7 +272,7 @@ impl Live {
         self.frames
     }
 
-    /// Whether the run has ended and every actuator is at zero.
+    /// True if the run has ended and every actuator is at zero.
     pub fn is_idle(&self) -> bool {
         match self.state {
             LiveState::Running => false,
@@ -431,7 +431,7 @@ impl Run {
         }
     }
 
-    /// Whether a fade-out has ended. The limits may make it longer.
+    /// True if a fade-out has ended. The limits may make it longer.
     pub(crate) fn is_silent(&self) -> bool {
         self.state.fade.is_zero_from(self.state.windows.block().1) && self.is_idle()
     }

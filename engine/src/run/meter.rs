@@ -14,7 +14,7 @@ pub struct Wake {
     pub frames: u32,
     /// Wake-ups lost in a stall of the machine before it.
     pub lost: u32,
-    /// Whether its work took longer than its frames last.
+    /// True if its work took longer than its frames last.
     pub overrun: bool,
 }
 

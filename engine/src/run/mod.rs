@@ -92,7 +92,7 @@ struct State {
     faults: Faults,
     /// The first actuator sink that received NaN or infinity.
     first_faulted_sink: Option<NodeId>,
-    /// Whether each node, by index, can be the origin of that fault; all can if it is empty.
+    /// True for each node, by index, that can be the origin of that fault; empty if all can.
     upstream_candidates: Vec<bool>,
     fade: FadeGate,
     /// Driver frames of the ramp to zero after a panic.
@@ -164,7 +164,7 @@ impl Run {
         self.steps(0..self.plan.steps.len());
     }
 
-    /// Polls its rings. The frames until the next poll use what has arrived by now, whatever the block size.
+    /// Polls its rings. The frames until the next poll use the data that have arrived by now, for any block size.
     pub(crate) fn poll_rings(&mut self) {
         for writer in self.state.ring_ends.writers.iter_mut().flatten() {
             writer.poll();
@@ -174,14 +174,14 @@ impl Run {
         }
     }
 
-    /// Lets the devices read what was queued before the first frame.
+    /// Lets the devices read the values that were queued before the first frame.
     pub(crate) fn begin_devices(&mut self) {
         for device in self.devices_mut() {
             device.begin();
         }
     }
 
-    /// Polls its devices. The frames until the next poll use what has arrived by `now`.
+    /// Polls its devices. The frames until the next poll use the data that have arrived by `now`.
     #[cfg(not(target_family = "wasm"))]
     pub(crate) fn poll_devices(&mut self, now: Instant) {
         for device in self.devices_mut() {
@@ -285,12 +285,12 @@ impl Run {
             .map(|(device, _)| &*device.name)
     }
 
-    /// Whether that ramp has ended. The limits may make it longer.
+    /// True if the ramp to zero has ended. The limits may make it longer.
     pub(crate) fn is_ramped_down(&self, seconds: f64) -> bool {
         self.state.ramped as f64 >= seconds * self.plan.driver_rate().hz() && self.is_idle()
     }
 
-    /// Whether the last output of every actuator was zero.
+    /// True if the last output of every actuator was zero.
     pub fn is_idle(&self) -> bool {
         self.state
             .actuators
@@ -298,7 +298,7 @@ impl Run {
             .all(|actuator| actuator.limiter.is_idle())
     }
 
-    /// Starts the limiters of real actuators without heat reserve: what drove them before is unknown.
+    /// Starts the limiters of real actuators without heat reserve, because their earlier output is unknown.
     pub(crate) fn assume_thermally_saturated(&mut self) {
         let actuators = self.plan.actuators.iter().zip(&mut self.state.actuators);
         for (_, actuator) in actuators.filter(|(plan, _)| !plan.simulated) {

@@ -24,7 +24,7 @@ pub struct Outcome {
     pub driver_frames: u64,
     /// Duration by the first driver, s.
     pub seconds: f64,
-    /// Whether it was stopped before its end.
+    /// True if the run was stopped before its end.
     pub stopped: bool,
     /// NaN and infinity at actuators.
     pub faults: Faults,
@@ -42,7 +42,7 @@ pub struct RingReport {
     pub name: String,
     /// The declared latency, s.
     pub latency_s: f64,
-    /// Its counters.
+    /// The counters.
     pub counts: RingCounts,
 }
 
@@ -57,7 +57,7 @@ impl RingReport {
     }
 }
 
-/// Why a run failed.
+/// Reason why a run failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OfflineError {

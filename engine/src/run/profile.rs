@@ -1,4 +1,4 @@
-//! Cost of each step of running plans: of every so many quanta, one is timed step by step.
+//! Cost of each step of running plans, measured by timing a fraction of the quanta step by step.
 
 use super::runner::{DriverTask, Runner};
 use crate::node_id::NodeId;
@@ -10,7 +10,7 @@ use std::time::Instant;
 
 /// Observer of finished steps.
 pub(super) trait StepObserver {
-    /// Whether every step runs by itself and is reported.
+    /// True if every step runs by itself and is reported.
     const STEPWISE: bool;
 
     /// Called after step `number` has run `ticks` of its clock.
@@ -103,7 +103,7 @@ impl StepObserver for Stopwatch {
 }
 
 impl Profile {
-    /// Profiles the plans of [`Plan::of`]. Measures first which fraction of quanta can be timed at 1 % of the cost.
+    /// Profiles the plans of [`Plan::of`]. First measures the fraction of quanta that can be timed at 1 % of the cost.
     pub fn new(plans: &[Arc<Plan>]) -> Self {
         let mut this = Self::timing_every(plans, u64::MAX);
         // The first quantum is timed.

@@ -21,7 +21,7 @@ pub(super) struct ParamRamp {
     pub to: f64,
     /// Driver frame at which it starts.
     pub begin: u64,
-    /// Its length in driver frames; 0 for a jump.
+    /// The length in driver frames; 0 for a jump.
     pub frames: u64,
 }
 
@@ -68,7 +68,7 @@ impl ParamRamps {
         usize::try_from(next).unwrap_or(usize::MAX)
     }
 
-    /// Whether no ramp is in progress.
+    /// True if no ramp is in progress.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }

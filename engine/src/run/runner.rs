@@ -16,7 +16,7 @@ const QUANTUM_S: f64 = 1e-3;
 const PART_OF_RESERVE: f64 = 0.25;
 const BILLION: u128 = 1_000_000_000;
 
-/// What a driver does in a quantum.
+/// Task of a driver in a quantum.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum DriverTask {
     /// Polls its rings.
@@ -74,7 +74,7 @@ impl Runner {
         }
     }
 
-    /// Makes each driver faster than nominal by so many parts per million, to test drift.
+    /// Makes each driver faster than nominal by `ppm` parts per million, to test drift.
     #[must_use]
     pub fn drifting(mut self, ppm: &[f64]) -> Self {
         for (drift, ppm) in self.drifts.iter_mut().zip(ppm) {
@@ -155,7 +155,7 @@ impl Runner {
         frames.saturating_sub(run.driver_frames()) as usize
     }
 
-    /// Whether all drivers have ended.
+    /// True if all drivers have ended.
     pub fn is_over(&self) -> bool {
         let mut both = self.runs.iter().zip(&self.ends);
         both.all(|(run, end)| run.driver_frames() >= *end)

@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// How a graph runs live: `LiveOptions::default().block(64).rested()`.
+/// Options of a live run: `LiveOptions::default().block(64).rested()`.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct LiveOptions {
@@ -32,9 +32,10 @@ pub struct LiveOptions {
     pub block: usize,
     /// Duration, s; `None` runs until it is stopped. A source whose data end earlier can end the run.
     pub seconds: Option<f64>,
-    /// Whether the actuators are known to be cold. Otherwise real actuators start without heat reserve.
+    /// True if the actuators are known to be cold. Otherwise real actuators start without heat reserve.
     pub rested: bool,
-    /// Whether the caller runs it as fast as it can, and not in real time. Only then may it have scripted nodes.
+    /// True if the caller runs the graph as fast as possible and not in real time. Only then may it have scripted
+    /// nodes.
     pub offline: bool,
     /// When set, the outputs fade out and the run stops. The real-time sides poll it.
     pub stop: Arc<AtomicBool>,
@@ -50,7 +51,7 @@ impl LiveOptions {
         self
     }
 
-    /// Ends the run after so many seconds.
+    /// Ends the run after `seconds` seconds.
     #[must_use]
     pub fn seconds(mut self, seconds: f64) -> Self {
         self.seconds = Some(seconds);
@@ -65,7 +66,7 @@ impl LiveOptions {
     }
 }
 
-/// A live run, as the threads see it that are not real-time: settings, swaps and reports. Its other side is a
+/// The side of a live run for threads that are not real-time: settings, swaps and reports. Its other side is a
 /// [`Live`] for the callback of each driver.
 ///
 /// ```
@@ -132,7 +133,7 @@ struct Entry {
     what: PathBuf,
     sink: Option<PathBuf>,
     streams: Vec<Stream>,
-    /// Whether the caller reads it.
+    /// True if the caller reads it.
     is_handed: bool,
     running: bool,
 }
@@ -147,7 +148,7 @@ pub struct LiveOutcome {
     pub meters: Meters,
     /// Timing of each driver, by name.
     pub drivers: Vec<(String, Meters)>,
-    /// Whether a node panicked.
+    /// True if a node panicked.
     pub panicked: bool,
     /// Devices that also panicked during the ramp to zero: their output is unknown.
     pub lost_devices: Vec<String>,
@@ -309,7 +310,7 @@ impl Session {
         plans.flat_map(silence::levels).collect()
     }
 
-    /// Time that each node took so far, ns, in the blocks that were timed since its graph took over; empty where none are
+    /// Time that each node took so far, ns, in the blocks that were timed since its graph took over; empty if none were
     /// ([`PlayOptions::sample_costs`](crate::host::PlayOptions::sample_costs)). The shares are those of all blocks.
     pub fn node_costs(&self) -> Vec<(NodeId, f64)> {
         let plans = self.controls.iter().map(|control| &**control.plan());

@@ -43,12 +43,12 @@ impl SilenceGate {
         self.from + (to - self.from) * along
     }
 
-    /// Whether it is open or opening.
+    /// True if the gate is open or opening.
     pub fn is_open(&self) -> bool {
         self.is_open
     }
 
-    /// Whether the factor is 0 from `time` until an input changes.
+    /// True if the factor is 0 from `time` until an input changes.
     fn is_closed_from(self, time: u64) -> bool {
         !self.is_open && time >= self.end
     }
@@ -59,9 +59,9 @@ impl SilenceGate {
 pub struct InputStatus {
     /// Name of the endpoint.
     pub device: String,
-    /// Its state.
+    /// The state.
     pub state: InputState,
-    /// Whether its actuators continue while it is silent.
+    /// True if its actuators continue while it is silent.
     pub holds: bool,
     /// Time without new data after which it is silent, s.
     pub timeout_s: f64,
@@ -78,9 +78,9 @@ pub struct ActuatorStatus {
     pub delivered: f64,
     /// Unit of `delivered`.
     pub unit: String,
-    /// Whether a silent input closes its gate.
+    /// True if a silent input closes its gate.
     pub is_closed: bool,
-    /// Whether its gate is closed and its output is zero.
+    /// True if its gate is closed and its output is zero.
     pub at_zero: bool,
 }
 
@@ -95,9 +95,9 @@ pub struct ActuatorLevel {
     pub rms: f64,
     /// Largest magnitude since the last call.
     pub peak: f64,
-    /// Its limit.
+    /// The limit.
     pub limit: Limit,
-    /// How often each limit held something back since the run began.
+    /// Number of ticks in which each limit acted since the run began.
     pub clipped: ClipCounts,
 }
 
@@ -150,14 +150,14 @@ fn silenced(plan: &Plan, device: usize) -> impl Iterator<Item = ActuatorStatus> 
     })
 }
 
-/// Whether every live input upstream of an actuator is heard or held, by the state of the devices.
+/// True if every live input upstream of an actuator delivers data or is held, by the state of the devices.
 fn lets_through(plan: &ActuatorPlan, devices: &[DeviceState]) -> bool {
     plan.is_let_through(|device| devices.get(device)?.device.live_input())
 }
 
 impl Run {
     /// Closes the gates of actuators whose live inputs are silent and opens the others, within `seconds`.
-    /// The gates do not change until the next call, whatever the block size.
+    /// The gates do not change until the next call, for any block size.
     pub(crate) fn follow_inputs(&mut self, seconds: f64) {
         let span = self.fade_span(seconds);
         let (devices, actuators) = (&self.state.devices, &mut self.state.actuators);

@@ -41,7 +41,7 @@ pub(super) struct PlanSwap {
     pub(super) writers: Vec<(usize, usize)>,
 }
 
-/// How state is transferred if the two plans do not run together. In a cross-fade all state is copied.
+/// Transfer of state if the two plans do not run together. In a cross-fade all state is copied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum StateTransfer {
     /// Old and new state are swapped.

@@ -26,7 +26,7 @@ impl Window {
         }
     }
 
-    /// Its ticks, of a clock of this period.
+    /// The ticks, of a clock of this period.
     pub(crate) fn ticks(self, period: u64) -> Ticks {
         Ticks {
             first: self.first,
@@ -56,7 +56,7 @@ pub(crate) struct Windows {
     driver: usize,
     /// Start of the present block, in units of the time base.
     begin: u64,
-    /// Its end.
+    /// The end.
     end: u64,
     clocks: Vec<Window>,
 }

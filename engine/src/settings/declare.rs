@@ -13,10 +13,11 @@
 ///     }
 /// }
 /// ```
-/// A field without `= default` has to be given. `[live]` marks what may change while the graph runs, whose handle is
-/// `LowPassSettings::live("cutoff_hz")` (see [`SettingId`](crate::settings::SettingId)), and `[live, below_nyquist]` a frequency
-/// that has to stay below half of the node's rate when it does. `[limit]` marks the limit of an actuator sink, and
-/// `[output_file]` the file that a sink writes. There are no other flags, and a misspelt one does not compile:
+/// A field without `= default` is required. `[live]` marks a setting that may change while the graph runs, whose handle
+/// is `LowPassSettings::live("cutoff_hz")` (see [`SettingId`](crate::settings::SettingId)), and `[live, below_nyquist]`
+/// a frequency that has to stay below half of the node's rate when it does. `[limit]` marks the limit of an actuator
+/// sink, and `[output_file]` the file that a sink writes. There are no other flags, and a misspelt one does not
+/// compile:
 ///
 /// ```compile_fail
 /// haptograph_engine::settings! {

@@ -1,9 +1,9 @@
-//! What a value has to be: one description for the reference, for messages and for their corrections.
+//! The accepted values of a setting: one description for the reference, for messages and for their corrections.
 
 use std::borrow::Cow;
 use std::fmt;
 
-/// What a value has to be. Displayed as the reference of nodes has it: `a number`, `one of Direct, Lattice`.
+/// The accepted values of a setting. Displayed as in the reference of nodes: `a number`, `one of Direct, Lattice`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Expected {
     /// A finite number.
@@ -29,7 +29,7 @@ pub enum Expected {
     List(Box<Expected>),
     /// This many values.
     Array(usize, Box<Expected>),
-    /// What no setting is, in words.
+    /// Another value, described in words.
     Described(Form, Cow<'static, str>),
 }
 
@@ -49,7 +49,7 @@ pub enum Form {
 }
 
 impl Expected {
-    /// Something that has to be written as `words` say, and has no common correction.
+    /// A value that `words` describe, without a common correction.
     pub fn described(words: impl Into<Cow<'static, str>>) -> Self {
         Self::Described(Form::Other, words.into())
     }
@@ -69,12 +69,12 @@ impl Expected {
         }
     }
 
-    /// Whether it is a number, or a list of numbers.
+    /// True if a number, or a list of numbers, is expected.
     pub fn is_numeric(&self) -> bool {
         matches!(self.form(), Form::Number | Form::NumberList)
     }
 
-    /// Whether it is a whole number, or none.
+    /// True if a whole number, or `None`, is expected.
     pub fn is_whole(&self) -> bool {
         match self {
             Self::Whole { .. } => true,
@@ -83,7 +83,7 @@ impl Expected {
         }
     }
 
-    /// As messages have it, with the bounds of the type.
+    /// The description for messages, with the bounds of the type.
     pub(super) fn in_message(&self) -> Cow<'_, str> {
         match self {
             Self::Number => "a finite number".into(),
@@ -96,7 +96,7 @@ impl Expected {
     }
 }
 
-/// How a structure of these fields is written: `(peak_a: ..., continuous_a: ...)`.
+/// The form of a structure of these fields: `(peak_a: ..., continuous_a: ...)`.
 pub(crate) fn written(fields: &[&str]) -> String {
     format!("({}: ...)", fields.join(": ..., "))
 }

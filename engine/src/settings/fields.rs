@@ -79,14 +79,14 @@ impl Fields {
         self.missed.push((name.to_owned(), diagnostic));
     }
 
-    /// Whether an error of this field has been reported.
+    /// True if an error of this field has been reported.
     pub(crate) fn is_reported(&self, name: &str) -> bool {
         self.missing
             .iter()
             .any(|(missing, special)| missing == name && special.is_none())
     }
 
-    /// Whether an error was reported for the value of any field.
+    /// True if an error was reported for the value of any field.
     pub(crate) fn has_reported(&self) -> bool {
         self.missing.iter().any(|(_, special)| special.is_none())
     }
@@ -117,7 +117,7 @@ impl Fields {
         reading.diagnostics.extend(missed);
     }
 
-    /// Which field was meant by a name that is none, and what to do.
+    /// The field that an unknown name probably means, and the help.
     fn meant(&self, name: &str, value: &Value) -> (Option<String>, String) {
         if let Shape::Number(number, _) = value.shape
             && let Some((known, factor)) = self
@@ -139,7 +139,7 @@ impl Fields {
         (missed.map(str::to_owned), help)
     }
 
-    /// All fields that there are, those of its own first.
+    /// All fields, those of the structure first.
     fn list(&self) -> String {
         let is_general = |name: &&String| OF_EVERY_NODE.contains(&name.as_str());
         let quoted = |names: Vec<&String>| {

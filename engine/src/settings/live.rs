@@ -12,13 +12,13 @@ pub struct LiveSetting {
     pub path: String,
     /// Handle of the setting.
     pub setting: SettingId,
-    /// Its name.
+    /// The name.
     pub field: &'static str,
-    /// Its value.
+    /// The value.
     pub value: f64,
     /// Smallest and largest value.
     pub range: Option<(f64, f64)>,
-    /// Whether it is a whole number. Such a setting jumps to its new value.
+    /// True if the value is a whole number. Such a setting jumps to its new value.
     pub whole: bool,
 }
 
@@ -33,20 +33,20 @@ impl LiveSetting {
     }
 }
 
-/// A field of a [`Settings`] struct, as its declaration has it.
+/// A field of a [`Settings`] struct, from its declaration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeclaredField {
-    /// Its name.
+    /// The name.
     pub name: &'static str,
-    /// Whether it can change while the graph runs.
+    /// True if the setting can change while the graph runs.
     pub is_live: bool,
-    /// Whether it is the limit of an actuator sink.
+    /// True if the setting is the limit of an actuator sink.
     pub is_limit: bool,
 }
 
 /// Handle of a live setting, by which [`Processor::set`](crate::node::Processor::set) gets its new values.
 ///
-/// It is looked up by name where the program is compiled, and can stand in a pattern:
+/// It is looked up by name at compile time, and can be used in a pattern:
 ///
 /// ```
 /// use haptograph_engine::settings::SettingId;
@@ -122,8 +122,8 @@ impl SettingId {
         panic!("no setting has this name")
     }
 
-    /// The one handle that all of these are, for a processor of several kinds. In a constant a difference is a compile
-    /// error.
+    /// The common handle of several settings that have equal handles, for a processor of several kinds. In a constant a
+    /// difference is a compile error.
     ///
     /// # Panics
     /// If they differ.
@@ -132,7 +132,7 @@ impl SettingId {
         while other < N {
             assert!(
                 handles[other].0 == handles[0].0,
-                "these settings stand at different places of their declarations"
+                "these settings have different positions in their declarations"
             );
             other += 1;
         }
@@ -150,7 +150,7 @@ impl SettingId {
     }
 }
 
-/// Whether two names are equal, in constants too.
+/// True if two names are equal, in constants too.
 pub(crate) const fn same(one: &str, other: &str) -> bool {
     let (one, other) = (one.as_bytes(), other.as_bytes());
     if one.len() != other.len() {
@@ -166,7 +166,7 @@ pub(crate) const fn same(one: &str, other: &str) -> bool {
     true
 }
 
-/// Whether one of the fields is the limit of an actuator sink, in constants too.
+/// True if one of the fields is the limit of an actuator sink, in constants too.
 pub(crate) const fn has_limit(fields: &[DeclaredField]) -> bool {
     let mut at = 0;
     while at < fields.len() {
@@ -178,7 +178,7 @@ pub(crate) const fn has_limit(fields: &[DeclaredField]) -> bool {
     false
 }
 
-/// Whether any of the flags is set, in constants too. For [`settings!`](crate::settings!).
+/// True if any of the flags is set, in constants too. For [`settings!`](crate::settings!).
 #[doc(hidden)]
 pub const fn any(flags: &[bool]) -> bool {
     let mut at = 0;
@@ -210,7 +210,7 @@ mod tests {
     crate::settings! {
         /// Another kind's.
         struct OtherToy {
-            /// Where `low` of the first is.
+            /// Position of `low` of the first.
             [live] lowest: f64 = 0.0;
         }
     }

@@ -1,11 +1,11 @@
-//! Fields written in a former way, put as they are written today.
+//! Conversion of fields of a former format to the present one.
 
 use super::Fields;
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 
 impl Fields {
-    /// Puts all fields but those that stay into a structure: `size_mm: ...` into `solids: Box(size_mm: ...)`. Its place is
-    /// that of the whole, so that what it lacks is reported there.
+    /// Moves all fields except `stays` into a structure: `size_mm: ...` into `solids: Box(size_mm: ...)`. The place of
+    /// the structure is that of all fields, so that missing fields are reported there.
     pub fn nest(&mut self, into: &str, structure: &str, stays: &[&str]) {
         let is_inner = |name: &str| !stays.contains(&name);
         let (inner, outer) = std::mem::take(&mut self.entries)
@@ -27,7 +27,7 @@ impl Fields {
         self.put(into, Shape::Tagged(structure));
     }
 
-    /// Gives a number that was not given.
+    /// Adds a number if the field is missing.
     pub fn put_default(&mut self, name: &str, value: f64) {
         if self.given(name).is_none() && !self.is_reported(name) {
             self.put(name, Shape::Number(value, value.to_string()));

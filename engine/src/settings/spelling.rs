@@ -6,7 +6,7 @@ const MAX_COMPARED: usize = 64;
 /// Shorter words are the beginning of too many others.
 const LEAST_BEGINNING: usize = 3;
 
-/// The candidate that was meant by `word`: one that lacks only its unit (`low` for `low_hz`), the nearest by edit
+/// The candidate that `word` probably means: one that lacks only its unit (`low` for `low_hz`), the nearest by edit
 /// distance if it is near enough, or the only one that begins with it (`low` for `lowest`).
 pub fn closest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     if word.len() > MAX_COMPARED {
@@ -42,7 +42,7 @@ pub fn closest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     }
 }
 
-/// A number as a person would write it: without what arithmetic leaves in the last digits.
+/// A number without the rounding errors of its last digits.
 pub(super) fn rounded(number: f64) -> f64 {
     format!("{number:.11e}").parse().unwrap_or(number)
 }

@@ -112,7 +112,7 @@ impl Setting for PathBuf {
     }
 }
 
-/// A file that whoever wrote the graph may not have read, whether it is there or not.
+/// Error of a file outside the folders that may be read, whether it exists or not.
 fn outside(span: Span, written: &str, roots: &Roots) -> Diagnostic {
     let folders: Vec<String> = roots
         .folders()

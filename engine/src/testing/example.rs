@@ -1,4 +1,4 @@
-//! Building kinds from the example in their spec: a test over a whole registry needs no more than that.
+//! Builds kinds from the example in their spec, for tests over a whole registry.
 
 use super::{Bench, context};
 use crate::device::{Device, DeviceEntry};
@@ -14,15 +14,15 @@ use haptograph_signal::quantity::Quantity;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What the example of a kind of node makes.
+/// The result of building the example of a kind of node.
 pub enum Built {
     /// A processor on a bench.
     Processor(Bench),
     /// The gain and the limit of a sink that drives a device.
     Actuator(f64, Limit),
-    /// A file sink, and what it will write.
+    /// A file sink, and the streams that it will write.
     File(Box<dyn FileSink>, Vec<Stream>),
-    /// A source: its settings fit; what it reads is its device's.
+    /// A source, whose settings are valid.
     Source,
 }
 
@@ -32,7 +32,7 @@ impl Bench {
     /// settings have been read and found to fit.
     ///
     /// # Errors
-    /// What is wrong with the example, as text.
+    /// A description of the error in the example.
     pub fn from_example(
         entry: &NodeEntry,
         folder: &Path,
@@ -50,7 +50,7 @@ impl Bench {
 /// example gives or leaves out. `reset: None` leaves an optional input unconnected.
 ///
 /// # Errors
-/// What is wrong with the example or the settings, as text.
+/// A description of the error in the example or the settings.
 pub fn node_from_example(
     entry: &NodeEntry,
     settings: &str,
@@ -121,7 +121,7 @@ pub fn node_from_example(
 /// `folder`.
 ///
 /// # Errors
-/// What is wrong with the example or the settings, as text.
+/// A description of the error in the example or the settings.
 pub fn device_from_example(
     entry: &DeviceEntry,
     settings: &str,
@@ -211,7 +211,7 @@ impl Example<'_> {
     }
 }
 
-/// Whether an input is left unconnected: `reset: None`.
+/// True if an input is left unconnected: `reset: None`.
 fn is_none(value: &Shape) -> bool {
     matches!(value, Shape::Tagged(tagged) if tagged.name.as_ref().is_some_and(|name| name.text == "None"))
 }

@@ -99,7 +99,7 @@ macro_rules! silent {
 settings! {
     /// A tone.
     pub struct SineSettings {
-        /// Its frequency.
+        /// The frequency.
         [live, below_nyquist] frequency_hz: f64 = 440.0, in 0.0..=24_000.0;
         /// What its numbers are.
         quantity: String = "number".to_owned();
@@ -327,7 +327,7 @@ silent!(
 settings! {
     /// A file.
     pub struct WavSettings {
-        /// Its name.
+        /// The name.
         [output_file] file: String;
     }
 }
@@ -449,7 +449,7 @@ const fn channel(name: &'static str, kind: Kind, quantity: Quantity) -> Channel 
 settings! {
     /// A stroke.
     pub struct TabletSettings {
-        /// Its radius.
+        /// The radius.
         radius_mm: f64 = 30.0, in 1.0..=200.0;
     }
 }

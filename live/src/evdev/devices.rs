@@ -22,7 +22,7 @@ pub(super) struct Input {
 }
 
 impl Input {
-    /// That of a device, with a link of its own; `None` for a device of another kind.
+    /// The event device of an endpoint, with its own link; `None` for a device of another kind.
     fn of(device: &GraphDevice) -> Option<Self> {
         let settings = device.settings::<EvdevDevice>()?;
         Some(Self {
@@ -34,7 +34,7 @@ impl Input {
     }
 }
 
-/// Whether device and scale are the same.
+/// Inputs are equal if device and scale are the same.
 impl PartialEq for Input {
     fn eq(&self, other: &Self) -> bool {
         (&self.path, self.counts_per_mm, self.pressed_n)
@@ -52,13 +52,13 @@ struct Reading {
     /// Name of the endpoint.
     device: String,
     input: Input,
-    /// Whether the device reports its counts per millimetre.
+    /// True if the device reports its counts per millimetre.
     states_scale: bool,
     /// Sends new settings to the thread.
     edits: Sender<Input>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
-    /// Whether it came with the last open.
+    /// True if the device was added by the last open.
     is_new: bool,
 }
 
@@ -79,7 +79,7 @@ impl Reading {
         })
     }
 
-    /// Whether the device can be read with these settings.
+    /// Checks that the device can be read with these settings.
     fn check_scale(&self, device: &str, input: &Input) -> Result<(), BackendError> {
         match input.counts_per_mm.is_some() || self.states_scale {
             true => Ok(()),

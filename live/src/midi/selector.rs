@@ -1,4 +1,4 @@
-//! What an input selects among the messages of a MIDI device.
+//! The selector of an input: one kind of message of a MIDI device.
 
 #[cfg(feature = "midi")]
 use haptograph_nodes::network::inputs::MidiInputSettings;
@@ -32,7 +32,7 @@ pub(super) struct MidiSelector {
 
 #[cfg(feature = "midi")]
 impl MidiSelector {
-    /// That of an input.
+    /// The selector of an input.
     pub fn of(settings: &MidiInputSettings) -> Self {
         Self {
             message: Message::from(&settings.message),
@@ -40,7 +40,7 @@ impl MidiSelector {
         }
     }
 
-    /// Whether it is a key, which is held and released.
+    /// True if the message is that of a key, which is held and released.
     pub fn is_key(&self) -> bool {
         matches!(self.message, Message::Note(_))
     }

@@ -18,7 +18,7 @@ pub(crate) struct Addresses {
 }
 
 impl Addresses {
-    /// Those of a device whose commands go to `send_to`.
+    /// The addresses of a device whose commands go to `send_to`.
     pub fn new(settings: &OscDeviceSettings, send_to: Option<SocketAddr>) -> Self {
         Self {
             position: settings.position.clone(),
@@ -100,7 +100,7 @@ pub(crate) struct OscSender {
 }
 
 impl OscSender {
-    /// Whether the next command is due.
+    /// True if the next command is due.
     pub fn is_due(&mut self) -> bool {
         let now = Instant::now();
         let due = now >= self.next;

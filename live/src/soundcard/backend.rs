@@ -9,7 +9,7 @@ use haptograph_engine::run::RingReport;
 #[derive(Default)]
 pub(super) struct Soundcards {
     requests: Option<CardRequests>,
-    /// Whether the requests came with the last open.
+    /// True if the requests came with the last open.
     is_new: bool,
     inputs: Inputs,
     driver: Option<Driver>,

@@ -102,7 +102,7 @@ impl<P: CallbackState> ReconnectingStream<P> {
         &self.setup.shared
     }
 
-    /// Whether the card is gone.
+    /// True if the card is gone.
     pub fn is_away(&self) -> bool {
         self.stream.is_none()
     }

@@ -46,7 +46,7 @@ impl<D: Driven> CardDriver<D> {
         self.stream.poll("the run waits", D::resume)
     }
 
-    /// Whether the run has ended and its last buffers have been played.
+    /// True if the run has ended and its last buffers have been played.
     pub fn is_finished(&self) -> bool {
         let got = self.got();
         let frames = got.buffer_frames.unwrap_or(self.stream.request.buffer_frames);
@@ -54,7 +54,7 @@ impl<D: Driven> CardDriver<D> {
         self.rested.is_some_and(|since| since.elapsed() > plays)
     }
 
-    /// Whether the card is gone.
+    /// True if the card is gone.
     pub fn is_waiting(&self) -> bool {
         self.stream.is_away()
     }

@@ -55,12 +55,12 @@ impl<D: Driven> CardDriver<D> {
         match self.0 {}
     }
 
-    /// Whether the run has ended.
+    /// True if the run has ended.
     pub fn is_finished(&self) -> bool {
         match self.0 {}
     }
 
-    /// Whether the card is gone.
+    /// True if the card is gone.
     pub fn is_waiting(&self) -> bool {
         match self.0 {}
     }

@@ -121,7 +121,7 @@ impl Drop for Drivers {
     }
 }
 
-/// What drives a run, in words.
+/// Description of the drivers of a run.
 pub(super) fn description(connections: &Connections) -> String {
     let all = connections.counted(Role::Driver).map(|(driver, _)| driver);
     let mut all: Vec<Connected> = all.collect();

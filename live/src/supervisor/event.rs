@@ -11,9 +11,9 @@ use std::fmt;
 pub struct Request {
     /// The parameter or setting.
     pub name: String,
-    /// Its value.
+    /// The new value.
     pub value: SettingValue,
-    /// Where it comes from.
+    /// Origin of the request.
     pub origin: Origin,
 }
 
@@ -56,23 +56,23 @@ impl Origin {
     }
 }
 
-/// What happened in a live run. It displays as one line of text.
+/// An event of a live run. It displays as one line of text.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Event {
     /// A soundcard or another device vanished, came back, or failed.
     Device(String),
-    /// A live input fell silent or is heard again.
+    /// A live input fell silent or delivers data again.
     Silence(String),
     /// A file can no longer be written.
     FileFailed(String),
     /// A live setting has another value.
     Set(String, f64),
-    /// A request was refused, and why.
+    /// A refused request, with the reason.
     Refused(String),
     /// Errors or warnings of a graph that was loaded.
     Findings(Diagnostics),
-    /// Another graph runs, or the same with other settings.
+    /// Another graph runs, or the same graph with other settings.
     Changed(String),
     /// The limit of an actuator has changed.
     Limit(String),
@@ -102,16 +102,16 @@ impl fmt::Display for Event {
 pub struct DeviceUse {
     /// Name of the endpoint.
     pub name: String,
-    /// Its kind.
+    /// Kind of the device.
     pub kind: &'static str,
-    /// Whether it is driven, not read.
+    /// True if the device is driven, not read.
     pub is_driven: bool,
-    /// Whether it is a simulation.
+    /// True if the device is simulated.
     pub is_simulated: bool,
 }
 
 impl DeviceUse {
-    /// Those of a graph: devices that are read, then devices that are driven.
+    /// The devices of a graph: those that are read, then those that are driven.
     pub fn of(graph: &Graph) -> Vec<Self> {
         let one = |is_driven| {
             move |device: &GraphDevice| Self {

@@ -16,7 +16,7 @@ enum Message {
     Wake,
 }
 
-/// Something that was asked for, with its place among all that was, whichever way it came.
+/// A request with its position among all requests, from every route.
 #[derive(Debug, Clone)]
 pub(super) struct Ordered<T> {
     pub order: u64,
@@ -31,7 +31,7 @@ pub struct RequestSender {
     latest: Arc<AtomicU64>,
 }
 
-/// Why a request was not sent.
+/// Reason why a request was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SendError {
@@ -61,13 +61,13 @@ impl RequestSender {
         self.try_put(Message::Request(self.ordered(request)))
     }
 
-    /// Its place after everything that was asked for before.
+    /// Gives a request its position after all earlier requests.
     pub(super) fn ordered<T>(&self, asked: T) -> Ordered<T> {
         let order = self.latest.fetch_add(1, Relaxed) + 1;
         Ordered { order, asked }
     }
 
-    /// Ends the present or the next [`wait`](super::Supervisor::wait), for work that arrives on another way.
+    /// Ends the present or the next [`wait`](super::Supervisor::wait), for work that arrives by another route.
     pub fn wake(&self) {
         // A full queue ends the wait as well, and a run that has ended does not wait.
         let _ = self.try_put(Message::Wake);
@@ -99,7 +99,7 @@ impl Inbox {
         }
     }
 
-    /// A sender to it.
+    /// A sender to this queue.
     pub fn sender(&self) -> &RequestSender {
         &self.sender
     }

@@ -110,7 +110,7 @@ impl Measured {
         )
     }
 
-    /// Its name and its numbers.
+    /// The name and the numbers of a latency.
     pub(super) fn report(&self) -> (String, LatencyReport) {
         let round = |seconds: f64| (seconds * 1e6).round() / 1e3;
         let at = |fraction: f64| self.transport_ms(fraction).map(|ms| (ms * 1e3).round() / 1e3);

@@ -12,14 +12,14 @@ pub(super) type Target = (NodeId, SettingId);
 
 /// Sets one live setting of a live run from any thread. [`Supervisor::setting`](super::Supervisor::setting) makes it.
 ///
-/// It stays valid when another graph is swapped in: it then addresses the setting of the same name.
+/// The handle stays valid when another graph is swapped in: it then addresses the setting of the same name.
 #[derive(Debug, Clone)]
 pub struct SettingHandle {
     slot: Arc<Slot>,
     sender: RequestSender,
 }
 
-/// Why there is no handle of a name.
+/// Reason why a name has no handle.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SettingError {
@@ -28,10 +28,10 @@ pub enum SettingError {
     Unknown {
         /// The name.
         name: String,
-        /// The names that exist, in words.
+        /// The existing names, as text.
         help: String,
     },
-    /// It is a parameter, for which the graph is loaded again.
+    /// The name is a parameter; a new value of it loads the graph again.
     #[error(
         "`{0}` is a parameter of the graph, not a live setting; `Supervisor::set` loads the graph with its new value"
     )]
@@ -43,9 +43,9 @@ pub enum SettingError {
 struct Slot {
     name: Arc<str>,
     bits: AtomicU64,
-    /// Its place among all requests.
+    /// Position of the value among all requests.
     order: AtomicU64,
-    /// Whether the supervisor has not taken the value yet.
+    /// True if the supervisor has not taken the value yet.
     is_pending: AtomicBool,
     has_ended: AtomicBool,
 }
@@ -57,7 +57,7 @@ impl SettingHandle {
     }
 
     /// Sets the value, and ends the supervisor's [`wait`](super::Supervisor::wait). The next
-    /// [`poll`](super::Supervisor::poll) passes these bits to the node, or says once why it does not.
+    /// [`poll`](super::Supervisor::poll) passes these bits to the node, or reports once why it does not.
     /// Of several values between two polls the latest counts.
     ///
     /// # Errors
@@ -90,7 +90,7 @@ struct Bound {
     slot: Arc<Slot>,
     /// `None` if the running graph does not have the setting.
     target: Option<Target>,
-    /// Whether a refusal was reported since the last value that was set.
+    /// True if a refusal was reported since the last value that was set.
     is_refused: bool,
 }
 
@@ -105,7 +105,7 @@ pub(super) struct PendingValue {
 }
 
 impl LiveSettings {
-    /// Those of a graph.
+    /// The live settings of a graph.
     pub fn of<'l>(settings: impl Iterator<Item = &'l LiveSetting>) -> Self {
         Self {
             by_name: targets(settings),
@@ -175,7 +175,8 @@ impl LiveSettings {
         pending
     }
 
-    /// Takes a handle's value once more at the next look, unless there is a newer one: nothing had room for it.
+    /// Takes a handle's value once more at the next poll, unless there is a newer one: the queue to the driver was
+    /// full.
     pub fn retry(&self, handle: usize) {
         self.handles[handle]
             .slot
@@ -183,7 +184,7 @@ impl LiveSettings {
             .store(true, Ordering::Release);
     }
 
-    /// Whether a value of this order is newer than all that were set by the same name.
+    /// True if a value of this order is newer than all that were set by the same name.
     pub fn is_newest(&mut self, name: &str, order: u64) -> bool {
         match self.latest.get_mut(name) {
             Some(latest) if *latest > order => false,
@@ -198,7 +199,7 @@ impl LiveSettings {
         }
     }
 
-    /// Ends the handles: what they set is read no more.
+    /// Ends the handles: their values are no longer read.
     pub fn end(&self) {
         for bound in &self.handles {
             bound.slot.has_ended.store(true, Ordering::Release);

@@ -39,7 +39,7 @@ pub struct GraphSource {
 }
 
 impl GraphSource {
-    /// A graph as its file has it.
+    /// A graph with the defaults of its file.
     pub fn of(path: impl Into<PathBuf>) -> Self {
         Self {
             path: path.into(),
@@ -50,7 +50,7 @@ impl GraphSource {
     }
 }
 
-/// What to load, and with which parameters. A [`LoadFn`] passes it to [`load`].
+/// A graph to load, with its parameters. A [`LoadFn`] passes it to [`load`].
 #[derive(Clone)]
 pub struct Job {
     pub(super) source: GraphSource,
@@ -107,7 +107,7 @@ pub(super) struct LoadedGraph {
     pub texts: Vec<String>,
 }
 
-/// Function that loads a changed graph, on a thread of its own: [`load`], or what a program does around it.
+/// Function that loads a changed graph, on a thread of its own: [`load`], or a function that wraps it.
 ///
 /// ```
 /// use haptograph_engine::registry::Registry;
@@ -186,7 +186,7 @@ impl Loading {
         }
     }
 
-    /// Time since it began.
+    /// Time since the load began.
     pub fn elapsed(&self) -> Duration {
         self.began.elapsed()
     }

@@ -6,7 +6,7 @@ use std::path::{Component, Path};
 /// Characters that RON would parse as more than plain text: quotes, escapes and brackets.
 const SYNTAX: [char; 6] = ['"', '\\', '(', '[', '{', '\''];
 
-/// Why a value from the network is refused.
+/// Reason for refusing a value from the network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Refusal {
     #[error("a value from the network must be a number, a boolean or plain text")]

@@ -1,4 +1,4 @@
-//! What a replay of a live run repeats, and what it does not.
+//! Bounds of a replay of a live run, and reasons why it can differ from the run.
 
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::ReplayBounds;
@@ -21,7 +21,7 @@ pub(super) fn clocks(graph: &Graph) -> Vec<String> {
 /// those of `run.json`, or a [`RunReport`](super::RunReport) that is serialised.
 ///
 /// # Errors
-/// What is inconsistent.
+/// A description of the inconsistency.
 pub fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
     if facts["live"] != true {
         return Err("it does not describe a live run".to_owned());

@@ -10,12 +10,12 @@ use haptograph_nodes::network::link::Counts as PacketCounts;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What a live run did. Serialised, its fields are those of `run.json`.
+/// Report of a live run. Its serialised fields are those of `run.json`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct RunReport {
-    /// What drove it.
+    /// Description of the drivers.
     pub driver: String,
-    /// The soundcard that drove it.
+    /// The soundcard that drove the run.
     #[serde(flatten)]
     pub card: Option<CardReport>,
     /// Inputs of soundcards, by their endpoints.
@@ -36,12 +36,12 @@ pub struct RunReport {
     pub packets: BTreeMap<String, PacketReport>,
     /// Live inputs that fell silent.
     pub silences: Vec<SilenceReport>,
-    /// What was set, when and by whom.
+    /// The changes of settings, each with its time and origin.
     pub set_while_running: Vec<String>,
     /// OSC packets that set nothing; `None` without settings by Open Sound Control.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub osc_malformed: Option<u64>,
-    /// True.
+    /// Always true: the report is that of a live run.
     pub live: bool,
     /// The clocks of the graph, each with its rate. These and the next three bound a [`replay`](super::replay::bounds).
     #[serde(default)]
@@ -100,7 +100,7 @@ pub struct InputReport {
 /// Interruptions of a stream.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct XrunReport {
-    /// How many.
+    /// Number of interruptions.
     pub count: u64,
     /// Longest delay of a callback after one, ms.
     pub longest_ms: f64,
@@ -165,7 +165,7 @@ pub struct TransportMs {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum LatencyPart {
-    /// It was measured.
+    /// A measured latency.
     Measured(QuantilesMs),
     /// `"simulated"`: there is none.
     Simulated(String),
@@ -178,7 +178,7 @@ pub enum LatencyPart {
 pub struct SavedGraph {
     /// Time of the run, s.
     pub at_s: f64,
-    /// What changed.
+    /// Description of the change.
     pub what: String,
     /// Live settings with new values, `NAME=VALUE`.
     pub set: Vec<String>,
@@ -189,7 +189,7 @@ pub struct SavedGraph {
 /// Packets of a device.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct PacketReport {
-    /// How many were accepted, lost and refused.
+    /// Numbers of accepted, lost and refused packets.
     #[serde(flatten)]
     pub counts: PacketCounts,
     /// OSC addresses that no device listens to, with the number of their messages.
@@ -203,9 +203,9 @@ pub struct SilenceReport {
     pub input: String,
     /// When it was reported, s.
     pub at_s: f64,
-    /// Whether it had never been heard.
+    /// True if the input had never delivered data.
     pub never_heard: bool,
-    /// Its policy.
+    /// The silence policy of the input.
     pub on_silence: String,
     /// The actuators that depend on it.
     pub actuators: Vec<SilencedActuator>,
@@ -216,11 +216,11 @@ pub struct SilenceReport {
 pub struct SilencedActuator {
     /// Path of its sink.
     pub actuator: String,
-    /// What it was given.
+    /// The value that was delivered to it.
     pub delivered: f64,
-    /// In this unit.
+    /// Unit of that value.
     pub unit: String,
-    /// Whether it was at zero.
+    /// True if the delivered value was zero.
     pub at_zero: bool,
 }
 

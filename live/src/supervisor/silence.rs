@@ -29,7 +29,7 @@ pub(super) struct SilenceMonitor {
 struct Known {
     device: String,
     is_heard: bool,
-    /// True if it delivered data before.
+    /// True if the input delivered data before.
     was_heard: bool,
     /// Number and total duration of past silences.
     silences: u32,
@@ -239,7 +239,7 @@ fn returned(input: &InputStatus, is_again: bool) -> String {
     });
     let each = each.collect::<Vec<_>>().join(", ");
     let colon = if each.is_empty() { "" } else { ": " };
-    format!("`{}` is heard{again}{colon}{each}", input.device)
+    format!("`{}` delivers data{again}{colon}{each}", input.device)
 }
 
 fn event(input: &InputStatus, at: Duration) -> SilenceReport {
@@ -338,7 +338,7 @@ mod tests {
         assert_eq!(monitor.warnings(end, &never, &network).len(), 1);
         let first = monitor.poll(end, &[input(InputState::Heard, 0.0, false)], &network);
         assert!(
-            first[0].contains("`stylus` is heard: actuator `out` follows it"),
+            first[0].contains("`stylus` delivers data: actuator `out` follows it"),
             "{first:?}"
         );
         let heard = [input(InputState::Heard, 0.1, false)];

@@ -23,21 +23,21 @@ use std::time::Instant;
 /// Refuses graphs that the embedding program cannot run, with the reason.
 pub type Accept = Arc<dyn Fn(&Graph) -> Result<(), String> + Send + Sync>;
 
-/// What runs live, and how.
+/// Options of a live run.
 #[derive(Clone)]
 #[non_exhaustive]
 pub struct RunOptions {
     /// The graph.
     pub source: GraphSource,
-    /// Whether changes of its files are applied while it runs.
+    /// True if changes of its files are applied while it runs.
     pub watch: bool,
     /// Duration, s; `None` runs until it is stopped.
     pub seconds: Option<f64>,
     /// Largest block in driver frames; 0 means the default.
     pub block: usize,
-    /// Whether the actuators are known to be cold. Otherwise real actuators start without heat reserve.
+    /// True if the actuators are known to be cold. Otherwise real actuators start without heat reserve.
     pub rested: bool,
-    /// Where settings are received by Open Sound Control, if at all.
+    /// Address at which settings are received by Open Sound Control; `None` receives none.
     pub osc: Option<SocketAddr>,
     /// Refuses changed graphs, before they run.
     pub accept: Accept,
@@ -46,7 +46,7 @@ pub struct RunOptions {
 }
 
 impl RunOptions {
-    /// A graph as it is, with its live endpoints, until it is stopped.
+    /// Options that run a graph with its defaults and its live endpoints until it is stopped.
     pub fn of(graph: impl Into<PathBuf>) -> Self {
         Self {
             source: GraphSource::of(graph),
@@ -61,14 +61,14 @@ impl RunOptions {
     }
 }
 
-/// Why a live run cannot start.
+/// Error of starting a live run.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StartError {
     /// The graph has errors.
     #[error("{0}")]
     Graph(Diagnostics),
-    /// A device cannot be reached, or a driver not started.
+    /// A device cannot be reached, or a driver cannot be started.
     #[error(transparent)]
     Backend(#[from] BackendError),
     /// The address for settings cannot be bound.
@@ -185,7 +185,7 @@ impl ConnectedRun {
     /// that are saved meanwhile into `folder`; `stop` ends it.
     ///
     /// # Errors
-    /// [`StartError`] if a file cannot be made or a driver not started.
+    /// [`StartError`] if a file cannot be made or a driver cannot be started.
     pub fn start(
         self,
         sinks: FileSinks<'_>,

@@ -32,15 +32,15 @@ pub struct Status {
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct InputNow {
-    /// Its state, and the actuators that depend on it.
+    /// State of the input, and the actuators that depend on it.
     pub status: InputStatus,
     /// Duration of its silence beyond its timeout, s.
     pub silent_s: f64,
-    /// Where it is listened to or read from.
+    /// Address, path or port at which the input is read.
     pub place: Option<String>,
-    /// Its packets or events.
+    /// Counts of its packets or events.
     pub packets: Option<PacketCounts>,
-    /// OSC addresses of messages that no device listens to, and how many.
+    /// OSC addresses of messages that no device listens to, with the number of messages.
     pub unclaimed: Vec<(String, u64)>,
 }
 

@@ -48,7 +48,7 @@ pub struct TimerThread {
 }
 
 impl TimerThread {
-    /// Whether the run is over.
+    /// True if the run is over.
     pub fn is_finished(&self) -> bool {
         self.thread.is_finished()
     }

@@ -23,7 +23,7 @@ pub(super) struct SocketConfig {
 }
 
 impl SocketConfig {
-    /// Whether peer, timeout and protocol are the same.
+    /// True if peer, timeout and protocol are the same.
     pub fn has_same_settings(&self, other: &Self) -> bool {
         (self.only, self.timeout, &self.codec) == (other.only, other.timeout, &other.codec)
     }
@@ -228,7 +228,7 @@ impl<'a> Exchange<'a> {
         }
     }
 
-    /// By Open Sound Control commands are sent at their own rate.
+    /// Sends commands by Open Sound Control, which have their own rate.
     #[cfg(feature = "osc")]
     fn send_osc(&mut self) {
         if self.osc_sender.as_mut().is_some_and(OscSender::is_due) {
@@ -240,7 +240,7 @@ impl<'a> Exchange<'a> {
     }
 }
 
-/// How far a sequence number is ahead of another, modulo its range; none if it is not ahead.
+/// Difference between a sequence number and an earlier one, modulo its range; `None` if it is not ahead.
 pub(super) fn ahead(new: u32, old: u32) -> Option<u32> {
     let ahead = new.wrapping_sub(old);
     (1..=u32::MAX / 2).contains(&ahead).then_some(ahead)

@@ -9,7 +9,7 @@ pub const STATE_BYTES: usize = 120;
 pub const COMMAND_BYTES: usize = 72;
 /// First bytes of every packet.
 pub const MAGIC: [u8; 4] = *b"HGRF";
-/// Of this protocol.
+/// Version of this protocol.
 pub const VERSION: u16 = 1;
 
 /// Largest magnitude of a number in a state, in SI units: 1000 km, 1 MN.
@@ -51,7 +51,7 @@ pub struct Command {
     pub current_a: f64,
     /// Current of the brake, A.
     pub brake_a: f64,
-    /// Whether the graph is running. If not, all numbers above are zero and no further command follows.
+    /// True if the graph is running. If not, all numbers above are zero and no further command follows.
     pub running: bool,
 }
 
@@ -119,7 +119,7 @@ impl State {
     }
 }
 
-/// Whether all numbers are within [`LARGEST`]. An integrator would keep a huge number for the rest of a run.
+/// True if all numbers are within [`LARGEST`]. An integrator would keep a huge number for the rest of a run.
 pub(crate) fn are_in_range(numbers: &[f64]) -> bool {
     numbers.iter().all(|x| x.abs() <= LARGEST)
 }

@@ -26,7 +26,7 @@ pub(super) struct Sockets(Vec<Connection>);
 struct Connection {
     /// Name of the endpoint.
     device: String,
-    /// Its settings; the address is as the graph states it.
+    /// The settings; the address is as the graph states it.
     config: SocketConfig,
     /// Sends new settings to the thread.
     edits: Sender<SocketConfig>,
@@ -34,7 +34,7 @@ struct Connection {
     bound: SocketAddr,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
-    /// Whether it came with the last open.
+    /// True if the socket was added by the last open.
     is_new: bool,
 }
 

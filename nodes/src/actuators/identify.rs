@@ -59,7 +59,7 @@ pub struct Sweep<'a> {
 pub struct Identified {
     /// Acceleration per current.
     pub response: Response,
-    /// Its resonances, the higher first.
+    /// The resonances, the higher first.
     pub modes: [Mode; 2],
     /// Delay of the recording (converters, held current), s.
     pub delay_s: f64,
@@ -120,7 +120,7 @@ pub enum IdentifyError {
         what: &'static str,
         /// Largest absolute sample.
         largest: f64,
-        /// Its unit.
+        /// The unit.
         unit: &'static str,
     },
     /// The recording has no current in the band.

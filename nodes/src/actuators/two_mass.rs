@@ -42,7 +42,7 @@ pub enum TwoMassError {
     NotPositive {
         /// The parameter.
         name: &'static str,
-        /// Its value.
+        /// The value.
         value: f64,
     },
 }

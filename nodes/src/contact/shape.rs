@@ -57,7 +57,7 @@ pub enum ShapeError {
     OutOfRange {
         /// The setting.
         name: &'static str,
-        /// Its value.
+        /// The value.
         value: f64,
         /// The allowed range.
         range: &'static str,

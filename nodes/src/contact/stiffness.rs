@@ -30,7 +30,7 @@ impl Wall {
         scale(contact.normal, self.force_n(contact, velocity_m_s))
     }
 
-    /// Whether a device of this viscous damping, sampled at this rate, renders the wall passively.
+    /// Passivity of the wall rendered by a device of this viscous damping at this sample rate.
     pub fn passivity(&self, device_n_s_per_m: f64, rate_hz: f64) -> Passivity {
         // b > K T / 2 + |B|
         let needed_n_s_per_m = 0.5 * self.stiffness_n_per_m / rate_hz + self.damping_n_s_per_m.abs();
@@ -55,7 +55,7 @@ impl Wall {
 /// proof of trouble.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Passivity {
-    /// Whether the bound holds.
+    /// True if the bound holds.
     pub passive: bool,
     /// Device damping above which it does, N s/m.
     pub needed_n_s_per_m: f64,

@@ -1,5 +1,5 @@
-//! Where a tool touches an object that stands on a force/torque sensor (5.2): the line of action of the measured force meets
-//! the object's surface. Any tool works if it touches in one point and the object is convex.
+//! Location of the point where a tool touches an object on a force/torque sensor (5.2): the line of action of the
+//! measured force meets the object's surface. Any tool works if it touches in one point and the object is convex.
 
 mod path;
 
@@ -34,7 +34,7 @@ impl Default for WrenchSettings {
 /// A contact located from a wrench, in the sensor's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WrenchContact {
-    /// Whether the force is above the threshold.
+    /// True if the force is above the threshold.
     pub touching: bool,
     /// Point of contact on the surface, m; it holds its last value in free space.
     pub position_m: Vec3,

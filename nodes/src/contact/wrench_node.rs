@@ -39,10 +39,10 @@ impl NodeKind for ContactFromWrench {
     const SPEC: NodeSpec = NodeSpec {
         name: "ContactFromWrench",
         group: "contact",
-        doc: "Locates the contact of a tool with an object on a force/torque sensor: the line of action of the force meets \
-              the object's surface at the contact. The object has to be convex; a concave one is an error that names the edge \
-              that makes it concave. Any tool works. A tick visits at most 4096 boxes of the object's hierarchy and \
-              twice its triangles, whatever the wrench.",
+        doc: "Locates the contact of a tool with an object on a force/torque sensor: the line of action of the force \
+              meets the object's surface at the contact. The object has to be convex; a concave one is an error that \
+              names the edge that makes it concave. Any tool works. A tick visits at most 4096 boxes of the object's \
+              hierarchy and twice its triangles, whatever the wrench.",
         source: "5.2, Eq. 5.2.1 to 5.2.4",
         inputs: &[input(
             "wrench",
@@ -196,8 +196,9 @@ impl NodeKind for SurfaceSpeed {
     const SPEC: NodeSpec = NodeSpec {
         name: "SurfaceSpeed",
         group: "sensing",
-        doc: "The speed of a point of contact along a surface, over its edges: two points on faces that meet at an angle are \
-              as far apart as when the faces are laid flat. Jitter within the point's uncertainty is no motion.",
+        doc: "The speed of a point of contact along a surface, over its edges: two points on faces that meet at an \
+              angle are as far apart as when the faces are laid flat. Jitter within the point's uncertainty does not \
+              count as motion.",
         source: "5.2.3",
         inputs: &[
             input("contact", Contact::KIND, Quantity::NUMBER, "The contact."),

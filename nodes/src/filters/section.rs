@@ -117,7 +117,7 @@ struct StateVariable {
     /// States of the two integrators, per component.
     states: [[f64; 2]; WIDEST],
     wanted: Wanted,
-    /// Whether the frequency is a signal.
+    /// True if the frequency is a signal.
     follows: bool,
     rate_hz: f64,
 }

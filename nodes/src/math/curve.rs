@@ -11,7 +11,7 @@ use haptograph_signal::units;
 use std::path::PathBuf;
 
 haptograph_engine::choices! {
-    /// What lies between two points of a [`Curve`].
+    /// Interpolation between two points of a [`Curve`].
     pub enum Between {
         /// A straight line.
         Linear,
@@ -23,11 +23,11 @@ haptograph_engine::choices! {
 }
 
 haptograph_engine::choices! {
-    /// What lies beyond the points of a [`Curve`].
+    /// Values beyond the points of a [`Curve`].
     pub enum Beyond {
         /// The value of the nearest point.
         Hold,
-        /// The same again and again, the last point in the place of the first.
+        /// The curve repeats; the last point coincides with the first.
         Repeat,
     }
 }
@@ -35,7 +35,8 @@ haptograph_engine::choices! {
 haptograph_engine::settings! {
     /// Settings of [`Curve`].
     pub struct CurveSettings {
-        /// Points `[x, y]` with x rising, at least two, both in the SI units of the signals. They stand here or in `file`.
+        /// Points `[x, y]` with x rising, at least two, both in the SI units of the signals. Give them here or in
+        /// `file`.
         points: Vec<[f64; 2]> = Vec::new();
         /// A CSV file with a header and a point in each row, relative to the graph file, in place of `points`. The units at
         /// the end of its columns' names, as in `force_n` and `depth_mm`, are converted to SI. Semicolons, tabs and decimal
@@ -45,11 +46,11 @@ haptograph_engine::settings! {
         x_column: Option<String> = None;
         /// The header of the column of y; none: the second column.
         y_column: Option<String> = None;
-        /// What lies between the points.
+        /// Interpolation between the points.
         between: Between = Between::Linear;
-        /// What lies beyond them.
+        /// Values beyond the points.
         beyond: Beyond = Beyond::Hold;
-        /// What comes out, by name.
+        /// Quantity of the output, by name.
         quantity: String = "number".into();
     }
 }
@@ -62,9 +63,10 @@ impl NodeKind for Curve {
     const SPEC: NodeSpec = NodeSpec {
         name: "Curve",
         group: "math",
-        doc: "A function of a scalar that is given by points, a lookup table: the characteristic of a sensor, the map from force \
-              to loudness, the profile of a surface over position, a force over depth. The points are written in the graph or come \
-              from two columns of a CSV file: `file: \"spring.csv\", x_column: \"depth_mm\", y_column: \"force_n\"`.",
+        doc: "A function of a scalar that is given by points, a lookup table: the characteristic of a sensor, the map \
+              from force to loudness, the profile of a surface over position, a force over depth. The points are \
+              written in the graph or come from two columns of a CSV file: `file: \"spring.csv\", x_column: \
+              \"depth_mm\", y_column: \"force_n\"`.",
         source: "Fritsch and Butland, A method for constructing local monotone piecewise cubic interpolants, 1984 (`Smooth`)",
         inputs: &[InputSpec {
             kind: KindRule::Is(Kind::SCALAR),
@@ -114,7 +116,7 @@ fn points(settings: &CurveSettings) -> Result<Vec<[f64; 2]>, BuildError> {
     }
 }
 
-/// Refuses written points that are no curve.
+/// Refuses points whose x does not rise.
 fn rising(points: &[[f64; 2]]) -> Result<(), BuildError> {
     if points.len() < 2 {
         let help = "write `points: [[x, y], [x, y]]`, or name a CSV file: `file: \"...\"`";

@@ -82,7 +82,7 @@ impl NodeKind for Divide {
         name: "Divide",
         group: "math",
         doc: "Divides every component of a signal by a scalar signal. If the divisor is zero the quotient is zero, \
-              as a ratio of forces needs it while nothing touches.",
+              which suits a ratio of forces without contact.",
         source: "",
         inputs: &[
             any_input("input", "The dividend."),

@@ -19,7 +19,7 @@ pub(super) struct Conditioner {
     zero: Wrench,
     /// Gain of the output; it rises from 0 when the zero is known, so that the output does not jump.
     reach: f64,
-    /// Whether a measurement has arrived since the conditioner was built.
+    /// True if a measurement has arrived since the conditioner was built.
     was_heard: bool,
     reach_per_tick: f64,
     filters: Option<[SectionsState; 6]>,

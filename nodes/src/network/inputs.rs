@@ -33,8 +33,9 @@ haptograph_engine::settings! {
 pub const LIVE_INPUT: NodeSpec = NodeSpec {
     name: "LiveInput",
     group: "sources",
-    doc: "A live input of one number: a fader, a key, a sensor on a serial line. Its endpoint is an `OscInput`, a `MidiInput`, \
-          a `SerialInput` or a `SimulatedInput`, which sets the range of the number. Three numbers make a vector with `Pack`.",
+    doc: "A live input of one number: a fader, a key, a sensor on a serial line. Its endpoint is an `OscInput`, a \
+          `MidiInput`, a `SerialInput` or a `SimulatedInput`, which sets the range of the number. Three numbers make a \
+          vector with `Pack`.",
     source: "",
     inputs: &[],
     outputs: &[OutputSpec {
@@ -137,8 +138,8 @@ impl NumberInput {
         self.reader.link = Arc::clone(link);
     }
 
-    /// Silence after which the input counts as gone. Inputs that differ in it cannot share a link, which says whether it is
-    /// silent.
+    /// Silence after which the input counts as gone. Inputs that differ in it cannot share a link, because the link
+    /// holds the silence.
     pub fn timeout(&self) -> Duration {
         self.timeout
     }

@@ -1,5 +1,5 @@
-//! State shared by a device's body, which ticks, and whoever reaches the device: the latest update each way, lock-free and
-//! wait-free.
+//! State shared by a device's body, which ticks, and the thread that reaches the device: the latest update each way,
+//! lock-free and wait-free.
 
 use haptograph_engine::run::AgeMeter;
 use haptograph_engine::silence::{InputCell, InputState};
@@ -63,7 +63,7 @@ pub const DRIVEN: usize = 5;
 pub struct Counts {
     /// Accepted.
     pub accepted: u64,
-    /// Lost: sent but never received.
+    /// Packets that were sent but never received.
     pub missing: u64,
     /// Dropped because a newer one was accepted: out of order, or duplicate.
     pub outdated: u64,
@@ -71,31 +71,31 @@ pub struct Counts {
     pub malformed: u64,
     /// A number is NaN or infinite.
     pub not_numbers: u64,
-    /// A number is beyond what a device may send.
+    /// A number is larger than a device may send.
     pub too_large: u64,
     /// The sender was not the device.
     #[cfg_attr(feature = "serde", serde(rename = "strangers"))]
     pub rejected_packets: u64,
     /// Accepted, but the tip had moved faster than a hand can.
     pub jumps: u64,
-    /// Times that no zero of force and torque was taken, as something moved or pressed.
+    /// Number of times that no zero of force and torque was taken, because something moved or pressed.
     pub refused_zeros: u64,
     /// The OSC address is one that no device listens to.
     pub unclaimed: u64,
 }
 
-/// Both ways of a device, and what was counted.
+/// The latest updates in both directions of a device, and its counts.
 #[derive(Debug, Default)]
 pub struct Link {
-    /// What the device measured last.
+    /// The latest measurements of the device.
     pub sensed: Latest<SENSED>,
-    /// What its actuators were given last.
+    /// The latest commands to its actuators.
     pub driven: Latest<DRIVEN>,
-    /// The zero of force and torque that was taken, if one was: it outlives the devices of edits.
+    /// The zero of force and torque, once it is taken. It outlives the devices of edited graphs.
     pub zero: Latest<6>,
-    /// How old what is sensed is when it is read.
+    /// Age of the measurements when they are read.
     pub ages: Arc<AgeMeter>,
-    /// Whether the device is heard, as its ticks see it.
+    /// State of the device's input, set by its ticks.
     pub input: Arc<InputCell>,
     /// The OSC addresses of messages that no device listens to.
     pub unclaimed: Unclaimed,
@@ -115,24 +115,24 @@ pub enum Count {
     Malformed,
     /// A number is NaN or infinite.
     NotNumbers,
-    /// A number is beyond reason.
+    /// A number is too large.
     TooLarge,
-    /// The sender was another one.
+    /// The sender was not the device.
     Rejected,
     /// Accepted, though the tip had moved too fast.
     Jumps,
-    /// Zeros that were not taken.
+    /// A zero was not taken.
     RefusedZeros,
     /// The OSC address is one that no device listens to.
     Unclaimed,
 }
 
-/// OSC addresses that no device listens to, and how many messages came to each. No real-time thread looks at them.
+/// OSC addresses that no device listens to, with the number of messages to each. No real-time thread reads them.
 #[derive(Debug, Default)]
 pub struct Unclaimed(Mutex<Vec<(String, u64)>>);
 
 impl Unclaimed {
-    /// Addresses that are kept, the first that came, and their longest, bytes.
+    /// Largest number of addresses that are kept, the first to arrive, and their largest length, bytes.
     const MOST: usize = 16;
     const LONGEST: usize = 100;
 
@@ -146,7 +146,7 @@ impl Unclaimed {
         }
     }
 
-    /// All that are kept, as they are now.
+    /// The addresses that are kept, with their present counts.
     pub fn list(&self) -> Vec<(String, u64)> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -158,7 +158,7 @@ impl Link {
         self.driven.look().map_or(0, |(version, _)| version)
     }
 
-    /// Publishes an update of what the device measures.
+    /// Publishes an update of the device's measurements.
     pub fn publish(&self, sensed: &[f64; SENSED]) {
         self.sensed.put(sensed);
         self.count(Count::Accepted, 1);
@@ -212,24 +212,24 @@ impl Link {
     }
 }
 
-/// What a ticking thread takes of a link, and how fresh that is.
+/// The reading end of a link for a ticking thread: its updates and their age.
 #[derive(Debug, Clone)]
 pub(super) struct Reader {
     pub link: Arc<Link>,
     period_s: f64,
-    /// News older than this are no news.
+    /// Age in ticks beyond which an update is stale.
     timeout_ticks: u64,
-    /// Version of the latest news that were taken.
+    /// Version of the latest update that was taken.
     seen: u64,
-    /// Ticks since.
+    /// Ticks since that update.
     age: u64,
-    /// The most ticks between two news that were no silence.
+    /// Largest number of ticks between two updates that was not a silence.
     longest_gap: u64,
-    /// When the driver of a live run woke.
+    /// Time at which the driver of a live run woke.
     pub woke: Option<Instant>,
 }
 
-/// What has arrived since it was last looked for.
+/// An update that has arrived since the last tick.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct News {
     pub sensed: [f64; SENSED],
@@ -238,7 +238,7 @@ pub(super) struct News {
 }
 
 impl Reader {
-    /// A reader that ticks at a rate, to which news of some age are none.
+    /// Makes a reader for ticks at a rate, for which updates older than `timeout` are stale.
     pub fn new(link: &Arc<Link>, rate: Rate, timeout: Duration) -> Self {
         let period_s = rate.period_s();
         Self {
@@ -252,7 +252,7 @@ impl Reader {
         }
     }
 
-    /// A tick passes: what is new, to be [taken](Self::take).
+    /// Advances by a tick. Returns a new update, to be [taken](Self::take).
     pub fn advance(&mut self) -> Option<News> {
         self.age = self.age.saturating_add(1);
         let (version, sensed) = self.link.sensed.look()?;
@@ -263,7 +263,7 @@ impl Reader {
         Some(News { sensed, version, age })
     }
 
-    /// Makes these values the latest.
+    /// Takes an update as the latest.
     pub fn take(&mut self, news: &News) {
         if !self.is_silent() {
             self.longest_gap = self.longest_gap.max(self.age);
@@ -271,8 +271,8 @@ impl Reader {
         (self.seen, self.age) = (news.version, news.age);
     }
 
-    /// Measures how old the latest news are when they are read. What lasts longer than any gap between news so far is the
-    /// beginning of a silence; where a sender only `speaks_of_changes`, so is all that follows the first read.
+    /// Measures the age of the latest update when it is read. A gap longer than all gaps so far counts as the beginning
+    /// of a silence and is not measured; if a sender only `speaks_of_changes`, each update is measured once.
     pub fn measure_age(&self, is_news: bool, speaks_of_changes: bool) {
         let is_awaited = !speaks_of_changes && self.age <= self.longest_gap && !self.is_silent();
         if let Some(woke) = self.woke.filter(|_| is_news || is_awaited) {
@@ -280,17 +280,17 @@ impl Reader {
         }
     }
 
-    /// Was it ever heard?
+    /// True if an update has ever arrived.
     pub fn was_heard(&self) -> bool {
         self.seen > 0
     }
 
-    /// Was nothing heard for as long as makes a silence?
+    /// True if the input is silent: no update has arrived within the timeout.
     pub fn is_silent(&self) -> bool {
         self.seen == 0 || self.age > self.timeout_ticks
     }
 
-    /// Never, silent or heard.
+    /// State of the input.
     pub fn state(&self) -> InputState {
         match () {
             () if !self.was_heard() => InputState::Never,
@@ -299,17 +299,17 @@ impl Reader {
         }
     }
 
-    /// Time since the latest news, s.
+    /// Time since the latest update, s.
     pub fn age_s(&self) -> f64 {
         self.age as f64 * self.period_s
     }
 
-    /// Ticks that make a silence.
+    /// Number of ticks without an update that is a silence.
     pub fn timeout_ticks(&self) -> u64 {
         self.timeout_ticks
     }
 
-    /// How old news are, in ticks; none if they came before this reader was there and are too old to be news.
+    /// Age of the new update, in ticks; `None` if it arrived before this reader was made and is stale.
     fn age_of_news(&self) -> Option<u64> {
         let Some(woke) = self.woke.filter(|_| self.seen == 0) else {
             return Some(0);

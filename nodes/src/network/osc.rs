@@ -1,4 +1,4 @@
-//! Devices that speak Open Sound Control: SuperCollider, Max, Pure Data, TouchOSC.
+//! Devices by Open Sound Control: SuperCollider, Max, Pure Data, TouchOSC.
 
 use super::remote::{DRIVES, Remote, SENSES, Watch, address};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
@@ -8,7 +8,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 haptograph_engine::settings! {
-    /// A device of which another program tells by Open Sound Control.
+    /// A device of another program, by Open Sound Control.
     pub struct OscDeviceSettings {
         /// Address and port at which to listen.
         listen: String = "127.0.0.1:9751".to_owned();
@@ -16,30 +16,31 @@ haptograph_engine::settings! {
         position: String = "/position".to_owned();
         /// OSC address of the force: one number, the normal force, or three, N.
         force: String = "/force".to_owned();
-        /// Address and port to which drives are told as `/force` (N) and `/current` and `/brake` (A); none: to nobody.
+        /// Address and port to which commands are sent, as `/force` (N), `/current` and `/brake` (A); none: no commands
+        /// are sent.
         send_to: Option<String> = None;
-        /// How often they are told, Hz.
+        /// Rate at which commands are sent, Hz.
         send_rate_hz: f64 = 50.0, in 0.1..=200.0;
-        /// Silence after which it counts as gone, ms. Many programs only speak of what changes.
+        /// Silence after which the device counts as gone, ms. Many programs send only changes.
         timeout_ms: f64 = 1000.0, in 1.0..=10_000.0;
-        /// What its silence does to the actuators that depend on it; those that it is itself are at zero meanwhile.
+        /// Effect of silence on dependent actuators. The device's own actuators are at zero meanwhile.
         on_silence: OnSilence = OnSilence::Zero;
-        /// A tip that seems to move faster has jumped, mm/s.
+        /// Speed above which a movement of the tip counts as a jump, mm/s.
         fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
     }
 }
 
-/// A device that another program owns and tells of by Open Sound Control.
+/// A device that another program owns, by Open Sound Control.
 pub struct OscDevice;
 
 impl DeviceKind for OscDevice {
     type Settings = OscDeviceSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "OscDevice",
-        doc: "A device that another program owns, by Open Sound Control over UDP. It is reached in live runs only. While it \
-              is silent or jumps, its drives are at zero; while it is silent, so is every actuator that depends on it, \
-              unless `on_silence` is `Hold`, for senders that only speak of what changes. For a force loop the device protocol of `UdpDevice` is the \
-              better one: it answers every packet.",
+        doc: "A device that another program owns, by Open Sound Control over UDP. It works in live runs only. While it \
+              is silent or jumps, its outputs are at zero; while it is silent, so is every actuator that depends on \
+              it, unless `on_silence` is `Hold`, for senders that only send changes. For a force loop the device \
+              protocol of `UdpDevice` is the better one: it answers every packet.",
         source: "",
         simulated: false,
         senses: SENSES,
@@ -76,7 +77,7 @@ impl OscDeviceSettings {
         address("listen", &self.listen)
     }
 
-    /// Address to send the drives to, if any.
+    /// Address to send commands to, if any.
     ///
     /// # Errors
     /// [`BuildError`] if it is not an address; a checked graph has one.

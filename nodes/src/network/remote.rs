@@ -1,4 +1,4 @@
-//! The ticking side of a network device: its latest update while it is fresh, and whether it is. The engine decides the
+//! The ticking side of a network device: its latest update while it is fresh, and its state. The engine decides the
 //! outputs of actuators while it is silent.
 
 use super::conditioner::{Conditioner, ZeroNews, ZeroSettings};
@@ -49,7 +49,7 @@ haptograph_engine::settings! {
 /// A device that another program owns.
 pub struct UdpDevice;
 
-/// Inputs from network devices.
+/// Channels of network devices that sources read.
 pub(super) const SENSES: &[Channel] = &[
     Channel::new(
         "position",
@@ -83,7 +83,7 @@ pub(super) const SENSES: &[Channel] = &[
     ),
 ];
 
-/// Outputs to network devices.
+/// Channels of network devices that sinks drive.
 pub(super) const DRIVES: &[Channel] = &[
     Channel::new(
         "force",
@@ -109,9 +109,10 @@ impl DeviceKind for UdpDevice {
     type Settings = UdpDeviceSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "UdpDevice",
-        doc: "A device that another program owns, by the device protocol over UDP, for example an OpenHaptics or CHAI3D program \
-              or a force/torque sensor, whose zero and noise it removes (`zero_s`, `wrench_cutoff_hz`). It works in live runs only. While it is silent or jumps, its outputs are at zero; while it is \
-              silent, so is every actuator that depends on it, unless `on_silence` is `Hold`.",
+        doc: "A device that another program owns, by the device protocol over UDP, for example an OpenHaptics or \
+              CHAI3D program or a force/torque sensor, whose zero and noise it removes (`zero_s`, `wrench_cutoff_hz`). \
+              It works in live runs only. While it is silent or jumps, its outputs are at zero; while it is silent, so \
+              is every actuator that depends on it, unless `on_silence` is `Hold`.",
         source: "",
         simulated: false,
         senses: SENSES,
@@ -171,13 +172,13 @@ pub(super) fn address(field: &'static str, text: &str) -> Result<SocketAddr, Bui
     })
 }
 
-/// When a device counts as silent or as jumping, and the effect of silence.
+/// Conditions under which a device counts as silent or as jumping, and the effect of silence.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Watch {
     /// Age beyond which an update is stale.
     pub timeout: Duration,
     pub fastest_m_s: f64,
-    /// Whether dependent actuators continue while it is silent.
+    /// True if dependent actuators continue while it is silent.
     pub holds: bool,
 }
 
@@ -233,7 +234,7 @@ impl Remote {
         }
     }
 
-    /// Whether the tip has moved faster than a hand can.
+    /// True if the tip has moved faster than a hand can.
     fn jumps_to(&self, sensed: &[f64; SENSED]) -> bool {
         let moved: f64 = (0..3).map(|i| (sensed[i] - self.latest[i]).powi(2)).sum();
         let time_s = self.reader.age_s() + BUNCHING_S;

@@ -28,8 +28,8 @@ impl NodeKind for ContactSpeed {
     const SPEC: NodeSpec = NodeSpec {
         name: "ContactSpeed",
         group: "sensing",
-        doc: "The low-passed velocity of a tool, and its component along the touched surface. The low-pass also keeps the \
-              texture's own vibration out of the speed.",
+        doc: "The low-passed velocity of a tool, and its component along the touched surface. The low-pass also keeps \
+              the texture's own vibration out of the speed.",
         source: "A.3.2",
         inputs: &[input(
             "contact",

@@ -39,7 +39,7 @@ haptograph_engine::settings! {
         scene: Vec<Solid> = vec![Solid::Sphere(SphereSettings { centre_mm: [0.0; 3], diameter_mm: 100.0 })];
         /// Diameter of the ball at the tool's tip, mm.
         proxy_diameter_mm: f64 = 3.2, in 0.0..=1000.0;
-        /// Stiffness of the rendered surface as the hand expects it, N/mm; the hand aims as deep as its force can press.
+        /// Stiffness of the rendered surface that the hand expects, N/mm; the hand aims as deep as its force can press.
         gives_n_per_mm: Option<f64> = None, in 1e-6..=1000.0;
         /// Actions of the hand, in a loop: Hover, Draw, Taps, Press.
         does: Vec<Doing> = a_bit_of_everything();
@@ -67,8 +67,8 @@ impl DeviceKind for SimulatedOmni {
     type Settings = SimulatedOmniSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "SimulatedOmni",
-        doc: "A desktop arm at 1 kHz with steps of 0.055 mm and 3.3 N, held by a simulated hand: a mass on a spring and a \
-              damper that pull it along an intended path. The seed is the person and the attempt.",
+        doc: "A desktop arm at 1 kHz with steps of 0.055 mm and 3.3 N, held by a simulated hand: a mass on a spring \
+              and a damper that pull it along an intended path. The seed is the person and the attempt.",
         source: "4.3",
         simulated: true,
         senses: &[
@@ -138,12 +138,12 @@ impl DeviceKind for SimulatedOmni {
     }
 }
 
-/// What the hand on an arm touches.
+/// The surface that the hand on an arm touches.
 pub(super) fn touchable(device: &dyn Any) -> Option<&Touchable> {
     device.downcast_ref::<Held>().map(|held| &held.touchable)
 }
 
-/// How far the first shape of a scene reaches across, as seen from above.
+/// Width of the first shape of a scene, seen from above.
 fn across_m(scene: &[Solid]) -> f64 {
     let across_mm = match scene.first() {
         Some(Solid::Sphere(sphere)) => sphere.diameter_mm,
@@ -153,7 +153,7 @@ fn across_m(scene: &[Solid]) -> f64 {
     across_mm * 1e-3
 }
 
-/// What a hand feels of the first shape of a scene with the centre of a ball at its tool's tip.
+/// The surface that the centre of the ball at a tool's tip follows on the first shape of a scene.
 fn ground(scene: &[Solid], proxy_diameter_m: f64) -> Result<Ground, BuildError> {
     let Some(first) = scene.first() else {
         return Err(BuildError::at("scene", "the scene is empty").help("give at least one shape"));

@@ -42,7 +42,7 @@ pub struct WrenchReading {
     pub force_n: Vec3,
     /// Torque about the sensor's origin, N m.
     pub torque_n_m: Vec3,
-    /// Whether an axis is saturated.
+    /// True if an axis is saturated.
     pub saturated: bool,
 }
 

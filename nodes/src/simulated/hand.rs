@@ -73,7 +73,7 @@ pub enum HandError {
     OutOfRange {
         /// The property.
         name: &'static str,
-        /// Its value.
+        /// The value.
         value: f64,
         /// The allowed range.
         range: &'static str,

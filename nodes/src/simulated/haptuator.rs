@@ -128,8 +128,8 @@ impl DeviceKind for SimulatedHaptuator {
     const SPEC: DeviceSpec = DeviceSpec {
         name: "SimulatedHaptuator",
         doc: "A voice-coil actuator on a tool in a hand: two masses driven by current. Its parameters are placeholders \
-              unless you set them. Each deviates by up to `tolerance`, drawn by the seed of the run, so that a compensator does \
-              not know the actuator that it drives; `haptograph identify` finds it.",
+              unless you set them. Each deviates by up to `tolerance`, drawn by the seed of the run, so that the \
+              parameters of a compensator differ from those of the actuator; `haptograph identify` finds them.",
         source: "3.1.2; McMahan and Kuchenbecker 2014",
         simulated: true,
         senses: &[

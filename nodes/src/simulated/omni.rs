@@ -40,7 +40,7 @@ impl Default for OmniSettings {
 pub struct OmniReading {
     /// Position of the tip in steps, m.
     pub position_m: Vec3,
-    /// Where the tip really is, m.
+    /// True position of the tip, m.
     pub true_position_m: Vec3,
     /// True velocity of the tip, m/s.
     pub true_velocity_m_s: Vec3,

@@ -36,7 +36,7 @@ pub const FORCE_TORQUE_SENSOR: NodeSpec = NodeSpec {
 pub const TRUE_CONTACT: NodeSpec = NodeSpec {
     name: "TrueContact",
     group: "sources",
-    doc: "Reads the true contact, which only a simulation knows, to compare with a measurement.",
+    doc: "Reads the true contact, which exists only in a simulation, to compare it with a measurement.",
     source: "",
     inputs: &[],
     outputs: &[
@@ -124,9 +124,9 @@ impl DeviceKind for SimulatedPenAndObject {
     type Settings = SimulatedPenAndObjectSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "SimulatedPenAndObject",
-        doc: "A convex object on a force/torque sensor at 1 kHz (steps of 1/160 N and 1/32 N mm, noise of one step, 20 Hz \
-              low-pass), touched by a rolling-ball pen with a solenoid brake and a haptuator, in a simulated hand. The seed \
-              is the person, the pen and the noise; the pen's brake is not the inverse of its controller.",
+        doc: "A convex object on a force/torque sensor at 1 kHz (steps of 1/160 N and 1/32 N mm, noise of one step, 20 \
+              Hz low-pass), touched by a rolling-ball pen with a solenoid brake and a haptuator, in a simulated hand. \
+              The seed is the person, the pen and the noise; the pen's brake is not the inverse of its controller.",
         source: "5.2, 5.3, 5.5",
         simulated: true,
         senses: &[
@@ -231,7 +231,7 @@ impl DeviceKind for SimulatedPenAndObject {
     }
 }
 
-/// What the hand with a pen touches.
+/// The surface that the hand with a pen touches.
 pub(super) fn touchable(device: &dyn Any) -> Option<&Touchable> {
     device.downcast_ref::<Touched>().map(|touched| &touched.touchable)
 }

@@ -1,8 +1,8 @@
 //! A simulated object on a force/torque sensor, touched by a rolling-ball pen in a simulated hand (chapter 5).
 //!
-//! The hand follows its script over the object's surface; the pen's tip meets a stiff surface, its ball drags by what the brake
-//! makes of it; the haptuator on the pen shakes the tip across; the table under the sensor is knocked. The program may
-//! use the sensor's reading only. The true state is in [`PenTruth`], for comparison.
+//! The hand follows its script over the object's surface; the pen's tip meets a stiff surface, its ball has the
+//! friction that the brake sets; the haptuator on the pen shakes the tip across; the table under the sensor is knocked.
+//! The program may use the sensor's reading only. The true state is in [`PenTruth`], for comparison.
 
 use super::force_sensor::{ForceSensor, ForceSensorSettings, WrenchReading};
 use super::ground::Ground;
@@ -94,7 +94,7 @@ pub enum PenObjectError {
 /// The true state of the contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PenTruth {
-    /// Whether the tip touches.
+    /// True if the tip touches.
     pub touching: bool,
     /// Point of contact, in the sensor's frame, m.
     pub position_m: Vec3,
@@ -281,7 +281,7 @@ impl PenObject {
     }
 }
 
-/// How far a located point is from the true one, m.
+/// Distance of a located point from the true one, m.
 pub fn location_error_m(located_m: Vec3, truth: &PenTruth) -> f64 {
     distance(located_m, truth.position_m)
 }

@@ -70,7 +70,7 @@ pub enum ScriptError {
         action: usize,
         /// The setting.
         name: &'static str,
-        /// Its value.
+        /// The value.
         value: f64,
     },
     /// A tap takes longer than its interval.

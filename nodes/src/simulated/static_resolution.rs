@@ -55,7 +55,7 @@ pub struct StaticResolution {
     pub deviations_m: [Vec<f64>; 2],
     /// The largest deviation, m.
     pub largest_m: f64,
-    /// Whether the two directions differ.
+    /// Test for a difference between the two directions.
     pub directions: KolmogorovSmirnov,
 }
 

@@ -97,7 +97,7 @@ pub enum StrokeError {
     OutOfRange {
         /// The setting.
         name: &'static str,
-        /// Its value.
+        /// The value.
         value: f64,
         /// The allowed range.
         range: &'static str,

@@ -126,7 +126,7 @@ fn frequency(index: usize) -> f64 {
     signed(index % SIDE).hypot(signed(index / SIDE)) / (SIDE as f64 * CELL_M)
 }
 
-/// What a wave of coefficients becomes at the places of the coefficients: divided by it, the spline goes through the field.
+/// Response of the spline to a wave of coefficients, at their places: divided by it, the spline interpolates the field.
 fn response(index: usize) -> f64 {
     (2.0 + (TAU * index as f64 / SIDE as f64).cos()) / 3.0
 }

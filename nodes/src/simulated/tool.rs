@@ -85,8 +85,8 @@ impl ToolGrip {
         }
     }
 
-    /// How hard the hand pushes for a force of 1 on the surface: pressing, it gives way against its own stiffness by as much as the
-    /// pads do, and allows for that. `upright` is the cosine of the tool's tilt.
+    /// Push of the hand for a force of 1 on the surface: when it presses, the hand yields against its own stiffness by
+    /// as much as the pads, and compensates for that. `upright` is the cosine of the tool's tilt.
     fn effort(&self, upright: f64) -> f64 {
         let lengthwise = upright * upright;
         let gives_m_per_n = (lengthwise + (1.0 - lengthwise) / self.stiffness_across) / self.pads_n_per_m;

@@ -1,17 +1,17 @@
-//! What the hand of a simulated device touches, for whoever puts another hand in its place.
+//! The surface that the hand of a simulated device touches, for replacing that hand by another.
 
 use super::ground::Ground;
 use super::{arm, pen};
 use haptograph_engine::device::Device;
 
-/// A surface in space, and how it gives under a hand.
+/// A surface in space, and its stiffness under a hand.
 #[derive(Debug, Clone)]
 pub struct Touchable {
     /// The surface. Flat coordinates are laid over it as a sheet.
     pub ground: Ground,
-    /// How deep a force goes in, N/m; infinite where the surface does not give.
+    /// Stiffness, N/m; infinite if the surface is rigid.
     pub gives_n_per_m: f64,
-    /// How far what is stroked reaches across, m; infinite for a plane.
+    /// Width of the surface, m; infinite for a plane.
     pub across_m: f64,
 }
 

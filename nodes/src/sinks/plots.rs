@@ -1,4 +1,4 @@
-//! Plots that a graph asks for: they are drawn on the page of a run. Like file sinks they take every signal at its own
+//! Plots that a graph requests, drawn on the page of a run. Like file sinks they take every signal at its own
 //! rate; the page is their file, so they write none of their own.
 
 use crate::contact::Contact;
@@ -33,8 +33,8 @@ impl FileKind for TimePlot {
     const SPEC: NodeSpec = NodeSpec {
         name: "TimePlot",
         group: GROUP,
-        doc: "Asks for a plot of signals over time on the page of a run, under the name of this node: signals of one \
-              quantity in one frame. Of a vector, its length is drawn.",
+        doc: "Requests a plot of signals over time on the page of a run, under the name of this node: signals of one \
+              quantity in one frame. For a vector, its length is drawn.",
         source: "",
         inputs: &[any(
             "inputs",
@@ -59,7 +59,7 @@ impl FileKind for XyPlot {
     const SPEC: NodeSpec = NodeSpec {
         name: "XyPlot",
         group: GROUP,
-        doc: "Asks for a plot of signals against another on the page of a run, under the name of this node.",
+        doc: "Requests a plot of signals against another on the page of a run, under the name of this node.",
         source: "",
         inputs: &[
             any("x", KindRule::Is(Kind::SCALAR), Presence::Required, "Across."),
@@ -79,7 +79,7 @@ impl FileKind for XyPlot {
     }
 }
 
-/// Ways seen from above.
+/// Paths seen from above.
 pub struct PathPlot;
 
 impl FileKind for PathPlot {
@@ -87,8 +87,8 @@ impl FileKind for PathPlot {
     const SPEC: NodeSpec = NodeSpec {
         name: "PathPlot",
         group: GROUP,
-        doc: "Asks for a plot of ways as seen from above (x to the right, y upwards) on the page of a run, under the name of \
-              this node. Of a contact, the way of its proxy is drawn, while it touches.",
+        doc: "Requests a plot of paths seen from above (x to the right, y upwards) on the page of a run, under the \
+              name of this node. For a contact, the path of its proxy is drawn while it touches.",
         source: "",
         inputs: &[any(
             "inputs",

@@ -320,7 +320,7 @@ impl FrameWriter for Writer {
         match counts.iter().all(|count| *count >= 2) {
             true => Ok(()),
             false => Err(io::Error::other(format!(
-                "a recording needs two samples of each sensor; here are {poses} poses, {loads} loads and {accelerations} \
+                "a recording needs two samples of each sensor; this one has {poses} poses, {loads} loads and {accelerations} \
                  accelerations"
             ))),
         }

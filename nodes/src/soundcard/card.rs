@@ -65,9 +65,9 @@ impl Request {
 /// An endpoint on a card.
 #[derive(Debug, Clone)]
 pub struct Card {
-    /// What it plays.
+    /// Output of the endpoint, if it plays.
     pub output: Option<CardOutput>,
-    /// What it hears.
+    /// Input of the endpoint, if it records.
     pub input: Option<CardInput>,
 }
 
@@ -129,7 +129,7 @@ impl Device for Card {
 pub struct CardOutput {
     /// The stream that it needs.
     pub stream: Request,
-    /// Its channels, its full scale, and the samples for the card's driver.
+    /// The channels, its full scale, and the samples for the card's driver.
     pub playback: Playback,
 }
 
@@ -179,7 +179,7 @@ pub struct CardInput {
     pub endpoint: String,
     /// The stream that it needs.
     pub stream: Request,
-    /// Its channel, counted from 1.
+    /// The channel, counted from 1.
     pub channel: u32,
     /// Value of a full-scale sample, in the unit of the sensor.
     pub full_scale: f64,
@@ -192,7 +192,7 @@ pub struct CardInput {
     pub ages: Arc<AgeMeter>,
     /// Whether samples arrive.
     cell: Arc<InputCell>,
-    /// Whether dependent actuators continue while the input is silent.
+    /// True if dependent actuators continue while the input is silent.
     holds: bool,
 }
 
@@ -284,7 +284,7 @@ impl CardInput {
         self.reader = Reader(Some(Box::new(Mutex::new(reader))));
     }
 
-    /// Whether it reads the samples of a stream.
+    /// True if the endpoint reads the samples of a stream.
     pub fn is_attached(&self) -> bool {
         self.reader.0.is_some()
     }

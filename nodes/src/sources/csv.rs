@@ -17,7 +17,7 @@ use crate::csv_table::{self, at_file, si_of_column};
 const TIME: &str = "time_s";
 
 haptograph_engine::choices! {
-    /// How the source interpolates between two rows.
+    /// Interpolation between two rows.
     pub enum Between {
         /// The value of the earlier row holds.
         Hold,
@@ -35,7 +35,7 @@ haptograph_engine::settings! {
         column: String;
         /// Quantity of the column, by name; it has to match the unit in the header.
         quantity: String = "number".into();
-        /// How it interpolates between two rows if the file has a column `time_s`. Without that column each row is a tick.
+        /// Interpolation between two rows if the file has a column `time_s`. Without that column each row is a tick.
         between: Between = Between::Linear;
         /// Output after the last row.
         at_end: AtEnd = AtEnd::Stop;

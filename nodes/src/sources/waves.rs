@@ -34,8 +34,8 @@ impl NodeKind for Sine {
     const SPEC: NodeSpec = NodeSpec {
         name: "Sine",
         group: "sources",
-        doc: "A sine: an oscillator, or below some 20 Hz the slow modulation (LFO) of another signal. A new frequency goes on \
-              from the phase that was reached.",
+        doc: "A sine: an oscillator, or below some 20 Hz the slow modulation (LFO) of another signal. A change of \
+              frequency continues from the present phase.",
         source: "",
         inputs: &[frequency_input(
             "frequency",
@@ -92,7 +92,7 @@ struct Oscillator {
     /// The next tick.
     next: u64,
     rate_hz: f64,
-    /// Whether the frequency is a signal.
+    /// True if the frequency is a signal.
     follows: bool,
 }
 
@@ -158,7 +158,7 @@ impl Processor for Oscillator {
 }
 
 haptograph_engine::choices! {
-    /// How the frequency of a [`Chirp`] changes.
+    /// Law by which the frequency of a [`Chirp`] changes.
     pub enum Sweep {
         /// A constant number of hertz per second.
         Linear,
@@ -178,7 +178,7 @@ haptograph_engine::settings! {
         duration_s: f64 = 10.0, in 1e-6..=1e9;
         /// Amplitude, in the SI unit of `quantity`.
         [live] amplitude: f64 = 1.0;
-        /// How the frequency changes.
+        /// Law by which the frequency changes.
         sweep: Sweep = Sweep::Logarithmic;
         /// Quantity of the output, by name.
         quantity: String = "number".into();
@@ -193,8 +193,8 @@ impl NodeKind for Chirp {
     const SPEC: NodeSpec = NodeSpec {
         name: "Chirp",
         group: "sources",
-        doc: "A sine whose frequency sweeps once from one value to another, to identify an actuator. A new frequency of its \
-              ends continues from the present phase.",
+        doc: "A sine whose frequency sweeps once from one value to another, to identify an actuator. A new frequency \
+              of its ends continues from the present phase.",
         source: "",
         inputs: &[],
         outputs: &[made("The sweep.")],

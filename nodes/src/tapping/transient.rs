@@ -40,7 +40,7 @@ impl Transient {
         })
     }
 
-    /// Whether a transient is ringing.
+    /// True if a transient is ringing.
     pub fn is_ringing(&self) -> bool {
         self.ringing.is_some()
     }

@@ -49,11 +49,12 @@ impl NodeKind for ArmaFilter {
     const SPEC: NodeSpec = NodeSpec {
         name: "ArmaFilter",
         group: "texture",
-        doc: "The synthesis filter: gain B(z) / A(z) with coefficients that change while it runs. Its state after \
-              the excitation ends decays to exactly zero. Coefficients of an unstable filter are ignored. Whether they \
-              are plain or on a warped frequency axis is the surface's content, not a setting: warped ones run in a lattice of all-pass sections, and the high-pass that learning removed from such a surface \
-              is applied at the output. Models of a lower rate than the clock's run at their own rate, and are interpolated \
-              without spectrum above half of it. The surface's lines fixed in space are added.",
+        doc: "The synthesis filter: gain B(z) / A(z) with coefficients that change while it runs. Its state after the \
+              excitation ends decays to exactly zero. Coefficients of an unstable filter are ignored. Whether they are \
+              plain or on a warped frequency axis is the surface's content, not a setting: warped ones run in a \
+              lattice of all-pass sections, and the high-pass that learning removed from such a surface is applied at \
+              the output. Models of a lower rate than the clock's run at their own rate, and are interpolated without \
+              spectrum above half of it. The surface's lines fixed in space are added.",
         source: "2.4.2; A(z) = 1 + sum a_k z^-k; lattice after Gray and Markel (1975); warped after Härmä and others (2000)",
         inputs: &[
             input(
@@ -117,11 +118,11 @@ impl NodeKind for ArmaFilter {
         }
         let message = format!(
             "the surface's models are for {models_hz} Hz, but this node's clock ticks at {clock}: the vibration is synthesised at {models_hz} \
-             Hz and interpolated, and has nothing above {} Hz",
+             Hz and interpolated, and contains nothing above {} Hz",
             models_hz / 2.0
         );
         vec![BuildError::at("surface", message).help(
-            "nothing to do if the recording ended there; else learn the surface again at the clock's rate",
+            "if the recording ended there, ignore this; else learn the surface again at the clock's rate",
         )]
     }
 }

@@ -18,7 +18,7 @@ const COMPONENTS: [&str; 73] = [
 pub struct Weights {
     /// 0-based numbers of the three models.
     pub models: [u32; 3],
-    /// Their weights; they sum to 1.
+    /// The weights; they sum to 1.
     pub weights: [f64; 3],
     /// The speed after saturation at the modelled maximum.
     pub speed_m_s: f64,
@@ -83,7 +83,7 @@ pub struct Coefficients<'a> {
     pub gain: f64,
     /// Innovation variance, (m/s2)^2.
     pub variance: f64,
-    /// Warping factor of the frequency axis of `ar`; 0 where it is plain.
+    /// Warping factor of the frequency axis of `ar`; 0 for an unwarped axis.
     pub warping: f64,
 }
 

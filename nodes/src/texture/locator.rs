@@ -28,7 +28,7 @@ impl NodeKind for Saturation {
         name: "Saturation",
         group: "texture",
         doc: "Clamps speed and force to the range of the surface's models: from zero to the largest of each. \
-              `TriangleLocator` does this by itself; use it to know what is rendered.",
+              `TriangleLocator` does this by itself; use it to obtain the rendered speed and force.",
         source: "2.4.1",
         inputs: &[
             input("speed", Kind::SCALAR, Quantity::SPEED, "Speed of the tip, m/s."),
@@ -88,8 +88,9 @@ impl NodeKind for TriangleLocator {
     const SPEC: NodeSpec = NodeSpec {
         name: "TriangleLocator",
         group: "texture",
-        doc: "Finds the triangle of models that contains the hand's speed and force, and the barycentric weights of its three \
-              corners. Walks from the last triangle; beyond the largest modelled speed or force it stays on the edge.",
+        doc: "Finds the triangle of models that contains the hand's speed and force, and the barycentric weights of \
+              its three corners. Walks from the last triangle; beyond the largest modelled speed or force it stays on \
+              the edge.",
         source: "2.4.1, Eq. 2.4.1",
         inputs: &[
             input("speed", Kind::SCALAR, Quantity::SPEED, "Speed of the tip, m/s."),

@@ -22,7 +22,7 @@ pub enum WavError {
     #[error("the file ends within its header")]
     Header,
     #[error(
-        "its samples have format {tag} with {bits} bits; known are integers of 8, 16, 24 and 32 bits and floats of 32 and 64"
+        "its samples have format {tag} with {bits} bits; integers of 8, 16, 24 or 32 bits and floats of 32 or 64 bits are supported"
     )]
     Encoding { tag: u16, bits: u16 },
     #[error("its header announces {announced} frames, but the file ends after {there}; it was cut off")]
@@ -174,7 +174,7 @@ pub(super) fn read_header(file: &mut (impl Read + Seek)) -> Result<Layout, WavEr
     Err(WavError::Header)
 }
 
-/// The beginning of a chunk's body; what is known is within.
+/// The beginning of a chunk's body, which contains all known fields.
 fn body(file: &mut impl Read, bytes: u64) -> Result<Vec<u8>, WavError> {
     let mut body = vec![0; bytes.min(40) as usize];
     file.read_exact(&mut body).map_err(|_| WavError::Header)?;

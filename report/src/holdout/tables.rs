@@ -14,14 +14,14 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
-/// Which measures of methods a table shows.
+/// Selection of the measures that a table shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Measures {
-    /// All of them.
+    /// All measures.
     All,
     /// The main columns.
     First,
-    /// All others.
+    /// The measures that are not among the main columns.
     Others,
 }
 
@@ -42,7 +42,8 @@ const MEASURES: [(&str, Measures); 13] = [
     ("PE", Measures::Others),
 ];
 
-/// Every method with these measures, by its title or, in narrow tables, its name; `*` marks one that is worse than a plain baseline.
+/// The measures of every method, by its title or, in narrow tables, its name; `*` marks a method that is worse than a
+/// plain baseline.
 pub fn methods(split: &SplitResult, measures: Measures) -> Table {
     let row = |name: String, cells: [String; 13]| -> Vec<String> {
         let shown = cells.into_iter().zip(MEASURES);

@@ -17,7 +17,7 @@ fn fitted(line: &Line, (from, to): (f64, f64), x_factor: f64, name: String) -> M
     )
 }
 
-/// What a line was fitted to, and what was left out of it, if anything.
+/// The points that a line was fitted to, and those that were left out.
 fn dots(names: [&str; 2], weight: Weight, [used, others]: [Vec<(f64, f64)>; 2]) -> Vec<Mark> {
     let of = |ink, name, points| Mark::Dots(Style::named(ink, name).weight(weight), points);
     let mut marks = vec![of(Ink::Blue, names[0], used)];

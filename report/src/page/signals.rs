@@ -10,7 +10,7 @@ use super::super::theme::Ink;
 use super::super::thinning::{Envelope, are_nearly_same};
 use haptograph_engine::node::Stream;
 
-/// How a signal is presented.
+/// Presentation of a signal.
 enum Treatment<'a> {
     /// Shown in a figure of its own.
     Figure,

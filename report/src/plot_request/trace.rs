@@ -1,4 +1,4 @@
-//! Reduction of one signal to what a plot shows, during a run.
+//! Reduction of one signal, during a run, to the data that a plot shows.
 
 use super::Form;
 use crate::figures::Unit;
@@ -28,7 +28,7 @@ pub struct Tracer {
     shared: Arc<Mutex<TraceContent>>,
 }
 
-/// Access to what a [`Tracer`] keeps.
+/// Access to the data that a [`Tracer`] keeps.
 #[derive(Debug)]
 pub struct Trace {
     pub(super) stream: Stream,

@@ -55,7 +55,7 @@ struct Bank<G> {
 
 /// Voices that share the lanes of a vector.
 trait Group: Clone {
-    /// How many.
+    /// Number of voices.
     const LANES: usize;
 
     /// Makes voices with zero state.
@@ -122,7 +122,7 @@ impl Frames<'_> {
 }
 
 impl VoiceBank {
-    /// Voices of a group: so many get coefficients at once by [`Self::set_group`].
+    /// Number of voices in a group, which get their coefficients together by [`Self::set_group`].
     pub const GROUP: usize = LatticeGroup::LANES;
 
     /// Makes `voices` filters with zero state that pass their excitation. Allocates here only.
@@ -158,12 +158,13 @@ impl VoiceBank {
         }
     }
 
-    /// The coefficients of all voices of a group from the next sample on: row k has `a_{k+1}`, or `b_{k+1}`, of each. The bits of
-    /// [`Self::set_coefficients`] one by one, which the direct form has no other way.
+    /// Sets the coefficients of all voices of a group from the next sample on: row k has `a_{k+1}`, or `b_{k+1}`, of
+    /// each voice. The output has the same bits as after [`Self::set_coefficients`] for each voice; the direct form
+    /// makes exactly these calls.
     ///
     /// # Errors
-    /// The error of the first voice that has one, with its number in the group; lattices then all keep the old. A group that does
-    /// not exist is ignored.
+    /// The error of the first refused voice, with its index in the group. All lattices then keep their old
+    /// coefficients. A group that does not exist is ignored.
     pub fn set_group(
         &mut self,
         group: usize,
@@ -209,7 +210,7 @@ impl VoiceBank {
 }
 
 impl WarpedBank {
-    /// Voices of a group: so many get coefficients at once by [`Self::set_group`].
+    /// Number of voices in a group, which get their coefficients together by [`Self::set_group`].
     pub const GROUP: usize = WarpedGroup::LANES;
 
     /// Makes `voices` silent filters without coefficients. Allocates here only.
@@ -222,12 +223,13 @@ impl WarpedBank {
         self.0.voices
     }
 
-    /// The coefficients of all voices of a group, of one order and warping factor, from the next sample on: row k has
-    /// `a_{k+1}` of each. White excitation of variance 1 comes out with these powers; a new power scales the excitation, not the state.
+    /// Sets the coefficients of all voices of a group, of one order and warping factor, from the next sample on: row k
+    /// has `a_{k+1}` of each voice. White excitation of variance 1 comes out with these powers; a new power scales the
+    /// excitation, not the state.
     ///
     /// # Errors
-    /// As [`WarpedLattice::set_power`](super::WarpedLattice::set_power), with the voice's number in its group, of the first that has one;
-    /// all keep the old. A group that does not exist is ignored.
+    /// The error of [`WarpedLattice::set_power`](super::WarpedLattice::set_power) for the first refused voice, with its
+    /// index in the group. All voices then keep their old coefficients. A group that does not exist is ignored.
     pub fn set_group(
         &mut self,
         group: usize,

@@ -14,7 +14,7 @@ const ROOM: usize = 4 * RUN + LANES;
 
 type Sums = [[f64; LANES]; REACH];
 
-/// `y[n] = gain (e[n] + sum b_k e[n-k]) - sum a_k y[n-k]`; past inputs and outputs outlive the coefficients.
+/// `y[n] = gain (e[n] + sum b_k e[n-k]) - sum a_k y[n-k]`; new coefficients keep the past inputs and outputs.
 ///
 /// Sums run from the oldest term to the newest, the input joining before the newest output:
 /// `y[n] = ((-a_p y[n-p] - ... - a_2 y[n-2]) + w[n]) - a_1 y[n-1]`. No multiplication is fused.
@@ -105,7 +105,8 @@ impl DirectForm {
     /// Sets the coefficients from the next sample on: `[a_1, ..., a_p]`, `[b_1, ..., b_q]`, and the gain.
     ///
     /// # Errors
-    /// [`ArmaError`] for too many or not finite ones, keeping the old. Unstable ones are taken.
+    /// [`ArmaError`] for too many, NaN or infinite coefficients; the old ones are then kept. Unstable ones are
+    /// accepted.
     pub fn set_coefficients(&mut self, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
         check(ar, ma, gain)?;
         let (nearest, farther) = ar.split_first().unwrap_or((&0.0, &[]));
@@ -138,7 +139,7 @@ impl DirectForm {
         (self.now, self.since_settled, self.owed) = (MAX_ORDER, 0, 0);
     }
 
-    /// What the moving average brings to the outputs: `w = gain (e + sum b_k e[n-k])`.
+    /// Contribution of the moving average to the outputs: `w = gain (e + sum b_k e[n-k])`.
     #[inline(always)]
     fn moving_average(&self, excitation: &[f64]) -> [[f64; LANES]; RUN / LANES] {
         let mut w = [[0.0; LANES]; RUN / LANES];

@@ -35,7 +35,7 @@ pub(super) struct Coefficients {
     pub cosine: [f64; MAX_ORDER],
     /// Output taps on the backward signals 0 to order, the gain included.
     pub taps: [f64; MAX_ORDER + 1],
-    /// Whether any tap but the first is not 0.
+    /// True if any tap but the first is not 0.
     pub has_ladder: bool,
 }
 
@@ -103,7 +103,7 @@ impl Lattice {
     /// Sets the coefficients from the next sample on: `[a_1, ..., a_p]`, `[b_1, ..., b_q]`, and the gain.
     ///
     /// # Errors
-    /// [`ArmaError`] for too many, not finite or unstable ones, keeping the old.
+    /// [`ArmaError`] for too many, NaN, infinite or unstable coefficients; the old ones are then kept.
     pub fn set_coefficients(&mut self, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
         let coefficients = Coefficients::new(ar, ma, gain)?;
         // Signals of stages that are gone, or were never there, must not come back with them.
@@ -281,7 +281,7 @@ impl<const PAIRS: usize, const LADDER: bool> Wavefront<PAIRS, LADDER> {
         }
     }
 
-    /// What has left the lowest stage.
+    /// Output of the lowest stage.
     #[inline(always)]
     fn output(&self) -> f64 {
         self.out[0] + self.first_tap * self.forward[0]

@@ -52,7 +52,8 @@ impl WarpedLattice {
     /// 0..=[`MAX_WARPING`](crate::warped::MAX_WARPING), and the gain. Does not allocate.
     ///
     /// # Errors
-    /// [`ArmaError`] for none, too many, not finite or unstable ones, or a factor out of range, keeping the old.
+    /// [`ArmaError`] for no coefficients, too many, NaN, infinite or unstable ones, or a factor out of range; the old
+    /// ones are then kept.
     pub fn set_coefficients(&mut self, ar: &[f64], warping: f64, gain: f64) -> Result<(), ArmaError> {
         let before = self.step.order;
         let stages = Stages::new(self.arch, ar, warping, gain)?;
@@ -62,7 +63,7 @@ impl WarpedLattice {
         Ok(())
     }
 
-    /// The coefficients from the next sample on, for an output of `power` under white excitation of variance 1.
+    /// Sets the coefficients from the next sample on, for an output of `power` under white excitation of variance 1.
     ///
     /// # Errors
     /// As [`Self::set_coefficients`].

@@ -1,4 +1,5 @@
-//! What a thread may read while it works for somebody who is not to see every file of the machine.
+//! Confinement of a thread to some folders and files, while it works for a client that must not read every file of the
+//! machine.
 
 use super::Refusal;
 use std::borrow::Cow;
@@ -11,10 +12,10 @@ thread_local! {
     static SCOPE: RefCell<Scope> = const { RefCell::new(Scope::Everything) };
 }
 
-/// What this thread may read now.
+/// The files that this thread may read now.
 enum Scope {
     Everything,
-    /// Everything, and what is opened is noted.
+    /// All files; each opened file is recorded.
     Noted(Vec<PathBuf>),
     Within(Arc<Roots>),
 }
@@ -27,10 +28,10 @@ pub struct Roots {
 }
 
 impl Roots {
-    /// These folders, wherever links lead to from their names.
+    /// Makes roots of these folders, with all links resolved.
     ///
     /// # Errors
-    /// One of them is no folder: its name, and why.
+    /// The first path that is not a folder, and the reason.
     pub fn of<P: AsRef<Path>>(folders: impl IntoIterator<Item = P>) -> Result<Self, (PathBuf, io::Error)> {
         let real = |folder: P| {
             let folder = folder.as_ref();
@@ -46,19 +47,19 @@ impl Roots {
         })
     }
 
-    /// The same, and files that [`noting_files`] named.
+    /// Adds single files, such as those that [`noting_files`] returned.
     #[must_use]
     pub fn and_files(mut self, files: impl IntoIterator<Item = PathBuf>) -> Self {
         self.files.extend(files);
         self
     }
 
-    /// The folders, as they are after all links.
+    /// The folders, with all links resolved.
     pub fn folders(&self) -> &[PathBuf] {
         &self.folders
     }
 
-    /// Does some work on this thread, which can read nothing else meanwhile. Work of other threads is not confined.
+    /// Runs `work` on this thread, which can read nothing else meanwhile. Other threads are not confined.
     pub fn confine<T>(self: &Arc<Self>, work: impl FnOnce() -> T) -> T {
         let _back = enter(Scope::Within(Arc::clone(self)));
         work()
@@ -72,7 +73,7 @@ impl Roots {
     }
 }
 
-/// Puts back what the thread might read before, also after a panic.
+/// Restores the previous scope of the thread when it is dropped, also after a panic.
 struct Back(Option<Scope>);
 
 impl Drop for Back {
@@ -87,7 +88,7 @@ fn enter(scope: Scope) -> Back {
     Back(Some(SCOPE.replace(scope)))
 }
 
-/// Does some work on this thread, and tells which files it opened to read them, after all links.
+/// Runs `work` on this thread. Returns its result and the files that it opened for reading, with all links resolved.
 pub fn noting_files<T>(work: impl FnOnce() -> T) -> (T, Vec<PathBuf>) {
     let _back = enter(Scope::Noted(Vec::new()));
     let done = work();
@@ -98,7 +99,7 @@ pub fn noting_files<T>(work: impl FnOnce() -> T) -> (T, Vec<PathBuf>) {
     (done, noted)
 }
 
-/// The folders that this thread is confined to, where a path leads out of them; none where it may be read.
+/// The folders that this thread is confined to, if a path lies outside them; `None` if it may be read.
 pub fn refused(path: &Path) -> Option<Arc<Roots>> {
     SCOPE.with_borrow(|scope| match scope {
         Scope::Within(roots) if roots.admit(path).is_none() => Some(Arc::clone(roots)),
@@ -106,8 +107,8 @@ pub fn refused(path: &Path) -> Option<Arc<Roots>> {
     })
 }
 
-/// What is opened for a path. A confined thread opens what the path led to when it was looked at, so that no link in it
-/// is followed any more.
+/// The path to open for a path. A confined thread opens the target that was checked, so that no link is followed after
+/// the check.
 pub(super) fn admitted(path: &Path) -> io::Result<Cow<'_, Path>> {
     SCOPE.with_borrow(|scope| match scope {
         Scope::Within(roots) => roots
@@ -118,7 +119,7 @@ pub(super) fn admitted(path: &Path) -> io::Result<Cow<'_, Path>> {
     })
 }
 
-/// A file was opened.
+/// Records an opened file.
 pub(super) fn note(path: &Path) {
     SCOPE.with_borrow_mut(|scope| {
         if let (Scope::Noted(files), Ok(real)) = (scope, path.canonicalize()) {
@@ -127,7 +128,7 @@ pub(super) fn note(path: &Path) {
     });
 }
 
-/// A path from the root without links and `..`, of something that may not be there: none where that cannot be told.
+/// A path from the root without links and `..`; its target need not exist. `None` if the path cannot be resolved.
 fn resolved(path: &Path) -> Option<PathBuf> {
     let path = std::path::absolute(path).ok()?;
     let found = path

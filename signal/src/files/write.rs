@@ -21,12 +21,12 @@ pub fn is_temporary(path: &Path) -> bool {
 /// Writes `bytes` to `path` atomically: through a temporary file in the same folder.
 ///
 /// # Errors
-/// Those of the file system; the file is then as it was.
+/// Those of the file system; the file is then unchanged.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_atomically_by(path, |file| file.write_all(bytes))
 }
 
-/// The same, with the content that `fill` writes.
+/// Writes a file atomically, with the content that `fill` writes.
 ///
 /// # Errors
 /// As [`write_atomically`], and those of `fill`.

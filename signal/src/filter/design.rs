@@ -52,7 +52,7 @@ pub enum DesignError {
         /// The upper edge given.
         high_hz: f64,
     },
-    /// A pass band upside down.
+    /// A pass band whose lower edge is not below its upper edge.
     #[error("the band's lower edge, {low_hz} Hz, must be below its upper edge, {high_hz} Hz")]
     EmptyBand {
         /// The lower edge given.
@@ -313,10 +313,10 @@ fn prewarp(cutoff_hz: f64, rate_hz: f64) -> Result<f64, DesignError> {
     }
 }
 
-/// A pair of poles at a distance of 2 w from z = 1 is told from one there by 4 w^2 in its coefficients, which are
+/// A pair of poles at a distance of 2 w from z = 1 differs from a pair at z = 1 by 4 w^2 in its coefficients, which are
 /// kept to 2e-16: at this w to a thousandth.
 const LEAST_PAIR: f64 = 2.4e-7;
-/// A single pole is told by 2 w.
+/// A single pole differs by 2 w.
 const LEAST_SINGLE: f64 = 1e-12;
 /// Poles within the unit circle by the band's width are likewise.
 const NARROWEST: f64 = 1e-12;
@@ -410,7 +410,7 @@ fn roots(coefficients: &[f64]) -> Vec<Complex64> {
     roots
 }
 
-/// Where a design has its zeros: one for each pole, at z = -1, at z = 1, or shared evenly.
+/// Position of a design's zeros: one for each pole, at z = -1, at z = 1, or shared evenly.
 #[derive(Clone, Copy)]
 enum Zeros {
     Nyquist,

@@ -22,8 +22,8 @@ struct Running<const L: usize> {
 }
 
 impl<const L: usize> SectionLanes<L> {
-    /// One filter a lane, at rest; lanes without one are silent. All should have as many sections: missing ones pass
-    /// the signal on. Allocates here and never again.
+    /// Makes one filter per lane, with zero state; lanes without a filter are silent. All filters should have the same
+    /// number of sections: a missing section passes the signal. Allocates here only.
     pub fn new(filters: &[Sections]) -> Self {
         let sections = filters.iter().map(|filter| filter.sections.len()).max();
         let running = |number: usize| {

@@ -26,10 +26,10 @@ pub struct Resampler {
 }
 
 impl Resampler {
-    /// A resampler of a signal that was zero before its first sample. Allocates here only.
+    /// Makes a resampler of a signal that is zero before its first sample. Allocates here only.
     ///
     /// # Errors
-    /// [`ResampleError`] for a quality that makes no filter, or a ratio too fine for a table.
+    /// [`ResampleError`] for an invalid quality, or a ratio that needs too large a table.
     pub fn new(input: Rate, output: Rate, quality: Quality) -> Result<Self, ResampleError> {
         let kernel = Kernel::new(input, output, quality)?;
         let (up, down) = ratio(input, output);
@@ -48,17 +48,17 @@ impl Resampler {
         })
     }
 
-    /// How long the output trails the input, in seconds: half the filter's length, a whole number of input samples.
+    /// Delay from input to output, s: half the filter's length, a whole number of input samples.
     pub fn latency_s(&self) -> f64 {
         self.latency_frames() as f64 * self.input.period_s()
     }
 
-    /// The same in input samples.
+    /// Delay from input to output, in input samples.
     pub fn latency_frames(&self) -> usize {
         self.width / 2
     }
 
-    /// How many outputs lie before input number `inputs`, both counted from the beginning.
+    /// Number of outputs before input number `inputs`, both counted from the beginning.
     pub fn outputs_before(&self, inputs: u64) -> u64 {
         let outputs = (u128::from(inputs) * u128::from(self.up)).div_ceil(u128::from(self.down));
         u64::try_from(outputs).unwrap_or(u64::MAX)
@@ -90,7 +90,7 @@ impl Resampler {
         Progress { consumed, produced }
     }
 
-    /// Goes on for another resampler between the same rates, of the same quality. Does not allocate.
+    /// Copies the state of another resampler between the same rates and of the same quality. Does not allocate.
     pub fn copy_state_from(&mut self, other: &Self) {
         if (self.width, self.up, self.down) == (other.width, other.up, other.down) {
             self.history.copy_from(&other.history);
@@ -114,8 +114,8 @@ impl Resampler {
     }
 }
 
-/// A whole signal at another rate and without delay: sample k shows the input at the time k / output rate. What lies
-/// outside of the signal counts as zero.
+/// Resamples a whole signal without delay: sample k shows the input at the time k / output rate. The signal counts as
+/// zero before its first and after its last sample.
 ///
 /// # Errors
 /// As [`Resampler::new`].

@@ -35,7 +35,7 @@ impl SteeredResampler {
     /// Makes a resampler with a zero past. Allocates here only.
     ///
     /// # Errors
-    /// [`ResampleError`] for a quality that makes no filter, or rates too far apart for a table.
+    /// [`ResampleError`] for an invalid quality, or rates too far apart for a table.
     pub fn new(input: Rate, output: Rate, quality: Quality) -> Result<Self, ResampleError> {
         let kernel = Kernel::new(input, output, quality)?;
         kernel.check_table(PHASES as u64 + 3, input, output)?;
@@ -87,7 +87,8 @@ impl SteeredResampler {
         (last >> 64) as usize
     }
 
-    /// Consumes inputs and writes outputs until one of both is exhausted. Consumes no input before an output needs it.
+    /// Consumes inputs and writes outputs until one of the two is exhausted. Consumes no input before an output needs
+    /// it.
     pub fn process(&mut self, x: &[f64], y: &mut [f64]) -> Progress {
         let mut consumed = 0;
         let mut produced = 0;

@@ -228,9 +228,7 @@ fn wav(path: &Path, channel: Option<&str>, import: &ImportSettings) -> Result<Re
     {
         match import.strict {
             true => {
-                return Err(failed(&format!(
-                    "{found}, unless nothing may be repaired, as here (--strict)"
-                )));
+                return Err(failed(&format!("{found}; --strict does not allow this")));
             }
             false => eprint(&format!("warning: {}: {found}\n", path.display())),
         }

@@ -18,7 +18,7 @@ type Files = BTreeMap<RecordingName, PathBuf>;
 #[derive(Debug)]
 pub struct FileTake {
     name: RecordingName,
-    /// Its files, joined by `+`.
+    /// The files, joined by `+`.
     path: PathBuf,
     import: ImportSettings,
     gesture: Gesture,

@@ -17,7 +17,7 @@ pub enum ConsoleCommand {
     Set { name: String, value: String },
     /// Prints the parameters and live settings.
     List,
-    /// Prints what was set, and by whom.
+    /// Prints the changes of settings, with their origins.
     History,
     /// Prints the commands.
     Help,

@@ -63,7 +63,7 @@ impl Endpoints {
         self.which(false).next().is_some()
     }
 
-    /// What real devices are called in this run.
+    /// The term for real devices in this run.
     fn real(&self) -> &'static str {
         if self.is_live { "real" } else { "not reached" }
     }
@@ -108,8 +108,7 @@ impl Endpoints {
             (false, _) => Simulation::None,
             (true, false) => Simulation::All,
             (true, true) => Simulation::Some(format!(
-                "Simulated in this run: {}. What is shown of these, and of all that depends on them, is what their models \
-                 did, not a measurement. {}: {}.",
+                "Simulated in this run: {}. Their signals, and all signals that depend on them, show the behaviour of their models, not a measurement. {}: {}.",
                 kinds(true),
                 if self.is_live { "Real" } else { "Not reached" },
                 kinds(false)

@@ -98,7 +98,7 @@ fn run_with(
     }
 }
 
-/// What the arguments ask for.
+/// The options of the live run, from the arguments.
 fn options(arguments: &Arguments, load: LoadFn) -> RunOptions {
     let record = arguments.record;
     let mut options = RunOptions::of(&arguments.graph.graph);
@@ -181,7 +181,7 @@ fn print_event(event: &Event) {
     }
 }
 
-/// Prints what the system refused, what runs, which inputs are open, and which sinks start with warm actuators.
+/// Prints the refused privileges, the drivers, the open inputs, and the sinks that start with warm actuators.
 fn introduce(arguments: &Arguments, supervisor: &Supervisor) {
     for note in supervisor.refused_at_start() {
         eprint(&format!("note: {note}\n"));

@@ -16,7 +16,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What was kept when a run was moved to its place.
+/// The files that were kept when a run was moved to its place.
 #[derive(Debug, Default, PartialEq)]
 pub struct Placed {
     /// New path of an earlier run that cannot be repeated.

@@ -147,12 +147,15 @@ impl StatusDisplay {
 
     fn shown_input(&self, input: &InputNow) -> String {
         let rate = self.inputs.iter().find(|(name, ..)| *name == input.status.device);
-        let rate = rate.map_or_else(|| "heard".to_owned(), |(_, _, hz)| format!("{hz:.0} a second"));
+        let rate = rate.map_or_else(
+            || "receiving".to_owned(),
+            |(_, _, hz)| format!("{hz:.0} a second"),
+        );
         match input.status.state {
             InputState::Never => {
                 let place = input.place.iter();
                 let place: String = place.map(|place| format!(" at {place}")).collect();
-                format!("nothing heard yet{place}{}", received(&input.unclaimed))
+                format!("nothing received yet{place}{}", received(&input.unclaimed))
             }
             InputState::Silent => {
                 format!("silent for {:.1} s", input.silent_s + input.status.timeout_s)

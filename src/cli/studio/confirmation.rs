@@ -1,4 +1,5 @@
-//! Confirmation at the terminal of what pages may not do alone: raise limits, add actuators, change devices.
+//! Confirmation at the terminal of edits that a page may not make alone: raising limits, adding actuators, changing
+//! devices.
 
 use super::super::{Failure, keys, print};
 use crate::signal::files;
@@ -77,7 +78,7 @@ fn question(number: u64, beyond: &[String], is_heard: bool) -> String {
         true => {
             format!("type `allow {number}` and Enter to allow this edit; anything else leaves it refused\n")
         }
-        false => "it stays refused: a studio in the background reads no answer; start it in the foreground\n"
+        false => "the edit stays refused: a studio in the background cannot read an answer; start the studio in the foreground\n"
             .to_owned(),
     }
 }

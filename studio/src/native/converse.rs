@@ -102,8 +102,8 @@ impl Inbox {
     }
 }
 
-/// Serves a page until either end closes. What reads the socket waits for nothing else, so that a STOP takes effect at
-/// once: neither for the stage, which another thread may hold, nor for a page that does not read.
+/// Serves a page until either end closes. The task that reads the socket waits neither for the stage, which another
+/// thread may hold, nor for a page that does not read, so that a STOP takes effect at once.
 pub async fn run(socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, exclusive: ExclusiveWork) {
     let (line, out) = channel(MAX_QUEUED);
     let greeted = with_stage(&stage, move |stage| {

@@ -191,8 +191,8 @@ impl Studio {
         Some((proposal.number, proposal.beyond.clone()))
     }
 
-    /// Confirms the limits and devices of such an edit: the page may repeat it. Call it only if the person at this machine
-    /// said so.
+    /// Confirms the limits and devices of such an edit: the page may then repeat it. Call it only if the person at this
+    /// machine has agreed.
     ///
     /// # Errors
     /// [`StudioError`] if the edit was replaced by another one.
@@ -227,8 +227,8 @@ impl Drop for Studio {
     }
 }
 
-/// Loads and starts a graph with what restricts its pages: the limits and devices of its file, and the files
-/// that can be named.
+/// Loads and starts a graph with the restrictions of its pages: the limits and devices of its file, and the files that
+/// can be named.
 fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> {
     let opened = || {
         let mut source = Source::new(options.graph.clone(), registry, options.set.clone());

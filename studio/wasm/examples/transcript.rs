@@ -1,9 +1,9 @@
-//! Runs a transcript of calls on the engine as it is compiled for this machine, as a page's module is called, and writes
-//! what is played as little-endian doubles: `transcript GRAPH <calls >samples`. The WebAssembly module has to give the same
-//! (`studio/tests/engine.mjs`).
+//! Runs a transcript of calls on the engine that is compiled for this machine, in the order of a page's module, and
+//! writes the played samples as little-endian doubles: `transcript GRAPH <calls >samples`. The WebAssembly module must
+//! give the same samples (`studio/tests/engine.mjs`).
 //!
-//! A call is two numbers of 32 bits, what and how much: 0 runs so many frames, 1 takes a binary message of so many bytes,
-//! 2 one of JSON.
+//! A call is two numbers of 32 bits, a kind and a count: kind 0 runs `count` frames, kind 1 takes a binary message of
+//! `count` bytes, kind 2 a JSON message.
 
 use haptograph_studio::page::{Engine, Message, Opened};
 use std::io::{Read, Write};

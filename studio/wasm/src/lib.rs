@@ -1,9 +1,9 @@
 //! The engine of the studio as a WebAssembly module without imports: plain calls, and bytes in its own memory.
 //!
-//! What goes in is written to the place that [`haptograph_room`] gives; what comes out is read at
-//! [`haptograph_message`] and [`haptograph_played`] before the next call. Files are those of [`haptograph_file`]. A
-//! module opens one graph, either to run it ([`haptograph_open`]) or to check edits of it ([`haptograph_open_checker`]).
-//! A fault of the engine ends the module by a trap; [`haptograph_panic`] then says where.
+//! Input is written to the buffer that [`haptograph_room`] returns; output is read at [`haptograph_message`] and
+//! [`haptograph_played`] before the next call. The module reads only files that [`haptograph_file`] has added. A module
+//! opens one graph, either to run it ([`haptograph_open`]) or to check edits of it ([`haptograph_open_checker`]). A
+//! panic of the engine ends the module by a trap; [`haptograph_panic`] then returns its message.
 
 #![expect(unsafe_code, reason = "names that the page calls by")]
 
@@ -32,7 +32,7 @@ fn with<T>(work: impl FnOnce(&mut State) -> T) -> T {
     STATE.with_borrow_mut(work)
 }
 
-/// Room for so many bytes of what goes in; valid until the next call.
+/// Returns the input buffer, resized to `length` bytes. The pointer is valid until the next call.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_room(length: usize) -> *mut u8 {
     with(|state| {
@@ -41,7 +41,7 @@ pub extern "C" fn haptograph_room(length: usize) -> *mut u8 {
     })
 }
 
-/// Puts a file into the module's memory: the room holds its path, of so many bytes, then its bytes.
+/// Adds a file to the module's memory. The input buffer holds its path, `path_length` bytes, and then its content.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_file(path_length: usize) {
     with(|state| {
@@ -53,12 +53,12 @@ pub extern "C" fn haptograph_file(path_length: usize) {
 #[cfg(target_family = "wasm")]
 use haptograph_signal::files::put;
 
-/// On a machine with files of its own they are those.
+/// Does nothing: a machine with a file system uses its own files.
 #[cfg(not(target_family = "wasm"))]
 fn put(_: &Path, _: &[u8]) {}
 
-/// Begins to run the graph that the room names, `{ "graph": PATH, "set": [[NAME, VALUE]] }`: 1, or 0 and the message is
-/// why not.
+/// Starts the graph in the input buffer, `{ "graph": PATH, "set": [[NAME, VALUE]] }`. Returns 1, or 0 with the reason
+/// as the message.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_open() -> u32 {
     keep_panics();
@@ -68,7 +68,7 @@ pub extern "C" fn haptograph_open() -> u32 {
     })
 }
 
-/// The same for a module that checks edits.
+/// Opens the graph in the input buffer in a module that checks edits, like [`haptograph_open`].
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_open_checker() -> u32 {
     keep_panics();
@@ -96,7 +96,7 @@ fn kept<T>(opened: Result<T, String>, place: &mut Option<T>, message: &mut Vec<u
     }
 }
 
-/// The room holds a message of the page.
+/// Handles the page's message in the input buffer.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_hear(is_text: u32) {
     with(|state| {
@@ -111,8 +111,8 @@ pub extern "C" fn haptograph_hear(is_text: u32) {
     });
 }
 
-/// The room holds a message of the page that asks for a check or an edit: 1 where the message is the answer, 0 where
-/// the engine has to answer.
+/// Checks the page's message in the input buffer, which requests a check or an edit. Returns 1 if the message is the
+/// answer, 0 if the engine has to answer.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_check() -> u32 {
     with(|state| {
@@ -122,7 +122,7 @@ pub extern "C" fn haptograph_check() -> u32 {
     })
 }
 
-/// The room holds a message of the engine that says what it runs: edits are checked against that.
+/// Takes the engine's message `graph` in the input buffer: later edits are checked against that graph.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_follow() {
     with(|state| {
@@ -133,8 +133,9 @@ pub extern "C" fn haptograph_follow() {
     });
 }
 
-/// Learns the surface of a recording, a file whose path the room holds: 1 and the message is `{ "name", "surface",
-/// "report" }`, the texts of its file and of the page about it; 0 and the message is why not.
+/// Learns the surface of a recording, a file whose path is in the input buffer. Returns 1 with the message `{ "name",
+/// "surface", "report" }`, where `surface` is the text of the surface file and `report` that of the page; or 0 with the
+/// reason as the message.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_learn() -> u32 {
     keep_panics();
@@ -152,8 +153,9 @@ pub extern "C" fn haptograph_learn() -> u32 {
     })
 }
 
-/// Puts a new surface beside the graph's others: the room holds its name, of so many bytes, then its text. A checker's
-/// message is its path as a parameter; an engine describes its graph anew. 0 where a thousand of that name exist.
+/// Adds a new surface to those of the graph. The input buffer holds its name, `name_length` bytes, and then its text. A
+/// checker sets the message to its path as a parameter; an engine sends its graph again. Returns 0 if a thousand
+/// surfaces of that name exist.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_surface(name_length: usize) -> u32 {
     with(|state| {
@@ -182,7 +184,7 @@ pub extern "C" fn haptograph_surface(name_length: usize) -> u32 {
     })
 }
 
-/// Runs so many frames of the driver; how many samples are played.
+/// Runs `frames` frames of the driver. Returns the number of samples to play.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_process(frames: usize) -> usize {
     with(|state| {
@@ -193,13 +195,14 @@ pub extern "C" fn haptograph_process(frames: usize) -> usize {
     })
 }
 
-/// Where they are, as doubles; 1 is the actuator's peak limit.
+/// Returns a pointer to these samples, doubles; 1 is the actuator's peak limit.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_played() -> *const f64 {
     with(|state| { state.engine.as_ref() }.map_or(std::ptr::null(), |engine| engine.played().as_ptr()))
 }
 
-/// Makes messages of what came; the last time was so many ms ago, of which running took so many.
+/// Queues messages with the new data. `passed_ms` is the time since the last call, `busy_ms` the part of it that
+/// running took.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_publish(passed_ms: f64, busy_ms: f64) {
     let time = |ms: f64| Duration::try_from_secs_f64(ms * 1e-3).unwrap_or_default();
@@ -210,7 +213,7 @@ pub extern "C" fn haptograph_publish(passed_ms: f64, busy_ms: f64) {
     });
 }
 
-/// Takes the next message to the page: 0 there is none, 1 JSON, 2 binary.
+/// Takes the next message to the page. Returns 0 if there is none, 1 for JSON, 2 for a binary message.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_next() -> u32 {
     with(|state| {
@@ -229,25 +232,25 @@ fn show(message: &mut Vec<u8>, next: Option<Message>) -> u32 {
     kind
 }
 
-/// Where the message is that was taken last.
+/// Returns a pointer to the latest message.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_message() -> *const u8 {
     with(|state| state.message.as_ptr())
 }
 
-/// Its bytes.
+/// Returns the length of the latest message, bytes.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_message_length() -> usize {
     with(|state| state.message.len())
 }
 
-/// Frames of the driver in a second, Hz; 0 where no graph runs.
+/// Returns the rate of the driver, Hz; 0 if no graph runs.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_driver_hz() -> f64 {
     with(|state| state.engine.as_ref().map_or(0.0, Engine::driver_hz))
 }
 
-/// Samples that are played in a second, Hz; 0 where there is nothing to be heard.
+/// Returns the rate of the played samples, Hz; 0 if the graph drives nothing audible.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_sound_hz() -> f64 {
     with(|state| state.engine.as_ref().and_then(Engine::sound_hz).unwrap_or(0.0))
@@ -259,13 +262,13 @@ fn keep_panics() {
     }));
 }
 
-/// Where the text is that says why the module ended.
+/// Returns a pointer to the message of the panic that ended the module.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_panic() -> *const u8 {
     PANIC.lock().unwrap_or_else(PoisonError::into_inner).as_ptr()
 }
 
-/// Its bytes; 0 while nothing went wrong.
+/// Returns the length of that message, bytes; 0 if there was no panic.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_panic_length() -> usize {
     PANIC.lock().unwrap_or_else(PoisonError::into_inner).len()

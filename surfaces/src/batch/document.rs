@@ -80,7 +80,7 @@ pub enum Samples {
 }
 
 impl Signal {
-    /// Its samples in the result of a job.
+    /// The samples in the result of a job.
     pub fn of<'a>(self, trajectory: &'a Trajectory, vibration: &'a [f64]) -> &'a [f64] {
         match self {
             Self::Vibration => vibration,
@@ -89,7 +89,7 @@ impl Signal {
         }
     }
 
-    /// Its name in a chunk.
+    /// The name in a chunk.
     pub fn name(self) -> &'static str {
         match self {
             Self::Vibration => "vibration_m_s2",

@@ -17,7 +17,7 @@ pub const MANIFEST: &str = "manifest.json";
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Input {
     pub kind: String,
-    /// Its path in the plan.
+    /// The path in the plan.
     pub file: String,
     pub sha256: String,
     /// Origin and source of a surface.
@@ -42,11 +42,11 @@ impl Input {
 /// A chunk in a folder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChunkEntry {
-    /// Its number, from 0.
+    /// The number, from 0.
     pub chunk: u64,
-    /// Its file name.
+    /// The file name.
     pub file: String,
-    /// Its first job, and the one after its last.
+    /// The first job, and the one after its last.
     pub jobs: [u64; 2],
     /// The hash of its arrays.
     pub sha256: String,
@@ -70,7 +70,7 @@ pub struct Manifest {
     pub jobs: u64,
     pub jobs_per_chunk: u64,
     pub update_hz: f64,
-    /// Whether every chunk exists.
+    /// True if every chunk exists.
     pub complete: bool,
     pub chunks: Vec<ChunkEntry>,
 }

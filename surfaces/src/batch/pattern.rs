@@ -33,7 +33,7 @@ pub fn matching(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, PlanProble
     }
 }
 
-/// Whether a name matches a pattern. Hidden names match only if the pattern begins with a dot.
+/// True if a name matches a pattern. Hidden names match only if the pattern begins with a dot.
 fn fits(pattern: &str, name: &str) -> bool {
     let mut parts = pattern.split('*');
     let Some(mut rest) = parts.next().and_then(|first| name.strip_prefix(first)) else {

@@ -37,9 +37,9 @@ pub struct Job {
 /// A surface of a batch.
 #[derive(Debug)]
 pub struct BatchSurface {
-    /// Its file's name without extension.
+    /// The file's name without extension.
     pub name: String,
-    /// Its texture.
+    /// The texture.
     pub texture: TextureModel,
 }
 

@@ -42,9 +42,9 @@ pub struct Rendered {
     pub kept: u64,
     /// Damaged files and the reasons; they were rendered again.
     pub replaced: Vec<(PathBuf, String)>,
-    /// Whether the folder now has every chunk of the whole batch.
+    /// True if the folder now has every chunk of the whole batch.
     pub is_complete: bool,
-    /// Whether the run was stopped before its end.
+    /// True if the run was stopped before its end.
     pub was_stopped: bool,
 }
 

@@ -60,7 +60,7 @@ impl<const L: usize> CrackleLanes<L> {
         }
     }
 
-    /// The same for the `W` lanes with the number `part`.
+    /// Modulates the `W` lanes with the number `part`.
     #[inline(always)]
     fn modulate_part<const W: usize>(
         &mut self,

@@ -289,7 +289,7 @@ impl<'t> Subject<'t> {
         Ok(self.rendered(&texture))
     }
 
-    /// What is rendered of a texture.
+    /// The rendered sound of a texture.
     fn rendered<'s>(&'s self, texture: &TextureModel) -> Predictor<'s> {
         let interpolator = Interpolator::new(texture);
         Box::new(move |at: &ModelAt| {

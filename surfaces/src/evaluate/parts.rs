@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 pub struct StudyPart {
     /// The study that it is a part of.
     pub head: StudyHead,
-    /// Its items with their numbers.
+    /// The items with their numbers.
     items: Vec<Item>,
 }
 

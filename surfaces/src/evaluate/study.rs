@@ -65,13 +65,13 @@ pub trait TakeSource: Debug + Sync {
     /// The hand's movement.
     fn gesture(&self) -> Gesture;
 
-    /// Its origin.
+    /// The origin.
     fn origin(&self) -> Origin;
 
     /// The recording, from memory or wherever it lies.
     ///
     /// # Errors
-    /// What is wrong, in one sentence.
+    /// A description of the error, in one sentence.
     fn load(&self) -> Result<Cow<'_, AnyRecording>, String>;
 }
 
@@ -98,11 +98,11 @@ impl TakeSource for Take {
 pub struct StudySettings {
     /// Processing of sensor readings to physical quantities.
     pub processing: ProcessingSettings,
-    /// How textures are learned.
+    /// Method of learning textures.
     pub texture: TextureMethod,
-    /// How textures are compared with recordings.
+    /// Settings of the comparison with recordings.
     pub table: TableSettings,
-    /// How textures are compared with each other.
+    /// Settings of the comparison of textures with each other.
     pub map: MapSettings,
 }
 

@@ -37,12 +37,12 @@ pub struct Trajectory {
     pub rate_hz: f64,
     /// Speed, m/s.
     pub speed_m_s: Vec<f64>,
-    /// Normal force, N; as long as the speed.
+    /// Normal force, N; of the same length as the speed.
     pub force_n: Vec<f64>,
 }
 
 impl Trajectory {
-    /// Speed and force at the updates of a synthesis, as far as there are both.
+    /// Speed and force at the updates of a synthesis, up to the end of the shorter signal.
     pub fn at_updates(&self, update_hz: f64) -> UpdatePoints {
         let samples = self.speed_m_s.len().min(self.force_n.len());
         let read = |values: &[f64]| {
@@ -208,10 +208,11 @@ pub fn synthesise(
     synthesise_with(texture, trajectory, settings, &|_| ControlFlow::Continue(()))
 }
 
-/// The same; `progress` receives the fraction done, every few seconds of the vibration, and says whether to go on.
+/// Like [`synthesise`]; `progress` receives the fraction done every few seconds of the vibration, and returns whether
+/// to continue.
 ///
 /// # Errors
-/// As [`synthesise`]; [`SynthesisError::Stopped`] where `progress` breaks.
+/// As [`synthesise`]; [`SynthesisError::Stopped`] if `progress` breaks.
 pub fn synthesise_with(
     texture: &TextureModel,
     trajectory: &Trajectory,

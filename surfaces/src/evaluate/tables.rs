@@ -32,7 +32,7 @@ impl TableSettings {
 pub struct TestSet<'a> {
     /// The material.
     pub name: String,
-    /// Its recordings; three in the thesis.
+    /// The recordings; three in the thesis.
     pub recordings: Vec<&'a ProcessedRecording>,
 }
 

@@ -13,26 +13,26 @@ use std::sync::{Mutex, PoisonError};
 /// A vibration to synthesise: see [`synthesise`](super::synthesise).
 #[derive(Debug, Clone, Copy)]
 pub struct Voice<'a> {
-    /// Its texture.
+    /// The texture.
     pub texture: &'a TextureModel,
-    /// Its trajectory.
+    /// The trajectory.
     pub trajectory: &'a Trajectory,
-    /// Its settings.
+    /// The settings.
     pub settings: SynthesisSettings,
 }
 
-/// A vibration to synthesise into memory of the caller's.
+/// A vibration to synthesise into memory of the caller.
 #[derive(Debug)]
 pub struct VoiceInto<'a> {
-    /// Its texture.
+    /// The texture.
     pub texture: &'a TextureModel,
-    /// Its speed and force, and when it is updated.
+    /// The speed and force at the updates of its filter.
     pub points: &'a UpdatePoints,
     /// As [`SynthesisSettings::seed`].
     pub seed: u64,
     /// As [`SynthesisSettings::lines_seed`].
     pub lines_seed: u64,
-    /// Where the vibration goes: as long as [`UpdatePoints::samples`].
+    /// Output of the vibration, [`UpdatePoints::samples`] long.
     pub out: &'a mut [f64],
 }
 
@@ -80,10 +80,10 @@ pub fn synthesise_many(voices: &[Voice<'_>], threads: usize) -> Result<Vec<Vec<f
     synthesise_many_with(voices, threads, &|_| ControlFlow::Continue(()))
 }
 
-/// The same; `progress` receives the fraction done, from any thread, and says whether to go on.
+/// Like [`synthesise_many`]; `progress` receives the fraction done, from any thread, and returns whether to continue.
 ///
 /// # Errors
-/// As [`synthesise_many`]; [`SynthesisError::Stopped`] where `progress` breaks.
+/// As [`synthesise_many`]; [`SynthesisError::Stopped`] if `progress` breaks.
 pub fn synthesise_many_with(
     voices: &[Voice<'_>],
     threads: usize,
@@ -110,8 +110,8 @@ pub fn synthesise_many_with(
     Ok(vibrations)
 }
 
-/// [`synthesise_many_with`] into memory of the caller's, from speeds and forces at the updates alone: it takes no memory
-/// that grows with the length of the vibrations. After an error the output is of no meaning.
+/// Like [`synthesise_many_with`], into memory of the caller, from speeds and forces at the updates only. It allocates
+/// no memory that grows with the length of the vibrations. After an error the output is undefined.
 ///
 /// # Errors
 /// The errors of [`synthesise_many`], and wrong numbers of points or of output samples.
@@ -170,7 +170,7 @@ fn groups(voices: Vec<VoiceInto<'_>>) -> Result<Vec<Numbered<'_>>, VoiceError> {
     Ok(shapes.into_values().flatten().collect())
 }
 
-/// Synthesises a group. `advance` receives the number of further samples done, and says whether to go on.
+/// Synthesises a group. `advance` receives the number of further samples done, and returns whether to continue.
 fn play(group: Numbered<'_>, advance: &dyn Fn(usize) -> ControlFlow<()>) -> Result<(), VoiceError> {
     let (numbers, voices): (Vec<usize>, Vec<VoiceInto<'_>>) = group.into_iter().unzip();
     Group::new(voices)

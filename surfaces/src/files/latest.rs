@@ -1,5 +1,5 @@
-//! The surfaces that were read last, by the bytes of their files: a graph names one in several nodes, and is loaded again
-//! at every edit.
+//! The surfaces that were read last, by the bytes of their files: a graph names the same surface in several nodes and
+//! is loaded again at every edit.
 
 use super::{ReadError, read_surface};
 use crate::Surface;
@@ -12,7 +12,7 @@ const MAX_KEPT_BYTES: usize = 1 << 20;
 /// The latest last.
 static LATEST: Mutex<Vec<(Box<[u8]>, Surface)>> = Mutex::new(Vec::new());
 
-/// What [`read_surface`] makes of these bytes.
+/// The surface that [`read_surface`] makes of these bytes.
 pub fn read(bytes: &[u8]) -> Result<Surface, ReadError> {
     let latest = || LATEST.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(surface) = found(&mut latest(), bytes) {

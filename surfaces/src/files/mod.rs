@@ -57,7 +57,7 @@ pub fn load(path: &Path) -> Result<Surface, FileError> {
     Ok(surface)
 }
 
-/// Whether [`save`] supports the extension of a path.
+/// Checks that [`save`] supports the extension of a path.
 pub fn check_extension(path: &Path) -> Result<(), SaveError> {
     match &*extension(path) {
         "ron" | "xml" => Ok(()),
@@ -215,7 +215,7 @@ impl std::fmt::Display for Place {
 pub struct ReadError {
     /// Location in the text, if the error has one.
     pub place: Option<Place>,
-    /// What is wrong.
+    /// The error.
     pub problem: Problem,
 }
 
@@ -266,7 +266,7 @@ pub enum Problem {
         vertex: usize,
         /// The filter it names.
         filter: usize,
-        /// How many there are.
+        /// Number of filters.
         filters: usize,
     },
     /// A filter without coefficients and without LSFs.
@@ -274,23 +274,23 @@ pub enum Problem {
         "filter {filter} (from 0) has neither `ar` nor `ar_lsf`; give one of them (or both, if they agree)"
     )]
     EmptyFilter {
-        /// Its number, from 0.
+        /// The number, from 0.
         filter: usize,
     },
     /// A filter's numbers do not make a model.
     #[error("filter {filter} (from 0): {error}")]
     Filter {
-        /// Its number, from 0.
+        /// The number, from 0.
         filter: usize,
-        /// Why.
+        /// The reason.
         error: ModelError,
     },
     /// A vertex's numbers do not make a model.
     #[error("vertex {vertex} (from 0): {error}")]
     Vertex {
-        /// Its number, from 0.
+        /// The number, from 0.
         vertex: usize,
-        /// Why.
+        /// The reason.
         error: ModelError,
     },
     /// The models do not make a texture.
@@ -315,12 +315,12 @@ pub enum FileError {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// Its content is not a surface.
+    /// The content is not a surface.
     #[error("{}: {error}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
-        /// What is wrong in it.
+        /// The error in the content.
         error: ReadError,
     },
 }
@@ -339,7 +339,7 @@ pub enum SaveError {
     Hatt {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         error: HattWriteError,
     },
     /// An error of the file system.

@@ -49,7 +49,7 @@ impl Coverage {
         }
     }
 
-    /// Whether there is too little data for a reliable texture.
+    /// True if there is too little data for a reliable texture.
     pub fn is_short(&self) -> bool {
         self.used_s < SHORTEST_S || self.segments < FEWEST_SEGMENTS
     }

@@ -43,13 +43,13 @@ pub enum FrictionFit {
 /// The report of learning friction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrictionReport {
-    /// How the line was fitted.
+    /// Fit of the line.
     pub fit: FrictionFit,
     /// The line; its slope is the friction coefficient.
     pub line: Line,
     /// Pairs of normal and tangential force, N.
     pub points: Vec<(f64, f64)>,
-    /// Whether each was used for the fit.
+    /// True for each pair that was used for the fit.
     pub used: Vec<bool>,
 }
 

@@ -60,7 +60,7 @@ pub(super) struct Fitted {
 }
 
 impl Fitted {
-    /// The same with the law corrected by its residuals; it then follows peaks that move with speed.
+    /// The fit with its law corrected by the residuals, so that it follows peaks that move with speed.
     pub fn corrected(mut self) -> Self {
         self.law.correct(&self.stretches);
         self
@@ -75,7 +75,7 @@ impl Fitted {
 /// Learns a texture from drag recordings as a law over speed and force, corrected by its residuals.
 ///
 /// # Errors
-/// [`LearnTextureError`] where the recordings' rates differ, nothing was dragged, or the order is out of range.
+/// [`LearnTextureError`] if the recordings' rates differ, nothing was dragged, or the order is out of range.
 #[cfg(test)]
 pub fn learn_law(
     recordings: &[ProcessedRecording],
@@ -89,7 +89,7 @@ pub fn learn_law(
 /// Fits the law alone.
 ///
 /// # Errors
-/// [`LearnTextureError`] where the recordings' rates differ, nothing was dragged, or the order is out of range.
+/// [`LearnTextureError`] if the recordings' rates differ, nothing was dragged, or the order is out of range.
 pub(super) fn fit_law(
     recordings: &[ProcessedRecording],
     settings: &LawSettings,
@@ -177,7 +177,7 @@ fn judge(stretch: &[f64]) -> Fate {
     Fate::Kept
 }
 
-/// What is known of the power: that of accelerations, unless a recording says that it holds something else.
+/// The prior of the power: that of accelerations, unless the vibration of a recording has another unit.
 fn exponents(recordings: &[ProcessedRecording]) -> Exponents {
     let is_other =
         |recording: &ProcessedRecording| recording.provenance().settings.contains_key(VIBRATION_UNIT);
@@ -187,8 +187,8 @@ fn exponents(recordings: &[ProcessedRecording]) -> Exponents {
     Exponents::ACCELERATION
 }
 
-/// The density in stretches long enough to resolve it, and what the law expects of them; those in which nothing was dragged are
-/// left out.
+/// The density in stretches long enough to resolve it, and the density that the law expects; stretches without dragging
+/// are left out.
 fn long_stretches(
     law: &SpectralLaw,
     recordings: &[ProcessedRecording],

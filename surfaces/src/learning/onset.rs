@@ -1,8 +1,9 @@
 //! Finds the sample at which a tool touches the surface: roughly by force, then exactly by acceleration.
 //!
-//! A hand slows its tool down before it strikes, and the high-passed, combined vibration contains that deceleration before the
-//! contact. Force does not, but its sensor can be filtered and late. So the contact is within [`FORCE_OFF_S`] of where force
-//! leaves its noise; there it is where acceleration leaves its line before contact.
+//! A hand slows its tool down before it strikes, and the high-passed, combined vibration contains that deceleration
+//! before the contact. Force does not, but its sensor can be filtered and late. So the contact lies within
+//! [`FORCE_OFF_S`] of the sample at which the force leaves its noise: at the sample at which the acceleration leaves
+//! its line before contact.
 
 use crate::recording::Signals;
 use crate::statistics::{Line, median};
@@ -76,8 +77,8 @@ fn force_onset(signals: &Signals, rise: usize, contact_n: f64) -> usize {
     quiet.map_or(rise, |quiet| quiet + 1)
 }
 
-/// How far the acceleration is from the line that it is on during `approach`, from there to `end`, m/s². Over the three axes where they
-/// were kept: no filter has spread the blow over the time before it.
+/// Distance of the acceleration, from the end of `approach` to `end`, from its line during `approach`, m/s². Over the
+/// three axes if they were kept, as no filter has spread the impact over the time before it.
 fn deviations(signals: &Signals, approach: Range<usize>, end: usize) -> Vec<f64> {
     let mut squares = vec![0.0; end.saturating_sub(approach.start)];
     let mut add = |acceleration: &dyn Fn(usize) -> f64| {

@@ -22,9 +22,9 @@ impl Default for OutlierSettings {
     }
 }
 
-/// The externally studentized residuals of `values` from their least-squares plane over `positions`: each in units of the
-/// deviation that the others leave, t-distributed with n - 4 degrees of freedom. `None` where there are too few points for a
-/// plane, or none can be laid through them.
+/// The externally studentized residuals of `values` from their least-squares plane over `positions`: each in units of
+/// the deviation that the others leave, t-distributed with n - 4 degrees of freedom. `None` if there are too few points
+/// for a plane, or they do not determine one.
 ///
 /// The residual of a point that alone determines the plane is 0.
 pub fn studentized_residuals(positions: &[(f64, f64)], values: &[f64]) -> Option<Vec<f64>> {

@@ -1,7 +1,7 @@
 //! The law of a texture: the spectrum on a warped axis as powers of speed and force, and the map of models made from it.
 //!
-//! It is fitted to observations, each a place in speed and force with its spectrum: windows of recordings when a texture is
-//! learned, measured models when a law is compared with other maps.
+//! The law is fitted to observations, each a place in speed and force with its spectrum: windows of recordings when a
+//! texture is learned, measured models when a law is compared with other maps.
 
 use super::cells::{CELLS, Cells};
 use super::correction::{Correction, Stretch};

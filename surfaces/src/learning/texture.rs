@@ -80,14 +80,14 @@ pub struct TextureReport {
     pub residual_bound: f64,
 }
 
-/// A segment and its fate.
+/// A segment, and its use in the texture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SegmentReport {
     /// Index of its recording.
     pub recording: usize,
-    /// Its samples.
+    /// The samples.
     pub samples: Range<usize>,
-    /// Its order by minimum description length.
+    /// The order by minimum description length.
     pub order: usize,
     /// Median speed, m/s.
     pub speed_m_s: f64,
@@ -97,25 +97,25 @@ pub struct SegmentReport {
     pub features: [f64; 5],
     /// Studentized residuals of the features, if a plane could be fitted.
     pub residuals: [Option<f64>; 5],
-    /// Its fate.
+    /// Use of the segment.
     pub fate: Fate,
 }
 
-/// The fate of a segment.
+/// Use of a segment in a texture.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Fate {
-    /// It is a model of the texture.
+    /// The segment is a model of the texture.
     Kept,
     /// The tool was at rest or in the air.
     NotDragged,
-    /// It failed too many criteria.
+    /// The segment failed too many criteria.
     Outlier {
         /// Number of failed criteria.
         criteria: usize,
     },
     /// A longer segment has exactly the same speed and force.
     Duplicate,
-    /// It has no usable model.
+    /// The segment has no usable model.
     Unusable {
         /// The reason.
         reason: String,

@@ -11,7 +11,7 @@ const UPDATE_S: f64 = 0.005;
 pub(super) struct Whitened {
     /// One sample for each of the recording; 0 where the tool was not dragged.
     pub samples: Vec<f64>,
-    /// Whether the tool was dragged at each sample.
+    /// True for each sample at which the tool was dragged.
     pub dragged: Vec<bool>,
 }
 

@@ -14,7 +14,7 @@ pub use to_lsf::ar_to_lsf;
 
 pub use haptograph_signal::arma::MAX_ORDER;
 
-/// Why a polynomial or its LSFs are not converted.
+/// Reason why a polynomial or its LSFs are not converted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LsfError {
@@ -28,7 +28,7 @@ pub enum LsfError {
     Lengths {
         /// Number of values given.
         from: usize,
-        /// Number of values that are asked for.
+        /// Number of values requested.
         into: usize,
     },
 }

@@ -368,7 +368,7 @@ fn ridders(value: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> Option<f6
     Some(0.5 * (low + high))
 }
 
-/// Where the parabola x(y) through three points crosses y = 0.
+/// Zero of the parabola x(y) through three points.
 #[inline]
 fn inverse_quadratic(x: [f64; 3], y: [f64; 3]) -> f64 {
     let slope_01 = (x[1] - x[0]) / (y[1] - y[0]);

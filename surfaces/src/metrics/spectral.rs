@@ -334,7 +334,7 @@ impl ErrorStatistics {
     /// The spectral difference in units of these deviations. Eq. 2.5.3.
     ///
     /// An error of zero counts zero for any deviation; a constant error that is not zero counts as infinite
-    /// ([`are_infinite`](Self::are_infinite) tells which). Differences at the level of rounding count zero.
+    /// (see [`are_infinite`](Self::are_infinite)). Differences at the level of rounding count zero.
     pub fn spectral_difference(&self, deviations: &Deviations) -> f64 {
         in_deviations(self.nse, deviations.nse) + in_deviations(self.pe, deviations.pe)
     }

@@ -1,6 +1,6 @@
 //! haptograph's recording file: an uncompressed `.npz` archive that `numpy.load` can open.
 //!
-//! | member | shape | what |
+//! | member | shape | content |
 //! |---|---|---|
 //! | `head.ron` | text | format, kind, rates, calibration, gesture, provenance |
 //! | raw: `position_m`, `orientation` | (m, 3), (m, 4) | of the tracker's sensor; quaternion w, x, y, z |

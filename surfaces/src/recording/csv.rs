@@ -67,7 +67,7 @@ pub const COLUMNS: [&str; 21] = [
 /// The metadata above the rows of a CSV file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CsvHead {
-    /// Whether there is a line `# gesture: ...`.
+    /// True if there is a line `# gesture: ...`.
     pub says_gesture: bool,
     /// The origin from a line `# origin: ...`.
     pub origin: Option<Origin>,
@@ -158,8 +158,8 @@ pub(super) fn recording(
     Ok((recording, findings))
 }
 
-/// Whether tables hold what sensors gave: forces by axis, or orientations without the force and the acceleration that processed ones
-/// have. Positions alone may be those of a processed one, of which the speed is derived.
+/// True if tables hold sensor readings: forces by axis, or orientations without the force and the acceleration of
+/// processed recordings. Positions alone may belong to a processed recording, whose speed is derived from them.
 fn is_raw(tables: &[Table], import: &ImportSettings) -> bool {
     let has = |name: &str| import.constants.contains_key(name) || tables.iter().any(|table| table.has(name));
     has("force_x") || has("orientation_w") && !has("force_normal") && !has("accel")

@@ -1,4 +1,4 @@
-//! What other people's loggers leave in a file: gravity, dates, names of their own, a position for a speed.
+//! Tests: properties of other people's files: gravity, dates, other names, a position instead of a speed.
 
 use super::loggers::{Folder, import, line_of, read, rows};
 use super::*;

@@ -28,7 +28,7 @@ pub struct ImportSettings {
     pub full_scale_m_s2: Option<f64>,
     /// Refuses a file instead of repairing it.
     pub strict: bool,
-    /// Leaves a mean of the acceleration as it is, for those who do not use the vibration.
+    /// Keeps the mean of the acceleration, for callers that do not use the vibration.
     pub keeps_offset: bool,
 }
 
@@ -79,7 +79,7 @@ pub struct BadCell {
     pub line: u64,
     /// Column in the file, from 1.
     pub column: usize,
-    /// Its text, if known.
+    /// The text, if known.
     pub text: Option<String>,
 }
 
@@ -136,19 +136,19 @@ pub enum Finding {
     },
     /// The unit of the vibration is not known.
     UnknownUnit,
-    /// A vibration with a mean, which no processed one has: its high-pass was made up for.
+    /// A vibration with a mean, which no processed vibration has: it was high-passed.
     HighPassed {
         column: String,
         mean: f64,
         cutoff_hz: f64,
-        /// Whether the mean is in m/s².
+        /// True if the mean is in m/s².
         has_unit: bool,
     },
-    /// A column that is called otherwise, and leaves no doubt what it is.
+    /// A column with another name whose quantity is nevertheless certain.
     TakenAs { column: String, quantity: String },
-    /// The speed is the derivative of these.
+    /// The speed was computed from these columns of positions.
     SpeedOfPosition { columns: Vec<String>, cutoff_hz: f64 },
-    /// Times beside a rate that was given.
+    /// A column of times that is not used, because a rate was given.
     TimesNotUsed { column: String },
 }
 
@@ -263,7 +263,7 @@ impl fmt::Display for Finding {
                 listed(columns)
             ),
             Self::TimesNotUsed { column } => {
-                write!(f, "column {column:?} is not used, as --sample-rate says the rate: gaps cannot be seen")
+                write!(f, "column {column:?} is not used because --sample-rate gives the rate; gaps cannot be detected")
             }
             Self::UnknownUnit => f.write_str(
                 "the unit of the vibration is unknown: the learned texture is not in m/s², and its level is that of the sensor's numbers",

@@ -64,7 +64,7 @@ pub struct RawHead<'a> {
     pub calibration: &'a Calibration,
     /// The hand's movement.
     pub gesture: Gesture,
-    /// Its origin.
+    /// The origin.
     pub provenance: &'a Provenance,
 }
 
@@ -125,7 +125,7 @@ impl Default for Calibration {
 /// The hand's movement in a recording. It decides which part of a surface can be learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Gesture {
-    /// Dragging freely at all speeds and forces: texture (and friction where there is no better recording).
+    /// Dragging freely at all speeds and forces: texture (and friction if there is no better recording).
     #[default]
     Drag,
     /// Smooth circles: friction.
@@ -232,7 +232,7 @@ impl Recording {
         self.gesture
     }
 
-    /// Its origin.
+    /// The origin.
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
     }
@@ -374,7 +374,7 @@ impl ProcessedRecording {
         self.gesture
     }
 
-    /// Its origin.
+    /// The origin.
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
     }
@@ -399,7 +399,7 @@ impl AnyRecording {
         }
     }
 
-    /// Its origin.
+    /// The origin.
     pub fn provenance(&self) -> &Provenance {
         match self {
             AnyRecording::Raw(recording) => &recording.provenance,
@@ -452,7 +452,7 @@ pub enum RecordingError {
     )]
     Calibration,
     #[error(
-        "motion, force and acceleration never overlap: the last begins at {} s, the first ends at {} s; check their start times",
+        "motion, force and acceleration do not overlap in time: the last begins at {} s, the first ends at {} s; check their start times",
         shown(*begin_s), shown(*end_s)
     )]
     NoOverlap { begin_s: f64, end_s: f64 },

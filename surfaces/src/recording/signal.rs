@@ -8,11 +8,11 @@ use std::io::BufRead;
 /// A signal from a CSV file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// Its name in the header; for combined axes, all three.
+    /// The name in the header; for combined axes, all three.
     pub name: String,
-    /// Its samples, in SI if the name contains the unit, as in [`read_csv`](super::read_csv).
+    /// The samples, in SI if the name contains the unit, as in [`read_csv`](super::read_csv).
     pub values: Vec<f64>,
-    /// Their unit, such as `m/s2`, if the name contains it.
+    /// The unit, such as `m/s2`, if the name contains it.
     pub unit: Option<&'static str>,
     /// Samples per second, from a column `time_s` (or `time_ms`) or a line `# rate_hz: 10000` above the header.
     pub rate_hz: Option<f64>,

@@ -110,7 +110,7 @@ pub fn assemble(folder: &Path, path: &Path) -> io::Result<()> {
     if rows.iter().any(|rows| *rows < 2) {
         let [motion, wrench, acceleration] = rows;
         return Err(io::Error::other(format!(
-            "a recording needs two samples of each sensor; here are {motion} poses, {wrench} loads and {acceleration} accelerations"
+            "a recording needs two samples of each sensor; this one has {motion} poses, {wrench} loads and {acceleration} accelerations"
         )));
     }
     write_atomically_by(path, |to| write_archive(folder, &head, rows, to))

@@ -1,4 +1,4 @@
-"""From what people have to arrays of float64, or an error that says why not."""
+"""Conversion of arguments to arrays of float64, with an error for each invalid one."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def shared(name: str, values: Any) -> np.ndarray:
 def _numbers(name: str, values: Any) -> np.ndarray:
     """Real numbers as an array of any type."""
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
-        raise Error(f"`{name}` has masked values: fill them, or leave them out")
+        raise Error(f"`{name}` has masked values: fill or remove them")
     try:
         given = np.asarray(values)
         if given.dtype == object:
             # A list of unlike things, or numbers that NumPy has no type for.
             given = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise Error(f"`{name}` is no array of numbers: {error}") from None
+        raise Error(f"`{name}` is not an array of numbers: {error}") from None
     if given.dtype.kind not in "biuf":
         raise Error(f"`{name}` is of type {given.dtype}: give real numbers")
     if given.size > _MOST_NUMBERS:
@@ -68,7 +68,7 @@ def writable(name: str, given: Any, shape: tuple[int, ...]) -> np.ndarray:
     if given.shape != shape:
         raise Error(f"`{name}` has shape {given.shape}: give {shape}, that of the result")
     if not (given.flags.c_contiguous and given.flags.aligned and given.flags.writeable):
-        raise Error(f"`{name}` is read-only, or its numbers do not follow one another: give an array as np.empty makes it")
+        raise Error(f"`{name}` is read-only or not contiguous: give an array like that of np.empty")
     return given
 
 

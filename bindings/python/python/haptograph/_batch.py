@@ -13,16 +13,16 @@ from ._errors import Error
 
 @dataclass(frozen=True)
 class Rendered:
-    """What :func:`batch` did.
+    """The result of :func:`batch`.
 
     Attributes
     ----------
     chunks : int
-        Chunks of the part that was asked for.
+        Number of chunks of the requested part.
     rendered, kept : int
-        Of these, rendered now, and there already.
+        Numbers of these chunks that were rendered now, and that existed already.
     replaced : list of path
-        Files that were not the chunk that they should be; they were rendered again.
+        Files that did not hold their chunk; they were rendered again.
     complete : bool
         Whether every chunk of the whole data set is in the folder.
     """
@@ -41,20 +41,21 @@ def batch(
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Rendered:
-    """Render a data set, as ``haptograph batch`` does: what is missing or broken in the folder, and nothing else.
+    """Render the chunks of a data set that are missing or damaged in the folder, as ``haptograph batch`` does.
 
     Parameters
     ----------
     plan : path
         The plan's file.
     folder : path
-        Where the chunks go.
+        Folder for the chunks.
     shard : (int, int), optional
         ``(k, n)`` renders part k, from 1, of n.
     threads : int, optional
-        Chunks that are rendered at a time; all cores where it is not given.
+        Number of chunks rendered at a time; by default one for each core.
     progress : callable, optional
-        Called with the part done, 0 to 1. Ctrl-C, or what it raises, ends the call where a further one goes on.
+        Called with the fraction done, 0 to 1. Ctrl-C, or an exception that it raises, ends the call; a later call
+        continues there.
     """
     if shard is not None:
         try:
@@ -71,21 +72,22 @@ def merge(
     folder: str | os.PathLike[str],
     progress: Callable[[float], object] | None = None,
 ) -> tuple[int, int]:
-    """Make one folder of the parts of a data set: to the bit what one call of :func:`batch` would have left.
+    """Merge the parts of a data set into one folder, identical to that of one call of :func:`batch`.
 
     Parameters
     ----------
     parts : sequence of path
         The folders of all parts.
     folder : path
-        Where the chunks go.
+        Folder for the chunks.
     progress : callable, optional
-        Called with the part done, 0 to 1. Ctrl-C, or what it raises, ends the call where a further one goes on.
+        Called with the fraction done, 0 to 1. Ctrl-C, or an exception that it raises, ends the call; a later call
+        continues there.
 
     Returns
     -------
     (int, int)
-        How many chunks and jobs it has.
+        Numbers of chunks and jobs of the data set.
     """
     return _native.merge(
         [path_name("parts", part) for part in items("parts", parts)], path_name("folder", folder), progress

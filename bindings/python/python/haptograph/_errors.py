@@ -1,4 +1,4 @@
-"""What fails, as exceptions."""
+"""Exceptions of the package."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Any
 
 
 class Error(ValueError):
-    """A call failed; the text says what is wrong and what to do.
+    """Error of a call; its text states the cause and the remedy.
 
     Attributes
     ----------
     code : str
-        Of a graph's first error, ``"E0204"``, as docs/diagnostics.md lists them; empty for others.
+        Code of the first error of a graph, ``"E0204"``, from docs/diagnostics.md; empty for other errors.
     span : tuple of int, optional
-        The first error's place in its file: first byte, and one past the last.
+        Position of the first error in its file: first byte, and one past the last.
     help : list of str
-        What to do about it, one line each.
+        Remedies, one line each.
     """
 
     code: str = ""
@@ -29,20 +29,20 @@ class Error(ValueError):
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """One thing that is wrong with a graph, or a warning of it.
+    """An error or a warning of a graph.
 
     Attributes
     ----------
     code : str
-        Stable: docs/diagnostics.md lists them.
+        Stable code, listed in docs/diagnostics.md.
     severity : str
         ``"error"`` or ``"warning"``.
     message : str
-        What is wrong, in a sentence.
+        The error in one sentence.
     help : list of str
-        What to do about it, one line each.
+        Remedies, one line each.
     file, line, column, span
-        Where: line and column count from 1, the span in bytes; None where the graph has no text there.
+        Position: line and column count from 1, the span is in bytes; None if the error has no position in a text.
     """
 
     code: str
@@ -56,12 +56,12 @@ class Diagnostic:
 
 
 class GraphError(Error):
-    """A graph has errors; the text shows them as the terminal does.
+    """Errors of a graph; the text shows them as on the terminal.
 
     Attributes
     ----------
     diagnostics : list of Diagnostic
-        All of them, warnings too.
+        All errors and warnings.
     """
 
     def __init__(self, rendered: str, found: list[dict[str, Any]]) -> None:

@@ -43,7 +43,7 @@ def _checking(set: Mapping[str, Any] | None, seed: int | None, endpoints: str | 
     try:
         given = [(name, _ron(value)) for name, value in by_name("set", set).items()]
     except RecursionError:
-        raise Error("`set` has lists in one another without end: give a list of numbers or strings") from None
+        raise Error("`set` has a list that contains itself: give a list of numbers or strings") from None
     return {
         "set": given,
         "seed": None if seed is None else whole("seed", seed),
@@ -61,7 +61,7 @@ class Graph:
     _inner: _native.Graph
 
     def __init__(self) -> None:
-        raise Error("a Graph comes of `Graph.load` or `Graph.parse`")
+        raise Error("a Graph is made by `Graph.load` or `Graph.parse`")
 
     @classmethod
     def _of(cls, native: _native.Graph) -> Graph:
@@ -83,20 +83,20 @@ class Graph:
         Parameters
         ----------
         path : path
-            The file; what it names is looked for beside it.
+            The graph file. Paths in it are relative to its folder.
         set : dict, optional
             Parameters in place of the file's: numbers, strings, lists, or RON as a string.
         seed : int, optional
-            Of all random streams, in place of the file's.
+            Seed of all random streams, in place of the file's.
         endpoints : str, optional
-            The set of endpoints that devices are taken from; ``"simulated"`` where it is not given.
+            The set of endpoints that supplies the devices; ``"simulated"`` by default.
         nodes : list of classes, optional
-            Kinds of nodes of your own, each derived from :class:`Node`, which the graph uses by the names of the classes.
+            Your own kinds of nodes, classes derived from :class:`Node`. The graph uses them by their class names.
 
         Raises
         ------
         GraphError
-            With everything that is wrong, as the terminal shows it.
+            If the graph has errors; its text is that of the terminal.
         """
         return cls._of(_native.Graph.load(path_name("path", path), _checking(set, seed, endpoints), natives(nodes)))
 
@@ -110,48 +110,51 @@ class Graph:
         endpoints: str | None = None,
         nodes: Sequence[type[Node]] = (),
     ) -> Graph:
-        """The same from a text; `path` is of the file that it stands for, beside which it looks for others."""
+        """Read and check a graph from its text.
+
+        Messages name it `path`, and paths in it are relative to the folder of `path`.
+        """
         checking = _checking(set, seed, endpoints)
         return cls._of(_native.Graph.parse(string("text", text), path_name("path", path), checking, natives(nodes)))
 
     @property
     def about(self) -> str:
-        """What it is about."""
+        """The description in the graph file."""
         return self._inner.about
 
     @property
     def seed(self) -> int:
-        """Of its random streams."""
+        """Seed of the random streams."""
         return self._inner.seed
 
     @property
     def parameters(self) -> dict[str, str]:
-        """Parameters and their defaults, as written."""
+        """Parameters and their defaults, as in the file."""
         return dict(self._inner.parameters())
 
     @property
     def clocks(self) -> dict[str, float]:
-        """Rates of its clocks, Hz."""
+        """Rates of the clocks, Hz."""
         return dict(self._inner.clocks())
 
     @property
     def outputs(self) -> list[str]:
-        """Everything that can be probed."""
+        """Outputs that can be probed."""
         return [name for name, *_ in self._inner.outputs()]
 
     @property
     def inputs(self) -> dict[str, tuple[int, str]]:
-        """Channels that can be fed: components and unit of each."""
+        """Channels that you can feed, with the number of components and the unit of each."""
         return {name: (components, unit) for name, components, unit in self._inner.channels()[0]}
 
     @property
     def settings(self) -> dict[str, float]:
-        """Settings that a player can turn while it runs, and their values."""
+        """Settings that a player can change during the run, and their values."""
         return {name: value for name, value, *_ in self._inner.settings()}
 
     @property
     def warnings(self) -> list[Diagnostic]:
-        """What is probably not meant."""
+        """Warnings of the check."""
         return [Diagnostic(**one) for one in self._inner.warnings()[1]]
 
     def run(
@@ -164,35 +167,35 @@ class Graph:
         folder: str | os.PathLike[str] | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> Run:
-        """Run it as fast as the processor allows.
+        """Run the graph as fast as the processor allows.
 
         Parameters
         ----------
         seconds : float, optional
-            How long, in its own time: as long as `inputs` last, or 10 s, where it is not given.
+            Duration of the run, s. By default the run lasts as long as `inputs`, or 10 s.
         set, seed
-            As of :meth:`load`, on top of what was set there.
+            As for :meth:`load`; these values override those given there.
         inputs : dict, optional
-            Arrays for channels of endpoints, ``{"stylus.force": newtons}``: one frame a tick of the channel, shape
-            (frames,) or (frames, components), or one number for all time. Whoever feeds an endpoint feeds all of its
-            channels; the other endpoints stay as they are in the file.
+            Arrays for channels of endpoints, ``{"stylus.force": newtons}``: one frame for each tick of the channel,
+            shape (frames,) or (frames, components), or one number for the whole run. All channels of an endpoint must
+            be fed, or none; the other endpoints stay as in the file.
         probes : list of str, optional
-            Outputs to keep, ``"texture.output"``; where it is not given, what the page of a run shows.
+            Outputs to keep, ``"texture.output"``. By default those that the page of a run shows.
         folder : path, optional
-            Where the graph's file sinks write. It is made; nothing in it is replaced. None: they write nothing.
+            Folder for the graph's file sinks. It is created; existing files are not replaced. None: they write nothing.
         progress : callable, optional
-            Called with the part done, 0 to 1, now and then.
+            Called from time to time with the fraction done, 0 to 1.
 
         Returns
         -------
         Run
-            The same graph with the same seed gives the same bits as the command.
+            The signals and the outcome. The same graph with the same seed gives the same bits as the command.
 
         Raises
         ------
         GraphError
-            Where a :class:`Node` of yours raises an exception, with code ``"E0801"`` and the exception as its cause. Files
-            are complete up to there.
+            If your :class:`Node` raises an exception: code ``"E0801"``, with the exception as the cause. Files are
+            complete up to that frame.
         """
         fed = [(name, *frames(name, values)) for name, values in by_name("inputs", inputs).items()]
         request = {
@@ -213,20 +216,20 @@ class Graph:
         folder: str | os.PathLike[str] | None = None,
         rested: bool = True,
     ) -> Player:
-        """Run it in blocks, from your own loop. A graph with a :class:`Node` in Python is refused.
+        """Run the graph in blocks, from your own loop. A graph with a :class:`Node` in Python is refused.
 
         Parameters
         ----------
         set, seed
-            As of :meth:`load`, on top of what was set there.
+            As for :meth:`load`; these values override those given there.
         hosted : list of str, optional
-            The endpoints that you feed and hear; all of them where it is not given.
+            The endpoints whose inputs you feed and whose outputs you read; all by default.
         probes : list of str
-            Outputs whose frames :meth:`Player.process` gives as well.
+            Outputs whose frames :meth:`Player.process` returns as well.
         folder : path, optional
-            Where the graph's file sinks write; it has to be there.
+            Folder for the graph's file sinks; it must exist.
         rested : bool
-            Whether actuators are known to be cold. Say False for real ones that may be warm.
+            Whether the actuators are known to be cold. Give False for real actuators that may be warm.
         """
         folder = None if folder is None else path_name("folder", folder)
         given = _names("hosted", hosted)

@@ -1,4 +1,4 @@
-"""Kinds of nodes that are written in Python, to try an idea offline."""
+"""Kinds of nodes that are written in Python, for offline prototypes."""
 
 from __future__ import annotations
 
@@ -24,13 +24,15 @@ class Port:
     Attributes
     ----------
     quantity : str
-        ``"force"``, ``"speed"``, ``"acceleration"``, ...: a graph that connects another one is refused.
+        Name of the quantity: ``"force"``, ``"speed"``, ``"acceleration"``, ... A connection with another quantity is
+        refused.
     kind : str
-        Shape of a frame: ``"scalar"``, ``"3-vector"``, ``"wrench"``, or another that ``haptograph nodes`` shows.
+        Shape of a frame: ``"scalar"``, ``"3-vector"``, ``"wrench"``, or another kind from the list of ``haptograph
+        nodes``.
     optional : bool
-        Of an input: need it not be connected? It is None then.
+        For an input: whether it may stay unconnected. Its value is then None.
     doc : str
-        What it is, in a sentence.
+        Description in one sentence.
     """
 
     quantity: str = "number"
@@ -46,12 +48,12 @@ class Setting:
     Attributes
     ----------
     default : object
-        A number, a whole number from 0, a bool, a string or a list of numbers, and with it the type; or one of the types
-        ``float``, ``int``, ``bool`` and ``str``, where a graph has to give the setting.
+        Default value, which also decides the type: a number, a whole number from 0, a bool, a string or a list of
+        numbers. For a setting that a graph must give: one of the types ``float``, ``int``, ``bool`` and ``str``.
     low, high : float, optional
-        The smallest and the largest number; both or neither.
+        Smallest and largest value of a number; give both or neither.
     doc : str
-        What it is, in a sentence, with its unit.
+        Description in one sentence, with the unit.
     """
 
     default: Any
@@ -61,17 +63,17 @@ class Setting:
 
 
 class Node:
-    """A kind of node in Python: derive a class, and give it to :meth:`Graph.load` by ``nodes=[...]``.
+    """Base class of a kind of node in Python. Pass your class to :meth:`Graph.load` by ``nodes=[...]``.
 
-    A graph file uses it by the name of the class, like any kind of node, and its ports and settings are checked like theirs.
-    It is slow: :meth:`Graph.run` takes it, players and live runs refuse it. The class has one of two methods:
+    A graph file uses it by the name of the class, and its ports and settings are checked like those of every kind. It is
+    slow: :meth:`Graph.run` accepts it, players and live runs refuse it. The class has one of two methods:
 
     - ``tick(self, time, **inputs)`` computes one frame. Inputs are numbers, or arrays of the components.
     - ``process(self, times, **inputs)`` computes many frames in NumPy. Inputs are arrays, of shape (frames,) or
-      (frames, components). How many frames a call has is up to haptograph, down to one where the node is part of a loop,
-      and the result must not depend on it: keep what is needed of the past in ``self``.
+      (frames, components). The number of frames of a call varies, down to one if the node is part of a loop, and the
+      result must not depend on it: keep the state in ``self``.
 
-    Times are in s. What is returned is the output, or a tuple in the order of `outputs`, or a dictionary by name.
+    Times are in s. Return the output, a tuple in the order of `outputs`, or a dictionary by name.
 
     >>> class Smoothed(hg.Node):                             # doctest: +SKIP
     ...     '''A first-order low-pass of a force.'''
@@ -90,15 +92,15 @@ class Node:
     Attributes
     ----------
     inputs, outputs : dict
-        Of the class: :class:`Port`, or the name of a quantity, by name.
+        Class attributes: a :class:`Port`, or the name of a quantity, by name of the port.
     settings : dict
-        Of the class: :class:`Setting`, or its default, by name.
+        Class attribute: a :class:`Setting`, or its default, by name of the setting.
     path : str
-        Its name in the graph.
+        Path of the node in the graph.
     rate : float
-        Frames a second.
+        Frames per second.
     seed : int
-        For ``numpy.random.default_rng``: it depends on the graph's seed and the node's path.
+        Seed for ``numpy.random.default_rng``, from the graph's seed and the node's path.
     """
 
     inputs: ClassVar[Mapping[str, Port | str]] = {}
@@ -109,7 +111,7 @@ class Node:
     seed: int
 
     def start(self, **settings: Any) -> None:
-        """Called before the first frame of a run, and when a graph is checked; by default it keeps settings as attributes."""
+        """Called before the first frame of a run, and when a graph is checked; by default it stores settings."""
         vars(self).update(settings)
 
 
@@ -123,13 +125,13 @@ _TYPES: dict[type, Any] = {float: 0.0, int: 0, bool: False, str: ""}
 def natives(nodes: Sequence[type[Node]]) -> list[_native.NodeClass]:
     """The classes as kinds of nodes; each is described once and stays as it was then."""
     if isinstance(nodes, (str, type)) or not isinstance(nodes, Sequence):
-        raise Error("`nodes` is no list: give a list of classes, nodes=[MyNode]")
+        raise Error("`nodes` is not a list: give a list of classes, nodes=[MyNode]")
     return [_native_class(node) for node in nodes]
 
 
 def _native_class(node: type[Node]) -> _native.NodeClass:
     if not (isinstance(node, type) and issubclass(node, Node) and node is not Node):
-        raise Error(f"{node!r} is no kind of node: give a class that is derived from hg.Node")
+        raise Error(f"{node!r} is not a kind of node: give a class that is derived from hg.Node")
     known = vars(node).get("_native_class")
     if known is None:
         known = _described(node)
@@ -140,16 +142,16 @@ def _native_class(node: type[Node]) -> _native.NodeClass:
 def _described(node: type[Node]) -> _native.NodeClass:
     name = node.__name__
     if sum(callable(getattr(node, way, None)) for way in ("tick", "process")) != 1:
-        raise Error(f"`{name}`: give it a method `tick`, for one frame, or `process`, for many, and not both")
+        raise Error(f"`{name}` must have a method `tick`, for one frame, or `process`, for many frames, and not both")
     inputs, outputs = _ports(name, "inputs", node.inputs), _ports(name, "outputs", node.outputs)
     settings = [_setting(name, *one) for one in _items(name, "settings", node.settings)]
     taken = next((one[0] for one in settings if one[0] in _OWN), None)
     if taken:
-        raise Error(f"`{name}.settings` has the name {taken!r}: a node has that already; give another one")
+        raise Error(f"`{name}.settings` has the name {taken!r}, which every node has already: choose another name")
     fields = [one[0] for one in inputs + settings]
     twice = sorted({field for field in fields if fields.count(field) > 1})
     if twice:
-        raise Error(f"`{name}`: `{twice[0]}` is an input and a setting")
+        raise Error(f"`{name}`: `{twice[0]}` is both an input and a setting: rename one of them")
     return _native.NodeClass(node, name, inspect.cleandoc(node.__doc__ or ""), inputs, outputs, settings)
 
 
@@ -158,7 +160,7 @@ def _items(kind: str, what: str, given: Any) -> list[tuple[str, Any]]:
         raise Error(f"`{kind}.{what}` is a {type(given).__name__}: give a dictionary by name")
     for name in given:
         if not isinstance(name, str) or not _NAME.fullmatch(name) or name in _TAKEN:
-            raise Error(f"`{kind}.{what}` has the name {name!r}: give another one, of letters, digits and _")
+            raise Error(f"`{kind}.{what}` has the name {name!r}: choose another name, of letters, digits and _")
     return list(given.items())
 
 
@@ -182,17 +184,17 @@ def _setting(kind: str, name: str, given: Any) -> tuple[str, Any, bool, tuple[fl
         default = [number(what, one) for one in default]
     elif isinstance(default, int) and not isinstance(default, bool):
         if not 0 <= default < 2**64:
-            raise Error(f"`{what}` is {default}: a whole number is not negative here; write {default}.0 for any number")
+            raise Error(f"`{what}` is {default}: a whole number must not be negative; write {default}.0 for a float")
     elif not isinstance(default, (bool, str)):
         default = number(what, default)
     bounds = (setting.low, setting.high)
     if bounds == (None, None):
         return name, default, required, None, str(setting.doc)
     if None in bounds or isinstance(default, (bool, str, list)):
-        raise Error(f"`{what}`: `low` and `high` are of a number, both or neither")
+        raise Error(f"`{what}`: `low` and `high` apply to numbers: give both or neither")
     low, high = number(f"{what}.low", setting.low), number(f"{what}.high", setting.high)
     if not (required or low <= default <= high):
-        raise Error(f"`{what}` is {default}, and not from {low} to {high}")
+        raise Error(f"`{what}` is {default}, outside of {low} to {high}")
     return name, default, required, (low, high), str(setting.doc)
 
 
@@ -240,7 +242,7 @@ def _named(outputs: list[str], returned: Any) -> Mapping[str, Any]:
         )
     if set(found) != set(outputs) or any(value is None for value in found.values()):
         names = ", ".join(outputs)
-        raise Error(f"it returned {type(returned).__name__}, not its outputs ({names}): return one value for each")
+        raise Error(f"the node returned {type(returned).__name__}, not the outputs {names}: return one value for each")
     return found
 
 

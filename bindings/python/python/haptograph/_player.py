@@ -1,4 +1,4 @@
-"""Graphs in loops of their users."""
+"""Runs of a graph in blocks, from the caller's loop."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Player:
-    """A graph in your own loop: see :meth:`Graph.player`. Ends with the ``with`` block.
+    """A run of a graph from your own loop: see :meth:`Graph.player`. The run ends with the ``with`` block.
 
     >>> with graph.player() as player:                       # doctest: +SKIP
     ...     for position, force in hand:
@@ -28,7 +28,7 @@ class Player:
     _inner: _native.Player
 
     def __init__(self) -> None:
-        raise Error("a Player comes of `Graph.player`")
+        raise Error("a Player is made by `Graph.player`")
 
     @classmethod
     def _of(cls, native: _native.Player) -> Player:
@@ -38,7 +38,7 @@ class Player:
 
     @property
     def rate(self) -> float:
-        """Frames a second of :meth:`process`."""
+        """Rate of the frames that :meth:`process` counts, Hz."""
         return self._inner.rate
 
     @property
@@ -62,19 +62,19 @@ class Player:
         return self._inner.state()[1]
 
     def set(self, name: str, frame: Any, at: float | None = None) -> None:
-        """From the next tick on, or from `at` (s of the run) on, an input has this frame: a number or a vector."""
+        """Set the frame of an input, a number or a vector, from the next tick or from the time `at` (s) on."""
         made = np.atleast_1d(finite(name, array(name, frame)))
         if made.ndim != 1:
             raise Error(f"`{name}` has shape {made.shape}: give one frame, or `push` several")
         self._inner.set(string("name", name), made, None if at is None else number("at", at, 0))
 
     def push(self, name: str, frames: Any) -> int:
-        """Frames for the next ticks of an input, shape (frames,) or (frames, components).
+        """Queue frames for the next ticks of an input, shape (frames,) or (frames, components).
 
         Returns
         -------
         int
-            How many found room: a second's worth waits at most.
+            Number of frames queued: the queue holds one second.
         """
         made, one = several(name, frames)
         if one:
@@ -82,34 +82,34 @@ class Player:
         return self._inner.push(string("name", name), made)
 
     def process(self, frames: int, inputs: Mapping[str, Any] | None = None) -> dict[str, np.ndarray]:
-        """Run so many frames of the driver.
+        """Run a number of frames of the driver.
 
         Parameters
         ----------
         frames : int
-            At :attr:`rate`.
+            Number of frames, at :attr:`rate`.
         inputs : dict, optional
-            Frames that are :meth:`set` before.
+            Frames that are set first, as by :meth:`set`.
 
         Returns
         -------
         dict of ndarray
-            The frames that every output and probe has put out since, shape (frames,) or (frames, components).
+            The new frames of every output and probe, shape (frames,) or (frames, components).
         """
         for name, frame in by_name("inputs", inputs).items():
             self.set(name, frame)
         return self._inner.process(whole("frames", frames))
 
     def turn(self, setting: str, value: float) -> None:
-        """Set a live setting, ``"out.gain"``; it glides there in 20 ms."""
+        """Set a live setting, ``"out.gain"``; its value ramps in 20 ms."""
         self._inner.turn(string("setting", setting), number("value", value))
 
     def stop(self) -> None:
-        """Fade out in 10 ms, from the next :meth:`process` on."""
+        """Fade the outputs out in 10 ms, from the next :meth:`process` on."""
         self._inner.stop()
 
     def finish(self) -> Outcome | None:
-        """End the run and complete its files; None where it was ended before."""
+        """End the run and complete its files. Returns None if the run has already been ended."""
         told = self._inner.finish()
         return None if told is None else Outcome(**told)
 

@@ -42,26 +42,26 @@ def read(
         The file's column by quantity: ``{"speed": "v"}``. Quantities are accel, accel_x, speed, force_normal and so
         on: docs/learning.md lists them.
     units : dict, optional
-        The unit by quantity, where the header does not say it: ``{"accel": "g"}``.
+        The unit by quantity, if the header does not state it: ``{"accel": "g"}``.
     constants : dict, optional
-        Quantities that do not change, their unit in the name: ``{"speed_mm_s": 100}``.
+        Constant quantities, with the unit in the name: ``{"speed_mm_s": 100}``.
     rate : float, optional
-        Samples a second, whatever the rows' times.
+        Samples per second, in place of the times of the rows.
     full_scale : float, optional
-        What a sample of 1.0 in a WAV file stands for, m/s2.
+        The acceleration of a sample of 1.0 in a WAV file, m/s2.
     gesture : {"drag", "circle", "tap", "press"}, optional
-        What the hand did, where the file does not say it or says it wrong.
+        The gesture of the hand, if the file does not state it or states it wrongly.
     strict : bool
-        Refuse what would be repaired: jittering times, missing cells, single outliers.
+        Refuse a file that would be repaired: jittering times, missing cells, single outliers.
 
     Returns
     -------
     Recording
-        ``recording.findings`` says what was found and repaired.
+        The recording; ``recording.findings`` lists the faults that were found and repaired.
     """
     paths = [path] if isinstance(path, (str, bytes, os.PathLike)) else items("path", path)
     if not paths:
-        raise Error("there is no file to read")
+        raise Error("there is no file to read: `path` is an empty list")
     settings = {
         "columns": _pairs("columns", columns),
         "units": _pairs("units", units),
@@ -75,25 +75,25 @@ def read(
 
 
 class Recording:
-    """What a tool felt: acceleration, forces and speed, at one rate.
+    """The signals of a tool: acceleration, forces and speed, at one rate.
 
     Parameters
     ----------
     acceleration : array_like
-        Along one axis, m/s2. Where its mean is not that of a vibration above 20 Hz, as with gravity, it is high-passed
-        at 20 Hz, and `findings` says so.
+        Acceleration along one axis, m/s2. If it contains gravity or another offset, it is high-passed at 20 Hz, and
+        `findings` says so.
     force : array_like
-        How hard the tool presses, N; as long.
+        Normal force of the tool, N; of the same length.
     speed : array_like
-        Of the tip, m/s; as long.
+        Speed of the tip, m/s; of the same length.
     rate : float
-        Samples a second of all of them.
+        Samples per second of all arrays.
     tangential : array_like, optional
-        Friction, N, positive against the motion; as long.
+        Friction force, N, positive against the motion; of the same length.
     gesture : {"drag", "circle", "tap", "press"}
-        What the hand did, and so what is learned from it.
+        The gesture of the hand, which decides what is learned from the recording.
     source : str
-        Where it comes from, in words.
+        Description of the source.
     """
 
     _inner: _native.Recording
@@ -125,17 +125,17 @@ class Recording:
 
     @classmethod
     def from_pandas(cls, table: pandas.DataFrame, rate: float | None = None, gesture: str = "drag") -> Recording:
-        """Make a recording of a table as :meth:`to_pandas` gives it.
+        """Make a recording from a table like that of :meth:`to_pandas`.
 
         Parameters
         ----------
         table : pandas.DataFrame
-            With columns ``acceleration``, ``force`` and ``speed``, perhaps ``tangential``, in SI units. The index is
-            the time in s, even, unless `rate` is given.
+            A table with the columns ``acceleration``, ``force`` and ``speed``, optionally ``tangential``, in SI units.
+            Unless `rate` is given, the index is the time in s, at even steps.
         rate : float, optional
-            Samples a second.
+            Samples per second.
         gesture : str
-            What the hand did.
+            The gesture of the hand.
         """
         missing = [name for name in ("acceleration", "force", "speed") if name not in table]
         if missing:
@@ -144,7 +144,7 @@ class Recording:
             times = line("the index", table.index.to_numpy())
             steps = np.diff(times)
             if len(steps) == 0 or steps.mean() <= 0 or np.abs(steps - steps.mean()).max() > 1e-3 * steps.mean():
-                raise Error("the index is no even time in s: give `rate`, or write a CSV file and `read` it")
+                raise Error("the index is not a time in s at even steps: give `rate`, or `read` a CSV file")
             rate = 1 / steps.mean()
             # Times of a decimal rate are rounded; the rate is not.
             rate = float(np.round(rate, 6))
@@ -153,37 +153,37 @@ class Recording:
 
     @property
     def is_processed(self) -> bool:
-        """Whether it holds accelerations, forces and speeds, not sensor readings: see :meth:`processed`."""
+        """Whether the recording has accelerations, forces and speeds, not sensor readings: see :meth:`processed`."""
         return self._inner.is_processed
 
     @property
     def gesture(self) -> str:
-        """What the hand did: drag, circle, tap or press."""
+        """The gesture of the hand: drag, circle, tap or press."""
         return self._inner.gesture
 
     @property
     def origin(self) -> str:
-        """simulated, measured, imported or procedural: nothing simulated passes for measured."""
+        """simulated, measured, imported or procedural; simulated data are never marked as measured."""
         return self._inner.origin
 
     @property
     def source(self) -> str:
-        """Where it comes from, in words."""
+        """Description of the source."""
         return self._inner.source
 
     @property
     def findings(self) -> list[str]:
-        """What was found in its file or arrays, and repaired."""
+        """Faults that were found in the file or the arrays, and repaired."""
         return self._inner.findings
 
     @property
     def rate(self) -> float:
-        """Samples a second."""
+        """Samples per second."""
         return self._inner.rate
 
     @property
     def acceleration(self) -> Samples:
-        """High-passed and on one axis, m/s2, shape (samples,); a copy, as are the others."""
+        """Acceleration along one axis, high-passed, m/s2, shape (samples,). This and the other arrays are copies."""
         return Samples.of(self._inner.acceleration(), self.rate, "acceleration", "m/s2")
 
     @property
@@ -198,34 +198,34 @@ class Recording:
 
     @property
     def tangential(self) -> Samples | None:
-        """Friction, N, shape (samples,); None where it was not recorded."""
+        """Friction force, N, shape (samples,); None if it was not recorded."""
         friction = self._inner.tangential()
         return None if friction is None else Samples.of(friction, self.rate, "force", "N")
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
+        """Duration, s."""
         return len(self) / self.rate
 
     def __len__(self) -> int:
         return self._inner.samples
 
     def processed(self, rate: float | None = None) -> Recording:
-        """Accelerations, forces and speeds of sensor readings, as `learn` processes them.
+        """Convert sensor readings to accelerations, forces and speeds, as `learn` does.
 
         Parameters
         ----------
         rate : float, optional
-            Bring it down to this rate, Hz.
+            Rate to resample to, Hz, below that of the recording.
         """
         return Recording._of(self._inner.processed(None if rate is None else number("rate", rate, 0, above=True)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it: as CSV where the name ends so, else as haptograph's own archive. A file that is there is replaced."""
+        """Write a CSV file if the name ends in .csv, else haptograph's archive. Replaces an existing file."""
         self._inner.save(path_name("path", path))
 
     def to_pandas(self) -> pandas.DataFrame:
-        """A table by time in s; ``table.attrs["units"]`` has the units."""
+        """A table over time in s; ``table.attrs["units"]`` has the units."""
         import pandas
 
         columns = {"acceleration": self.acceleration, "force": self.force, "speed": self.speed}
@@ -238,7 +238,7 @@ class Recording:
 
     def __repr__(self) -> str:
         if not self.is_processed:
-            return f"<Recording of {self.gesture}, {self.origin}, as its sensors gave it>"
+            return f"<Recording of {self.gesture}, {self.origin}, sensor readings>"
         return f"<Recording of {self.gesture}, {self.origin}: {self.seconds:g} s at {self.rate:g} Hz>"
 
     def _repr_html_(self) -> str:

@@ -1,4 +1,4 @@
-"""What a run leaves: signals with their units, and what it did."""
+"""The result of a run: signals with their units, and the outcome."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Signal:
-    """What an output of a graph put out.
+    """The signal of an output of a graph.
 
     Attributes
     ----------
     name : str
         ``node.output``.
     values : ndarray
-        Shape (frames,) of scalars, (frames, components) of others.
+        Shape (frames,) for scalars, (frames, components) for other kinds.
     rate : float
-        Frames a second.
+        Frames per second.
     unit : str
-        SI, ``"m/s2"``; ``"1"`` of plain numbers.
+        SI unit, ``"m/s2"``; ``"1"`` for plain numbers.
     quantity : str or None
-        ``"acceleration"``, where the quantity has a name.
+        Name of the quantity, ``"acceleration"``; None if it has no name.
     kind : str
         Shape of a frame: scalar, 3-vector, wrench, contact, and others.
     components : list of str
         Names of the columns.
     simulated : bool
-        Whether a simulated device had a part in it.
+        Whether the signal depends on a simulated device.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Signal:
 
     @property
     def times(self) -> np.ndarray:
-        """Of its frames, s."""
+        """Times of the frames, s."""
         return np.arange(len(self.values)) / self.rate
 
     def __len__(self) -> int:
@@ -60,7 +60,7 @@ class Signal:
         return values.copy() if copy else values
 
     def to_pandas(self) -> pandas.Series | pandas.DataFrame:
-        """A series, or a table by component, by time in s; ``attrs`` has unit and quantity."""
+        """A series, or a table with a column for each component, over time in s; ``attrs`` has unit and quantity."""
         import pandas
 
         index = pandas.Index(self.times, name="time (s)")
@@ -85,24 +85,25 @@ class Signal:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run did.
+    """The outcome of a run.
 
     Attributes
     ----------
     frames : int
-        Of the graph's driver.
+        Number of frames of the graph's driver.
     seconds : float
-        The same in s.
+        Duration of the run, s.
     not_finite_ticks : int
-        Ticks at which an actuator was given NaN or infinity, and got zero.
+        Ticks at which an actuator received NaN or infinity; its output was forced to zero.
     not_finite_node : str or None
-        Where they came from first.
+        The node that first output NaN or infinity.
     limited : dict
-        Of each actuator how many ticks there were, and how many were held back by each limit: peak, continuous, slew.
+        For each actuator the number of ticks, and the number at which each limit reduced its signal: peak, continuous,
+        slew.
     panicked : bool
-        Whether a node panicked, which is a fault of haptograph.
+        Whether a node panicked, which is an internal error of haptograph.
     python_nodes : dict
-        The nodes that are written in Python, and so are slow and offline only: class by path.
+        The nodes that are written in Python, which are slow and run offline only: class by path.
     """
 
     frames: int
@@ -123,7 +124,7 @@ class Run(Mapping[str, Signal]):
 
     def __getitem__(self, name: str) -> Signal:
         if name not in self._signals:
-            raise KeyError(f"{name}: the run kept {', '.join(self._signals) or 'nothing'}; ask for others by `probes`")
+            raise KeyError(f"{name}: the run kept {', '.join(self._signals) or 'nothing'}; add to `probes`")
         return self._signals[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Arrays that know what they are samples of."""
+"""Arrays of samples, with their rate and unit."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ import numpy as np
 
 
 class Samples(np.ndarray):
-    """Samples over time: an array that also knows its rate and unit.
+    """Samples over time: an array with its rate and unit.
 
-    It is given to NumPy as any array. Slices without a step, rows and copies know the same; all else gives a plain array, as
-    a square has another unit and every second sample another rate. What changes it in place does not change what it knows.
+    NumPy accepts it like any array. Slices without a step, rows and copies keep rate and unit; all other operations
+    return a plain array, since a square has another unit and every second sample another rate. Changes in place keep
+    rate and unit.
 
     Attributes
     ----------
     rate : float
-        Samples a second.
+        Samples per second.
     unit : str
-        SI, ``"m/s2"``.
+        SI unit, ``"m/s2"``.
     quantity : str
-        ``"acceleration"``.
+        Name of the quantity, ``"acceleration"``.
     axes : tuple of str
-        ``("time",)``, or ``("voice", "time")``.
+        Names of the axes: ``("time",)`` or ``("voice", "time")``.
     """
 
     rate: float
@@ -78,7 +79,7 @@ class Samples(np.ndarray):
 
     @property
     def times(self) -> np.ndarray:
-        """Of the samples, s, from the first of them on."""
+        """Times of the samples, s, from the first sample on."""
         return np.arange(self.shape[-1]) / self.rate
 
     def __reduce__(self) -> Any:

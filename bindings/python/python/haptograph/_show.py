@@ -1,4 +1,4 @@
-"""What notebooks show."""
+"""Rich display in notebooks."""
 
 from __future__ import annotations
 

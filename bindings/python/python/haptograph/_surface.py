@@ -29,33 +29,34 @@ def learn(
 ) -> Surface:
     """Learn a surface from recordings of one material.
 
-    Each recording teaches what its gesture can: drags the texture (and friction where there is no circle), circles
-    friction, taps the taps, a press stiffness.
+    The gesture of a recording decides what is learned from it: texture from drags (and friction, if there is no
+    circle), friction from circles, taps from taps, stiffness from a press.
 
     Parameters
     ----------
     recordings : Recording or list of Recording
-        Of one material.
+        Recordings of one material.
     name : str
-        The material's name, for people.
+        Name of the material.
     method : {"law", "thesis"}
-        One law of the spectrum over speed and force, or a model for each stretch of one character, triangulated.
+        ``"law"``: one law of the spectrum over speed and force. ``"thesis"``: a model for each stationary segment,
+        triangulated over speed and force.
     order : int, optional
-        Of all models.
+        Order of all models.
     rate : float, optional
-        Bring vibrations down to this rate first, Hz.
+        Rate to which vibrations are resampled first, Hz.
     progress : callable, optional
-        Called with the part done, 0 to 1, now and then.
+        Called from time to time with the fraction done, 0 to 1.
 
     Returns
     -------
     Surface
-        ``surface.missing`` says what could not be learned, and why.
+        The surface; ``surface.missing`` lists the parts that could not be learned, with the reasons.
     """
     given = [recordings] if isinstance(recordings, Recording) else items("recordings", recordings)
     for one in given:
         if not isinstance(one, Recording):
-            raise Error(f"{one!r} is no Recording: `read` a file, or make one of arrays")
+            raise Error(f"{one!r} is not a Recording: `read` a file, or make one from arrays")
     settings = {
         "method": string("method", method),
         "order": None if order is None else whole("order", order, 1, 1000),
@@ -67,22 +68,22 @@ def learn(
 
 @dataclass(frozen=True)
 class Model:
-    """The filter that noise goes through to feel like a surface at one force and speed.
+    """The filter that shapes white noise into the vibration of a surface at one force and speed.
 
     Attributes
     ----------
     ar, ma : ndarray
-        a_1 to a_p of A(z) = 1 + sum of a_k z^-k, and b_1 to b_q alike.
+        Coefficients a_1 to a_p of A(z) = 1 + sum of a_k z^-k, and b_1 to b_q of B(z) likewise.
     gain : float
-        Multiplies the MA polynomial.
+        Gain of the MA polynomial.
     variance : float
-        Of the excitation, (m/s2)^2.
+        Variance of the excitation, (m/s2)^2.
     warping : float
-        The warping factor of the AR polynomial's frequency axis; 0 where it is plain.
+        Warping factor of the frequency axis of the AR polynomial; 0 for an unwarped axis.
     force, speed : float
-        N and m/s, after saturation at the largest that have models.
+        Force in N and speed in m/s, limited to the largest that have models.
     rate : float
-        Samples a second.
+        Samples per second.
     """
 
     ar: np.ndarray
@@ -101,14 +102,14 @@ class Model:
         Parameters
         ----------
         frequencies : array_like, optional
-            Hz; 512 of them up to half the rate where they are not given.
+            Frequencies, Hz; by default 512 of them up to half the rate.
 
         Returns
         -------
         frequencies : ndarray
             Hz.
         density : ndarray
-            One-sided, (m/s2)^2/Hz. Lines that are fixed in space are not in it.
+            One-sided density, (m/s2)^2/Hz, without spectral lines that are fixed in space.
         """
         if frequencies is None:
             frequencies = np.linspace(0, self.rate / 2, 512)
@@ -122,7 +123,7 @@ class Surface:
     _inner: _native.Surface
 
     def __init__(self) -> None:
-        raise Error("a Surface comes of `learn`, or of `Surface.load`")
+        raise Error("a Surface is made by `learn` or `Surface.load`")
 
     @classmethod
     def _of(cls, native: _native.Surface) -> Surface:
@@ -136,12 +137,12 @@ class Surface:
         return cls._of(_native.Surface.load(path_name("path", path)))
 
     def save(self, path: str | os.PathLike[str]) -> list[str]:
-        """Write it as .ron, or as .xml for the toolkit.
+        """Write the surface as .ron, or as .xml for the toolkit (HaTT).
 
         Returns
         -------
         list of str
-            Parts that the format has no place for.
+            Parts that the format cannot store.
         """
         return self._inner.save(path_name("path", path))
 
@@ -152,7 +153,7 @@ class Surface:
 
     @property
     def origin(self) -> str:
-        """simulated, measured, imported or procedural."""
+        """Origin of the surface: simulated, measured, imported or procedural."""
         return self._inner.origin
 
     @property
@@ -162,32 +163,32 @@ class Surface:
 
     @property
     def stiffness(self) -> float | None:
-        """N/m, if known."""
+        """Stiffness, N/m, if known."""
         return self._inner.stiffness
 
     @property
     def taps(self) -> int:
-        """How many taps it has."""
+        """Number of recorded taps."""
         return self._inner.taps
 
     @property
     def missing(self) -> list[str]:
-        """What could not be learned, and why."""
+        """Parts that could not be learned, with the reasons."""
         return self._inner.missing
 
     @property
     def rate(self) -> float:
-        """Samples a second of its texture."""
+        """Samples per second of the texture."""
         return self._inner.rate
 
     @property
     def max_speed(self) -> float:
-        """The largest speed that has models, m/s; faster counts as this."""
+        """The largest speed that has models, m/s; larger speeds are limited to it."""
         return self._inner.range[0]
 
     @property
     def max_force(self) -> float:
-        """The largest force that has models, N; harder counts as this."""
+        """The largest force that has models, N; larger forces are limited to it."""
         return self._inner.range[1]
 
     @property
@@ -210,26 +211,27 @@ class Surface:
         update: float = 240.0,
         progress: Callable[[float], object] | None = None,
     ) -> Samples:
-        """The vibration of sliding over the surface.
+        """Render the vibration of sliding over the surface.
 
         Parameters
         ----------
         force : float or array_like
             Normal force, N; one for each sample, or one for all.
         speed : float or array_like
-            m/s; likewise.
+            Speed, m/s; one for each sample, or one for all.
         seconds : float, optional
-            How long, where neither is an array.
+            Duration, s, if neither force nor speed is an array.
         rate : float, optional
-            Samples a second of arrays and result: the texture's own, :attr:`rate`, where it is not given. For a lower
-            one the texture is resampled each time: for many calls do that once, with :meth:`resampled`. At a higher one
-            the result has nothing above half of the texture's own.
+            Samples per second of the arrays and the result; by default the texture's own, :attr:`rate`. For a lower
+            rate the texture is resampled in each call: for many calls, do that once with :meth:`resampled`. At a higher
+            rate the result contains nothing above half of the texture's own rate.
         seed : int
             The same seed gives the same samples.
         update : float
-            How often the filter follows force and speed, Hz.
+            Rate at which the filter follows force and speed, Hz.
         progress : callable, optional
-            Called with the part done, 0 to 1, now and then. Ctrl-C, or what it raises, ends the call.
+            Called from time to time with the fraction done, 0 to 1. Ctrl-C, or an exception that it raises, ends the
+            call.
 
         Returns
         -------
@@ -246,17 +248,17 @@ class Surface:
         force, speed = finite("force", array("force", force)), finite("speed", array("speed", speed))
         if force.ndim == speed.ndim == 0:
             if seconds is None:
-                raise Error("say how long: give `seconds`, or an array of forces or speeds")
+                raise Error("the duration is unknown: give `seconds`, or an array of forces or speeds")
             samples = number("seconds", seconds, 0) * wanted
             if samples > _MOST_SAMPLES:
                 raise Error(f"{seconds} s are {samples:.3g} samples: render at most {_MOST_SAMPLES:.0e} at once")
             speed = np.full(math.floor(samples + 0.5), float(speed))
         elif seconds is not None:
-            raise Error("the array says how long: leave `seconds` out")
+            raise Error("`seconds` contradicts the array, whose length is the duration: leave `seconds` out")
         try:
             force, speed = np.broadcast_arrays(force, speed)
         except ValueError:
-            raise Error(f"force has shape {force.shape}, speed {speed.shape}: give as many of both") from None
+            raise Error(f"force has shape {force.shape}, speed {speed.shape}: give arrays of the same length") from None
         force, speed = line("force", force), line("speed", speed)
         seed, update = whole("seed", seed), number("update", update, 0, above=True)
         count = len(force)
@@ -271,27 +273,27 @@ class Surface:
         return Samples.of(made, wanted, "acceleration", "m/s2")
 
     def resampled(self, rate: float) -> Surface:
-        """The same surface with its texture at a lower rate, by ``haptograph surface resample``'s best method.
+        """Copy of the surface with its texture at a lower rate, by the best method of ``haptograph surface resample``.
 
         Parameters
         ----------
         rate : float
-            Samples a second, below :attr:`rate`. A higher one is an error: the texture says nothing of what is above
-            half its own rate, so render at that and resample the result.
+            Samples per second, below :attr:`rate`. A higher rate is an error, because the texture contains nothing
+            above half its own rate: render at its rate and resample the result.
         """
         wanted, own = number("rate", rate, 0, above=True), self.rate
         if wanted >= own:
             raise Error(
-                f"the texture has {own:g} Hz and says nothing of what is above {own / 2:g} Hz: "
+                f"the texture has a rate of {own:g} Hz and contains nothing above {own / 2:g} Hz: "
                 f"render at {own:g} Hz, and resample the result to {wanted:g} Hz"
             )
         return Surface._of(self._inner.resampled(wanted))
 
     def page(self) -> str:
-        """The page of ``haptograph learn --report``, as HTML; an error for a surface that was read from a file."""
+        """The page of ``haptograph learn --report``, as HTML. An error for a surface that was read from a file."""
         page = self._inner.page()
         if page is None:
-            raise Error("a surface from a file does not know what it was learned from")
+            raise Error("a surface that was read from a file has no report: learn it from its recordings")
         return page
 
     def __repr__(self) -> str:
@@ -311,26 +313,26 @@ class Surface:
 
 @dataclass(frozen=True)
 class Comparison:
-    """How far one vibration is from another; above zero where the first is louder. dB, None where no band counts.
+    """Differences of two vibrations in dB, positive if the first is louder; None if no band is strong enough to count.
 
     Attributes
     ----------
     lsd, lsd_100_500, lsd_40_250 : float
-        Log-spectral distance over third octaves from 20 to 1000 Hz, and over parts of them.
+        Log-spectral distance over third octaves from 20 to 1000 Hz, from 100 to 500 Hz and from 40 to 250 Hz.
     absolute, low, total : float
         Mean absolute error of the bands, mean error from 20 to 40 Hz, error of the power.
     misplaced : float
-        Part of the energy in the wrong one of nine bands, 0 to 1.
+        Fraction of the energy that lies in the wrong one of nine bands, 0 to 1.
     nse, pe : float
-        Normalized spectral error and power error of windows (2.5.1 of the thesis), no dB.
+        Normalized spectral error and power error of windows (2.5.1 of the thesis), not in dB.
     windows : int
-        How many windows.
+        Number of windows.
     bands : list of tuple
-        The third octaves, from and to, Hz.
+        Lower and upper edges of the third octaves, Hz.
     signed : ndarray
-        The error of each.
+        Error of each third octave.
     findings : list of str
-        What was repaired before: a vibration with gravity is high-passed at 20 Hz.
+        Repairs made before the comparison: a vibration with gravity is high-passed at 20 Hz.
     """
 
     lsd: float | None
@@ -367,23 +369,23 @@ def compare(
     window: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Comparison:
-    """How far one vibration is from another, over the time that both cover.
+    """Compare two vibrations, over the time that both cover.
 
     Parameters
     ----------
     a, b : array_like, Samples, Recording or Signal
-        m/s2. Of recordings the acceleration.
+        Accelerations, m/s2; of a recording its acceleration.
     rate : float, optional
-        Samples a second of arrays that do not say it; where one of both does, the other is of the same.
+        Samples per second of arrays without a rate. If only one of the two has a rate, it applies to both.
     window : int, optional
-        Samples in a window of `nse` and `pe`; 25.6 ms where it is not given.
+        Samples in a window of `nse` and `pe`; 25.6 ms by default.
     progress : callable, optional
-        Called with the part done, 0 to 1, now and then. Ctrl-C, or what it raises, ends the call.
+        Called from time to time with the fraction done, 0 to 1. Ctrl-C, or an exception that it raises, ends the call.
     """
     (a, of_a), (b, of_b) = _vibration("a", a), _vibration("b", b)
     rates = {number("rate", one, 0, above=True) for one in (of_a, of_b, rate) if one is not None}
     if not rates:
-        raise Error("arrays do not say their rate: give `rate`")
+        raise Error("arrays have no rate: give `rate`")
     if len(rates) > 1:
         raise Error(f"the rates differ: {', '.join(f'{one:g} Hz' for one in sorted(rates))}; resample one")
     window = None if window is None else whole("window", window, 2, 2**32)
@@ -400,32 +402,32 @@ def render(
     progress: Callable[[float], object] | None = None,
     out: np.ndarray | None = None,
 ) -> Samples | np.ndarray:
-    """Many vibrations at once, side by side in the processor's lanes and on all its cores.
+    """Render many vibrations at once, in SIMD lanes and on all cores.
 
-    A row has the same bits whatever the other rows, and those of :meth:`Surface.render` but for rounding.
+    A row has the same bits for any other rows, and equals that of :meth:`Surface.render` except for rounding.
 
     Parameters
     ----------
     surfaces : Surface or list of Surface
-        One for all rows, or one for each; of one rate.
+        One surface for all rows, or one for each; all of the same rate.
     force, speed : array_like
-        N and m/s, shape (rows, samples), or (samples,) for all rows.
+        Force in N and speed in m/s, shape (rows, samples), or (samples,) for all rows.
     seeds : sequence of int, optional
-        One for each row; 1, 2, 3, ... where they are not given.
+        One seed for each row; 1, 2, 3, ... by default.
     update : float
-        How often the filters follow force and speed, Hz.
+        Rate at which the filters follow force and speed, Hz.
     threads : int, optional
-        All cores where it is not given.
+        Number of threads; by default one for each core.
     progress : callable, optional
-        Called with the part done, 0 to 1, now and then. Ctrl-C, or what it raises, ends the call.
+        Called from time to time with the fraction done, 0 to 1. Ctrl-C, or an exception that it raises, ends the call.
     out : ndarray, optional
-        Where the result goes, as in NumPy's own functions: of float64, shape (rows, samples), contiguous. Loops that
-        reuse an array save the time in which the system clears a new one. After an error its content is of no meaning.
+        Array for the result, as in NumPy's functions: float64, shape (rows, samples), contiguous. Reusing an array
+        saves the time in which the system clears a new one. After an error its content is undefined.
 
     Returns
     -------
     Samples
-        Acceleration, m/s2, shape (rows, samples); `out` itself where it is given.
+        Acceleration, m/s2, shape (rows, samples); `out` itself if it is given.
     """
     surfaces = [surfaces] if isinstance(surfaces, Surface) else items("surfaces", surfaces)
     if not surfaces or not all(isinstance(one, Surface) for one in surfaces):
@@ -437,7 +439,7 @@ def render(
     try:
         seeded = 0 if seeds is None else len(seeds)
     except (TypeError, OverflowError):
-        raise Error(f"`seeds` is {seeds!r}: give one whole number for each row, in a list") from None
+        raise Error(f"`seeds` is {seeds!r}: give a list with one whole number for each row") from None
     rows = max(len(surfaces), seeded, *(len(one) for one in given))
     if rows > _MOST_SAMPLES:
         raise Error(f"{rows} rows: render at most {_MOST_SAMPLES:.0e} samples at once")

@@ -9,12 +9,12 @@ use pyo3::types::PyDict;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What went wrong in a node, and where it is at work.
+/// The exception of a node, and the thread that runs it.
 #[derive(Default)]
 pub struct Fault {
     has_failed: AtomicBool,
     raised: Mutex<Option<PyErr>>,
-    /// The thread that is in its Python now, as Python calls it. Changed with Python's lock held only.
+    /// Python's number of the thread that is running the node's Python code. Changed only with Python's lock held.
     thread: Mutex<Option<u64>>,
 }
 
@@ -23,7 +23,7 @@ impl Fault {
         self.has_failed.load(Ordering::Acquire)
     }
 
-    /// What was raised first.
+    /// The first exception.
     pub fn take(&self) -> Option<PyErr> {
         self.raised.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
@@ -34,7 +34,7 @@ impl Fault {
         self.has_failed.store(true, Ordering::Release);
     }
 
-    /// Raises `KeyboardInterrupt` in the node where it is at work.
+    /// Raises `KeyboardInterrupt` in the thread that runs the node.
     pub fn interrupt(&self, py: Python<'_>) {
         let thread = *self.thread.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(thread) = thread {
@@ -50,19 +50,19 @@ impl Fault {
     }
 }
 
-/// What a node is made of.
+/// The arguments from which a node is made.
 pub struct Making {
     kind: &'static PythonKind,
     path: String,
     rate_hz: f64,
     seed: u64,
     settings: Vec<Value>,
-    /// The one that was made when the graph was checked, until a run takes it.
+    /// The object that was made when the graph was checked, until a run takes it.
     first: Mutex<Option<Py<PyAny>>>,
     fault: Arc<Fault>,
 }
 
-/// A node that runs. Its copies are made by plans, of nodes that have not run; each makes an object of its own.
+/// A node at run time. Plans copy nodes that have not run; each copy makes its own object.
 struct Running {
     making: Arc<Making>,
     object: Option<Py<PyAny>>,
@@ -94,7 +94,7 @@ impl Making {
         Arc::clone(&self.fault)
     }
 
-    /// The processor; an object is made at once, so that what its settings do to it is seen.
+    /// The processor. Its object is made at once, so that an invalid setting is reported when the graph is checked.
     pub fn processor(self, py: Python<'_>) -> PyResult<Box<dyn Processor>> {
         let first = self.object(py)?;
         Ok(Box::new(Running {
@@ -116,7 +116,7 @@ impl Making {
         Ok(made.unbind())
     }
 
-    /// The object of a run that begins.
+    /// The object for a new run.
     fn begin(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         let first = self.first.lock().unwrap_or_else(PoisonError::into_inner).take();
         first.map_or_else(|| self.object(py), Ok)
@@ -151,7 +151,7 @@ impl Running {
         Ok(())
     }
 
-    /// The same, so that it can be interrupted.
+    /// Processes a block so that it can be interrupted.
     fn interruptible_block(&mut self, py: Python<'_>, tick: &Tick, io: &mut Io<'_>) -> PyResult<()> {
         let fault = self.making.fault();
         let thread: u64 = py.import("threading")?.call_method0("get_ident")?.extract()?;
@@ -169,7 +169,7 @@ fn width(kind: KindRule) -> usize {
     }
 }
 
-/// Frames by components; of scalars the frames alone.
+/// Frames as an array of shape (frames, components), or (frames,) for scalars.
 fn array<'py>(py: Python<'py>, lanes: &[f64], width: usize) -> PyResult<Bound<'py, PyAny>> {
     let line = PyArray1::from_slice(py, lanes);
     match width {
@@ -179,7 +179,7 @@ fn array<'py>(py: Python<'py>, lanes: &[f64], width: usize) -> PyResult<Bound<'p
 }
 
 impl Processor for Running {
-    /// What a script takes: memory, locks and time. After an exception its outputs are zero.
+    /// Runs the script, which may allocate, lock and take any time. After an exception its outputs are zero.
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
         if !self.making.fault.has_failed() {
             match Python::try_attach(|py| self.interruptible_block(py, tick, io)) {

@@ -1,9 +1,9 @@
-//! Settings of nodes in Python: what a class declares, read from a graph as those of all nodes are.
+//! Settings of nodes in Python, declared by a class and read from a graph like those of all nodes.
 
 use haptograph::engine::settings::{Fields, Reading, Setting, SettingSpec};
 use pyo3::prelude::*;
 
-/// A value of a setting. The order is that in which types are tried: a bool of Python is an int, and an int a float.
+/// A value of a setting. Types are tried in this order, because a Python bool is an int, and an int a float.
 #[derive(Debug, Clone, FromPyObject, IntoPyObject)]
 pub enum Value {
     Flag(bool),
@@ -52,7 +52,7 @@ impl Declared {
         SettingSpec::new(self.name, self.doc.clone(), default, self.range)
     }
 
-    /// Takes it out of the fields of a node.
+    /// Takes the setting out of the fields of a node.
     pub fn take(&self, fields: &mut Fields, reading: &mut Reading<'_>) -> Option<Value> {
         match &self.value {
             Value::Flag(value) => self.take_as(value, fields, reading).map(Value::Flag),

@@ -6,10 +6,10 @@ use crate::work::Progress;
 use haptograph::engine::graph::Graph;
 use haptograph::engine::host::{AnyInput, AnyOutput, Full, PlayOptions, Player};
 
-/// How much is processed between two looks at the queues, s; they hold a second.
+/// Duration of the parts between which the queues are filled, s; a queue holds one second.
 const PART_S: f64 = 0.25;
 
-/// An input and what it is fed with.
+/// An input and its feed.
 struct Fed<'a> {
     input: AnyInput,
     feed: &'a Feed,
@@ -49,7 +49,7 @@ impl<'a> Fed<'a> {
         Ok(())
     }
 
-    /// How long it has something, s.
+    /// Duration of the feed, s.
     fn seconds(&self) -> f64 {
         match self.feed.constant {
             true => f64::INFINITY,
@@ -58,7 +58,7 @@ impl<'a> Fed<'a> {
     }
 }
 
-/// Every channel of an endpoint that is fed has to be.
+/// Checks that all channels of a fed endpoint are fed.
 fn all_fed(graph: &Graph, feeds: &[Feed]) -> Result<(), Failure> {
     let is_fed = |name: &str| {
         let endpoint = name.split('.').next();
@@ -80,7 +80,7 @@ fn all_fed(graph: &Graph, feeds: &[Feed]) -> Result<(), Failure> {
     }
 }
 
-/// How long there is something to feed, s.
+/// Duration of the shortest feed, s.
 fn lasting(fed: &[Fed<'_>], wanted: &Wanted) -> Result<f64, Failure> {
     let shortest = fed.iter().min_by(|a, b| a.seconds().total_cmp(&b.seconds()));
     let Some(shortest) = shortest.filter(|fed| fed.seconds().is_finite()) else {
@@ -99,7 +99,7 @@ fn lasting(fed: &[Fed<'_>], wanted: &Wanted) -> Result<f64, Failure> {
     Ok(seconds)
 }
 
-/// With the caller's arrays.
+/// Runs a graph with the caller's arrays.
 pub fn fed(
     graph: &Graph,
     feeds: &[Feed],

@@ -4,12 +4,12 @@ use crate::diagnostic::{Diagnostic, SourceId, Span};
 use crate::formula::{Formula, names};
 use unicode_ident::{is_xid_continue, is_xid_start};
 
-/// What RON takes for white space.
+/// Characters that are white space in RON.
 const WHITE: [char; 11] = [
     ' ', '\t', '\n', '\r', '\u{b}', '\u{c}', '\u{85}', '\u{200e}', '\u{200f}', '\u{2028}', '\u{2029}',
 ];
 
-/// What a token is; its text is a slice of the source.
+/// Kind of a token. Its text is a slice of the source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Token {
     /// `(`, `[` or `{`
@@ -36,7 +36,7 @@ pub(super) struct Lexeme {
     pub end: usize,
 }
 
-/// All tokens of `text`. What is no token is reported, and taken for what was most likely meant.
+/// All tokens of `text`. Text that is not a token is reported, and replaced by the most likely token.
 pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Vec<Lexeme> {
     let mut lexemes: Vec<Lexeme> = Vec::new();
     let (mut at, mut tried) = (0, 0);
@@ -135,13 +135,13 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
     lexemes
 }
 
-/// Whether a text is one name, and no other value.
+/// True if a text is one name, and no other value.
 pub(in crate::document) fn is_name(text: &str) -> bool {
     let begins = text.starts_with(|c| is_xid_start(c) || c == '_');
     begins && text.chars().all(is_xid_continue) && !["true", "false", "inf", "NaN"].contains(&text)
 }
 
-/// Whether a sign begins a comment, as it does in other languages. A percent sign does where no value can be before it.
+/// True if a sign begins a comment, as it does in other languages. A percent sign does where no value can be before it.
 fn begins_comment(sign: char, text: &str, before: &[Lexeme], start: usize) -> bool {
     sign == '#'
         || match before.last() {
@@ -253,7 +253,7 @@ fn unclosed_string(source: SourceId, text: &str, start: usize, before: &[Lexeme]
         .help("close it with `\"`")
 }
 
-/// A character that begins no token: says so, and takes it for what was most likely meant.
+/// Reports a character that begins no token, and returns the most likely token in its place.
 fn mistaken(
     source: SourceId,
     start: usize,
@@ -295,7 +295,7 @@ fn mistaken(
     (token, length)
 }
 
-/// How `tone.out` is written, of which the dot is at `start`.
+/// Help for `tone.out` without quotes, whose dot is at `start`.
 fn output_of(text: &str, start: usize) -> Option<String> {
     let port = text[start..].strip_prefix('.')?;
     let port = &port[..port.find(|c| !is_xid_continue(c)).unwrap_or(port.len())];
@@ -312,15 +312,15 @@ fn output_of(text: &str, start: usize) -> Option<String> {
 struct Arithmetic {
     start: usize,
     end: usize,
-    /// What it comes to, where it holds numbers only.
+    /// The result, if it contains numbers only.
     result: Option<f64>,
 }
 
-/// Signs of which a file says whether arithmetic is around them, and the bytes that are looked at on each side.
+/// Largest number of signs in a file that are checked for arithmetic around them, and of bytes on each side.
 const MAX_TRIED: usize = 200;
 const MAX_BYTES: usize = 4096;
 
-/// Whether it is a sign of arithmetic, and not that of a number or of a comment.
+/// True if the character is a sign of arithmetic, and not that of a number or of a comment.
 fn is_arithmetic(rest: &str, sign: char, at: usize, before: Option<&Lexeme>) -> bool {
     let ends_value = |token| matches!(token, Token::Number | Token::Name | Token::Close);
     let follows = before.is_some_and(|lexeme| lexeme.end == at && ends_value(lexeme.token));
@@ -350,7 +350,7 @@ fn arithmetic(text: &str, at: usize, sign: char) -> Option<Arithmetic> {
     })
 }
 
-/// Where a value that ends with `before` begins: behind the last sign that cannot be in a formula.
+/// Start of the value that ends with `before`: behind the last character that cannot be in a formula.
 fn expression_start(before: &str) -> Option<usize> {
     let mut closed = 0_usize;
     for (i, c) in before.char_indices().rev() {
@@ -366,7 +366,7 @@ fn expression_start(before: &str) -> Option<usize> {
     Some(0)
 }
 
-/// Where a value that begins with `rest` ends.
+/// End of the value that begins with `rest`.
 fn expression_end(rest: &str) -> Option<usize> {
     let mut open = 0_usize;
     for (i, c) in rest.char_indices() {
@@ -384,7 +384,7 @@ fn expression_end(rest: &str) -> Option<usize> {
 }
 
 impl Arithmetic {
-    /// Says how it is written, and takes its first number for the value, so that nothing is said of a missing one.
+    /// Reports how to write it, and uses its first number as the value, so that no missing value is reported too.
     fn report(
         &self,
         source: SourceId,

@@ -1,4 +1,4 @@
-//! What nodes and devices find wrong with their settings, at its place in the file.
+//! Errors that nodes and devices report about their settings, with their places in the file.
 
 use crate::diagnostic::{Diagnostic, SourceId, Sources, Span};
 use crate::document::folder;
@@ -97,7 +97,7 @@ impl Places {
         cx.report(diagnostic);
     }
 
-    /// What a node found about itself, at the setting it is about.
+    /// An error that a node reports about itself, at the setting that it concerns.
     fn finding(
         &self,
         sources: &Sources,
@@ -125,13 +125,13 @@ impl Places {
     }
 }
 
-/// What to write where a word of a text, as of a formula, is the name of a parameter.
+/// Help for a word in a text, such as a formula, that is the name of a parameter.
 fn parameter_in_text(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
     let span = diagnostic.primary.as_ref()?.span;
     let word = cx.sources.get(span.source)?.text.get(span.start..span.end)?;
     cx.document.parameters().find(|(name, _)| *name == word)?;
     Some(format!(
-        "`{word}` is a parameter of the graph, and this text sees its inputs only: multiply by `Gain(gain: \
+        "`{word}` is a parameter of the graph, and this text can use only the node's inputs: multiply by `Gain(gain: \
          Param(\"{word}\"))`, or make it an input, `Constant(value: Param(\"{word}\"))`"
     ))
 }

@@ -1,4 +1,4 @@
-//! The ends of rings: what a plan gets from other drivers, and what it sends them.
+//! The ends of rings, by which a plan receives from other drivers and sends to them.
 
 use super::Builder;
 use crate::graph::{Bridge, Input, Node};
@@ -10,7 +10,7 @@ use petgraph::graph::{EdgeIndex, NodeIndex};
 use petgraph::visit::EdgeRef;
 
 impl Builder<'_> {
-    /// What the members of a group get from other drivers: read ahead of the group, so that an island sees a block of it.
+    /// Reads the rings from other drivers ahead of the group, so that an island has a whole block.
     pub(super) fn ring_reads(&mut self, group: &Group) {
         for member in &group.members {
             for (edge, plan) in self.rings_of(*member, petgraph::Incoming) {
@@ -25,7 +25,7 @@ impl Builder<'_> {
         }
     }
 
-    /// What the members of a group send to other drivers.
+    /// Writes the rings to other drivers after the group.
     pub(super) fn ring_writes(&mut self, group: &Group) {
         for member in &group.members {
             for (edge, plan) in self.rings_of(*member, petgraph::Outgoing) {
@@ -78,7 +78,7 @@ impl Builder<'_> {
     }
 }
 
-/// `drive.force`, and of an input that takes several connections which of them: `mix.inputs 2`.
+/// `drive.force`; for an input with several connections also the number of the connection: `mix.inputs 2`.
 fn input_name(node: &Node, input: usize) -> String {
     let name = node.inputs[input].name;
     let alike = |inputs: &[Input]| inputs.iter().filter(|other| other.name == name).count();

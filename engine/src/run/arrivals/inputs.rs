@@ -131,7 +131,7 @@ impl InputLog {
         self.row.clear();
     }
 
-    /// Whether a row was lost. The log is invalid from there on.
+    /// True if a row was lost. The log is invalid from there on.
     pub fn is_torn(&self) -> bool {
         self.is_torn
     }

@@ -27,7 +27,7 @@ pub(in super::super) struct ArrivalLog {
     before: Vec<u64>,
     /// Number of callbacks lost, from the first row that did not fit.
     lost: u64,
-    /// Whether another graph took over; the log ends there.
+    /// True if another graph took over; the log ends there.
     is_over: bool,
 }
 

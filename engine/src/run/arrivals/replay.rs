@@ -152,8 +152,8 @@ impl Changes {
     }
 }
 
-/// Reads all logs of a run and refuses what a run of that length cannot have written. Uses constant memory; stops early
-/// if `goes_on` returns false.
+/// Reads all logs of a run and refuses lines that a run of that length cannot have written. Uses constant memory; stops
+/// early if `goes_on` returns false.
 pub(in super::super) fn check_logs(
     plans: &[Arc<Plan>],
     folder: &Path,
@@ -195,7 +195,7 @@ pub(in super::super) struct Arrivals {
     /// Frames arrived by the last callback, for each ring that is read.
     arrived: Vec<u64>,
     fading: bool,
-    /// Whether another graph took over.
+    /// True if another graph took over.
     replaced: bool,
     /// Setting changes.
     changes: Changes,
@@ -269,7 +269,7 @@ impl Arrivals {
     }
 }
 
-/// Whether the frames that a callback read have arrived and those that it sent fit.
+/// True if the frames that a callback read have arrived and those that it sent fit.
 fn has_arrived(run: &Run, (before, arrived): (&[u64], &[u32]), sent: &[u32]) -> bool {
     let ring_ends = &run.state.ring_ends;
     let seen = before

@@ -23,9 +23,9 @@ pub struct RingMeter {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct RingCounts {
-    /// How often the ring ran dry.
+    /// Number of times that the ring ran dry.
     pub underruns: u64,
-    /// How often the ring was too full and frames were skipped.
+    /// Number of times that the ring was too full and frames were skipped.
     pub overruns: u64,
     /// Frames that were skipped or did not fit.
     pub lost_frames: u64,
@@ -67,7 +67,7 @@ impl RingMeter {
         }
     }
 
-    /// Whether the reader has polled while running.
+    /// True if the reader has polled while running.
     pub(super) fn is_read(&self) -> bool {
         !f64::from_bits(self.fill.load(Relaxed)).is_nan()
     }

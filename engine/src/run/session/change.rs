@@ -20,7 +20,7 @@ type Port = (NodeId, usize);
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Changed {
-    /// How the graphs differed.
+    /// The difference of the graphs.
     pub change: Change,
     /// Files begun with the new graph.
     pub begun: Vec<PathBuf>,
@@ -30,7 +30,7 @@ pub struct Changed {
     pub left_out: Vec<PathBuf>,
 }
 
-/// Why the graph was not replaced.
+/// Reason why the graph was not replaced.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChangeError {
@@ -56,7 +56,7 @@ pub enum ChangeError {
     MovedDevice {
         /// Name of the device.
         device: String,
-        /// Its driver in the new graph.
+        /// The driver in the new graph.
         driver: String,
     },
     /// A driver adds an actuator before another has released one: both may be the same hardware, which is still warm.
@@ -67,11 +67,11 @@ pub enum ChangeError {
     NotReleased {
         /// The added device.
         device: String,
-        /// Its driver.
+        /// The driver.
         driver: String,
         /// The device that is not released yet.
         left: String,
-        /// Its driver.
+        /// The driver.
         other: String,
     },
 }
@@ -213,7 +213,7 @@ impl Session {
         kept_streams
     }
 
-    /// Whether a port of the new graph has the driver that a tap of the present plans has.
+    /// True if a port of the new graph has the driver that a tap of the present plans has.
     fn has_tap(&self, planner: Planner<'_>, (node, _): Port, tap: usize) -> bool {
         let tapped = |control: &&Control| control.plan().tap_places.contains(&tap);
         let (Some(control), Some(driver)) = (self.controls.iter().find(tapped), planner.driver_name(node))
@@ -376,7 +376,7 @@ impl Entry {
     }
 }
 
-/// Whether an output has this signal, be it simulated or not.
+/// True if an output has this signal, be it simulated or not.
 fn carries(planner: Planner<'_>, port: Port, known: &Stream) -> bool {
     let found = planner.stream(port);
     let simulated = known.simulated;

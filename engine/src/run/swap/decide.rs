@@ -5,7 +5,7 @@ use crate::plan::{DevicePlan, Plan};
 /// Largest number of delay components copied for a cross-fade: 0.5 MB, which takes 0.05 ms.
 const MAX_COPIED: u64 = 65_536;
 
-/// How a plan replaces another.
+/// Mode in which a plan replaces another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in super::super) enum SwapMode {
     /// The graphs are equal: the new plan takes over all state, and no bit changes.
@@ -16,7 +16,7 @@ pub(in super::super) enum SwapMode {
     FadeThroughZero(NoCrossFade),
 }
 
-/// Why two plans cannot cross-fade and fade through zero instead.
+/// Reason why two plans fade through zero and cannot cross-fade.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum NoCrossFade {
@@ -44,7 +44,7 @@ impl std::fmt::Display for NoCrossFade {
     }
 }
 
-/// How a plan differs from the one that it replaces.
+/// Difference between a plan and the one that it replaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Change {
     /// Only in this many live settings: the run was not interrupted.
@@ -133,7 +133,7 @@ pub(super) fn decide(facts: &Facts) -> SwapMode {
     }
 }
 
-/// (old, new) indices of what two plans have in common.
+/// (old, new) indices of the items that two plans have in common.
 #[derive(Clone, Copy)]
 pub(super) struct Common<'a> {
     pub devices: &'a [(usize, usize)],

@@ -47,10 +47,10 @@ pub struct Dragging {
     pub speed_m_s: f64,
 }
 
-/// Whether the requested friction can be rendered.
+/// Result of comparing the requested friction with the brake's range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reach {
-    /// It can be rendered.
+    /// The requested friction can be rendered.
     Within,
     /// The pen's own friction is higher.
     BelowFreePen,

@@ -66,7 +66,7 @@ pub fn most_friction(mu_b: f64, mu_s: f64) -> f64 {
     mu_s * (1.0 - (SQRT_2 - 1.0) * square) / (1.0 + (1.0 + SQRT_2) * square)
 }
 
-/// Where the bearing behind loses its load: (phi, mu). Beyond it the model is not physical.
+/// The point at which the rear bearing loses its load: (phi, mu). Beyond it the model is not physical.
 pub fn unloading(mu_b: f64, mu_s: f64) -> (f64, f64) {
     // N_b2 is linear in phi.
     let (at_rest, at_full) = (loads(mu_b, mu_s, 0.0).bearing_2, loads(mu_b, mu_s, 1.0).bearing_2);

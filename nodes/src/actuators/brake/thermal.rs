@@ -104,7 +104,7 @@ impl CoilThermal {
         self.settings.ambient_c + self.sink_k
     }
 
-    /// Whether the coil has tripped and must have no current.
+    /// True if the coil has tripped and must have no current.
     pub fn is_tripped(&self) -> bool {
         self.tripped
     }

@@ -180,7 +180,7 @@ impl Segment {
         }
     }
 
-    /// Whether it touches a box (separating axes).
+    /// True if the triangle touches a box (separating axes).
     #[inline]
     pub(super) fn touches(&self, node: &Node) -> bool {
         let (m, half) = (sub(self.middle, node.centre), self.half);

@@ -20,7 +20,7 @@ pub const HIERARCHY_VISITS: usize = 2048;
 pub struct LineMeeting {
     /// The point of the surface, m: where the line enters, or the nearest to it; of several, the first along the line.
     pub position_m: Vec3,
-    /// Its triangle; at an edge the one that the line runs against most.
+    /// The triangle; at an edge the one that the line runs against most.
     pub triangle: u32,
     /// Distance by which the line misses, m; 0 if it hits.
     pub miss_m: f64,
@@ -43,7 +43,7 @@ struct Place {
     triangle: u32,
     /// Distance from the line, m.
     gap_m: f64,
-    /// How far along the line, m.
+    /// Distance along the line, m.
     at_m: f64,
     /// Cosine between its normal and the line: -1 where it is met head on.
     facing: f64,
@@ -77,7 +77,7 @@ impl TriangleMesh {
         2 * HIERARCHY_VISITS + 2 * self.triangles.len()
     }
 
-    /// Where the line enters, if it does; none if the hierarchy takes too many visits.
+    /// The point where the line enters, if it does; `None` if the hierarchy takes too many visits.
     fn hit_by_hierarchy(&self, line: &mut Line) -> Option<Option<Place>> {
         let reach_m = self.diagonal_m;
         let (from_m, to_m) = (line.point(-reach_m), line.point(reach_m));
@@ -101,7 +101,7 @@ impl TriangleMesh {
         complete.then_some(first)
     }
 
-    /// Where the line enters, by the planes of all triangles.
+    /// The entry of the line, by the planes of all triangles.
     fn clip(&self, line: &mut Line) -> Option<Place> {
         let (mut enters_m, mut leaves_m) = (f64::NEG_INFINITY, f64::INFINITY);
         for triangle in 0..self.triangles.len() as u32 {
@@ -140,7 +140,8 @@ impl TriangleMesh {
         if facing.abs() > ALONG { facing } else { 0.0 }
     }
 
-    /// How a triangle's plane faces the line, and how far outside of it the line's foot lies, m.
+    /// The cosine between a triangle's normal and the line, and the distance of the line's foot outside of its plane,
+    /// m.
     fn against(&self, line: &Line, triangle: u32) -> (f64, f64) {
         let corner_m = self.vertices[self.triangles[triangle as usize][0] as usize];
         let height_m = dot(self.normal(triangle), sub(line.foot_m, corner_m));
@@ -215,7 +216,7 @@ impl Place {
         }
     }
 
-    /// Whether it is nearer, or as near and earlier, or equal and more opposed to the line.
+    /// True if the place is nearer, or as near and earlier, or equal and more opposed to the line.
     fn is_before(&self, other: &Self, slack_m: f64) -> bool {
         let (nearer_m, earlier_m) = (other.gap_m - self.gap_m, other.at_m - self.at_m);
         if nearer_m.abs() > slack_m {

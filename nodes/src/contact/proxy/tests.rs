@@ -15,7 +15,7 @@ fn glide(proxy: &mut MeshProxy, from_m: Vec3, to_m: Vec3) -> Contact {
         .unwrap()
 }
 
-/// Whether a point is inside a closed mesh, by the solid angles of all triangles: independent of index and predicates.
+/// True if a point is inside a closed mesh, by the solid angles of all triangles: independent of index and predicates.
 fn inside(mesh: &TriangleMesh, x: Vec3) -> bool {
     let angles = (0..mesh.triangles().len() as u32).map(|t| {
         let [a, b, c] = mesh.corners(t).map(|v| sub(v, x));

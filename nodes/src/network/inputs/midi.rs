@@ -9,7 +9,7 @@ use std::time::Duration;
 haptograph_engine::settings! {
     /// A controller: a fader, a knob, a pedal.
     pub struct MidiControlSettings {
-        /// Its number; 1 is the modulation wheel.
+        /// The number; 1 is the modulation wheel.
         number: u32, in 0..=127;
     }
 }
@@ -17,7 +17,7 @@ haptograph_engine::settings! {
 haptograph_engine::settings! {
     /// A key.
     pub struct MidiNoteSettings {
-        /// Its number; 60 is the middle C.
+        /// The number; 60 is the middle C.
         number: u32, in 0..=127;
     }
 }

@@ -15,16 +15,16 @@ haptograph_engine::settings! {
         listen: String = "127.0.0.1:9752".to_owned();
         /// OSC address of the messages.
         address: String;
-        /// Which of their arguments, counted from 1.
+        /// Number of the argument in a message, counted from 1.
         argument: u32 = 1, in 1..=64;
-        /// Two numbers that are heard ...
+        /// Range of received numbers.
         from: [f64; 2] = [0.0, 1.0];
-        /// ... and what they stand for, in the SI unit of the `LiveInput`'s quantity. Between them is a straight line; beyond
-        /// them it ends.
+        /// Output range for `from`, in the SI unit of the `LiveInput`'s quantity. The map is linear within the range
+        /// and clamped beyond it.
         to: [f64; 2] = [0.0, 1.0];
-        /// Silence after which it counts as gone, ms.
+        /// Silence after which the input counts as gone, ms.
         timeout_ms: f64 = 1000.0, in 1.0..=10_000.0;
-        /// What its silence does to the actuators that depend on it: `Hold` for senders that only speak of what changes.
+        /// Effect of silence on dependent actuators: `Hold` for senders that only send changes.
         on_silence: OnSilence = OnSilence::Zero;
     }
 }
@@ -36,10 +36,10 @@ impl DeviceKind for OscInput {
     type Settings = OscInputSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "OscInput",
-        doc: "One number that another program sends by Open Sound Control over UDP, such as a fader of TouchOSC: an argument \
-              of the messages to one address, mapped to a range. It is heard in live runs only. While it is silent, every \
-              actuator that depends on it is at zero, unless `on_silence` is `Hold`, for senders that only speak of what \
-              changes. Whoever reaches the address is heard.",
+        doc: "One number that another program sends by Open Sound Control over UDP, such as a fader of TouchOSC: an \
+              argument of the messages to one address, mapped to a range. It works in live runs only. While it is \
+              silent, every actuator that depends on it is at zero, unless `on_silence` is `Hold`, for senders that \
+              only send changes. It accepts packets from any sender that reaches the address.",
         source: "",
         simulated: false,
         senses: VALUE,
@@ -57,7 +57,7 @@ impl DeviceKind for OscInput {
         let listen = settings.listen()?;
         if listen.port() == 0 {
             return Err(
-                BuildError::at("listen", "port 0 is no port that a sender could know")
+                BuildError::at("listen", "port 0 is not a port that a sender can know")
                     .help("choose one: \"127.0.0.1:9752\""),
             );
         }

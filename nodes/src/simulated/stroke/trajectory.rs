@@ -21,15 +21,15 @@ pub enum TrajectoryError {
     /// Fewer than two points.
     #[error("a trajectory needs at least two points, this one has {points}")]
     TooShort {
-        /// How many there are.
+        /// Number of points.
         points: usize,
     },
     /// A point that is not later than the one before it, or not a number.
     #[error("point {index} of the trajectory (counted from 0) {problem}")]
     BadPoint {
-        /// Which one.
+        /// Index of the point.
         index: usize,
-        /// What is wrong with it.
+        /// Description of the error.
         problem: &'static str,
     },
     /// The file is not the expected CSV file.

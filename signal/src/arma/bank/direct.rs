@@ -140,7 +140,7 @@ impl DirectGroup {
         }
     }
 
-    /// What the inputs bring: `w = gain (e + sum b_k e[n-k])`.
+    /// Contribution of the inputs: `w = gain (e + sum b_k e[n-k])`.
     #[inline(always)]
     fn moving_average<const FRAMES: usize>(&self, now: usize, q: usize) -> [Lanes; FRAMES] {
         let mut w = [[0.0; LANES]; FRAMES];

@@ -32,8 +32,8 @@ pub(super) struct WarpedGroup {
     arch: Arch,
 }
 
-/// What a sample needs of stage m, side by side: rows of their own would lie whole pages apart, where a processor takes what it
-/// reads for what it has just written elsewhere, and keeps few of them in its cache.
+/// The values of stage m for a sample, side by side: rows of their own would lie whole pages apart, where a processor
+/// takes what it reads for what it has just written elsewhere, and keeps few of them in its cache.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 struct Stage {

@@ -14,7 +14,8 @@ pub const SUMS: usize = 2;
 /// A column of a step matrix.
 type Column = [f64; ROWS];
 
-/// What a warped lattice runs with: how each state, and the excitation, enters the next states, and what comes out.
+/// The step of a warped lattice: the gains from each state and from the excitation to the next states and to the
+/// output.
 ///
 /// Rows and columns from the order on are 0, as far as the next whole vector. Columns lie on whole cache lines: a vector
 /// across two of them would take twice as long to load.
@@ -181,8 +182,8 @@ impl Write<'_> {
     /// `beta_m = c_m delta_m q_m`, upwards; then, downwards, `f_{m-1} = delta_m (c_m f_m - k_m q_m)`,
     /// `b_m = alpha_m f_m + beta_m` and `next x_m = l x_m + s b_{m-1}`.
     ///
-    /// What a single `q_j` does is the sum of what it does through `f` below it and of what it does through `beta` above
-    /// it, which is what `q_{j+1}` does, scaled: so each column follows from its neighbour.
+    /// The effect of a single `q_j` is the sum of its effect through `f` below it and of its effect through `beta`
+    /// above it; the latter is the scaled effect of `q_{j+1}`: so each column follows from its neighbour.
     #[inline(always)]
     fn write<const PADDED: usize>(self) {
         let Self { stages, step } = self;

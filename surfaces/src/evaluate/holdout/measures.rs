@@ -25,7 +25,7 @@ pub struct Measures {
     pub kurtosis: f64,
     /// RMS difference of the levels over 50 ms, dB; `None` for the floor.
     pub envelope_db: Option<f64>,
-    /// The same between two seeds of the method.
+    /// RMS difference of the levels over 50 ms between two seeds of the method, dB.
     pub envelope_floor_db: Option<f64>,
     /// Normalised spectral error and power error of the first seed, Eq. 2.5.1 and 2.5.2; `None` for the
     /// floor.

@@ -19,8 +19,7 @@ const WINDOW_S: f64 = 0.2;
 /// A method that predicts the vibration of one part of a recording from another part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// The spectrum of the training part itself, which a method that uses nothing but the material is not
-    /// expected to beat by much.
+    /// The spectrum of the training part itself; a method that uses only the material cannot be much better.
     Floor,
     /// The default method of `learn`.
     Default,

@@ -22,7 +22,7 @@ pub struct Holdout {
 pub struct Mean {
     /// The mean.
     pub mean: f64,
-    /// Its standard error.
+    /// The standard error.
     pub error: Option<f64>,
 }
 
@@ -51,7 +51,7 @@ pub struct ByMaterial {
 /// Error of one third octave over all materials.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BandMean {
-    /// Its centre, Hz.
+    /// The centre, Hz.
     pub centre_hz: f64,
     /// Signed error of its power, dB.
     pub signed_db: f64,

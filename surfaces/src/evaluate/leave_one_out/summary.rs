@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 pub struct Mean {
     /// The mean.
     pub mean: f64,
-    /// Its standard error; `None` for one texture.
+    /// The standard error; `None` for one texture.
     pub error: Option<f64>,
 }
 

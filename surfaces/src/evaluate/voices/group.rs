@@ -79,11 +79,11 @@ enum Filters {
 struct Buffers {
     drawn: [[f64; BLOCK]; DRAWN],
     excitation: [Row; BLOCK],
-    /// What crackle draws, then the output.
+    /// The random numbers of crackle, then the output.
     out: [Row; BLOCK],
     /// The interpolated models: line spectral frequencies of both polynomials, gains, levels.
     mix: [Row; MIX],
-    /// Their coefficients.
+    /// The coefficients.
     coefficients: [Row; MIX],
 }
 
@@ -182,7 +182,7 @@ impl<'a> Group<'a> {
     }
 
     /// Computes the vibrations; an error names the lane. `advance` receives the number of further samples
-    /// done, and says whether to go on.
+    /// done, and returns whether to continue.
     pub fn play(mut self, advance: &dyn Fn(usize) -> ControlFlow<()>) -> Result<(), (usize, SynthesisError)> {
         let samples = self.lanes.iter().map(|lane| lane.out.len()).max().unwrap_or(0);
         let UpdatePoints {

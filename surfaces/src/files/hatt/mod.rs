@@ -115,7 +115,7 @@ pub enum HattProblem {
     /// XML of another kind.
     #[error("the root element is <{found}>; surfaces are in <modelSet> or <tapSet> files")]
     Root {
-        /// Its name.
+        /// The name.
         found: String,
     },
     /// Content after the root element, or text between elements.
@@ -153,7 +153,7 @@ pub enum HattProblem {
     Number {
         /// The element.
         field: String,
-        /// Its text, shortened.
+        /// The text, shortened.
         text: String,
     },
     /// Too many entries.
@@ -179,7 +179,7 @@ pub enum HattProblem {
     Units {
         /// The element.
         field: &'static str,
-        /// Its text.
+        /// The text.
         found: String,
         /// The toolkit's unit.
         expected: &'static str,
@@ -218,7 +218,7 @@ pub enum HattWriteError {
     TapShape {
         /// Samples of each tap.
         samples: usize,
-        /// Their rate.
+        /// The rate.
         rate_hz: f64,
     },
     /// XML cannot store some control characters.

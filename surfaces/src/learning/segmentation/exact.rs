@@ -77,9 +77,9 @@ struct Search<'a, E> {
     /// Prefixes that end at each grid point, the cheapest first.
     prefixes: Vec<Vec<Prefix>>,
     blocks: Vec<Block>,
-    /// What the estimator knows of the starts, block by block.
+    /// Data of the estimator about the starts, block by block.
     starts: Vec<Lanes>,
-    /// What it knows of the end at hand.
+    /// Data of the estimator about the present end.
     ends: Vec<Lanes>,
     discounts: Discounts,
     /// Surprise from each of the last [`MARK`] grid points, the latest first, to the end at hand.
@@ -262,8 +262,8 @@ impl<'a, E: Estimator> Search<'a, E> {
         }
     }
 
-    /// What a prefix worth keeping costs less than that extends one of at least so many segments: the incumbent, and what the break
-    /// term can refund for the segments that the incumbent has more.
+    /// Upper limit of the cost of a prefix that extends one of at least this many segments: the cost of the incumbent,
+    /// plus the largest saving of the break term for the segments that the incumbent has more.
     #[inline(always)]
     fn limit(&self, extended: usize) -> f64 {
         let (cost, segments) = self.incumbent;
@@ -430,14 +430,14 @@ impl<'a, E: Estimator> Search<'a, E> {
     }
 }
 
-/// What is known at the highest order of each class.
+/// The values at the highest order of each class.
 #[inline(always)]
 fn by_class<T>(orders: &[T], known: impl Fn(&T) -> f64) -> ByClass {
     class_ends(orders.len() - 1).map(|order| known(&orders[order]))
 }
 
-/// What the penalty of Eq. 2.3.3 amounts to as a factor on the variance: with it, the best order of a segment is the least product and the segment
-/// takes one logarithm. Infinite where the order or the span is not allowed.
+/// The penalty of Eq. 2.3.3 as a factor on the variance: the best order of a segment then has the least product, and a
+/// segment takes one logarithm. Infinite if the order or the span is not allowed.
 struct Discounts {
     /// Discounts by order (from 1), then by start for the last end, or by start less end plus the number of points for the others, whose spans
     /// are multiples of the step.

@@ -1,9 +1,10 @@
 //! The island genetic algorithm of Auto-PARM (Davis, Lee and Rodriguez-Yam 2006, as the thesis uses it), behind the same interface.
 //!
-//! A chromosome says at every sample whether a segment of some order starts there; here it is kept as the list of those that do.
-//! Children come from crossover (each start from either parent) or, rarely, mutation; the best of each generation survives;
-//! at intervals each island's worst give way to the best of its neighbour. It is kept to compare with: [the exact
-//! search](super::SegmentationMethod::Exact) reaches a lower objective in a fraction of the time.
+//! A chromosome states for every sample whether a segment of some order starts there; it is stored as the list of these
+//! starts. Children come from crossover (each start from either parent) or, rarely, mutation; the best of each
+//! generation survives; at intervals the worst of each island are replaced by the best of its neighbour. It is kept for
+//! comparison: [the exact search](super::SegmentationMethod::Exact) reaches a lower objective in a fraction of the
+//! time.
 
 use super::objective::Objective;
 use super::variance::Estimator;
@@ -12,7 +13,8 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::time::{Duration, Instant};
 
-/// How the genetic algorithm runs. The default has the thesis's 25 islands; what it does not state is Auto-PARM's.
+/// Settings of the genetic algorithm. The default has the thesis's 25 islands; values that the thesis does not state
+/// are those of Auto-PARM.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GeneticSettings {
     /// Populations that evolve apart, 1 to 1000.
@@ -65,7 +67,7 @@ struct Chromosome {
     cost: f64,
 }
 
-/// The best segmentation that the algorithm comes upon.
+/// The best segmentation that the algorithm finds.
 pub(super) fn best_found<E: Estimator>(
     objective: &mut Objective<'_, E>,
     settings: &SegmentationSettings,
@@ -113,7 +115,7 @@ pub(super) fn best_found<E: Estimator>(
     objective.rate(genes.iter().skip(1).map(|gene| gene.start).collect())
 }
 
-/// Every island's worst give way to copies of the best of the island before.
+/// Replaces the worst of every island by copies of the best of the island before.
 fn migrate(islands: &mut [Island], migrants: usize) {
     let best: Vec<Vec<Chromosome>> = islands
         .iter()

@@ -1,4 +1,4 @@
-//! Where a vibration changes its character: the minimum-description-length segmentation of thesis section 2.3.2.
+//! Segmentation of a vibration at its changes of character, by minimum description length (thesis section 2.3.2).
 //!
 //! A recorded acceleration is modelled as a piecewise autoregressive process. [`segment`] finds the breaks and the
 //! order of every segment that minimise Eq. 2.3.3, by default exactly (dynamic programming over a grid of possible
@@ -53,16 +53,16 @@ impl Segmentation {
     }
 }
 
-/// How to segment; the default is the thesis's: spans of at least 50 samples, orders 1 to 20.
+/// Settings of a segmentation. The defaults are the thesis's: spans of at least 50 samples, orders 1 to 20.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SegmentationSettings {
     /// The fewest samples a segment may have (at least 4). An order may not exceed half of its segment's samples.
     pub min_span: usize,
     /// The highest order, 1 to [`MAX_ORDER`].
     pub max_order: usize,
-    /// How the innovation variance of Eq. 2.3.3 is estimated.
+    /// Estimator of the innovation variance of Eq. 2.3.3.
     pub variance: VarianceEstimate,
-    /// How the objective is minimised.
+    /// Search method that minimises the objective.
     pub method: SegmentationMethod,
 }
 
@@ -96,7 +96,7 @@ pub enum VarianceEstimate {
     Burg,
 }
 
-/// How the objective is minimised.
+/// Search method that minimises the objective.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum SegmentationMethod {
@@ -111,7 +111,7 @@ pub enum SegmentationMethod {
     Genetic(GeneticSettings),
 }
 
-/// Why a signal cannot be segmented.
+/// Reason why a signal cannot be segmented.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum SegmentationError {
@@ -148,8 +148,9 @@ pub fn segment(signal: &[f64], settings: &SegmentationSettings) -> Result<Segmen
     }))
 }
 
-/// What is found in the signal divided by the power of two that brings its largest magnitude to between 1 and 2, so that no second
-/// moment overflows or vanishes whatever the unit. The division is exact, and adds n times its logarithm to the objective.
+/// Calls `find` with the signal divided by the power of two that brings its largest magnitude to between 1 and 2, so
+/// that no second moment overflows or vanishes in any unit. The division is exact, and adds n times its logarithm to
+/// the objective.
 fn at_unit_scale(signal: &[f64], find: impl FnOnce(&[f64]) -> Segmentation) -> Segmentation {
     let magnitude = signal.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let exponent = magnitude.log2().floor() as i32;

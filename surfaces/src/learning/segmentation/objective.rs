@@ -47,12 +47,12 @@ impl<'a, E: Estimator> Objective<'a, E> {
         self.moments.order.min(span / 2)
     }
 
-    /// What a segment of `span` samples costs besides its likelihood.
+    /// Cost of a segment of `span` samples besides its likelihood.
     pub fn penalty(&self, order: usize, span: usize) -> f64 {
         self.ln_samples + (order as f64).ln() + (order as f64 + 2.0) / 2.0 * (span as f64).ln()
     }
 
-    /// What the number of breaks itself costs.
+    /// Cost of the number of breaks.
     pub fn break_penalty(breaks: usize) -> f64 {
         (breaks.max(1) as f64).ln()
     }
@@ -161,7 +161,7 @@ impl<E: Estimator> pulp::WithSimd for Estimate<'_, E> {
     }
 }
 
-/// What is known of one end of a segment, until another is asked for.
+/// Cached description of one end of a segment.
 struct Described {
     position: Option<usize>,
     values: Vec<f64>,

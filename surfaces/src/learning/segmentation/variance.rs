@@ -55,8 +55,8 @@ lanewise!(Sub sub -);
 lanewise!(Mul mul *);
 lanewise!(Div div /);
 
-/// What an estimator must know about one end of a segment, as `3 order + 2` numbers: the long sums (their high parts, then their low
-/// parts, by lag) and `order` samples near the end.
+/// Length of the description of one end of a segment, `3 order + 2` numbers: the long sums (their high parts, then
+/// their low parts, by lag) and `order` samples near the end.
 pub(super) fn end_size(order: usize) -> usize {
     3 * order + 2
 }
@@ -78,12 +78,12 @@ impl Scratch {
 
 /// An estimate of innovation variances.
 pub(super) trait Estimator {
-    /// Whether splitting a segment never raises its sum of squared residuals at a fixed order. Then a start can be dropped from the exact
+    /// True if splitting a segment never raises its sum of squared residuals at a fixed order. Then a start can be dropped from the exact
     /// search for good.
     const SUPERADDITIVE: bool;
 
-    /// What must be known about a segment that starts at `position`; here, one that knows nothing of what came before: its
-    /// products of lag k begin k samples later.
+    /// Describes the start of a segment at `position`. By default samples before it are unknown: its products of lag k
+    /// begin k samples later.
     fn describe_start(moments: &Moments, position: usize, out: &mut [f64]) {
         let order = moments.order;
         let mut sums = [LongSum::default(); crate::MAX_ORDER + 1];
@@ -99,7 +99,7 @@ pub(super) trait Estimator {
         }
     }
 
-    /// What must be known about a segment that ends before `position`.
+    /// Describes the end of a segment before `position`.
     fn describe_end(moments: &Moments, position: usize, out: &mut [f64]) {
         let order = moments.order;
         let mut sums = [LongSum::default(); crate::MAX_ORDER + 1];
@@ -148,8 +148,8 @@ impl Estimator for ConditionalLeastSquares {
         Self::describe_end(moments, position, out);
     }
 
-    /// Eliminates the regressors x[u-1], x[u-2], ... one by one from their matrix of products, bordered by the target x[u]: what is left of the
-    /// target's own product after k of them is the residual sum of squares at order k.
+    /// Eliminates the regressors x[u-1], x[u-2], ... one by one from their matrix of products, bordered by the target
+    /// x[u]: the rest of the target's own product after k of them is the residual sum of squares at order k.
     #[inline(always)]
     fn estimate(
         starts: &[Lanes],

@@ -1,10 +1,10 @@
-//! Columns that other people call otherwise, where that leaves no doubt what they hold.
+//! Columns with other names than ours whose quantity is nevertheless certain.
 
 use super::super::import::{Finding, ImportSettings};
 use super::AXES;
 use super::units::{QUANTITIES, plain_name, unit_in_file};
 
-/// Words that names begin with, and ours for them.
+/// First words of names, and our words for them.
 const WORDS: [(&str, &str); 8] = [
     ("acceleration", "accel"),
     ("acc", "accel"),
@@ -16,7 +16,7 @@ const WORDS: [(&str, &str); 8] = [
     ("timestamp", "time"),
 ];
 
-/// The quantity that a column is by its first word, such as `force_normal` of `Force [N]`.
+/// The quantity of a column by its first word, such as `force_normal` for `Force [N]`.
 fn like_ours(name: &str) -> Option<String> {
     let lower = name.to_lowercase();
     let translated = WORDS.iter().find_map(|(word, ours)| {
@@ -33,13 +33,13 @@ fn like_ours(name: &str) -> Option<String> {
     QUANTITIES.contains(&&*plain).then_some(plain)
 }
 
-/// Whether a column of a header is taken for a quantity of ours: by its first word, and its unit.
+/// True if a column of a header is recognised as a quantity by its first word and its unit.
 pub(super) fn is_like_ours(name: &str) -> bool {
     like_ours(name).is_some_and(|plain| unit_in_file(name, "", &plain, false).is_ok())
 }
 
-/// Fills in what columns are taken as that are called otherwise, and says so: each where no other column has the quantity, and its unit is
-/// known. One axis of the acceleration alone is all of it.
+/// Assigns quantities to columns with other names, and adds findings: if no other column has the quantity, and its unit
+/// is known. A single axis of the acceleration counts as the whole acceleration.
 pub(super) fn taken_as(
     names: &[String],
     units: &[String],

@@ -15,7 +15,7 @@ pub(super) struct Clock {
     origin: Option<Origin>,
 }
 
-/// Where times count from, by the first that was read.
+/// Origin of the times, from the first that was read.
 #[derive(Clone, Copy)]
 enum Origin {
     Zero,
@@ -26,7 +26,7 @@ enum Origin {
 }
 
 impl Clock {
-    /// A cell in seconds; `None` where it holds no time of the kind that the first one is.
+    /// A cell in seconds; `None` if it does not hold a time of the same kind as the first.
     pub fn seconds(&mut self, cell: &[u8], scale: Scale) -> Option<f64> {
         let origin = match self.origin {
             Some(origin) => origin,
@@ -42,12 +42,12 @@ impl Clock {
         }
     }
 
-    /// Whether the times are dates, which have no unit.
+    /// True if the times are dates, which have no unit.
     pub fn is_calendar(&self) -> bool {
         matches!(self.origin, Some(Origin::Second(_)))
     }
 
-    /// What was taken off all times, s.
+    /// Offset that was subtracted from all times, s.
     pub fn origin_s(&self, scale: Scale) -> f64 {
         match self.origin {
             None | Some(Origin::Zero) => 0.0,

@@ -1,13 +1,13 @@
-//! What to type where columns are missing.
+//! Suggested flags for missing columns.
 
 use super::table::Table;
 use super::units::{dimension, example_unit, is_of, unit_in_file};
 use haptograph_signal::quantity::Quantity;
 
-/// More are not read by anybody.
+/// Largest number of suggestions.
 const MOST: usize = 6;
 
-/// What columns of a quantity are called by those who did not name them for us.
+/// Usual beginnings of the names of columns, by quantity.
 const BEGINNINGS: [(&str, &[&str]); 5] = [
     ("time", &["t", "zeit", "stamp", "uhr"]),
     ("accel", &["a", "besch", "vib"]),
@@ -19,7 +19,7 @@ const BEGINNINGS: [(&str, &[&str]); 5] = [
     ("position", &["x", "y", "z", "pos", "weg"]),
 ];
 
-/// A flag for each quantity that is missing, filled with the column that is most likely it.
+/// A flag for each missing quantity, with its most likely column.
 pub(super) fn hints(tables: &[&Table], missing: &[String]) -> Vec<String> {
     let mut unread: Vec<(&str, &str)> = tables.iter().flat_map(|table| table.unread()).collect();
     let mut said = vec![];
@@ -46,7 +46,7 @@ fn hint(quantity: &str, column: Option<(&str, &str)>) -> String {
     }
 }
 
-/// The column whose unit is one of the quantity, or whose name begins as such columns do; best both.
+/// The column whose unit is one of the quantity, or whose name has a usual beginning; preferably both.
 fn likely(quantity: &str, unread: &[(&str, &str)]) -> Option<usize> {
     let first = quantity.split('_').next().unwrap_or(quantity);
     let begins = |name: &str| {

@@ -149,7 +149,7 @@ pub(super) fn processed(
     Ok(ProcessedRecording::new(signals, gesture, provenance)?)
 }
 
-/// The table that the speed is derived of, where there is none but a position.
+/// The table from whose positions the speed is derived, if no table has a speed.
 fn place_of_positions(tables: &mut [Table]) -> Option<usize> {
     let has_speed = tables.iter().any(|table| table.has("speed"));
     let place = tables
@@ -170,7 +170,7 @@ fn place_of_positions(tables: &mut [Table]) -> Option<usize> {
 
 const POSITIONS: [&str; 3] = ["position_x", "position_y", "position_z"];
 
-/// The speed by the positions of a table, as it is made of raw recordings, and the name of its file.
+/// The speed from the positions of a table, computed as for raw recordings, and the name of its file.
 fn speed_of_position(table: &mut Table) -> Result<(String, Series<f64>), Fault> {
     let columns = table.columns_of(&POSITIONS);
     let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();

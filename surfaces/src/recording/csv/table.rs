@@ -36,17 +36,17 @@ pub(in crate::recording) struct Table {
     pub(super) names: Vec<String>,
     /// Cells of the row below the header; may be empty.
     pub(super) units: Vec<String>,
-    /// Whether the file has lines (or rows of a sheet) that a message can name.
+    /// True if the file has lines (or rows of a sheet) that a message can name.
     has_lines: bool,
     columns: Vec<Column>,
     lines: Lines,
     strict: bool,
-    /// Whether the unit of the acceleration is known.
+    /// True if the unit of the acceleration is known.
     knows_unit: bool,
     given_rate_hz: Option<f64>,
     clock: Clock,
     time_scale: Scale,
-    /// What to say of the times where they turn out to be numbers.
+    /// Message about the unit of the times, if they are plain numbers.
     time_without_unit: Option<String>,
     /// Time from the origin that all files of a take share to this one's, s.
     since_s: f64,
@@ -227,12 +227,12 @@ impl Table {
         self.columns.retain(|column| column.name != name);
     }
 
-    /// Whether the unit of the acceleration is known: not where `--unit accel=1` says that it is not.
+    /// True if the unit of the acceleration is known; `--unit accel=1` marks it as unknown.
     pub(in crate::recording) fn knows_unit(&self) -> bool {
         self.knows_unit
     }
 
-    /// Where the times count from, s; `None` where there are none, or nothing that they are the times of.
+    /// Origin of the times, s; `None` if there are no times, or no samples at them.
     pub(super) fn origin_s(&self) -> Option<f64> {
         let counts = self.has(TIME) && self.columns.len() > 1 && self.lines.rows() > 0;
         counts.then(|| self.clock.origin_s(self.time_scale))
@@ -264,12 +264,12 @@ impl Table {
         found.ok_or_else(|| missing_columns(&[self], vec![name.to_owned()]))
     }
 
-    /// Whether neither times nor a rate are known.
+    /// True if neither times nor a rate are known.
     pub(super) fn lacks_rate(&self) -> bool {
         !self.has("time") && self.given_rate_hz.is_none() && !self.notes.contains_key("rate_hz")
     }
 
-    /// The columns that nothing is read from, each with its cell in a row of units.
+    /// The columns that are not read, each with its cell in the row of units.
     pub(super) fn unread(&self) -> impl Iterator<Item = (&str, &str)> {
         let is_read = |index: usize| self.columns.iter().any(|column| column.number == index + 1);
         let unread = self.names.iter().enumerate();

@@ -191,12 +191,12 @@ fn not_ours(plain: &str) -> String {
     format!("unknown quantity {plain}; a recording has no such quantity")
 }
 
-/// What a quantity of ours is.
+/// The physical quantity of one of our quantities.
 pub(in crate::recording) fn dimension(plain: &str) -> Option<Quantity> {
     parts(plain).map(|(quantity, ..)| quantity)
 }
 
-/// Whether a text, in brackets or not, is a unit of anything.
+/// True if a text, in brackets or not, is a unit of anything.
 pub(in crate::recording) fn is_unit(text: &str) -> bool {
     unit_of_anything(text).is_some()
 }
@@ -223,7 +223,7 @@ pub(in crate::recording) fn unit_of_column(header: &str, below: &str) -> Option<
     unit_of_anything(bracketed(&lower).map_or(below, |(_, unit)| unit))
 }
 
-/// Whether a column is of this quantity, by its unit alone.
+/// True if a column is of this quantity, by its unit alone.
 pub(in crate::recording) fn is_of(header: &str, below: &str, quantity: Quantity) -> bool {
     let lower = header.to_lowercase();
     match bracketed(&lower) {

@@ -101,15 +101,15 @@ fn bounded(bytes: &[u8], most: u64) -> Result<(), String> {
     Ok(())
 }
 
-/// Cells of a sheet at most.
+/// Largest number of cells of a sheet.
 const MAX_CELLS: usize = 1 << 24;
 /// Limits of a sheet's extent, per cell, besides and in total: every position within the extent takes memory.
 const MAX_PLACES: [u64; 3] = [64, 1 << 20, 1 << 25];
 
-/// What to do about a damaged workbook.
+/// Help for a damaged workbook.
 const AGAIN: &str = "open it and save it again, or save it as CSV";
 
-/// Why a workbook cannot be opened.
+/// The reason why a workbook cannot be opened.
 fn unopened(error: &XlsxError) -> String {
     match error {
         XlsxError::Password => "the spreadsheet has a password; save it without".to_owned(),

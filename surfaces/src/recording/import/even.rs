@@ -17,7 +17,7 @@ const ROUND_UNEVEN: f64 = 1e-2;
 pub(in crate::recording) struct Timing {
     pub rate_hz: f64,
     pub start_s: f64,
-    /// Whether the rows have to be resampled.
+    /// True if the rows have to be resampled.
     pub is_uneven: bool,
     pub finding: Option<Finding>,
 }

@@ -3,18 +3,19 @@
 use super::Finding;
 use crate::learning::processing::{ProcessingSettings, high_passed};
 
-/// A mean is small below this part of the deviation.
+/// A mean is small below this fraction of the deviation.
 ///
-/// What lies above the high-pass has none that is larger, over a time of [`SHORTEST_S`] or more: a tone at 20 Hz that ends at its worst
-/// moment has a mean of 0.045 deviations.
+/// A vibration above the high-pass has no larger mean over [`SHORTEST_S`] or more: a tone at 20 Hz that ends at its
+/// worst moment has a mean of 0.045 deviations.
 const SMALL: f64 = 0.1;
-/// What never changes has this part of its mean for a deviation, by rounding.
+/// Deviation of a constant relative to its mean, by rounding.
 const ROUNDING: f64 = 1e-9;
-/// Shortest time over which a mean says anything, s.
+/// Shortest time over which a mean is meaningful, s.
 const SHORTEST_S: f64 = 0.5;
 
-/// Takes a vibration on one axis, whose mean is not small, as unprocessed: applies the high-pass of the processing, and says so; `has_unit`
-/// where it is in m/s². All others keep their bits, and so does one that never changes or that ends below the cutoff.
+/// Treats a vibration on one axis whose mean is not small as unprocessed: applies the high-pass of the processing, and
+/// returns a finding. `has_unit` is true if it is in m/s². All others keep their bits, as does a constant and a
+/// vibration that ends below the cut-off.
 #[must_use]
 pub fn remove_offset(column: &str, has_unit: bool, values: &mut Vec<f64>, rate_hz: f64) -> Option<Finding> {
     let (mean, cutoff_hz) = without_offset(values, rate_hz)?;

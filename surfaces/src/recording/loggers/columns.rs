@@ -1,4 +1,4 @@
-//! Which columns there are, and in which units.
+//! Tests: recognition of columns and units.
 
 use super::*;
 

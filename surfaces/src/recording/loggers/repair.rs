@@ -1,4 +1,4 @@
-//! What is repaired, refused or noticed.
+//! Tests: data that are repaired, refused or reported.
 
 use super::*;
 

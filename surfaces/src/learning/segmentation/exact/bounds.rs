@@ -1,4 +1,5 @@
-//! What reaching an end through each block of starts costs at least, in an order that yields only those that may matter.
+//! Lower bounds of the cost of reaching an end through each block of starts, in an order that yields only the blocks
+//! that may matter.
 
 use super::super::moments::Moments;
 use super::super::objective::{Objective, put_lane};

@@ -1,4 +1,4 @@
-//! Samples at an even rate from the rows of a table: repaired where that is allowed, refused where not.
+//! Samples at an even rate from the rows of a table, which are repaired if that is allowed and refused otherwise.
 
 use super::{Column, Fault, SIGNAL, Table, is_vibration};
 use crate::recording::csv::units::plain_name;
@@ -31,7 +31,7 @@ pub(in crate::recording) struct SignalColumns {
 }
 
 impl Table {
-    /// Takes a vibration on one axis as unprocessed where it has a mean that no processed one has.
+    /// Treats a vibration on one axis as unprocessed if it has a mean that no processed vibration has.
     pub(in crate::recording) fn take_offset(
         &mut self,
         column: &str,
@@ -43,7 +43,7 @@ impl Table {
             return Ok(());
         };
         if self.strict {
-            let message = format!("{found}, unless nothing may be repaired, as here (--strict)");
+            let message = format!("{found}; --strict does not allow this");
             return Err(self.error(self.header_line, message));
         }
         self.findings.push(found);

@@ -1,4 +1,4 @@
-//! Which columns of a file are read, as which quantities, and by which scales.
+//! Selection of the columns of a file, with their quantities and scales.
 
 use super::{Column, SIGNAL, TIME, Table, is_vibration};
 use crate::recording::ReadError;
@@ -10,7 +10,7 @@ use crate::recording::error::listed;
 use crate::recording::import::{Finding, ImportSettings};
 use haptograph_signal::quantity::Quantity;
 
-/// Which columns of a table are read.
+/// The columns of a table to read.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::recording) enum ColumnSelection<'a> {
     /// The columns of a recording.
@@ -26,7 +26,7 @@ pub(in crate::recording) enum ColumnSelection<'a> {
 /// Index and scale of a column to read.
 pub(super) type Chosen = (usize, Scale);
 
-/// Whether a column of that name is read.
+/// True if a column of that name is read.
 pub(in crate::recording) fn is_wanted(
     name: &str,
     import: &ImportSettings,
