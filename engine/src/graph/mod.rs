@@ -29,7 +29,7 @@ use crate::bridges::BridgeEntry;
 use crate::device::{Channel, Device, DeviceEntry, DeviceKind};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
-use crate::node::{AfterData, DataEnd, FileProgress, FileSink, Limit, NodeEntry, Processor};
+use crate::node::{AfterData, AnyProcessor, DataEnd, FileProgress, FileSink, Limit, NodeEntry};
 use crate::settings::{SettingId, SettingSpec};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
@@ -151,7 +151,7 @@ pub struct Output {
 
 /// What a node does when it runs. Processors and devices are in their initial state: plans clone them.
 pub(crate) enum Work {
-    Process(Box<dyn Processor>),
+    Process(Box<dyn AnyProcessor>),
     /// Output i is channel `channels[i]` of those that the device senses.
     Source {
         device: usize,
