@@ -6,8 +6,8 @@ use haptograph::engine::bridges::{
 };
 use haptograph::engine::frame::{Kind, KindSpec, Level, OneKind, Scalar, Vector};
 use haptograph::engine::node::{
-    BuildContext, BuildError, Input, Io, Latency, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick,
-    input, output,
+    BuildContext, BuildError, Built, Input, Io, Latency, NodeEntry, NodeKind, NodeSpec, Output, Processor,
+    Tick, input, output,
 };
 use haptograph::engine::registry::Registry;
 use haptograph::engine::settings::NoSettings;
@@ -91,19 +91,19 @@ impl NodeKind for Turn {
         example: r#""tool": Turn(angle: "wrist")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Turning))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Turning))
     }
 }
 
-const ANGLE: Input<Scalar> = Turn::SPEC.input("angle");
-const TURNED: Output<Orientation> = Turn::SPEC.output("orientation");
+const ANGLE: Input<Turn, Scalar> = Input::named("angle");
+const TURNED: Output<Turn, Orientation> = Output::named("orientation");
 
 #[derive(Clone)]
 struct Turning;
 
-impl Processor for Turning {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Turn> for Turning {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Turn>) {
         let angles_rad = io.read(ANGLE);
         for (frame, angle_rad) in io.write(TURNED).iter_mut().zip(angles_rad) {
             let (sine, cosine) = (angle_rad / 2.0).sin_cos();
@@ -137,19 +137,19 @@ impl NodeKind for Pointing {
         example: r#""tip": Pointing(clock: "servo", orientation: Slerp("tool"))"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Axis))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Axis))
     }
 }
 
-const ORIENTATION: Input<Orientation> = Pointing::SPEC.input("orientation");
-const DIRECTION: Output<Vector> = Pointing::SPEC.output("direction");
+const ORIENTATION: Input<Pointing, Orientation> = Input::named("orientation");
+const DIRECTION: Output<Pointing, Vector> = Output::named("direction");
 
 #[derive(Clone)]
 struct Axis;
 
-impl Processor for Axis {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Pointing> for Axis {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Pointing>) {
         let orientations = io.read(ORIENTATION);
         for (direction, [w, x, y, z]) in io.write(DIRECTION).iter_mut().zip(orientations) {
             *direction = [

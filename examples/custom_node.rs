@@ -3,8 +3,8 @@
 
 use haptograph::engine::frame::{Kind, Scalar};
 use haptograph::engine::node::{
-    BuildContext, BuildError, Input, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, input,
-    output,
+    BuildContext, BuildError, Built, Input, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick,
+    input, output,
 };
 use haptograph::engine::registry::Registry;
 use haptograph::signal::quantity::Quantity;
@@ -41,16 +41,16 @@ impl NodeKind for Detents {
         example: r#""detents": Detents(position: "hand", pitch_mm: 5)"#,
     };
 
-    fn build(settings: DetentsSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Pull {
+    fn build(settings: DetentsSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Pull {
             radians_per_m: TAU / (settings.pitch_mm * 1e-3),
             strength_n: settings.strength_n,
         }))
     }
 }
 
-const POSITION: Input<Scalar> = Detents::SPEC.input("position");
-const FORCE: Output<Scalar> = Detents::SPEC.output("force");
+const POSITION: Input<Detents, Scalar> = Input::named("position");
+const FORCE: Output<Detents, Scalar> = Output::named("force");
 
 #[derive(Clone)]
 struct Pull {
@@ -58,8 +58,8 @@ struct Pull {
     strength_n: f64,
 }
 
-impl Processor for Pull {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Detents> for Pull {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Detents>) {
         let positions_m = io.read(POSITION);
         for (force_n, position_m) in io.write(FORCE).iter_mut().zip(positions_m) {
             *force_n = -self.strength_n * (self.radians_per_m * position_m).sin();

@@ -3,8 +3,8 @@
 
 use haptograph::engine::frame::{Kind, Scalar};
 use haptograph::engine::node::{
-    BuildContext, BuildError, Input, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
-    input, output, successor,
+    BuildContext, BuildError, Built, Input, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, SettingId,
+    Tick, input, output,
 };
 use haptograph::engine::registry::Registry;
 use haptograph::signal::quantity::Quantity;
@@ -40,12 +40,12 @@ impl NodeKind for Bristle {
         example: r#""drag": Bristle(position: "hand", slips_at_n: 0.4)"#,
     };
 
-    fn build(settings: BristleSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: BristleSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         if settings.stiffness_n_per_mm == 0.0 && settings.slips_at_n > 0.0 {
             let wrong = BuildError::at("stiffness_n_per_mm", "a bristle without stiffness never slips");
             return Err(wrong.help("give it a stiffness above 0, or take the node away"));
         }
-        Ok(Box::new(Spring {
+        Ok(Built::new(Spring {
             stiffness_n_per_m: settings.stiffness_n_per_mm * 1e3,
             slips_at_n: settings.slips_at_n,
             foot_m: None,
@@ -53,8 +53,8 @@ impl NodeKind for Bristle {
     }
 }
 
-const POSITION: Input<Scalar> = Bristle::SPEC.input("position");
-const FORCE: Output<Scalar> = Bristle::SPEC.output("force");
+const POSITION: Input<Bristle, Scalar> = Input::named("position");
+const FORCE: Output<Bristle, Scalar> = Output::named("force");
 const SLIPS_AT_N: SettingId = BristleSettings::live("slips_at_n");
 
 #[derive(Clone)]
@@ -76,8 +76,8 @@ impl Spring {
     }
 }
 
-impl Processor for Spring {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Bristle> for Spring {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Bristle>) {
         let positions_m = io.read(POSITION);
         for (force_n, position_m) in io.write(FORCE).iter_mut().zip(positions_m) {
             *force_n = self.pull_n(*position_m);
@@ -92,10 +92,8 @@ impl Processor for Spring {
     }
 
     /// The graph was changed while it runs: the new bristle stands where this one stood.
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.foot_m = self.foot_m;
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.foot_m = self.foot_m;
     }
 }
 

@@ -6,8 +6,8 @@ use haptograph_engine::document::{Builder, Document, Part, ring as from_ring};
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, Many, NodeEntry, NodeKind, NodeSpec, Output, Presence,
-    Processor, Single, Tick, any_input, output,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, Law, Many, NodeEntry, NodeKind, NodeSpec, Output,
+    Presence, Processor, Tick, any_input, input, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -35,8 +35,7 @@ fn tick(criterion: &mut Criterion) {
     for (what, kind) in [
         ("does nothing", "Nothing"),
         ("copies its input", "Copy"),
-        ("takes single frames", "Call"),
-        ("multiplies single frames", "Product"),
+        ("multiplies by a law", "Product"),
     ] {
         for block in [1, 10, 64] {
             let mut run = Run::new(Arc::new(plan(&chain(kind, NODES), block)));
@@ -270,7 +269,6 @@ fn load(text: &str) -> Graph {
     registry.add(NodeEntry::processor::<Source>());
     registry.add(NodeEntry::processor::<Nothing>());
     registry.add(NodeEntry::processor::<Copy>());
-    registry.add(NodeEntry::processor::<Call>());
     registry.add(NodeEntry::processor::<Product>());
     registry.add(NodeEntry::processor::<Mix>());
     let document = Document::parse("bench.ron", text).expect("the builder writes graphs");
@@ -281,16 +279,15 @@ fn plan(graph: &Graph, block: usize) -> Plan {
     Plan::of(graph, &PlanOptions::default().block(block)).remove(0)
 }
 
-const INPUT: InputSpec = any_input("input", "Samples.");
+const INPUT: InputSpec = input("input", Kind::SCALAR, Quantity::NUMBER, "Samples.");
 const INPUTS: InputSpec = InputSpec {
-    name: "inputs",
     presence: Presence::Many,
-    ..INPUT
+    ..any_input("inputs", "Samples.")
 };
 
-/// Node kinds without settings, each with what its processor does.
+/// Node kinds without settings, each with how it is built and what its processor does.
 macro_rules! kinds {
-    ($($name:ident($inputs:expr) { $($body:tt)* })*) => { $(
+    ($($name:ident($inputs:expr) = $built:expr;)*) => { $(
         #[derive(Clone)]
         struct $name;
 
@@ -306,72 +303,52 @@ macro_rules! kinds {
                 example: "",
             };
 
-            fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-                Ok(Box::new(Self))
+            fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+                Ok($built)
             }
         }
-
-        impl Processor for $name { $($body)* }
     )* };
 }
 
-const SIGNAL: Input<Linear> = Input::common([
-    Copy::SPEC.input("input"),
-    Call::SPEC.input("input"),
-    Product::SPEC.input("input"),
-]);
-const TERMS: Input<Linear, Many> = Mix::SPEC.input("inputs");
-const OUTPUT: Output<Scalar> = Output::common([
-    Source::SPEC.output("output"),
-    Copy::SPEC.output("output"),
-    Call::SPEC.output("output"),
-    Product::SPEC.output("output"),
-    Mix::SPEC.output("output"),
-]);
-
 kinds! {
-    Source(&[]) {
-        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            io.write(OUTPUT).fill(0.5);
-        }
+    Source(&[]) = Built::new(Source);
+    Nothing(&[INPUT]) = Built::new(Nothing);
+    Copy(&[INPUT]) = Built::new(Copy);
+    Product(&[INPUT]) = Built::law(Law::Scale(0.5), FACTOR, PRODUCT);
+    Mix(&[INPUTS]) = Built::new(Mix);
+}
+
+const SOUND: Output<Source, Scalar> = Output::named("output");
+const ORIGINAL: Input<Copy, Scalar> = Input::named("input");
+const COPY: Output<Copy, Scalar> = Output::named("output");
+const FACTOR: Input<Product, Scalar> = Input::named("input");
+const PRODUCT: Output<Product, Scalar> = Output::named("output");
+const TERMS: Input<Mix, Linear, Many> = Input::named("inputs");
+const SUM: Output<Mix, Scalar> = Output::named("output");
+
+impl Processor<Source> for Source {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Source>) {
+        io.write(SOUND).fill(0.5);
     }
-    Nothing(&[INPUT]) {
-        fn process(&mut self, _: &Tick, _: &mut Io<'_>) {}
+}
+
+impl Processor<Nothing> for Nothing {
+    fn process(&mut self, _: &Tick, _: &mut Io<'_, Nothing>) {}
+}
+
+impl Processor<Copy> for Copy {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Copy>) {
+        let x = io.read(ORIGINAL);
+        io.write(COPY).copy_from_slice(x);
     }
-    Copy(&[INPUT]) {
-        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let x = io.read(SIGNAL);
-            io.write(OUTPUT).copy_from_slice(x);
-        }
-    }
-    Call(&[INPUT]) {
-        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let x = io.read(SIGNAL);
-            io.write(OUTPUT).copy_from_slice(x);
-        }
-        fn single(&self) -> Option<Single> {
-            Some(Single::Call)
-        }
-        fn frame(&mut self, x: f64) -> f64 {
-            x
-        }
-    }
-    Product(&[INPUT]) {
-        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let x = io.read(SIGNAL);
-            io.write(OUTPUT).iter_mut().zip(x).for_each(|(y, x)| *y = 0.5 * x);
-        }
-        fn single(&self) -> Option<Single> {
-            Some(Single::Scale(0.5))
-        }
-    }
-    Mix(&[INPUTS]) {
-        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let terms = io.read(TERMS);
-            let (a, b) = (terms.nth_or_last(0), terms.nth_or_last(1));
-            for ((y, a), b) in io.write(OUTPUT).iter_mut().zip(a).zip(b) {
-                *y = 0.5 * (a + b);
-            }
+}
+
+impl Processor<Mix> for Mix {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Mix>) {
+        let terms = io.read(TERMS);
+        let (a, b) = (terms.nth_or_last(0), terms.nth_or_last(1));
+        for ((y, a), b) in io.write(SUM).iter_mut().zip(a).zip(b) {
+            *y = 0.5 * (a + b);
         }
     }
 }

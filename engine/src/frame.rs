@@ -250,8 +250,10 @@ pub enum AnyKind {}
 ///
 /// ```
 /// use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind};
-/// use haptograph_engine::node::{NodeSpec, Output, output};
-/// use haptograph_signal::quantity::Quantity;
+/// use haptograph_engine::node::Output;
+/// # use haptograph_engine::node::{BuildContext, BuildError, Built, NodeKind, NodeSpec, output};
+/// # use haptograph_engine::settings::NoSettings;
+/// # use haptograph_signal::quantity::Quantity;
 ///
 /// const COLOUR: Kind = Kind::new(&KindSpec {
 ///     name: "colour",
@@ -270,19 +272,24 @@ pub enum AnyKind {}
 ///     type Array = [f64; COLOUR.width()];
 /// }
 ///
-/// const SPEC: NodeSpec = NodeSpec {
-///     name: "Lamp", group: "mine", doc: "A light.", source: "", inputs: &[],
-///     outputs: &[output("light", COLOUR, Quantity::NUMBER, "Its colour.")],
-///     example: "",
-/// };
-///
-/// const LIGHT: Output<Colour> = SPEC.output("light");
+/// # struct Lamp;
+/// # impl NodeKind for Lamp {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec {
+/// #         name: "Lamp", group: "mine", doc: "A light.", source: "", inputs: &[],
+/// #         outputs: &[output("light", COLOUR, Quantity::NUMBER, "Its colour.")],
+/// #         example: "",
+/// #     };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const LIGHT: Output<Lamp, Colour> = Output::named("light");
 /// ```
 ///
 /// A frame with another number of components does not compile:
 /// ```compile_fail,E0080
 /// # use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind};
-/// # use haptograph_engine::node::{NodeSpec, Output, output};
+/// # use haptograph_engine::node::{BuildContext, BuildError, Built, NodeKind, NodeSpec, Output, output};
+/// # use haptograph_engine::settings::NoSettings;
 /// # use haptograph_signal::quantity::Quantity;
 /// # const COLOUR: Kind = Kind::new(&KindSpec {
 /// #     name: "colour",
@@ -298,12 +305,17 @@ pub enum AnyKind {}
 ///     const KIND: Kind = COLOUR;
 ///     type Array = [f64; 4];
 /// }
-/// # const SPEC: NodeSpec = NodeSpec {
-/// #     name: "Lamp", group: "mine", doc: "A light.", source: "", inputs: &[],
-/// #     outputs: &[output("light", COLOUR, Quantity::NUMBER, "Its colour.")],
-/// #     example: "",
-/// # };
-/// const LIGHT: Output<Colour> = SPEC.output("light");
+/// # struct Lamp;
+/// # impl NodeKind for Lamp {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec {
+/// #         name: "Lamp", group: "mine", doc: "A light.", source: "", inputs: &[],
+/// #         outputs: &[output("light", COLOUR, Quantity::NUMBER, "Its colour.")],
+/// #         example: "",
+/// #     };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const LIGHT: Output<Lamp, Colour> = Output::named("light");
 /// ```
 pub trait OneKind: 'static {
     /// The kind.

@@ -138,58 +138,79 @@ pub(crate) struct Placing {
     pub width: u32,
 }
 
-/// The inputs and outputs of one call of `process`, read and written by the handles of their ports.
-pub struct Io<'a> {
-    pub(crate) frames: usize,
-    /// Frames of the buffers that earlier calls of the same block have used.
-    pub(crate) offset: usize,
+/// Where the inputs and outputs of a step lie in the memory.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Wires {
+    /// Buffer that it writes; empty for none.
+    pub out: Extent,
     /// In the order of the node's spec, the connections of a `Many` port one after the other.
-    pub(crate) inputs: &'a [ResolvedInput],
-    pub(crate) outputs: &'a [Placing],
-    /// The memory before the step's own buffer, that buffer, and the memory behind it.
-    pub(crate) before: &'a [f64],
-    pub(crate) out: &'a mut [f64],
-    pub(crate) behind: &'a [f64],
+    pub inputs: Box<[ResolvedInput]>,
+    /// In the order of the node's spec.
+    pub outputs: Box<[Placing]>,
 }
 
-impl<'a> Io<'a> {
+impl Wires {
+    /// Places of the only connected input and the only output if both are scalars; without inputs, twice the output's.
+    pub(crate) fn scalars(&self) -> Option<(u32, u32)> {
+        let [output] = *self.outputs else { return None };
+        let to = self.out.start + output.start;
+        let (from, is_scalar) = match &*self.inputs {
+            // A source ignores its input.
+            [] => (to, true),
+            [input, others @ ..] if others.iter().all(|other| other.form == Form::Absent) => {
+                let is_scalar = input.form == Form::Sampled && input.width == 1;
+                (input.place(self.out), is_scalar)
+            }
+            _ => return None,
+        };
+        (is_scalar && output.width == 1).then_some((from, to))
+    }
+}
+
+/// The inputs and outputs of one call of [`Processor::process`](crate::node::Processor::process), read and written by the
+/// handles of the ports of the kind `K`. A handle of another kind does not compile.
+pub struct Io<'a, K> {
+    pub(crate) ports: Ports<'a>,
+    kind: PhantomData<fn() -> K>,
+}
+
+impl<'a, K> Io<'a, K> {
+    pub(crate) fn new(ports: Ports<'a>) -> Self {
+        Self {
+            ports,
+            kind: PhantomData,
+        }
+    }
+
     /// Frames of this call.
     #[inline]
     pub fn frames(&self) -> usize {
-        self.frames
+        self.ports.frames
     }
 
     /// The frames of an input: a slice of numbers or arrays, its components if the width is not fixed, an [`Option`] if
     /// it may be left out, [`Runs`] if it is held, [`Connections`] if it has many.
     #[inline]
-    pub fn read<F: FrameKind, M: Mode>(&self, input: Input<F, M>) -> M::Read<'a, F> {
-        M::read(self, input)
+    pub fn read<F: FrameKind, M: Mode>(&self, input: Input<K, F, M>) -> M::Read<'a, F> {
+        M::read(&self.ports, input.index())
     }
 
     /// The frames of an input as values of its kind's type.
     #[inline]
-    pub fn decode<F: Record>(&self, input: Input<F>) -> impl Iterator<Item = F> + use<'a, F> {
+    pub fn decode<F: Record>(&self, input: Input<K, F>) -> impl Iterator<Item = F> + use<'a, F, K> {
         self.read(input).iter().map(F::from_components)
     }
 
     /// Components of one frame of an input, at least 1. The connections of a `Many` input have the same.
     #[inline]
-    pub fn width<F: AnyWidth, M: Mode>(&self, input: Input<F, M>) -> usize {
-        self.width_at(input.index()).max(1)
+    pub fn width<F: AnyWidth, M: Mode>(&self, input: Input<K, F, M>) -> usize {
+        self.ports.width(input.index()).max(1)
     }
 
     /// The frames of an output, to be filled completely.
     #[inline]
-    pub fn write<F: FrameKind>(&mut self, output: Output<F>) -> F::FramesMut<'_> {
-        debug_assert!(
-            F::KINDS.have_width(
-                self.outputs
-                    .get(output.index())
-                    .map_or(0, |placing| placing.width as usize)
-            ),
-            "{output:?} is not an output of this node, or has another width"
-        );
-        F::frames_mut(self.out(output.index()))
+    pub fn write<F: FrameKind>(&mut self, output: Output<K, F>) -> F::FramesMut<'_> {
+        self.ports.write::<F>(output.index())
     }
 
     /// The frames of several outputs, a tuple of different handles in any order, each to be filled completely:
@@ -198,13 +219,61 @@ impl<'a> Io<'a> {
     /// # Panics
     /// If a handle is given twice.
     #[inline]
-    pub fn write_all<T: Outputs>(&mut self, outputs: T) -> T::Write<'_> {
-        outputs.write(self)
+    pub fn write_all<T: Outputs<K>>(&mut self, outputs: T) -> T::Write<'_> {
+        outputs.write(&mut self.ports)
     }
 }
 
-/// Access by index, in the order of the node's spec.
-impl<'a> Io<'a> {
+/// The inputs and outputs of one call of `process`, by their places in the node's spec.
+pub struct Ports<'a> {
+    pub(crate) frames: usize,
+    /// Frames of the buffers that earlier calls of the same block have used.
+    pub(crate) offset: usize,
+    pub(crate) inputs: &'a [ResolvedInput],
+    pub(crate) outputs: &'a [Placing],
+    /// The memory before the step's own buffer, that buffer, and the memory behind it.
+    pub(crate) before: &'a [f64],
+    pub(crate) out: &'a mut [f64],
+    pub(crate) behind: &'a [f64],
+}
+
+impl<'a> Ports<'a> {
+    /// So many frames in the buffers of the memory, behind those that earlier calls of the block have used.
+    #[inline]
+    pub(crate) fn new(frames: usize, offset: usize, wires: &'a Wires, memory: &'a mut [f64]) -> Self {
+        let (before, out, behind) = wires.out.split(memory);
+        Self {
+            frames,
+            offset,
+            inputs: &wires.inputs,
+            outputs: &wires.outputs,
+            before,
+            out,
+            behind,
+        }
+    }
+
+    /// One frame of a scalar input, the only one that is connected, and of a scalar output.
+    #[inline]
+    pub(crate) fn one_frame(x: &'a [f64; 1], y: &'a mut [f64; 1]) -> Self {
+        const INPUT: ResolvedInput = ResolvedInput {
+            at: 0,
+            width: 1,
+            behind: false,
+            form: Form::Sampled,
+        };
+        const OUTPUT: Placing = Placing { start: 0, width: 1 };
+        Self {
+            frames: 1,
+            offset: 0,
+            inputs: &[INPUT],
+            outputs: &[OUTPUT],
+            before: x,
+            out: y,
+            behind: &[],
+        }
+    }
+
     /// Whether this input is connected.
     #[inline]
     pub(crate) fn connected(&self, input: usize) -> bool {
@@ -215,7 +284,7 @@ impl<'a> Io<'a> {
 
     /// Components of one frame of an input.
     #[inline]
-    fn width_at(&self, input: usize) -> usize {
+    fn width(&self, input: usize) -> usize {
         self.inputs.get(input).map_or(0, |wire| wire.width as usize)
     }
 
@@ -223,7 +292,7 @@ impl<'a> Io<'a> {
     #[inline]
     pub(crate) fn sampled<F: FrameKind>(&self, input: usize) -> F::Frames<'a> {
         debug_assert!(
-            F::KINDS.have_width(self.width_at(input)),
+            F::KINDS.have_width(self.width(input)),
             "input {input} is not connected, or has another width"
         );
         F::frames(self.components(input))
@@ -253,7 +322,7 @@ impl<'a> Io<'a> {
     #[inline]
     pub(crate) fn connections<F: FrameKind>(&self, first: usize) -> Connections<'a, F> {
         Connections {
-            io: Io {
+            ports: Ports {
                 frames: self.frames,
                 offset: self.offset,
                 inputs: self.inputs.get(first..).unwrap_or_default(),
@@ -270,7 +339,7 @@ impl<'a> Io<'a> {
     #[inline]
     pub(crate) fn runs<F: FrameKind>(&self, input: usize) -> Runs<'a, F> {
         debug_assert!(
-            F::KINDS.have_width(self.width_at(input)),
+            F::KINDS.have_width(self.width(input)),
             "input {input} is not connected, or has another width"
         );
         let absent = Runs {
@@ -322,6 +391,20 @@ impl<'a> Io<'a> {
         start..start + self.frames * width
     }
 
+    /// The frames of an output.
+    #[inline]
+    fn write<F: FrameKind>(&mut self, output: usize) -> F::FramesMut<'_> {
+        debug_assert!(
+            F::KINDS.have_width(
+                self.outputs
+                    .get(output)
+                    .map_or(0, |placing| placing.width as usize)
+            ),
+            "output {output} does not exist or has another width"
+        );
+        F::frames_mut(self.out(output))
+    }
+
     /// All components of an output, to be filled completely.
     #[inline]
     pub(crate) fn out(&mut self, output: usize) -> &mut [f64] {
@@ -353,7 +436,7 @@ impl<'a> Io<'a> {
 /// The connections of an input that has one or more, in the order of the graph file.
 pub struct Connections<'a, F> {
     /// Its inputs are the connections.
-    io: Io<'a>,
+    ports: Ports<'a>,
     kind: PhantomData<fn() -> F>,
 }
 
@@ -362,19 +445,20 @@ impl<'a, F: FrameKind> Connections<'a, F> {
     #[inline]
     #[expect(clippy::len_without_is_empty, reason = "there is always one")]
     pub fn len(&self) -> usize {
-        self.io.inputs.len()
+        self.ports.inputs.len()
     }
 
     /// The frames of a connection, counted from 0, or of the last one for any number beyond it.
     #[inline]
     pub fn nth_or_last(&self, connection: usize) -> F::Frames<'a> {
-        self.io.sampled::<F>(connection.min(self.len().saturating_sub(1)))
+        self.ports
+            .sampled::<F>(connection.min(self.len().saturating_sub(1)))
     }
 
     /// The frames of each connection.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = F::Frames<'a>> {
-        (0..self.len()).map(|connection| self.io.sampled::<F>(connection))
+        (0..self.len()).map(|connection| self.ports.sampled::<F>(connection))
     }
 }
 

@@ -1,28 +1,32 @@
 //! Node kinds and processors.
 //!
-//! A **node kind** declares ports and settings and builds a processor; a **processor** is the state that runs. These
-//! are two traits. The engine itself runs actuator sinks and file sinks, so that no node can bypass the limiter or do
+//! A **node kind** ([`NodeKind`]) declares ports and settings and builds a processor; a **processor** ([`Processor`]) is the
+//! state that runs. These are two traits. The engine itself runs actuator sinks and file sinks, so that no node can bypass the limiter or do
 //! input and output in a tick.
 
 mod entry;
 mod port;
+mod processor;
 mod spec;
 
 use crate::frame::{FrameKind, Kind};
 use crate::settings::Settings;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
-use std::any::Any;
 use std::path::Path;
 use std::sync::Arc;
 
 pub use crate::io::{Connections, Io, Runs};
 pub use crate::limiter::Limit;
-pub use crate::scripted::{OfflineOnly, ScriptBuild, ScriptedKind, raised};
+pub use crate::scripted::{OfflineOnly, ScriptBuild, Scripted, ScriptedKind, raised};
 pub use crate::settings::SettingId;
 pub use entry::NodeEntry;
 pub(crate) use entry::{Advised, Build, Finish, Measured, Read};
 pub use port::{Held, Input, Many, Mode, OneSignal, Optional, Output, Outputs, Sampled};
+pub(crate) use processor::AnyProcessor;
+#[cfg(test)]
+pub(crate) use processor::Of;
+pub use processor::{AfterData, Built, DataEnd, Latency, Law, Processor, Tick};
 pub use spec::{
     Flow, InputSpec, KindRule, NodeSpec, OutputRole, OutputSpec, Presence, QuantityRule, any_input, input,
     output, output_like,
@@ -78,22 +82,22 @@ impl BuildContext {
     }
 
     /// Kind of this input, of its first connection if it takes many; `None` if it is not connected.
-    pub fn kind<F: FrameKind, M: Mode>(&self, input: Input<F, M>) -> Option<Kind> {
+    pub fn kind<K, F: FrameKind, M: Mode>(&self, input: Input<K, F, M>) -> Option<Kind> {
         self.inputs.get(input.index()).copied().flatten()
     }
 
     /// Components of a frame of this input, at least 1.
-    pub fn width<F: FrameKind, M: Mode>(&self, input: Input<F, M>) -> usize {
+    pub fn width<K, F: FrameKind, M: Mode>(&self, input: Input<K, F, M>) -> usize {
         self.kind(input).map_or(1, Kind::width)
     }
 
     /// Whether this input is connected.
-    pub fn is_connected<F: FrameKind, M: OneSignal>(&self, input: Input<F, Optional<M>>) -> bool {
+    pub fn is_connected<K, F: FrameKind, M: OneSignal>(&self, input: Input<K, F, Optional<M>>) -> bool {
         self.kind(input).is_some()
     }
 
     /// How many connections this input has.
-    pub fn connections<F: FrameKind>(&self, input: Input<F, Many>) -> usize {
+    pub fn connections<K, F: FrameKind>(&self, input: Input<K, F, Many>) -> usize {
         self.inputs.len().saturating_sub(input.index())
     }
 }
@@ -157,7 +161,7 @@ impl BuildError {
 }
 
 /// A kind of node that processes signals. The example of [`Processor`] implements one and runs it.
-pub trait NodeKind: 'static {
+pub trait NodeKind: Sized + 'static {
     /// Settings of the kind.
     type Settings: Settings;
     /// Ports and documentation.
@@ -166,7 +170,7 @@ pub trait NodeKind: 'static {
     ///
     /// # Errors
     /// [`BuildError`] if the settings do not fit each other, the rate, or the files they name.
-    fn build(settings: Self::Settings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError>;
+    fn build(settings: Self::Settings, cx: &BuildContext) -> Result<Built<Self>, BuildError>;
     /// Signal memory that depends on the settings, bytes. The check refuses a graph beyond the memory bound before it
     /// builds the node.
     fn memory_bytes(settings: &Self::Settings, cx: &BuildContext) -> u64 {
@@ -265,242 +269,4 @@ pub trait FrameWriter: Send {
     /// # Errors
     /// Errors of the file system.
     fn finish(self: Box<Self>) -> std::io::Result<()>;
-}
-
-/// State of a running node.
-///
-/// # Life
-/// 1. [`NodeKind::build`] makes it, outside the real-time threads: it may read files, allocate and block.
-/// 2. A plan keeps it and runs copies of it ([`CloneProcessor`]), each in one run.
-/// 3. If it replaces a processor of an older plan, that one gives it its state by
-///    [`copy_state_into`](Self::copy_state_into).
-/// 4. [`process`](Self::process), or [`frame`](Self::frame) where [`single`](Self::single) allows it, computes every
-///    frame of the run once, in order. [`set`](Self::set) comes between two calls.
-/// 5. It hands its state on as in step 3, and may run on while the two are cross-faded.
-/// 6. It is dropped outside the real-time threads.
-///
-/// Steps 3 to 5 are real-time code: no allocation, no lock, no system call, no printing, no panic. The output must not
-/// depend on the block size.
-///
-/// # Ports and settings
-/// A processor reads and writes its ports, and tells its settings apart, by handles that are looked up by name where the
-/// program is compiled ([`Input`], [`Output`], [`SettingId`]):
-///
-/// ```
-/// use haptograph_engine::frame::{Kind, Scalar};
-/// use haptograph_engine::node::{
-///     BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
-///     input, output,
-/// };
-/// use haptograph_signal::quantity::Quantity;
-///
-/// haptograph_engine::settings! {
-///     /// Settings of [`Spring`].
-///     pub struct SpringSettings {
-///         /// Of the spring, N/m.
-///         [live] stiffness_n_per_m: f64 = 100.0, in 0.0..=1e6;
-///     }
-/// }
-///
-/// /// Pulls back to the origin.
-/// pub struct Spring;
-///
-/// impl NodeKind for Spring {
-///     type Settings = SpringSettings;
-///     const SPEC: NodeSpec = NodeSpec {
-///         name: "Spring",
-///         group: "mine",
-///         doc: "Pulls the tool back to the origin.",
-///         source: "",
-///         inputs: &[input("position", Kind::SCALAR, Quantity::LENGTH, "Where the tool is, m.")],
-///         outputs: &[output("force", Kind::SCALAR, Quantity::FORCE, "On the tool, N.")],
-///         example: r#""spring": Spring(position: "hand")"#,
-///     };
-///
-///     fn build(settings: SpringSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-///         Ok(Box::new(Pull { stiffness_n_per_m: settings.stiffness_n_per_m }))
-///     }
-/// }
-///
-/// const POSITION: Input<Scalar> = Spring::SPEC.input("position");
-/// const FORCE: Output<Scalar> = Spring::SPEC.output("force");
-/// const STIFFNESS_N_PER_M: SettingId = SpringSettings::live("stiffness_n_per_m");
-///
-/// #[derive(Clone)]
-/// struct Pull {
-///     stiffness_n_per_m: f64,
-/// }
-///
-/// impl Processor for Pull {
-///     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-///         let positions_m = io.read(POSITION);
-///         for (force_n, position_m) in io.write(FORCE).iter_mut().zip(positions_m) {
-///             *force_n = -self.stiffness_n_per_m * position_m;
-///         }
-///     }
-///
-///     fn set(&mut self, setting: SettingId, value: f64) {
-///         if setting == STIFFNESS_N_PER_M {
-///             self.stiffness_n_per_m = value;
-///         }
-///     }
-/// }
-/// # use haptograph_engine::testing::Bench;
-/// # let settings = SpringSettings { stiffness_n_per_m: 100.0 };
-/// # let mut bench = Bench::new::<Spring>(settings, 1000.0, &[Kind::SCALAR]).unwrap();
-/// # bench.processor().set(STIFFNESS_N_PER_M, 200.0);
-/// # assert_eq!(bench.run(&[&[0.0, 0.25]]), [[0.0, -50.0]]);
-/// ```
-pub trait Processor: CloneProcessor + Send + Sync {
-    /// Computes `tick.frames` frames of every output.
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>);
-
-    /// How to compute a single frame without ports, for nodes with at most one scalar input and one scalar output.
-    ///
-    /// The engine uses it in loops through a body and in blocks of one frame: the ports of `process` cost several times
-    /// as much as a multiplication. Whether the result is `Some` must not change during the node's life.
-    fn single(&self) -> Option<Single> {
-        None
-    }
-
-    /// Output for one frame of the input, bit-identical to `process`. Called if [`single`](Self::single) returns
-    /// [`Single::Call`]. A node without inputs ignores `x`.
-    fn frame(&mut self, x: f64) -> f64 {
-        x
-    }
-
-    /// Sets a live setting to a finite value within its range. Real-time code like `process`.
-    ///
-    /// The engine calls it with the handles of the settings that are declared `[live]`, and at each frame of a ramp.
-    fn set(&mut self, setting: SettingId, value: f64) {
-        let _ = (setting, value);
-    }
-
-    /// Copies the state into the processor that replaces this one in a new plan. Both may run during a cross-fade.
-    ///
-    /// With the same settings the new processor must continue as this one would. Real-time code like `process`. A node
-    /// without state need not implement it.
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        let _ = new;
-    }
-
-    /// Delay from input to output, in seconds.
-    fn latency(&self) -> Latency {
-        Latency::default()
-    }
-
-    /// End of the data that it plays; `None` if they do not end. Must not change during the node's life.
-    fn data_end(&self) -> Option<DataEnd> {
-        None
-    }
-}
-
-/// End of the data of a source.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DataEnd {
-    /// Length of the data in frames of the node's clock.
-    pub frames: u64,
-    /// What follows the data.
-    pub then: AfterData,
-}
-
-/// What follows the end of a source's data.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AfterData {
-    /// The run ends.
-    Stop,
-    /// The source holds its last value.
-    Hold,
-    /// The source gives zero.
-    Silence,
-}
-
-/// How a node computes one frame of its output from one frame of its input, bit-identical to `process`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Single {
-    /// Call [`Processor::frame`].
-    Call,
-    /// This factor times the input. The engine multiplies inline: a call costs more than the product.
-    Scale(f64),
-    /// The input plus this offset.
-    Offset(f64),
-}
-
-impl Single {
-    /// The output for the input `x`.
-    #[inline]
-    pub(crate) fn of(self, x: f64, processor: &mut dyn Processor) -> f64 {
-        match self {
-            Self::Scale(factor) => factor * x,
-            Self::Offset(offset) => x + offset,
-            Self::Call => processor.frame(x),
-        }
-    }
-}
-
-/// Delay of a node.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Latency {
-    /// Transport delay, s.
-    pub transport_s: f64,
-    /// Group delay in the middle of the pass band, s.
-    pub group_delay_s: f64,
-}
-
-impl Latency {
-    /// A transport delay, without group delay.
-    pub const fn of_transport(transport_s: f64) -> Self {
-        Self {
-            transport_s,
-            group_delay_s: 0.0,
-        }
-    }
-
-    /// A group delay, without transport delay.
-    pub const fn of_group(group_delay_s: f64) -> Self {
-        Self {
-            transport_s: 0.0,
-            group_delay_s,
-        }
-    }
-}
-
-/// Downcasts the replacing processor, if it has this type.
-pub fn successor<T: Processor + 'static>(new: &mut dyn Processor) -> Option<&mut T> {
-    new.as_any_mut().downcast_mut()
-}
-
-/// Cloning and downcasting of processors; implemented for every `Clone` processor.
-pub trait CloneProcessor {
-    /// A copy with the same state.
-    fn clone_box(&self) -> Box<dyn Processor>;
-    /// For [`Processor::copy_state_into`].
-    fn as_any_mut(&mut self) -> &mut dyn Any;
-}
-
-impl<T: Processor + Clone + 'static> CloneProcessor for T {
-    fn clone_box(&self) -> Box<dyn Processor> {
-        Box::new(self.clone())
-    }
-    fn as_any_mut(&mut self) -> &mut dyn Any {
-        self
-    }
-}
-
-/// Time of a call of `process`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tick {
-    /// Index of the first frame since the start, on the node's clock.
-    pub first: u64,
-    /// Number of frames.
-    pub frames: usize,
-    /// Period of a frame, s.
-    pub period_s: f64,
-}
-
-impl Tick {
-    /// Time of a frame since the start, s.
-    pub fn time_s(&self, frame: usize) -> f64 {
-        (self.first + frame as u64) as f64 * self.period_s
-    }
 }

@@ -56,11 +56,11 @@ impl Alias {
 /// #     type Settings = LevelSettings;
 /// #     const SPEC: NodeSpec = NodeSpec { name: "Level", group: "mine", doc: "Gives a number.", source: "", inputs: &[],
 /// #         outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "The number.")], example: "" };
-/// #     fn build(settings: LevelSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> { Ok(Box::new(Given(settings.value))) }
+/// #     fn build(settings: LevelSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { Ok(Built::new(Given(settings.value))) }
 /// # }
-/// # const OUTPUT: Output<Scalar> = Level::SPEC.output("output");
-/// # impl Processor for Given {
-/// #     fn process(&mut self, _: &Tick, io: &mut Io<'_>) { io.write(OUTPUT).fill(self.0); }
+/// # const OUTPUT: Output<Level, Scalar> = Output::named("output");
+/// # impl Processor<Level> for Given {
+/// #     fn process(&mut self, _: &Tick, io: &mut Io<'_, Level>) { io.write(OUTPUT).fill(self.0); }
 /// #     fn set(&mut self, _: SettingId, value: f64) { self.0 = value; }
 /// # }
 ///

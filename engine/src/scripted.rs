@@ -5,7 +5,7 @@
 
 use crate::diagnostic::Diagnostic;
 use crate::graph::{Graph, Node};
-use crate::node::{Advised, BuildContext, BuildError, Finish, Measured, NodeSpec, Processor};
+use crate::node::{Advised, BuildContext, BuildError, Built, Finish, Measured, NodeSpec};
 use crate::settings::{Fields, Reading, SettingSpec};
 
 /// A kind of node whose ports and settings are known only when the program runs.
@@ -22,8 +22,14 @@ pub trait ScriptedKind: Send + Sync + 'static {
     fn read(&'static self, fields: &mut Fields, reading: &mut Reading<'_>) -> Option<ScriptBuild>;
 }
 
+/// Stands for all scripted kinds in the types of processors and handles, as every other kind stands for itself: a scripted
+/// node is a `Processor<Scripted>`, and finds the handles of its ports in [`NodeSpec::any_inputs`] and
+/// [`NodeSpec::any_outputs`].
+#[derive(Debug, Clone, Copy)]
+pub enum Scripted {}
+
 /// Builds the processor of a scripted node when its clock and connections are known.
-pub type ScriptBuild = Box<dyn FnOnce(&BuildContext) -> Result<Box<dyn Processor>, BuildError>>;
+pub type ScriptBuild = Box<dyn FnOnce(&BuildContext) -> Result<Built<Scripted>, BuildError>>;
 
 /// A graph with a scripted node was to run live.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -46,7 +52,7 @@ pub(crate) fn read(
     Some(Box::new(move |_| {
         let finish: Finish<BuildContext, Advised> = Box::new(move |cx| {
             let slow = BuildError::of_node(format!("`{name}` is a script: it is slow and runs offline only"));
-            Ok((build(cx)?, vec![slow]))
+            Ok((build(cx)?.into_processor(), vec![slow]))
         });
         Ok((0, finish))
     }))

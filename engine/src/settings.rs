@@ -16,7 +16,7 @@ pub use fields::{Fields, fields_of};
 #[doc(hidden)]
 pub use live::any;
 pub use live::{DeclaredField, LiveSetting, SettingId};
-pub(crate) use live::{has_limit, same};
+pub(crate) use live::{count_live, has_limit, same};
 pub use spelling::closest;
 
 use crate::diagnostic::{Diagnostic, Span};

@@ -12,13 +12,12 @@
 //! #     const SPEC: NodeSpec = NodeSpec { name: "Twice", group: "math", doc: "Doubles.", source: "",
 //! #         inputs: &[any_input("input", "What is doubled.")],
 //! #         outputs: &[output_like("output", "input", "Twice the input.")], example: "" };
-//! #     fn build(_: TwiceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-//! Ok(Box::new(Doubler)) }
+//! #     fn build(_: TwiceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { Ok(Built::new(Doubler)) }
 //! # }
-//! # const INPUT: Input<Linear> = Twice::SPEC.input("input");
-//! # const OUTPUT: Output<Linear> = Twice::SPEC.output("output");
-//! # impl Processor for Doubler {
-//! #     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+//! # const INPUT: Input<Twice, Linear> = Input::named("input");
+//! # const OUTPUT: Output<Twice, Linear> = Output::named("output");
+//! # impl Processor<Twice> for Doubler {
+//! #     fn process(&mut self, _: &Tick, io: &mut Io<'_, Twice>) {
 //! #         let x = io.read(INPUT);
 //! #         io.write(OUTPUT).iter_mut().zip(x).for_each(|(y, x)| *y = 2.0 * x);
 //! #     }
@@ -36,13 +35,13 @@
 
 mod example;
 
-pub use example::{Built, device_from_example, node_from_example};
+pub use example::{ExampleNode, device_from_example, node_from_example};
 
 use crate::frame::{FrameKind, Kind};
-use crate::io::{Form, Io, LINE, Memory, Placing, ResolvedInput};
+use crate::io::{Extent, Form, LINE, Memory, Placing, ResolvedInput, Wires};
 use crate::node::{
-    BuildContext, BuildError, Flow, InputSpec, KindRule, NodeKind, NodeSpec, Output, OutputSpec, Presence,
-    Processor, Tick,
+    AnyProcessor, BuildContext, BuildError, DataEnd, Flow, InputSpec, KindRule, Latency, NodeKind, NodeSpec,
+    Output, OutputSpec, Presence, SettingId, Tick,
 };
 use crate::plan::MAX_BLOCK;
 use haptograph_signal::time::Rate;
@@ -52,15 +51,12 @@ pub const MAX_FRAMES: usize = MAX_BLOCK;
 
 /// A node, its clock and its wires.
 pub struct Bench {
-    processor: Box<dyn Processor>,
+    processor: Box<dyn AnyProcessor>,
     kinds: Vec<Option<Kind>>,
     tick: Tick,
-    wires: Vec<ResolvedInput>,
+    wires: Wires,
     memory: Memory,
     outputs: &'static [OutputSpec],
-    /// Places in memory, in the order of the outputs.
-    placings: Vec<Placing>,
-    out: Memory,
 }
 
 impl Bench {
@@ -82,7 +78,12 @@ impl Bench {
         let connected: Vec<Option<Kind>> = inputs.iter().copied().map(Some).collect();
         let cx = context(&K::SPEC, rate_hz, &connected);
         let processor = K::build(settings, &cx)?;
-        Ok(Self::around(processor, &K::SPEC, &cx, &connected))
+        Ok(Self::around(
+            processor.into_processor(),
+            &K::SPEC,
+            &cx,
+            &connected,
+        ))
     }
 
     /// As [`new`](Self::new), with `None` for inputs that are not connected.
@@ -96,11 +97,11 @@ impl Bench {
     ) -> Result<Self, BuildError> {
         let cx = context(&K::SPEC, rate_hz, inputs);
         let processor = K::build(settings, &cx)?;
-        Ok(Self::around(processor, &K::SPEC, &cx, inputs))
+        Ok(Self::around(processor.into_processor(), &K::SPEC, &cx, inputs))
     }
 
     fn around(
-        processor: Box<dyn Processor>,
+        processor: Box<dyn AnyProcessor>,
         spec: &NodeSpec,
         cx: &BuildContext,
         inputs: &[Option<Kind>],
@@ -123,7 +124,7 @@ impl Bench {
                 },
             }
         };
-        let wires = ports.iter().enumerate().map(wire).collect();
+        let inputs_at = ports.iter().enumerate().map(wire).collect();
         let mut start = 0;
         let mut place = |width: usize| {
             let placing = Placing {
@@ -141,6 +142,11 @@ impl Bench {
             }
             KindRule::Linear | KindRule::Any => 1,
         });
+        let outputs = widths.map(&mut place).collect();
+        let out = Extent {
+            start: at as u32,
+            len: start,
+        };
         Self {
             processor,
             kinds: inputs.to_vec(),
@@ -149,11 +155,13 @@ impl Bench {
                 frames: 0,
                 period_s: cx.rate.period_s(),
             },
-            wires,
-            memory: Memory::new(at),
+            wires: Wires {
+                out,
+                inputs: inputs_at,
+                outputs,
+            },
+            memory: Memory::new(out.end() as usize),
             outputs: spec.outputs,
-            placings: widths.map(&mut place).collect(),
-            out: Memory::new(start as usize),
         }
     }
 
@@ -163,7 +171,7 @@ impl Bench {
         assert!(frames <= MAX_FRAMES, "at most {MAX_FRAMES} frames at a time");
         self.tick.first += self.tick.frames as u64;
         self.tick.frames = frames;
-        for (wire, components) in self.wires.iter().zip(inputs) {
+        for (wire, components) in self.wires.inputs.iter().zip(inputs) {
             let width = wire.width as usize;
             let buffer = &mut self.memory.all_mut()[wire.at as usize..];
             match wire.form {
@@ -176,52 +184,33 @@ impl Bench {
 
     /// Calls `process` once for the frames that were loaded.
     pub fn step(&mut self) {
-        let mut io = Io {
-            frames: self.tick.frames,
-            offset: 0,
-            inputs: &self.wires,
-            outputs: &self.placings,
-            before: self.memory.all(),
-            out: self.out.all_mut(),
-            behind: &[],
-        };
-        self.processor.process(&self.tick, &mut io);
+        let memory = self.memory.all_mut();
+        self.processor.process(&self.tick, 0, &self.wires, memory);
     }
 
-    /// Runs a single loaded frame as the engine does: without ports if the node has a single-frame form, else by
-    /// `process`. Returns true if it ran without ports.
+    /// Runs a single loaded frame as the engine does: without ports if the node makes a scalar from at most one scalar.
+    /// Returns true if it ran without ports.
     pub fn step_single(&mut self) -> bool {
         assert_eq!(self.tick.frames, 1, "a single frame");
-        let from = match &self.wires[..] {
-            [] => 0,
-            [wire, others @ ..]
-                if wire.form == Form::Sampled
-                    && wire.width == 1
-                    && others.iter().all(|other| other.form == Form::Absent) =>
-            {
-                wire.at as usize
-            }
-            _ => usize::MAX,
+        let Some((from, to)) = self.wires.scalars() else {
+            self.step();
+            return false;
         };
-        let x = self.memory.all().get(from).copied().unwrap_or(f64::NAN);
-        match (self.processor.single(), &self.placings[..]) {
-            (Some(single), [output]) if from != usize::MAX && output.width == 1 => {
-                self.out.all_mut()[output.start as usize] = single.of(x, &mut *self.processor);
-                true
-            }
-            _ => {
-                self.step();
-                false
-            }
-        }
+        let memory = self.memory.all_mut();
+        let x = memory[from as usize];
+        memory[to as usize] = match self.processor.law() {
+            Some(law) => law.of(x),
+            None => self.processor.frame(&self.tick, x),
+        };
+        true
     }
 
     /// The frames of an output after [`step`](Self::step).
     ///
     /// # Panics
     /// If the handle is of another node, whose frames have another width.
-    pub fn output<F: FrameKind>(&self, output: Output<F>) -> F::Frames<'_> {
-        let placing = self.placings.get(output.index());
+    pub fn output<K, F: FrameKind>(&self, output: Output<K, F>) -> F::Frames<'_> {
+        let placing = self.wires.outputs.get(output.index());
         let width = placing.map_or(0, |placing| placing.width as usize);
         assert!(F::KINDS.have_width(width), "{output:?} is none of this node's");
         F::frames(self.at(output.index()))
@@ -239,8 +228,9 @@ impl Bench {
     }
 
     fn at(&self, output: usize) -> &[f64] {
-        let Placing { start, width } = self.placings[output];
-        &self.out.all()[start as usize..][..self.tick.frames * width as usize]
+        let Placing { start, width } = self.wires.outputs[output];
+        let first = (self.wires.out.start + start) as usize;
+        &self.memory.all()[first..][..self.tick.frames * width as usize]
     }
 
     /// Runs the node over whole signals, in blocks of [`MAX_FRAMES`]. Returns the components of every output.
@@ -250,7 +240,7 @@ impl Bench {
 
     /// Like [`run`](Self::run), in blocks of the given sizes, which are repeated.
     pub fn run_in_blocks(&mut self, inputs: &[&[f64]], blocks: &[usize]) -> Vec<Vec<f64>> {
-        let first = self.wires.iter().zip(inputs);
+        let first = self.wires.inputs.iter().zip(inputs);
         let frames = first
             .filter(|(wire, _)| wire.form != Form::Absent)
             .map(|(wire, components)| components.len() / wire.width as usize)
@@ -265,12 +255,13 @@ impl Bench {
 
     /// Runs the node for a number of frames in blocks of the given sizes, which are repeated.
     pub fn run_frames(&mut self, frames: usize, inputs: &[&[f64]], blocks: &[usize]) -> Vec<Vec<f64>> {
-        let mut outputs = vec![Vec::new(); self.placings.len()];
+        let mut outputs = vec![Vec::new(); self.wires.outputs.len()];
         let (mut done, mut blocks) = (0, blocks.iter().copied().cycle());
         while done < frames {
             let block = blocks.next().unwrap_or(MAX_FRAMES).min(frames - done);
             let parts: Vec<&[f64]> = self
                 .wires
+                .inputs
                 .iter()
                 .zip(inputs)
                 .map(|(wire, components)| match wire.form {
@@ -298,9 +289,25 @@ impl Bench {
         &self.kinds
     }
 
-    /// The node itself, for live settings and its latency.
-    pub fn processor(&mut self) -> &mut dyn Processor {
-        &mut *self.processor
+    /// Sets a live setting, as [`Processor::set`](crate::node::Processor::set) gets it.
+    pub fn set(&mut self, setting: SettingId, value: f64) {
+        self.processor.set(setting, value);
+    }
+
+    /// Copies the node's state into the one that replaces it, as
+    /// [`Processor::copy_state_into`](crate::node::Processor::copy_state_into) does; nothing where that has another type.
+    pub fn copy_state_into(&self, new: &mut Self) {
+        self.processor.copy_state_into(&mut *new.processor);
+    }
+
+    /// The node's delay.
+    pub fn latency(&self) -> Latency {
+        self.processor.latency()
+    }
+
+    /// End of the data that the node plays.
+    pub fn data_end(&self) -> Option<DataEnd> {
+        self.processor.data_end()
     }
 }
 

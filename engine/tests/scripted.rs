@@ -10,7 +10,8 @@ use haptograph_engine::frame::{AnyKind, Kind};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::host::{HostError, PlayOptions, Player, Scalar};
 use haptograph_engine::node::{
-    Io, NodeEntry, NodeSpec, OfflineOnly, Output, Processor, ScriptBuild, ScriptedKind, Tick, output, raised,
+    Built, Io, NodeEntry, NodeSpec, OfflineOnly, Output, Processor, ScriptBuild, Scripted, ScriptedKind,
+    Tick, output, raised,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -25,11 +26,11 @@ struct Counter(NodeSpec);
 #[derive(Clone)]
 struct Counting {
     step: f64,
-    count: Output<AnyKind>,
+    count: Output<Scripted, AnyKind>,
 }
 
-impl Processor for Counting {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<Scripted> for Counting {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Scripted>) {
         for (frame, value) in io.write(self.count).iter_mut().enumerate() {
             *value = self.step * (tick.first + frame as u64) as f64;
         }
@@ -49,7 +50,7 @@ impl ScriptedKind for Counter {
     fn read(&'static self, fields: &mut Fields, reading: &mut Reading<'_>) -> Option<ScriptBuild> {
         let step: f64 = fields.setting("step", Some(1.0), Some((0.0, 10.0)), reading)?;
         let (_, count) = self.0.any_outputs().next().expect("it has one");
-        Some(Box::new(move |_| Ok(Box::new(Counting { step, count }))))
+        Some(Box::new(move |_| Ok(Built::new(Counting { step, count }))))
     }
 }
 

@@ -7,19 +7,19 @@ use haptograph_engine::node::{
 use haptograph_signal::quantity::Quantity;
 
 /// An input, and the setting that replaces it while it is not connected.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Fallback {
-    pub input: Input<Scalar, Optional>,
+#[derive(Debug)]
+pub(crate) struct Fallback<K> {
+    pub input: Input<K, Scalar, Optional>,
     pub setting: SettingId,
     port: &'static str,
     field: &'static str,
 }
 
-impl Fallback {
-    /// The input `port` of the kind `K`, and its setting `field`, which is an `Option`.
-    pub const fn of<K: NodeKind>(port: &'static str, field: &'static str) -> Self {
+impl<K: NodeKind> Fallback<K> {
+    /// The input `port` of the kind, and its setting `field`, which is an `Option`.
+    pub const fn named(port: &'static str, field: &'static str) -> Self {
         Self {
-            input: K::SPEC.input(port),
+            input: Input::named(port),
             setting: SettingId::of::<K::Settings>(field),
             port,
             field,

@@ -5,35 +5,22 @@ pub mod section;
 
 use haptograph_engine::frame::{Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, Latency, NodeKind, Optional, Output, Processor, SettingId, Single,
-    Tick,
+    BuildContext, BuildError, Input, Io, Latency, NodeKind, Optional, Output, Processor, SettingId, Tick,
 };
 use haptograph_signal::filter::{DesignError, Prototype, Sections, SectionsState};
 
-use self::classical::{BandPass, Bessel, DoublePole, HighPass, LowPass};
-use self::section::SecondOrderSection;
 use crate::fallback::{Fallback, next_change};
-use crate::successor;
 
 /// Largest number of frequencies of a design.
 const MOST: usize = 2;
 
-const INPUT: Input<Linear> = Input::common([
-    LowPass::SPEC.input("input"),
-    HighPass::SPEC.input("input"),
-    BandPass::SPEC.input("input"),
-    Bessel::SPEC.input("input"),
-    DoublePole::SPEC.input("input"),
-    SecondOrderSection::SPEC.input("input"),
-]);
-const OUTPUT: Output<Linear> = Output::common([
-    LowPass::SPEC.output("output"),
-    HighPass::SPEC.output("output"),
-    BandPass::SPEC.output("output"),
-    Bessel::SPEC.output("output"),
-    DoublePole::SPEC.output("output"),
-    SecondOrderSection::SPEC.output("output"),
-]);
+/// A kind of node whose processor is a [`LaneFilter`].
+pub(crate) trait FilterKind: NodeKind {
+    /// Its frequencies in the order of the design's; none where the filter is fixed.
+    const FREQUENCIES: &[Frequency<Self>] = &[];
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
+}
 
 /// A cascade of second-order sections on each component of a linear signal.
 #[derive(Debug, Clone)]
@@ -46,14 +33,20 @@ pub(crate) struct LaneFilter {
 }
 
 /// A frequency of a tunable filter: a live setting, and the input that replaces it, if there is one.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Frequency {
-    pub setting: SettingId,
-    pub input: Option<Input<Scalar, Optional>>,
+#[derive(Debug)]
+pub(crate) struct Frequency<K> {
+    setting: SettingId,
+    input: Option<Input<K, Scalar, Optional>>,
 }
 
-impl From<Fallback> for Frequency {
-    fn from(fallback: Fallback) -> Self {
+impl<K: NodeKind> Frequency<K> {
+    /// This live setting.
+    pub const fn of(setting: SettingId) -> Self {
+        Self { setting, input: None }
+    }
+
+    /// The setting of a fallback, and its input.
+    pub const fn or_input(fallback: Fallback<K>) -> Self {
         Self {
             setting: fallback.setting,
             input: Some(fallback.input),
@@ -66,7 +59,6 @@ impl From<Fallback> for Frequency {
 struct Tuning {
     prototype: Prototype,
     rate_hz: f64,
-    sources: Box<[Frequency]>,
     settings: [f64; MOST],
     /// The frequencies last requested. The sections keep their old ones where these give no filter.
     asked: [f64; MOST],
@@ -76,8 +68,8 @@ struct Tuning {
 
 impl LaneFilter {
     /// A filter with fixed frequencies and zero state; its group delay is stated for `passband_hz`.
-    pub(crate) fn fixed(filter: &Sections, cx: &BuildContext, passband_hz: f64) -> Self {
-        let width = cx.width(INPUT);
+    pub(crate) fn fixed<K: FilterKind>(filter: &Sections, cx: &BuildContext, passband_hz: f64) -> Self {
+        let width = cx.width(K::INPUT);
         let scratch = if width > 1 { cx.max_frames } else { 0 };
         Self {
             lanes: vec![SectionsState::new(filter); width].into(),
@@ -88,17 +80,16 @@ impl LaneFilter {
     }
 
     /// A tunable filter. Its group delay is unknown if a frequency is a signal.
-    fn tuned(
+    fn tuned<K: FilterKind>(
         prototype: Prototype,
         frequencies: [f64; MOST],
-        sources: &[Frequency],
         cx: &BuildContext,
         passband_hz: f64,
     ) -> Result<Self, DesignError> {
         let rate_hz = cx.rate.hz();
         let sections = prototype.at(frequencies, rate_hz)?.into();
-        let mut filter = Self::fixed(&sections, cx, passband_hz);
-        let mut inputs = sources.iter().filter_map(|source| source.input);
+        let mut filter = Self::fixed::<K>(&sections, cx, passband_hz);
+        let mut inputs = K::FREQUENCIES.iter().filter_map(|frequency| frequency.input);
         let follows = inputs.any(|input| cx.is_connected(input));
         if follows {
             filter.latency = Latency::default();
@@ -106,7 +97,6 @@ impl LaneFilter {
         filter.tuning = Some(Tuning {
             prototype,
             rate_hz,
-            sources: sources.into(),
             settings: frequencies,
             asked: frequencies,
             follows,
@@ -174,33 +164,22 @@ fn within(hz: f64, rate_hz: f64) -> f64 {
     hz.clamp(1e-6 * rate_hz, 0.45 * rate_hz)
 }
 
-impl Processor for LaneFilter {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.read(INPUT);
-        let Some(tuning) = self.tuning.as_ref().filter(|tuning| tuning.follows) else {
-            return self.filter(x, io.write(OUTPUT));
-        };
-        let sources = &tuning.sources;
-        let signals = std::array::from_fn(|i| io.read(sources.get(i)?.input?));
-        self.follow(signals, x, io.write(OUTPUT));
-    }
-
-    fn single(&self) -> Option<Single> {
-        (self.lanes.len() == 1).then_some(Single::Call)
-    }
-
-    fn frame(&mut self, x: f64) -> f64 {
-        let mut y = [0.0];
-        self.filter(&[x], &mut y);
-        y[0]
+impl<K: FilterKind> Processor<K> for LaneFilter {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, K>) {
+        let x = io.read(K::INPUT);
+        if !self.tuning.as_ref().is_some_and(|tuning| tuning.follows) {
+            return self.filter(x, io.write(K::OUTPUT));
+        }
+        let signals = std::array::from_fn(|i| io.read(K::FREQUENCIES.get(i)?.input?));
+        self.follow(signals, x, io.write(K::OUTPUT));
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
         let Some(tuning) = self.tuning.as_mut().filter(|_| value.is_finite()) else {
             return;
         };
-        for (known, source) in tuning.settings.iter_mut().zip(&tuning.sources) {
-            if source.setting == setting {
+        for (known, frequency) in tuning.settings.iter_mut().zip(K::FREQUENCIES) {
+            if frequency.setting == setting {
                 *known = value;
             }
         }
@@ -211,10 +190,7 @@ impl Processor for LaneFilter {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        let Some(new) = successor::<Self>(new) else {
-            return;
-        };
+    fn copy_state_into(&self, new: &mut Self) {
         let (Some(old_tuning), Some(tuning)) = (&self.tuning, &mut new.tuning) else {
             for (new, old) in new.lanes.iter_mut().zip(&self.lanes) {
                 new.copy_state_from(old);

@@ -220,5 +220,3 @@ fn recording(all: &mut Registry) {
         .add(NodeEntry::processor::<simulated::sensor_models::ForceSensorModel>())
         .add_device(DeviceEntry::of::<simulated::recorder::SimulatedRecordingTool>());
 }
-
-pub(crate) use haptograph_engine::node::successor;

@@ -5,7 +5,7 @@ use haptograph_engine::document::Document;
 use haptograph_engine::frame::{AnyKind, Kind};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, output,
+    BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{Change, LiveState, Run, live};
@@ -56,12 +56,17 @@ impl Evil {
     }
 }
 
-impl Processor for Evil {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        for component in io.write(OUTPUT) {
+impl<K: EvilKind> Processor<K> for Evil {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, K>) {
+        for component in io.write(K::OUTPUT) {
             *component = self.next();
         }
     }
+}
+
+/// A kind of node whose processor is an [`Evil`].
+trait EvilKind: NodeKind {
+    const OUTPUT: Output<Self, AnyKind> = Output::named("output");
 }
 
 macro_rules! evil {
@@ -78,8 +83,8 @@ macro_rules! evil {
                 outputs: &[output("output", $frame, $quantity, "Anything.")],
                 example: "",
             };
-            fn build(_: NoSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-                Ok(Box::new(Evil {
+            fn build(_: NoSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+                Ok(Built::new(Evil {
                     random: Xoshiro256PlusPlus::seed_from_u64(cx.seed),
                     habit: 0,
                     left: 0,
@@ -87,18 +92,13 @@ macro_rules! evil {
                 }))
             }
         }
+        impl EvilKind for $kind {}
     };
 }
 
 evil!(EvilCurrent, Kind::SCALAR, Quantity::CURRENT);
 evil!(EvilVoltage, Kind::SCALAR, Quantity::VOLTAGE);
 evil!(EvilForce, Kind::VECTOR, Quantity::FORCE);
-
-const OUTPUT: Output<AnyKind> = Output::common([
-    EvilCurrent::SPEC.output("output"),
-    EvilVoltage::SPEC.output("output"),
-    EvilForce::SPEC.output("output"),
-]);
 
 /// What every sink of this test states, in the unit of its drive.
 const PEAK: f64 = 2.0;

@@ -21,8 +21,8 @@ use haptograph_engine::document::Document;
 use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind, Scalar};
 use haptograph_engine::graph::{CheckOptions, Graph, NodeId, check};
 use haptograph_engine::node::{
-    BuildContext, BuildError, FrameWriter, Input, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick,
-    input, output,
+    BuildContext, BuildError, Built, FrameWriter, Input, Io, NodeEntry, NodeKind, NodeSpec, Output,
+    Processor, Tick, input, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -85,8 +85,8 @@ macro_rules! painter {
                 )],
                 example: "",
             };
-            fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-                Ok(Box::new($node))
+            fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+                Ok(Built::new($node))
             }
         }
         impl Clone for $node {
@@ -94,14 +94,14 @@ macro_rules! painter {
                 Self
             }
         }
-        impl Processor for $node {
-            fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-                const PARTS: [Input<Scalar>; 3] = [
-                    $node::SPEC.input("red"),
-                    $node::SPEC.input("green"),
-                    $node::SPEC.input("blue"),
+        impl Processor<$node> for $node {
+            fn process(&mut self, _: &Tick, io: &mut Io<'_, $node>) {
+                const PARTS: [Input<$node, Scalar>; 3] = [
+                    Input::named("red"),
+                    Input::named("green"),
+                    Input::named("blue"),
                 ];
-                const JOINED: Output<$kind> = $node::SPEC.output("output");
+                const JOINED: Output<$node, $kind> = Output::named("output");
                 let parts = PARTS.map(|part| io.read(part));
                 for (n, frame) in io.write(JOINED).iter_mut().enumerate() {
                     *frame = parts.map(|part| part[n]);

@@ -9,7 +9,7 @@ mod realtime;
 use haptograph_engine::frame::{Kind, OneKind};
 use haptograph_engine::node::{NodeEntry, Presence};
 use haptograph_engine::settings::SettingSpec;
-use haptograph_engine::testing::{Bench, Built, MAX_FRAMES, device_from_example, node_from_example};
+use haptograph_engine::testing::{Bench, ExampleNode, MAX_FRAMES, device_from_example, node_from_example};
 use haptograph_nodes::contact::Contact;
 use haptograph_nodes::registry;
 use haptograph_nodes::texture::frames::{Coefficients, Weights};
@@ -189,7 +189,7 @@ fn every_live_setting_changes_what_its_node_puts_out() {
                 let build = || {
                     [RATE_HZ, SERVO_HZ].into_iter().find_map(|rate_hz| {
                         match node_from_example(entry, settings, folder.path(), rate_hz, Kind::SCALAR) {
-                            Ok(Built::Processor(bench)) => Some(bench),
+                            Ok(ExampleNode::Processor(bench)) => Some(bench),
                             _ => None,
                         }
                     })
@@ -209,7 +209,7 @@ fn every_live_setting_changes_what_its_node_puts_out() {
                     let run =
                         |bench: &mut Bench, at: usize| bench.run_frames(FRAMES, &slices(&inputs[at]), &[64]);
                     let before = [run(&mut kept, 0), run(&mut turned, 0)];
-                    turned.processor().set(id, *value);
+                    turned.set(id, *value);
                     let after = [run(&mut kept, 1), run(&mut turned, 1)];
                     !same(&before[0], &before[1]) || !same(&after[0], &after[1])
                 })
@@ -295,7 +295,7 @@ fn each_processor(mut test: impl FnMut(&NodeEntry, &dyn Fn() -> Bench)) {
             test(
                 entry,
                 &|| match node_from_example(entry, settings, folder.path(), RATE_HZ, Kind::VECTOR) {
-                    Ok(Built::Processor(bench)) => bench,
+                    Ok(ExampleNode::Processor(bench)) => bench,
                     Ok(_) => panic!("{settings} makes no processor"),
                     Err(wrong) => panic!("{wrong}"),
                 },
@@ -523,7 +523,7 @@ fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
             for (seed, value) in (1..).zip([high, low, 0.5 * (low + high), high, low.midpoint(1.0)]) {
                 let inputs = inputs(&bench, 200, false, seed);
                 bench.load(&slices(&inputs), 200);
-                let set = allocations(|| bench.processor().set(id, value));
+                let set = allocations(|| bench.set(id, value));
                 assert_eq!(set, 0, "{}.{}", entry.spec.name, setting.name);
                 bench.step();
                 for output in entry.spec.outputs {
@@ -560,7 +560,7 @@ fn a_copy_that_takes_over_goes_on_as_if_nothing_happened() {
         let second = inputs(&old, 300, false, 22);
         old.run_frames(700, &slices(&first), &[64]);
         new.skip_to(&old);
-        old.processor().copy_state_into(new.processor());
+        old.copy_state_into(&mut new);
         let wanted = old.run_frames(300, &slices(&second), &[64]);
         let got = new.run_frames(300, &slices(&second), &[64]);
         assert!(same(&wanted, &got), "{}", entry.spec.name);

@@ -5,7 +5,7 @@ use haptograph_engine::document::{Builder, Document, Part};
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Single, Tick, output,
+    BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -109,13 +109,13 @@ impl NodeKind for Play {
         example: r#""input": Play(clock: "audio")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let samples = noise(SAMPLES).into_iter().map(f64::from).collect();
-        Ok(Box::new(Player { samples, at: 0 }))
+        Ok(Built::new(Player { samples, at: 0 }))
     }
 }
 
-const OUTPUT: Output<Scalar> = Play::SPEC.output("output");
+const OUTPUT: Output<Play, Scalar> = Output::named("output");
 
 #[derive(Clone)]
 struct Player {
@@ -123,20 +123,10 @@ struct Player {
     at: usize,
 }
 
-impl Processor for Player {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<Play> for Player {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Play>) {
         copy(&self.samples[self.at..self.at + tick.frames], io.write(OUTPUT));
         self.at = (self.at + tick.frames) % SAMPLES;
-    }
-
-    fn single(&self) -> Option<Single> {
-        Some(Single::Call)
-    }
-
-    fn frame(&mut self, _: f64) -> f64 {
-        let x = self.samples[self.at];
-        self.at = (self.at + 1) % SAMPLES;
-        x
     }
 }
 

@@ -35,7 +35,7 @@ use crate::bridges::BridgeEntry;
 use crate::device::{Channel, Device, DeviceEntry, DeviceKind};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
-use crate::node::{AfterData, DataEnd, FileProgress, FileSink, Limit, NodeEntry, Processor, Stream};
+use crate::node::{AfterData, AnyProcessor, DataEnd, FileProgress, FileSink, Limit, NodeEntry, Stream};
 use crate::settings::{SettingId, SettingSpec};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
@@ -157,7 +157,7 @@ pub struct Output {
 
 /// The work of a node in a run. Processors and devices are in their initial state: plans clone them.
 pub(crate) enum Work {
-    Process(Box<dyn Processor>),
+    Process(Box<dyn AnyProcessor>),
     /// Output i is channel `channels[i]` of those that the device senses.
     Source {
         device: usize,

@@ -1,8 +1,8 @@
 //! Registered node kinds, their types erased.
 
 use super::{
-    ActuatorKind, BuildContext, BuildError, FileContext, FileKind, FileSink, Limit, NodeKind, NodeSpec,
-    Processor, ScriptedKind,
+    ActuatorKind, AnyProcessor, BuildContext, BuildError, FileContext, FileKind, FileSink, Limit, NodeKind,
+    NodeSpec, ScriptedKind,
 };
 use crate::scripted;
 use crate::settings::{Fields, Reading, SettingId, SettingRole, SettingSpec, Settings, has_limit};
@@ -44,16 +44,16 @@ impl Build {
 }
 
 /// The first half of building: fields to settings.
-pub(crate) type Read<Context, Built> = fn(&mut Fields, &mut Reading<'_>) -> Option<Finish<Context, Built>>;
+pub(crate) type Read<Context, T> = fn(&mut Fields, &mut Reading<'_>) -> Option<Finish<Context, T>>;
 
 /// Memory of a processor, bytes ([`NodeKind::memory_bytes`]), and the function that builds it.
 pub(crate) type Measured = (u64, Finish<BuildContext, Advised>);
 
 /// A processor and the warnings about its settings.
-pub(crate) type Advised = (Box<dyn Processor>, Vec<BuildError>);
+pub(crate) type Advised = (Box<dyn AnyProcessor>, Vec<BuildError>);
 
 /// The second half of building, after clock and connections are known.
-pub(crate) type Finish<Context, Built> = Box<dyn FnOnce(&Context) -> Result<Built, BuildError>>;
+pub(crate) type Finish<Context, T> = Box<dyn FnOnce(&Context) -> Result<T, BuildError>>;
 
 impl NodeEntry {
     /// Erases the types of a node that processes.
@@ -67,7 +67,7 @@ impl NodeEntry {
                     let bytes = K::memory_bytes(&settings, cx);
                     let finish: Finish<BuildContext, Advised> = Box::new(|cx| {
                         let advice = K::advice(&settings, cx);
-                        Ok((K::build(settings, cx)?, advice))
+                        Ok((K::build(settings, cx)?.into_processor(), advice))
                     });
                     Ok((bytes, finish))
                 }))
@@ -146,7 +146,7 @@ impl NodeEntry {
         self.settings().into_iter().find(|spec| spec.role == role)
     }
 
-    /// Its live settings, with the handles that [`Processor::set`] takes.
+    /// Its live settings, with the handles that [`Processor::set`](super::Processor::set) takes.
     pub fn live_settings(&self) -> impl Iterator<Item = (SettingId, SettingSpec)> {
         let settings = self.settings().into_iter().enumerate();
         settings

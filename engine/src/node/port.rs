@@ -1,134 +1,182 @@
-//! Handles of ports. They are looked up by name where the program is compiled, so that a processor cannot read or write
-//! a port that its kind does not declare.
+//! Handles of ports. They are looked up by name where the program is compiled, and carry the kind of their node, so that a
+//! processor cannot read or write a port that its kind does not declare.
 
+use super::NodeKind;
 use super::spec::{Flow, InputSpec, KindRule, NodeSpec, OutputSpec, Presence};
 use crate::frame::{AnyKind, FrameKind, Kinds};
-use crate::io::{Connections, Io, Runs};
+use crate::io::{Connections, Ports, Runs};
+use crate::scripted::Scripted;
 use crate::settings::same;
 use std::fmt;
 use std::marker::PhantomData;
 
-/// Handle of an input whose frames are of the kind `F`, read as `M` says: a frame a tick ([`Sampled`], the default),
-/// [`Held`], [`Optional`] or [`Many`]. [`Io::read`] takes it.
+/// Handle of an input of the node kind `K` whose frames are of the kind `F`, read as `M` says: a frame a tick
+/// ([`Sampled`], the default), [`Held`], [`Optional`] or [`Many`]. [`Io::read`](crate::node::Io::read) takes it.
 ///
-/// [`NodeSpec::input`] looks it up by name. In a constant everything that does not fit the declaration is a compile
-/// error:
+/// [`named`](Self::named) looks it up. In a constant everything that does not fit the declaration is a compile error:
 ///
 /// ```
 /// use haptograph_engine::frame::{Kind, Scalar, Vector};
-/// use haptograph_engine::node::{Input, NodeSpec, Optional, Output, input, output};
+/// use haptograph_engine::node::{
+///     BuildContext, BuildError, Built, Input, NodeKind, NodeSpec, Optional, Output, input, output,
+/// };
+/// use haptograph_engine::settings::NoSettings;
 /// use haptograph_signal::quantity::Quantity;
 ///
-/// const SPEC: NodeSpec = NodeSpec {
-///     name: "Viscous",
-///     group: "mine",
-///     doc: "A force against a velocity.",
-///     source: "",
-///     inputs: &[
-///         input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
-///         input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
-///     ],
-///     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
-///     example: "",
-/// };
+/// struct Viscous;
+/// impl NodeKind for Viscous {
+///     type Settings = NoSettings;
+///     const SPEC: NodeSpec = NodeSpec {
+///         name: "Viscous",
+///         group: "mine",
+///         doc: "A force against a velocity.",
+///         source: "",
+///         inputs: &[
+///             input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
+///             input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
+///         ],
+///         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
+///         example: "",
+///     };
+///     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+///         todo!()
+///     }
+/// }
 ///
-/// const VELOCITY: Input<Vector> = SPEC.input("velocity");
-/// const LOAD: Input<Scalar, Optional> = SPEC.input("load");
-/// const FORCE: Output<Vector> = SPEC.output("force");
+/// const VELOCITY: Input<Viscous, Vector> = Input::named("velocity");
+/// const LOAD: Input<Viscous, Scalar, Optional> = Input::named("load");
+/// const FORCE: Output<Viscous, Vector> = Output::named("force");
 /// ```
 ///
 /// A name that no input has:
-/// ```compile_fail
-/// # use haptograph_engine::frame::{Kind, Scalar, Vector};
-/// # use haptograph_engine::node::{Input, NodeSpec, Optional, Output, input, output};
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # const SPEC: NodeSpec = NodeSpec {
-/// #     name: "Viscous", group: "mine", doc: "A force against a velocity.", source: "",
-/// #     inputs: &[
-/// #         input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
-/// #         input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
-/// #     ],
-/// #     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
-/// #     example: "",
-/// # };
-/// const VELOCITY: Input<Vector> = SPEC.input("speed");
+/// # struct Viscous;
+/// # impl NodeKind for Viscous {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
+/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const VELOCITY: Input<Viscous, Vector> = Input::named("speed");
 /// ```
 ///
 /// Frames of another width:
-/// ```compile_fail
-/// # use haptograph_engine::frame::{Kind, Scalar, Vector};
-/// # use haptograph_engine::node::{Input, NodeSpec, Optional, Output, input, output};
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # const SPEC: NodeSpec = NodeSpec {
-/// #     name: "Viscous", group: "mine", doc: "A force against a velocity.", source: "",
-/// #     inputs: &[
-/// #         input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
-/// #         input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
-/// #     ],
-/// #     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
-/// #     example: "",
-/// # };
-/// const VELOCITY: Input<Scalar> = SPEC.input("velocity");
+/// # struct Viscous;
+/// # impl NodeKind for Viscous {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
+/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const VELOCITY: Input<Viscous, Scalar> = Input::named("velocity");
 /// ```
 ///
 /// An input that need not be connected, read as if it were:
-/// ```compile_fail
-/// # use haptograph_engine::frame::{Kind, Scalar, Vector};
-/// # use haptograph_engine::node::{Input, NodeSpec, Optional, Output, input, output};
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # const SPEC: NodeSpec = NodeSpec {
-/// #     name: "Viscous", group: "mine", doc: "A force against a velocity.", source: "",
-/// #     inputs: &[
-/// #         input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
-/// #         input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
-/// #     ],
-/// #     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
-/// #     example: "",
-/// # };
-/// const LOAD: Input<Scalar> = SPEC.input("load");
+/// # struct Viscous;
+/// # impl NodeKind for Viscous {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
+/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const LOAD: Input<Viscous, Scalar> = Input::named("load");
 /// ```
 ///
 /// A sampled input, read as runs:
-/// ```compile_fail
-/// # use haptograph_engine::frame::{Kind, Scalar, Vector};
-/// # use haptograph_engine::node::{Held, Input, NodeSpec, Optional, Output, input, output};
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # const SPEC: NodeSpec = NodeSpec {
-/// #     name: "Viscous", group: "mine", doc: "A force against a velocity.", source: "",
-/// #     inputs: &[
-/// #         input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
-/// #         input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
-/// #     ],
-/// #     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
-/// #     example: "",
-/// # };
-/// const VELOCITY: Input<Vector, Held> = SPEC.input("velocity");
+/// # struct Viscous;
+/// # impl NodeKind for Viscous {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
+/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const VELOCITY: Input<Viscous, Vector, Held> = Input::named("velocity");
 /// ```
-pub struct Input<F, M = Sampled> {
+///
+/// A port of another node:
+/// ```compile_fail,E0308
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # use haptograph_signal::quantity::Quantity;
+/// # struct Viscous;
+/// # impl NodeKind for Viscous {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
+/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// # enum Other {}
+/// const VELOCITY: Input<Viscous, Vector> = Input::named("velocity");
+///
+/// fn velocities<'a>(io: &Io<'a, Other>) -> &'a [[f64; 3]] {
+///     io.read(VELOCITY)
+/// }
+/// ```
+pub struct Input<K, F, M = Sampled> {
     index: usize,
-    types: PhantomData<fn() -> (F, M)>,
+    types: Types<(K, F, M)>,
 }
 
-/// Handle of an output whose frames are of the kind `F`. [`Io::write`] and [`Io::write_all`] take it.
+/// Handle of an output of the node kind `K` whose frames are of the kind `F`. [`Io::write`](crate::node::Io::write) and
+/// [`Io::write_all`](crate::node::Io::write_all) take it.
 ///
-/// [`NodeSpec::output`] looks it up by name, as [`NodeSpec::input`] does an [`Input`]:
+/// [`named`](Self::named) looks it up as [`Input::named`] does an input. Frames of another width:
 ///
-/// ```compile_fail
-/// # use haptograph_engine::frame::{Kind, Scalar};
-/// # use haptograph_engine::node::{NodeSpec, Output, output};
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # const SPEC: NodeSpec = NodeSpec {
-/// #     name: "Weight", group: "mine", doc: "A force.", source: "", inputs: &[],
-/// #     outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
-/// #     example: "",
-/// # };
-/// // It is a 3-vector.
-/// const FORCE: Output<Scalar> = SPEC.output("force");
+/// # struct Viscous;
+/// # impl NodeKind for Viscous {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
+/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const FORCE: Output<Viscous, Scalar> = Output::named("force");
 /// ```
-pub struct Output<F> {
+///
+/// A port of another node:
+/// ```compile_fail,E0308
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # use haptograph_signal::quantity::Quantity;
+/// # struct Viscous;
+/// # impl NodeKind for Viscous {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
+/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// # enum Other {}
+/// const FORCE: Output<Viscous, Vector> = Output::named("force");
+///
+/// fn push(io: &mut Io<'_, Other>) {
+///     io.write(FORCE).fill([0.0; 3]);
+/// }
+/// ```
+pub struct Output<K, F> {
     index: usize,
-    types: PhantomData<fn() -> F>,
+    types: Types<(K, F)>,
 }
+
+/// Types that a handle carries.
+type Types<T> = PhantomData<fn() -> T>;
 
 /// An input that has to be connected and has a frame per tick: `io.read` gives its frames.
 #[derive(Debug, Clone, Copy)]
@@ -148,14 +196,14 @@ pub enum Many {}
 
 /// How an input is read: [`Sampled`], [`Held`], [`Optional`] or [`Many`].
 pub trait Mode: sealed::Sealed + Sized + 'static {
-    /// What [`Io::read`] gives.
+    /// What [`Io::read`](crate::node::Io::read) gives.
     type Read<'a, F: FrameKind>;
     #[doc(hidden)]
     const PRESENCE: Presence;
     #[doc(hidden)]
     const FLOW: Flow;
     #[doc(hidden)]
-    fn read<'a, F: FrameKind>(io: &Io<'a>, input: Input<F, Self>) -> Self::Read<'a, F>;
+    fn read<'a, F: FrameKind>(ports: &Ports<'a>, input: usize) -> Self::Read<'a, F>;
 }
 
 /// A mode of one signal: [`Sampled`] or [`Held`].
@@ -178,8 +226,8 @@ impl Mode for Sampled {
     const FLOW: Flow = Flow::Sampled;
 
     #[inline]
-    fn read<'a, F: FrameKind>(io: &Io<'a>, input: Input<F, Self>) -> F::Frames<'a> {
-        io.sampled::<F>(input.index)
+    fn read<'a, F: FrameKind>(ports: &Ports<'a>, input: usize) -> F::Frames<'a> {
+        ports.sampled::<F>(input)
     }
 }
 
@@ -189,8 +237,8 @@ impl Mode for Held {
     const FLOW: Flow = Flow::Held;
 
     #[inline]
-    fn read<'a, F: FrameKind>(io: &Io<'a>, input: Input<F, Self>) -> Runs<'a, F> {
-        io.runs(input.index)
+    fn read<'a, F: FrameKind>(ports: &Ports<'a>, input: usize) -> Runs<'a, F> {
+        ports.runs(input)
     }
 }
 
@@ -200,9 +248,8 @@ impl<M: OneSignal> Mode for Optional<M> {
     const FLOW: Flow = M::FLOW;
 
     #[inline]
-    fn read<'a, F: FrameKind>(io: &Io<'a>, input: Input<F, Self>) -> Option<M::Read<'a, F>> {
-        let is_connected = io.connected(input.index);
-        is_connected.then(|| M::read(io, Input::at(input.index)))
+    fn read<'a, F: FrameKind>(ports: &Ports<'a>, input: usize) -> Option<M::Read<'a, F>> {
+        ports.connected(input).then(|| M::read(ports, input))
     }
 }
 
@@ -212,13 +259,13 @@ impl Mode for Many {
     const FLOW: Flow = Flow::Sampled;
 
     #[inline]
-    fn read<'a, F: FrameKind>(io: &Io<'a>, input: Input<F, Self>) -> Connections<'a, F> {
-        io.connections(input.index)
+    fn read<'a, F: FrameKind>(ports: &Ports<'a>, input: usize) -> Connections<'a, F> {
+        ports.connections(input)
     }
 }
 
-impl<F, M> Input<F, M> {
-    pub(crate) const fn at(index: usize) -> Self {
+impl<K, F, M> Input<K, F, M> {
+    const fn at(index: usize) -> Self {
         Self {
             index,
             types: PhantomData,
@@ -228,81 +275,36 @@ impl<F, M> Input<F, M> {
     pub(crate) const fn index(self) -> usize {
         self.index
     }
-
-    /// The one handle that all of these are, for a processor of several kinds. In a constant a difference is a compile
-    /// error.
-    ///
-    /// # Panics
-    /// If they differ.
-    pub const fn common<const N: usize>(handles: [Self; N]) -> Self {
-        let mut other = 1;
-        while other < N {
-            assert!(
-                handles[other].index == handles[0].index,
-                "these inputs stand at different places of their specs"
-            );
-            other += 1;
-        }
-        handles[0]
-    }
 }
 
-impl<F> Output<F> {
-    pub(crate) const fn at(index: usize) -> Self {
-        Self {
-            index,
-            types: PhantomData,
-        }
-    }
-
-    pub(crate) const fn index(self) -> usize {
-        self.index
-    }
-
-    /// The one handle that all of these are, for a processor of several kinds. In a constant a difference is a compile
+impl<K: NodeKind, F: FrameKind, M: Mode> Input<K, F, M> {
+    /// The handle of the input `name` of `K`. In a constant everything that does not fit its declaration is a compile
     /// error.
-    ///
-    /// # Panics
-    /// If they differ.
-    pub const fn common<const N: usize>(handles: [Self; N]) -> Self {
-        let mut other = 1;
-        while other < N {
-            assert!(
-                handles[other].index == handles[0].index,
-                "these outputs stand at different places of their specs"
-            );
-            other += 1;
-        }
-        handles[0]
-    }
-}
-
-impl NodeSpec {
-    /// The handle of the input `name`. In a constant everything that does not fit its declaration is a compile error.
     ///
     /// # Panics
     /// If no input has this name, or its frames, its presence or its flow are not those of the handle.
-    pub const fn input<F: FrameKind, M: Mode>(&self, name: &str) -> Input<F, M> {
-        let Some(index) = self.input_index(name) else {
+    pub const fn named(name: &str) -> Self {
+        let spec = const { &K::SPEC };
+        let Some(index) = spec.input_index(name) else {
             panic!("no input has this name")
         };
-        let port = &self.inputs[index];
+        let port = &spec.inputs[index];
         assert!(
-            F::KINDS.include(self.resolved(port.kind)),
+            F::KINDS.include(spec.resolved(port.kind)),
             "the frames of this input are of another kind"
         );
         match port.presence {
             Presence::Required => assert!(
                 matches!(M::PRESENCE, Presence::Required),
-                "this input is always connected, once: its handle is an `Input<_>` or an `Input<_, Held>`"
+                "this input is always connected, once: its handle is an `Input<_, _>` or an `Input<_, _, Held>`"
             ),
             Presence::Optional => assert!(
                 matches!(M::PRESENCE, Presence::Optional),
-                "this input may be left out: its handle is an `Input<_, Optional>`"
+                "this input may be left out: its handle is an `Input<_, _, Optional>`"
             ),
             Presence::Many => assert!(
                 matches!(M::PRESENCE, Presence::Many),
-                "this input has any number of connections: its handle is an `Input<_, Many>`"
+                "this input has any number of connections: its handle is an `Input<_, _, Many>`"
             ),
         }
         match port.flow {
@@ -318,36 +320,55 @@ impl NodeSpec {
         let mut before = 0;
         while before < index {
             assert!(
-                !matches!(self.inputs[before].presence, Presence::Many),
+                !matches!(spec.inputs[before].presence, Presence::Many),
                 "an input of any number of connections comes last"
             );
             before += 1;
         }
-        Input::at(index)
+        Self::at(index)
+    }
+}
+
+impl<K, F> Output<K, F> {
+    const fn at(index: usize) -> Self {
+        Self {
+            index,
+            types: PhantomData,
+        }
     }
 
-    /// The handle of the output `name`. In a constant everything that does not fit its declaration is a compile error.
+    pub(crate) const fn index(self) -> usize {
+        self.index
+    }
+}
+
+impl<K: NodeKind, F: FrameKind> Output<K, F> {
+    /// The handle of the output `name` of `K`. In a constant everything that does not fit its declaration is a compile
+    /// error.
     ///
     /// # Panics
     /// If no output has this name, or its frames are not those of the handle.
-    pub const fn output<F: FrameKind>(&self, name: &str) -> Output<F> {
+    pub const fn named(name: &str) -> Self {
+        let spec = const { &K::SPEC };
         let mut index = 0;
-        while index < self.outputs.len() {
-            if same(self.outputs[index].name, name) {
+        while index < spec.outputs.len() {
+            if same(spec.outputs[index].name, name) {
                 assert!(
-                    F::KINDS.include(self.resolved(self.outputs[index].kind)),
+                    F::KINDS.include(spec.resolved(spec.outputs[index].kind)),
                     "the frames of this output are of another kind"
                 );
-                return Output::at(index);
+                return Self::at(index);
             }
             index += 1;
         }
         panic!("no output has this name")
     }
+}
 
+impl NodeSpec {
     /// The inputs with their handles, for a processor whose ports are known only when the program runs
     /// ([`ScriptedKind`](super::ScriptedKind)). Held inputs and those of many connections are left out.
-    pub fn any_inputs(&self) -> impl Iterator<Item = (&InputSpec, Input<AnyKind, Optional>)> {
+    pub fn any_inputs(&self) -> impl Iterator<Item = (&InputSpec, Input<Scripted, AnyKind, Optional>)> {
         let one = |port: &InputSpec| port.presence != Presence::Many && port.flow == Flow::Sampled;
         let inputs = self.inputs.iter().enumerate();
         inputs
@@ -356,7 +377,7 @@ impl NodeSpec {
     }
 
     /// The outputs with their handles, as [`any_inputs`](Self::any_inputs).
-    pub fn any_outputs(&self) -> impl Iterator<Item = (&OutputSpec, Output<AnyKind>)> {
+    pub fn any_outputs(&self) -> impl Iterator<Item = (&OutputSpec, Output<Scripted, AnyKind>)> {
         let outputs = self.outputs.iter().enumerate();
         outputs.map(|(index, port)| (port, Output::at(index)))
     }
@@ -400,12 +421,12 @@ impl Kinds {
     }
 }
 
-/// Handles of several outputs, for [`Io::write_all`].
-pub trait Outputs: tuples::Sealed {
-    /// What [`Io::write_all`] gives.
+/// Handles of several outputs of the node kind `K`, for [`Io::write_all`](crate::node::Io::write_all).
+pub trait Outputs<K>: tuples::Sealed {
+    /// What [`Io::write_all`](crate::node::Io::write_all) gives.
     type Write<'a>;
     #[doc(hidden)]
-    fn write<'a>(self, io: &'a mut Io<'_>) -> Self::Write<'a>;
+    fn write<'a>(self, ports: &'a mut Ports<'_>) -> Self::Write<'a>;
 }
 
 mod tuples {
@@ -414,14 +435,14 @@ mod tuples {
 
 macro_rules! tuples {
     ($(($($kind:ident $place:tt $frames:ident),+))+) => { $(
-        impl<$($kind: FrameKind),+> tuples::Sealed for ($(Output<$kind>,)+) {}
+        impl<K, $($kind: FrameKind),+> tuples::Sealed for ($(Output<K, $kind>,)+) {}
 
-        impl<$($kind: FrameKind),+> Outputs for ($(Output<$kind>,)+) {
+        impl<K, $($kind: FrameKind),+> Outputs<K> for ($(Output<K, $kind>,)+) {
             type Write<'a> = ($($kind::FramesMut<'a>,)+);
 
             #[inline]
-            fn write<'a>(self, io: &'a mut Io<'_>) -> Self::Write<'a> {
-                let [$($frames),+] = io.outs([$((self.$place.index, $kind::KINDS)),+]);
+            fn write<'a>(self, ports: &'a mut Ports<'_>) -> Self::Write<'a> {
+                let [$($frames),+] = ports.outs([$((self.$place.index, $kind::KINDS)),+]);
                 ($($kind::frames_mut($frames),)+)
             }
         }
@@ -438,29 +459,29 @@ tuples! {
     (A 0 a, B 1 b, C 2 c, D 3 d, E 4 e, F 5 f, G 6 g, H 7 h)
 }
 
-impl<F, M> Clone for Input<F, M> {
+impl<K, F, M> Clone for Input<K, F, M> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<F, M> Copy for Input<F, M> {}
+impl<K, F, M> Copy for Input<K, F, M> {}
 
-impl<F, M> fmt::Debug for Input<F, M> {
+impl<K, F, M> fmt::Debug for Input<K, F, M> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Input({})", self.index)
     }
 }
 
-impl<F> Clone for Output<F> {
+impl<K, F> Clone for Output<K, F> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<F> Copy for Output<F> {}
+impl<K, F> Copy for Output<K, F> {}
 
-impl<F> fmt::Debug for Output<F> {
+impl<K, F> fmt::Debug for Output<K, F> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Output({})", self.index)
     }

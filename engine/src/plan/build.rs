@@ -269,7 +269,7 @@ impl<'a> Builder<'a> {
         let widths: Vec<usize> = node.outputs.iter().map(|output| output.kind.width()).collect();
         let work = match &node.work {
             Work::Process(processor) => {
-                self.plan.processors.push(processor.clone_box());
+                self.plan.processors.push(processor.boxed_clone());
                 self.plan.processor_keys.push(NodeKey {
                     path: Arc::clone(&path),
                     kind: node.entry.spec.name,

@@ -19,10 +19,10 @@ use crate::graph::Graph;
 pub(crate) use crate::graph::fingerprint::{
     VERSION as FINGERPRINTS_VERSION, VERSION_NAME as FINGERPRINTS_NAME,
 };
-use crate::io::{Extent, Placing, ResolvedInput};
+use crate::io::{Extent, Placing, Wires};
 use crate::limiter::ClipCounts;
 pub use crate::node::MAX_BLOCK;
-use crate::node::{Limit, Processor, Single, Stream};
+use crate::node::{AnyProcessor, Law, Limit, Stream};
 use crate::node_id::NodeId;
 use crate::settings::LiveSetting;
 use crate::silence::LiveInput;
@@ -84,11 +84,11 @@ impl PlanOptions {
 /// #     type Settings = LevelSettings;
 /// #     const SPEC: NodeSpec = NodeSpec { name: "Level", group: "mine", doc: "Gives a number.", source: "", inputs: &[],
 /// #         outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "The number.")], example: "" };
-/// #     fn build(settings: LevelSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> { Ok(Box::new(Given(settings.value))) }
+/// #     fn build(settings: LevelSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { Ok(Built::new(Given(settings.value))) }
 /// # }
-/// # const OUTPUT: Output<Scalar> = Level::SPEC.output("output");
-/// # impl Processor for Given {
-/// #     fn process(&mut self, _: &Tick, io: &mut Io<'_>) { io.write(OUTPUT).fill(self.0); }
+/// # const OUTPUT: Output<Level, Scalar> = Output::named("output");
+/// # impl Processor<Level> for Given {
+/// #     fn process(&mut self, _: &Tick, io: &mut Io<'_, Level>) { io.write(OUTPUT).fill(self.0); }
 /// #     fn set(&mut self, _: SettingId, value: f64) { self.0 = value; }
 /// # }
 /// # let mut registry = Registry::new();
@@ -117,8 +117,8 @@ pub struct Plan {
     /// The buffers, one behind the other from the beginning of the memory.
     pub(crate) slots: Vec<Extent>,
     pub(crate) pacings: Vec<u64>,
-    pub(crate) processors: Vec<Box<dyn Processor>>,
-    /// One for each processor, valid if its step has `singles`. A run updates its own copy when settings change.
+    pub(crate) processors: Vec<Box<dyn AnyProcessor>>,
+    /// One for each processor, valid if its step has `singles`. A run updates the laws of its own copy when settings change.
     pub(crate) singles: Vec<SingleStep>,
     /// Key of each processor, to match it with another plan.
     pub(crate) processor_keys: Vec<NodeKey>,
@@ -153,22 +153,20 @@ pub(crate) struct Step {
     pub clock: u32,
     /// Number of successive processors of this clock from here on; they share one lookup of the window.
     pub streak: u32,
-    /// Number of them, from this one on, that have a single-frame form.
+    /// Number of them, from this one on, that compute a scalar from a scalar.
     pub singles: u32,
-    /// Buffer that it writes; empty for none.
-    pub out: Extent,
-    pub inputs: Box<[ResolvedInput]>,
-    pub outputs: Box<[Placing]>,
+    pub wires: Wires,
     /// The node it belongs to.
     pub node: NodeId,
     /// Label for display: `speed`, `hold stylus.force`. A processor's is the path of its node.
     pub label: Arc<str>,
 }
 
-/// The single-frame form of a processor, and the places of its scalar input and output.
+/// How a processor computes a single frame of a scalar from one of a scalar, and the places of both.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SingleStep {
-    pub single: Single,
+    /// Its law; any other processor is called.
+    pub law: Option<Law>,
     pub from: u32,
     pub to: u32,
 }

@@ -4,8 +4,7 @@ use super::build::{Port, StepDraft};
 use super::slots::Demand;
 use super::{Plan, SingleStep, Step, StepWork, slots};
 use crate::graph::NodeId;
-use crate::io::{Extent, Form, Placing, ResolvedInput};
-use crate::node::Single;
+use crate::io::{Extent, Placing, ResolvedInput, Wires};
 use std::collections::HashMap;
 
 /// The places of all buffers.
@@ -56,27 +55,31 @@ impl Places {
             clock: draft.clock,
             streak: 1,
             singles: 0,
-            out,
-            inputs: inputs
-                .map(|(port, form)| ResolvedInput::new(self.port(port), *form, out))
-                .collect(),
-            outputs: draft.outputs.into(),
+            wires: Wires {
+                out,
+                inputs: inputs
+                    .map(|(port, form)| ResolvedInput::new(self.port(port), *form, out))
+                    .collect(),
+                outputs: draft.outputs.into(),
+            },
             node: draft.node,
             label: draft.label,
         }
     }
 }
 
-/// Joins steps: processors with a single-frame form, streaks of processors, and the works of each live setting.
+/// Joins steps: the processors from a scalar to a scalar, streaks of processors, and the works of each live
+/// setting.
 pub(super) fn join(plan: &mut Plan) {
     let mut works: HashMap<NodeId, Vec<StepWork>> = HashMap::new();
     for step in &mut plan.steps {
         works.entry(step.node).or_default().push(step.work);
         let mut found = None;
         if let StepWork::Process(index) = step.work {
-            found = scalar_places(step).and_then(|(from, to)| {
-                let single = plan.processors[index as usize].single()?;
-                Some(SingleStep { single, from, to })
+            found = step.wires.scalars().map(|(from, to)| SingleStep {
+                law: plan.processors[index as usize].law(),
+                from,
+                to,
             });
             plan.singles.push(found.unwrap_or(SingleStep::NONE));
         }
@@ -89,22 +92,6 @@ pub(super) fn join(plan: &mut Plan) {
             .map_or_else(Box::default, |works| works.as_slice().into())
     };
     plan.live_works = plan.live.iter().map(|live| of(&live.node)).collect();
-}
-
-/// Places of a processor's only input and output if both are scalars.
-fn scalar_places(step: &Step) -> Option<(u32, u32)> {
-    let [output] = *step.outputs else { return None };
-    let to = step.out.start + output.start;
-    let (from, is_scalar) = match &*step.inputs {
-        // A source ignores its input.
-        [] => (to, true),
-        [input, others @ ..] if others.iter().all(|other| other.form == Form::Absent) => {
-            let is_scalar = input.form == Form::Sampled && input.width == 1;
-            (input.place(step.out), is_scalar)
-        }
-        _ => return None,
-    };
-    (is_scalar && output.width == 1).then_some((from, to))
 }
 
 /// Computes `streak` and `singles` of each step, from the last to the first.
@@ -124,9 +111,9 @@ fn join_streaks(steps: &mut [Step]) {
 }
 
 impl SingleStep {
-    /// Placeholder for a processor without single-frame form.
+    /// Placeholder for a processor of other ports.
     const NONE: Self = Self {
-        single: Single::Call,
+        law: None,
         from: 0,
         to: 0,
     };

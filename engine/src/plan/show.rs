@@ -42,16 +42,16 @@ impl fmt::Display for Plan {
                     .collect();
                 write!(f, " in windows of {}", windows.join(", "))?;
             }
-            let inputs = step.inputs.iter().map(|input| match input.form {
+            let inputs = step.wires.inputs.iter().map(|input| match input.form {
                 Form::Absent => "-".to_owned(),
-                _ => format!("b{}", self.slot_at(input.place(step.out))),
+                _ => format!("b{}", self.slot_at(input.place(step.wires.out))),
             });
             let inputs: Vec<String> = inputs.collect();
             if !inputs.is_empty() {
                 write!(f, " <- {}", inputs.join(" "))?;
             }
-            if step.out.len > 0 {
-                write!(f, " -> b{}", self.slot_at(step.out.start))?;
+            if step.wires.out.len > 0 {
+                write!(f, " -> b{}", self.slot_at(step.wires.out.start))?;
             }
             writeln!(f)?;
         }

@@ -33,7 +33,7 @@ impl Faults {
                 .iter()
                 .all(|x| x.is_finite())
         };
-        if self.origin.is_none() && step.outputs.iter().any(bad) {
+        if self.origin.is_none() && step.wires.outputs.iter().any(bad) {
             self.origin = Some(Arc::clone(&step.label));
             self.tracing = false;
         }

@@ -51,7 +51,7 @@ pub use swap::{Change, NoCrossFade};
 use crate::bridges::{BridgeContext, BridgeEntry, BridgeState, HoldRuns};
 use crate::device::Device;
 use crate::io::Memory;
-use crate::node::{Processor, SettingId};
+use crate::node::{AnyProcessor, SettingId};
 use crate::node_id::NodeId;
 use crate::plan::{BridgeWork, Plan, SingleStep, StepWork};
 use actuator::ActuatorState;
@@ -80,8 +80,8 @@ struct State {
     /// Copy of the block's windows while an island narrows them.
     whole: Vec<Window>,
     memory: Memory,
-    processors: Vec<Box<dyn Processor>>,
-    /// Single-frame form of each processor with its present settings.
+    processors: Vec<Box<dyn AnyProcessor>>,
+    /// How each processor computes a single frame with its present settings.
     singles: Vec<SingleStep>,
     devices: Vec<DeviceState>,
     actuators: Vec<ActuatorState>,
@@ -136,7 +136,7 @@ impl Run {
             processors: plan
                 .processors
                 .iter()
-                .map(|processor| processor.clone_box())
+                .map(|processor| processor.boxed_clone())
                 .collect(),
             singles: plan.singles.clone(),
             devices: plan.devices.iter().map(DeviceState::new).collect(),

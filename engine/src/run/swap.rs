@@ -142,7 +142,7 @@ impl PlanSwap {
                 }
                 _ => old.processors[*from].copy_state_into(new.processors[*to].as_mut()),
             }
-            new.update_single(*to);
+            new.update_law(*to);
         }
         for (from, to) in &self.bridges {
             if let (Some(new), Some(old)) = (&mut new.bridges[*to], &old.bridges[*from]) {

@@ -6,17 +6,15 @@ use super::device::Ownership;
 use super::profile::StepObserver;
 use super::window::{Window, range_of};
 use crate::bridges::Ends;
-use crate::io::{Form, Io, ResolvedInput};
+use crate::io::{Form, ResolvedInput};
 use crate::node::{SettingId, Tick};
 use crate::plan::{BridgeWork, Plan, Step, StepWork};
 use std::ops::Range;
 
 impl State {
-    /// Updates the single-frame form of a processor after a change of its settings or state.
-    pub(super) fn update_single(&mut self, processor: usize) {
-        if let Some(single) = self.processors[processor].single() {
-            self.singles[processor].single = single;
-        }
+    /// Updates the law of a processor after a change of its settings or state.
+    pub(super) fn update_law(&mut self, processor: usize) {
+        self.singles[processor].law = self.processors[processor].law();
     }
 
     /// Sets a live setting of the processor or actuator of this work.
@@ -24,7 +22,7 @@ impl State {
         match work {
             StepWork::Process(index) => {
                 self.processors[index as usize].set(setting, value);
-                self.update_single(index as usize);
+                self.update_law(index as usize);
             }
             StepWork::Actuator(index) if value.is_finite() => {
                 self.actuators[index as usize].gain = value;
@@ -41,14 +39,14 @@ impl State {
                 StepWork::Process(first) => {
                     let first = first as usize;
                     let most = if W::STEPWISE { 1 } else { range.end - number };
-                    let (count, offset) = self.windows.frames(step.clock);
-                    if count == 1 && step.singles > 0 && !self.faults.tracing {
+                    let window = self.windows.of(step.clock);
+                    let period_s = plan.periods_s[step.clock as usize];
+                    if window.count == 1 && step.singles > 0 && !self.faults.tracing {
                         let singles = (step.singles as usize).min(most);
-                        self.without_ports(first..first + singles, offset);
+                        self.without_ports(first..first + singles, window, period_s);
                         singles
                     } else {
                         let streak = (step.streak as usize).min(most);
-                        let period_s = plan.periods_s[step.clock as usize];
                         self.with_ports(&plan.steps[number..number + streak], first, period_s)
                     }
                 }
@@ -94,10 +92,11 @@ impl State {
         self.windows.restore(&self.whole);
     }
 
-    /// Runs processors for one frame, at `offset` in their buffers, without ports.
+    /// Runs processors for one frame without ports.
     #[inline(never)]
-    fn without_ports(&mut self, range: Range<usize>, offset: usize) {
-        let memory = &mut self.memory.all_mut()[offset..];
+    fn without_ports(&mut self, range: Range<usize>, window: Window, period_s: f64) {
+        let tick = tick(window, period_s);
+        let memory = &mut self.memory.all_mut()[window.offset..];
         let processors = &mut self.processors[range.clone()];
         let (mut latest, mut latest_at) = (0.0, u32::MAX);
         for (step, processor) in self.singles[range].iter().zip(processors) {
@@ -106,7 +105,10 @@ impl State {
                 true => latest,
                 false => memory[step.from as usize],
             };
-            latest = step.single.of(x, &mut **processor);
+            latest = match step.law {
+                Some(law) => law.of(x),
+                None => processor.frame(&tick, x),
+            };
             latest_at = step.to;
             memory[step.to as usize] = latest;
         }
@@ -119,11 +121,7 @@ impl State {
         if window.count == 0 {
             return steps.len();
         }
-        let tick = Tick {
-            first: window.first,
-            frames: window.count,
-            period_s,
-        };
+        let tick = tick(window, period_s);
         let tracing = self.faults.tracing;
         let single = window.count == 1 && !tracing;
         let memory = self.memory.all_mut();
@@ -131,23 +129,14 @@ impl State {
             if single && step.singles > 0 {
                 return done;
             }
-            let (before, out, behind) = step.out.split(memory);
-            let mut io = Io {
-                frames: window.count,
-                offset: window.offset,
-                inputs: &step.inputs,
-                outputs: &step.outputs,
-                before,
-                out,
-                behind,
-            };
-            processor.process(&tick, &mut io);
+            processor.process(&tick, window.offset, &step.wires, memory);
             if tracing
                 && self
                     .upstream_candidates
                     .get(step.node.index())
                     .is_none_or(|is_candidate| *is_candidate)
             {
+                let (_, out, _) = step.wires.out.split(memory);
                 self.faults.trace_origin(step, out, window);
             }
         }
@@ -157,7 +146,7 @@ impl State {
     #[inline(never)]
     fn step(&mut self, plan: &Plan, step: &Step) {
         let window = self.windows.of(step.clock);
-        let (before, out, behind) = step.out.split(self.memory.all_mut());
+        let (before, out, behind) = step.wires.out.split(self.memory.all_mut());
         let around = [before, behind];
         match step.work {
             StepWork::Bridge(index) => {
@@ -167,9 +156,9 @@ impl State {
                     from: from.ticks(self.windows.period(bridge.from)),
                     to: window.ticks(self.windows.period(step.clock)),
                 };
-                let x = input(around, &step.inputs[0], from);
+                let x = input(around, &step.wires.inputs[0], from);
                 let y = match bridge.work {
-                    BridgeWork::Runs => &mut out[step.outputs[0].start as usize..],
+                    BridgeWork::Runs => &mut out[step.wires.outputs[0].start as usize..],
                     _ => output(out, step, window),
                 };
                 match (bridge.work, &mut self.bridges[index as usize]) {
@@ -179,7 +168,7 @@ impl State {
                 }
             }
             StepWork::Actuator(index) => {
-                let x = input(around, &step.inputs[0], window);
+                let x = input(around, &step.wires.inputs[0], window);
                 let when = When {
                     fade: self.fade,
                     first: window.first,
@@ -196,7 +185,7 @@ impl State {
                 self.delays[index as usize].read(window, output(out, step, window));
             }
             StepWork::DelayWrite(index) => {
-                let x = input(around, &step.inputs[0], window);
+                let x = input(around, &step.wires.inputs[0], window);
                 self.delays[index as usize].write(window, x);
             }
             StepWork::RingRead(index) => {
@@ -207,7 +196,7 @@ impl State {
                 }
             }
             StepWork::RingWrite(index) => {
-                let x = input(around, &step.inputs[0], window);
+                let x = input(around, &step.wires.inputs[0], window);
                 if let Some(writer) = &mut self.ring_ends.writers[index as usize] {
                     writer.write(x);
                 }
@@ -255,6 +244,14 @@ impl State {
     }
 }
 
+fn tick(window: Window, period_s: f64) -> Tick {
+    Tick {
+        first: window.first,
+        frames: window.count,
+        period_s,
+    }
+}
+
 /// The frames of a sampled input in the memory before and behind the step's own buffer.
 fn input<'a>([before, behind]: [&'a [f64]; 2], wire: &ResolvedInput, window: Window) -> &'a [f64] {
     match wire.form {
@@ -268,5 +265,5 @@ fn input<'a>([before, behind]: [&'a [f64]; 2], wire: &ResolvedInput, window: Win
 
 /// The frames of the first output.
 fn output<'a>(out: &'a mut [f64], step: &Step, window: Window) -> &'a mut [f64] {
-    &mut out[range_of(step.outputs[0].start, step.outputs[0].width, window)]
+    &mut out[range_of(step.wires.outputs[0].start, step.wires.outputs[0].width, window)]
 }

@@ -78,13 +78,6 @@ impl Windows {
         self.clocks[clock as usize]
     }
 
-    /// Number of frames of a clock in the present interval, and the index of the first in its buffers.
-    #[inline]
-    pub(crate) fn frames(&self, clock: u32) -> (usize, usize) {
-        let window = &self.clocks[clock as usize];
-        (window.count, window.offset)
-    }
-
     pub(crate) fn period(&self, clock: u32) -> u64 {
         self.base.period(clock as usize)
     }

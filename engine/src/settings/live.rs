@@ -178,6 +178,16 @@ pub(crate) const fn has_limit(fields: &[DeclaredField]) -> bool {
     false
 }
 
+/// Number of live fields, in constants too.
+pub(crate) const fn count_live(fields: &[DeclaredField]) -> usize {
+    let (mut at, mut live) = (0, 0);
+    while at < fields.len() {
+        live += fields[at].is_live as usize;
+        at += 1;
+    }
+    live
+}
+
 /// True if any of the flags is set, in constants too. For [`settings!`](crate::settings!).
 #[doc(hidden)]
 pub const fn any(flags: &[bool]) -> bool {
@@ -220,6 +230,7 @@ mod tests {
         const LOW: SettingId = Toy::live("low");
         const HIGH: SettingId = Toy::live("high");
         assert_eq!((LOW.index(), HIGH.index()), (0, 2));
+        assert_eq!(count_live(Toy::FIELDS), 2);
         let names: Vec<&str> = Toy::specs().iter().map(|spec| spec.name).collect();
         assert_eq!(
             names,

@@ -15,7 +15,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The result of building the example of a kind of node.
-pub enum Built {
+pub enum ExampleNode {
     /// A processor on a bench.
     Processor(Bench),
     /// The gain and the limit of a sink that drives a device.
@@ -40,7 +40,7 @@ impl Bench {
         linear: Kind,
     ) -> Result<Option<Self>, String> {
         Ok(match node_from_example(entry, "", folder, rate_hz, linear)? {
-            Built::Processor(bench) => Some(bench),
+            ExampleNode::Processor(bench) => Some(bench),
             _ => None,
         })
     }
@@ -57,7 +57,7 @@ pub fn node_from_example(
     folder: &Path,
     rate_hz: f64,
     linear: Kind,
-) -> Result<Built, String> {
+) -> Result<ExampleNode, String> {
     let spec = entry.spec;
     let example = Example {
         text: spec.example,
@@ -86,12 +86,14 @@ pub fn node_from_example(
             let (processor, _) = finish(&cx)
                 .and_then(|(_, finish)| finish(&cx))
                 .map_err(|error| error.to_string())?;
-            Ok(Built::Processor(Bench::around(processor, spec, &cx, &connected)))
+            Ok(ExampleNode::Processor(Bench::around(
+                processor, spec, &cx, &connected,
+            )))
         }
         Build::Actuator(build) => {
             let (finish, _) = example.read(build)?;
             let (gain, limit) = finish(&()).map_err(|error| error.to_string())?;
-            Ok(Built::Actuator(gain, limit))
+            Ok(ExampleNode::Actuator(gain, limit))
         }
         Build::File(build) => {
             let (finish, times) = example.read(build)?;
@@ -108,11 +110,11 @@ pub fn node_from_example(
                 graph_seed: 1,
             };
             let sink = finish(&cx).map_err(|error| error.to_string())?;
-            Ok(Built::File(sink, streams))
+            Ok(ExampleNode::File(sink, streams))
         }
         Build::Source(read) => {
             example.read(|fields, reading| read(fields, reading).then_some(()))?;
-            Ok(Built::Source)
+            Ok(ExampleNode::Source)
         }
     }
 }

@@ -4,9 +4,9 @@
 use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::{Kind, KindSpec, Level};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, FileContext, FileKind, FileSink, Flow, FrameWriter, InputSpec,
-    Io, KindRule, Limit, NodeEntry, NodeKind, NodeSpec, OutputRole, OutputSpec, Presence, Processor,
-    QuantityRule, Stream, Tick, any_input, input, output, output_like,
+    ActuatorKind, BuildContext, BuildError, Built, FileContext, FileKind, FileSink, Flow, FrameWriter,
+    InputSpec, Io, KindRule, Limit, NodeEntry, NodeKind, NodeSpec, OutputRole, OutputSpec, Presence,
+    Processor, QuantityRule, Stream, Tick, any_input, input, output, output_like,
 };
 use haptograph_engine::registry::Registry;
 use haptograph_engine::{choices, settings};
@@ -62,8 +62,8 @@ const TONES: &str = r#"Parts(format: 1, templates: {
 #[derive(Clone)]
 struct Silent;
 
-impl Processor for Silent {
-    fn process(&mut self, _: &Tick, _: &mut Io<'_>) {}
+impl<K: NodeKind> Processor<K> for Silent {
+    fn process(&mut self, _: &Tick, _: &mut Io<'_, K>) {}
 }
 
 const fn spec(
@@ -89,8 +89,8 @@ macro_rules! silent {
         impl NodeKind for $kind {
             type Settings = $settings;
             const SPEC: NodeSpec = $spec;
-            fn build(_: $settings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-                Ok(Box::new(Silent))
+            fn build(_: $settings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+                Ok(Built::new(Silent))
             }
         }
     };
@@ -121,7 +121,7 @@ impl NodeKind for Sine {
             doc: "The tone.",
         }],
     );
-    fn build(settings: SineSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: SineSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let nyquist = cx.rate.hz() / 2.0;
         if settings.frequency_hz >= nyquist {
             let message = format!("{} Hz cannot be made at {}", settings.frequency_hz, cx.rate);
@@ -129,7 +129,7 @@ impl NodeKind for Sine {
                 "stay below {nyquist} Hz, half the rate, or use a faster clock"
             )));
         }
-        Ok(Box::new(Silent))
+        Ok(Built::new(Silent))
     }
 }
 
@@ -151,8 +151,8 @@ impl NodeKind for Gain {
         &[any_input("input", "What is multiplied.")],
         &[output_like("output", "input", "The product.")],
     );
-    fn build(_: Self::Settings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Silent))
+    fn build(_: Self::Settings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Silent))
     }
     fn advice(settings: &Self::Settings, _: &BuildContext) -> Vec<BuildError> {
         let silent = settings.gain == 0.0;
@@ -255,9 +255,9 @@ impl NodeKind for Filter {
             "The vibration.",
         )],
     );
-    fn build(settings: FilterSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: FilterSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         match std::fs::metadata(&settings.surface) {
-            Ok(_) => Ok(Box::new(Silent)),
+            Ok(_) => Ok(Built::new(Silent)),
             Err(_) => {
                 let message = format!("cannot read surface `{}`", settings.surface.display());
                 Err(BuildError::at("surface", message)

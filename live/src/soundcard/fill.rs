@@ -89,7 +89,7 @@ mod tests {
     use haptograph_engine::frame::{Kind, Scalar};
     use haptograph_engine::graph::{CheckOptions, Graph, check};
     use haptograph_engine::node::{
-        BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, output,
+        BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, output,
     };
     use haptograph_engine::run::{FileSinks, Live, LiveOptions, Session};
     use haptograph_engine::settings::NoSettings;
@@ -173,14 +173,14 @@ mod tests {
         std::panic::resume_unwind(Box::new("as asked"))
     }
 
-    const OUT: Output<Scalar> = Doomed::SPEC.output("out");
+    const OUT: Output<Doomed, Scalar> = Output::named("out");
 
     /// Panics in the second block.
     #[derive(Clone)]
     struct Doomed;
 
-    impl Processor for Doomed {
-        fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+    impl Processor<Doomed> for Doomed {
+        fn process(&mut self, tick: &Tick, io: &mut Io<'_, Doomed>) {
             if tick.first >= 64 {
                 panic_quietly();
             }
@@ -200,8 +200,8 @@ mod tests {
             example: "",
         };
 
-        fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-            Ok(Box::new(Self))
+        fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+            Ok(Built::new(Self))
         }
     }
 

@@ -2,12 +2,11 @@
 
 use super::brake::{Brake, BrakeSettings, CoilSettings, Dragging, Reach, Solenoid};
 use super::limit::CurrentLimitSettings;
-use crate::successor;
 use crate::texture::load_surface;
 use crate::vector::norm;
 use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Input, Io, Limit, NodeKind, NodeSpec, Output, OutputRole,
+    ActuatorKind, BuildContext, BuildError, Built, Input, Io, Limit, NodeKind, NodeSpec, Output, OutputRole,
     Processor, SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
@@ -121,12 +120,12 @@ impl NodeKind for BrakeController {
         example: r#""brake": BrakeController(load: "touch.load", friction: "touch.friction", speed: "speed.speed", surface: "surfaces/t3-tile.ron")"#,
     };
 
-    fn build(settings: BrakeControllerSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: BrakeControllerSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         if settings.coil.rearm_c > settings.coil.trip_c || settings.coil.ambient_c >= settings.coil.rearm_c {
             let message = "`rearm_c` has to lie above `ambient_c` and no higher than `trip_c`";
             return Err(BuildError::at("coil", message).help("give ambient_c < rearm_c <= trip_c"));
         }
-        Ok(Box::new(Braking {
+        Ok(Built::new(Braking {
             brake: Brake::new(settings.to_brake(), cx.rate.hz()),
             wanted: wanted(&settings)?,
             measured: 0.0,
@@ -135,14 +134,14 @@ impl NodeKind for BrakeController {
 }
 
 impl BrakeController {
-    const LOAD: Input<Scalar> = Self::SPEC.input("load");
-    const FRICTION: Input<Vector> = Self::SPEC.input("friction");
-    const SPEED: Input<Scalar> = Self::SPEC.input("speed");
-    const CURRENT: Output<Scalar> = Self::SPEC.output("current");
-    const MEASURED: Output<Scalar> = Self::SPEC.output("measured");
-    const TRIM: Output<Scalar> = Self::SPEC.output("trim");
-    const REACH: Output<Scalar> = Self::SPEC.output("reach");
-    const COIL: Output<Scalar> = Self::SPEC.output("coil");
+    const LOAD: Input<Self, Scalar> = Input::named("load");
+    const FRICTION: Input<Self, Vector> = Input::named("friction");
+    const SPEED: Input<Self, Scalar> = Input::named("speed");
+    const CURRENT: Output<Self, Scalar> = Output::named("current");
+    const MEASURED: Output<Self, Scalar> = Output::named("measured");
+    const TRIM: Output<Self, Scalar> = Output::named("trim");
+    const REACH: Output<Self, Scalar> = Output::named("reach");
+    const COIL: Output<Self, Scalar> = Output::named("coil");
     const MU: SettingId = BrakeControllerSettings::live("mu");
     const TRIM_PER_S: SettingId = BrakeControllerSettings::live("trim_per_s");
     const MOST_TRIM: SettingId = BrakeControllerSettings::live("most_trim");
@@ -177,8 +176,8 @@ struct Braking {
     measured: f64,
 }
 
-impl Processor for Braking {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<BrakeController> for Braking {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, BrakeController>) {
         let (loads, frictions) = (io.read(BrakeController::LOAD), io.read(BrakeController::FRICTION));
         let speeds = io.read(BrakeController::SPEED);
         let (current, measured, trim, reach, coil) = io.write_all((
@@ -228,11 +227,9 @@ impl Processor for Braking {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.brake.copy_state_from(&self.brake);
-            new.measured = self.measured;
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.brake.copy_state_from(&self.brake);
+        new.measured = self.measured;
     }
 }
 
@@ -356,7 +353,7 @@ mod tests {
         let out = bench.run(&[&vec![1.0; n], &[-0.3, 0.0, 0.0].repeat(n), &vec![0.05; n]]);
         assert!((out[1][n - 1] - 0.3).abs() < 1e-6, "measured");
         assert!(out[2][n - 1] > 0.01 && out[0][n - 1] > out[0][0]);
-        bench.processor().set(BrakeController::MU, 0.9);
+        bench.set(BrakeController::MU, 0.9);
         let out = bench.run(&[&[1.0], &[-0.3, 0.0, 0.0], &[0.05]]);
         assert!(out[3][0] >= 2.0, "out of reach");
         let refused = Bench::new::<BrakeController>(settings(None), 1000.0, &kinds).err();

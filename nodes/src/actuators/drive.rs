@@ -3,10 +3,9 @@
 use super::compensator::{CORNER_HZ, Compensator, CompensatorError, LEAST_CORNER_HZ, MOST_A_PER_M_S2};
 use super::limit::CurrentLimitSettings;
 use crate::simulated::haptuator::TwoMassSettings;
-use crate::successor;
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Input, Io, Limit, NodeKind, NodeSpec, Output, Processor,
+    ActuatorKind, BuildContext, BuildError, Built, Input, Io, Limit, NodeKind, NodeSpec, Output, Processor,
     SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
@@ -49,10 +48,7 @@ impl NodeKind for DynamicCompensator {
         example: r#""drive": DynamicCompensator(acceleration: "texture.acceleration")"#,
     };
 
-    fn build(
-        settings: DynamicCompensatorSettings,
-        cx: &BuildContext,
-    ) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: DynamicCompensatorSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let model = settings.model.to_two_mass();
         let model = model
             .checked()
@@ -67,7 +63,7 @@ impl NodeKind for DynamicCompensator {
             };
             BuildError::at(field, error.to_string())
         })?;
-        Ok(Box::new(Compensating { compensator }))
+        Ok(Built::new(Compensating { compensator }))
     }
 
     fn advice(_: &DynamicCompensatorSettings, cx: &BuildContext) -> Vec<BuildError> {
@@ -90,8 +86,8 @@ impl NodeKind for DynamicCompensator {
 }
 
 impl DynamicCompensator {
-    const ACCELERATION: Input<Scalar> = Self::SPEC.input("acceleration");
-    const CURRENT: Output<Scalar> = Self::SPEC.output("current");
+    const ACCELERATION: Input<Self, Scalar> = Input::named("acceleration");
+    const CURRENT: Output<Self, Scalar> = Output::named("current");
     const CORNER_HZ: SettingId = DynamicCompensatorSettings::live("corner_hz");
 }
 
@@ -103,8 +99,8 @@ struct Compensating {
     compensator: Compensator,
 }
 
-impl Processor for Compensating {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<DynamicCompensator> for Compensating {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, DynamicCompensator>) {
         let acceleration = io.read(DynamicCompensator::ACCELERATION);
         let current = io.write(DynamicCompensator::CURRENT);
         current.copy_from_slice(acceleration);
@@ -117,10 +113,8 @@ impl Processor for Compensating {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.compensator.copy_state_from(&self.compensator);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.compensator.copy_state_from(&self.compensator);
     }
 }
 

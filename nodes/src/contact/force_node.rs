@@ -5,8 +5,8 @@ use super::stiffness::Wall;
 use crate::vector::scale;
 use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Optional, Output, Processor, SettingId, Tick,
-    input, output,
+    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Optional, Output, Processor, SettingId,
+    Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -50,13 +50,13 @@ impl NodeKind for NormalForce {
         example: r#""normal": NormalForce(contact: "touch.contact", stiffness_n_per_mm: 0.25)"#,
     };
 
-    fn build(settings: NormalForceSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: NormalForceSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         if settings.damping_n_s_per_m > 0.0 && !cx.is_connected(Self::VELOCITY) {
             let message = "damping needs the velocity of the tool";
             return Err(BuildError::at("damping_n_s_per_m", message)
                 .help("connect `velocity`, or remove the damping"));
         }
-        Ok(Box::new(Pushing {
+        Ok(Built::new(Pushing {
             wall: wall(&settings),
         }))
     }
@@ -81,10 +81,10 @@ impl NodeKind for NormalForce {
 }
 
 impl NormalForce {
-    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
-    const VELOCITY: Input<Vector, Optional> = Self::SPEC.input("velocity");
-    const FORCE: Output<Vector> = Self::SPEC.output("force");
-    const LOAD: Output<Scalar> = Self::SPEC.output("load");
+    const CONTACT: Input<Self, Contact> = Input::named("contact");
+    const VELOCITY: Input<Self, Vector, Optional> = Input::named("velocity");
+    const FORCE: Output<Self, Vector> = Output::named("force");
+    const LOAD: Output<Self, Scalar> = Output::named("load");
     const STIFFNESS_N_PER_MM: SettingId = NormalForceSettings::live("stiffness_n_per_mm");
     const DAMPING_N_S_PER_M: SettingId = NormalForceSettings::live("damping_n_s_per_m");
 }
@@ -101,8 +101,8 @@ struct Pushing {
     wall: Wall,
 }
 
-impl Processor for Pushing {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<NormalForce> for Pushing {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, NormalForce>) {
         let (contacts, velocities) = (io.decode(NormalForce::CONTACT), io.read(NormalForce::VELOCITY));
         let (force, load) = io.write_all((NormalForce::FORCE, NormalForce::LOAD));
         let frames = force.iter_mut().zip(load).zip(contacts);
@@ -150,7 +150,7 @@ mod tests {
             bench.run(&[&contact.to_components()]),
             vec![vec![0.0, 0.0, 1.0], vec![1.0]]
         );
-        bench.processor().set(NormalForce::STIFFNESS_N_PER_MM, 0.5);
+        bench.set(NormalForce::STIFFNESS_N_PER_MM, 0.5);
         assert_eq!(bench.run(&[&contact.to_components()])[1], [2.0]);
         let free = Contact::default().to_components();
         assert_eq!(bench.run(&[&free]), vec![vec![0.0; 3], vec![0.0]]);

@@ -3,12 +3,11 @@
 use super::Contact;
 use super::mesh::{MeshFormat, TriangleMesh};
 use super::shape::{Scene, Shape as SolidShape, ShapeError};
-use crate::successor;
 use crate::vector::Vec3;
 use haptograph_engine::document::value::{Shape, Value};
 use haptograph_engine::frame::{Kind, OneKind, Record, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
+    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
 };
 use haptograph_engine::settings::{Expected, NoSettings, Part, Reading, Setting};
 use haptograph_signal::files;
@@ -192,7 +191,7 @@ impl NodeKind for ContactNode {
         example: r#""touch": Contact(position: "arm.position", solids: [Room(size_mm: [160.0, 160.0, 120.0]), Sphere(diameter_mm: 50.0)])"#,
     };
 
-    fn build(settings: ContactSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: ContactSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (Solids(solids), proxy_diameter_m) = (settings.solids, settings.proxy_diameter_mm * 1e-3);
         if solids.is_empty() {
             return Err(BuildError::at("solids", "`solids` is empty").help("list at least one shape"));
@@ -205,7 +204,7 @@ impl NodeKind for ContactNode {
             shapes.push(shape);
         }
         let scene = Scene::new(&shapes, proxy_diameter_m).map_err(|error| at(error, 0))?;
-        Ok(Box::new(Toucher { scene }))
+        Ok(Built::new(Toucher { scene }))
     }
 }
 
@@ -222,9 +221,9 @@ fn at(error: ShapeError, place: usize) -> BuildError {
 }
 
 impl ContactNode {
-    const POSITION: Input<Vector> = Self::SPEC.input("position");
-    const CONTACT: Output<Contact> = Self::SPEC.output("contact");
-    const SOLID: Output<Scalar> = Self::SPEC.output("solid");
+    const POSITION: Input<Self, Vector> = Input::named("position");
+    const CONTACT: Output<Self, Contact> = Output::named("contact");
+    const SOLID: Output<Self, Scalar> = Output::named("solid");
 }
 
 #[derive(Debug, Clone)]
@@ -232,8 +231,8 @@ struct Toucher {
     scene: Scene,
 }
 
-impl Processor for Toucher {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<ContactNode> for Toucher {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, ContactNode>) {
         let positions = io.read(ContactNode::POSITION);
         let (contacts, solids) = io.write_all((ContactNode::CONTACT, ContactNode::SOLID));
         for ((contact, solid), hip_m) in contacts.iter_mut().zip(solids).zip(positions) {
@@ -243,10 +242,8 @@ impl Processor for Toucher {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.scene.copy_state_from(&self.scene);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.scene.copy_state_from(&self.scene);
     }
 }
 
@@ -297,22 +294,22 @@ impl NodeKind for ContactParts {
         example: r#""parts": ContactParts(contact: "touch.contact")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(ContactParts))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(ContactParts))
     }
 }
 
 impl ContactParts {
-    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
-    const TOUCHING: Output<Scalar> = Self::SPEC.output("touching");
-    const HIP: Output<Vector> = Self::SPEC.output("hip");
-    const IHIP: Output<Vector> = Self::SPEC.output("ihip");
-    const NORMAL: Output<Vector> = Self::SPEC.output("normal");
-    const PENETRATION: Output<Scalar> = Self::SPEC.output("penetration");
+    const CONTACT: Input<Self, Contact> = Input::named("contact");
+    const TOUCHING: Output<Self, Scalar> = Output::named("touching");
+    const HIP: Output<Self, Vector> = Output::named("hip");
+    const IHIP: Output<Self, Vector> = Output::named("ihip");
+    const NORMAL: Output<Self, Vector> = Output::named("normal");
+    const PENETRATION: Output<Self, Scalar> = Output::named("penetration");
 }
 
-impl Processor for ContactParts {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<ContactParts> for ContactParts {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, ContactParts>) {
         let contacts = io.decode(ContactParts::CONTACT);
         let (touching, hip, ihip, normal, penetration) = io.write_all((
             ContactParts::TOUCHING,

@@ -6,12 +6,11 @@ use super::object::{CubeSettings, Object, on_sensor};
 use super::wrench::{LEASH, SurfacePath, WrenchContact, WrenchLocator, WrenchSettings};
 use crate::filters::design_error;
 use crate::sensing::speed::SpeedFilter;
-use crate::successor;
 use crate::vector::norm;
 use haptograph_engine::frame::{Kind, OneKind, Record, Scalar, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Optional, Output, Processor, SettingId,
-    Tick, input, output,
+    BuildContext, BuildError, Built, Input, Io, Latency, NodeKind, NodeSpec, Optional, Output, Processor,
+    SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -93,10 +92,7 @@ impl NodeKind for ContactFromWrench {
         example: r#""touch": ContactFromWrench(wrench: "sensor.wrench", object: Cube(edge_mm: 25.4), height_mm: 8.0)"#,
     };
 
-    fn build(
-        settings: ContactFromWrenchSettings,
-        _: &BuildContext,
-    ) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: ContactFromWrenchSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let object = on_sensor(&settings.object, settings.height_mm * 1e-3)?;
         let measured = WrenchSettings {
             threshold_n: settings.threshold_n,
@@ -106,19 +102,19 @@ impl NodeKind for ContactFromWrench {
         let locator = WrenchLocator::new(object, measured).map_err(|error| {
             BuildError::at("object", error.to_string()).help("give a convex object, or its convex hull")
         })?;
-        Ok(Box::new(Locating { locator }))
+        Ok(Built::new(Locating { locator }))
     }
 }
 
 impl ContactFromWrench {
-    const WRENCH: Input<Wrench> = Self::SPEC.input("wrench");
-    const CONTACT: Output<Contact> = Self::SPEC.output("contact");
-    const LOAD: Output<Scalar> = Self::SPEC.output("load");
-    const FRICTION: Output<Vector> = Self::SPEC.output("friction");
-    const RESIDUAL: Output<Scalar> = Self::SPEC.output("residual");
-    const UNCERTAINTY: Output<Scalar> = Self::SPEC.output("uncertainty");
-    const MISS: Output<Scalar> = Self::SPEC.output("miss");
-    const POINT_UNCERTAINTY: Output<Scalar> = Self::SPEC.output("point_uncertainty");
+    const WRENCH: Input<Self, Wrench> = Input::named("wrench");
+    const CONTACT: Output<Self, Contact> = Output::named("contact");
+    const LOAD: Output<Self, Scalar> = Output::named("load");
+    const FRICTION: Output<Self, Vector> = Output::named("friction");
+    const RESIDUAL: Output<Self, Scalar> = Output::named("residual");
+    const UNCERTAINTY: Output<Self, Scalar> = Output::named("uncertainty");
+    const MISS: Output<Self, Scalar> = Output::named("miss");
+    const POINT_UNCERTAINTY: Output<Self, Scalar> = Output::named("point_uncertainty");
     const THRESHOLD_N: SettingId = ContactFromWrenchSettings::live("threshold_n");
     const FORCE_STEP_N: SettingId = ContactFromWrenchSettings::live("force_step_n");
     const TORQUE_STEP_N_MM: SettingId = ContactFromWrenchSettings::live("torque_step_n_mm");
@@ -129,8 +125,8 @@ struct Locating {
     locator: WrenchLocator,
 }
 
-impl Processor for Locating {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<ContactFromWrench> for Locating {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, ContactFromWrench>) {
         let wrenches = io.read(ContactFromWrench::WRENCH);
         let (contacts, load, friction, residual, uncertainty, miss, point_uncertainty) = io.write_all((
             ContactFromWrench::CONTACT,
@@ -171,10 +167,8 @@ impl Processor for Locating {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.locator.copy_state_from(&self.locator);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.locator.copy_state_from(&self.locator);
     }
 }
 
@@ -233,23 +227,23 @@ impl NodeKind for SurfaceSpeed {
         example: r#""speed": SurfaceSpeed(contact: "touch.contact", uncertainty: "touch.point_uncertainty")"#,
     };
 
-    fn build(settings: SurfaceSpeedSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: SurfaceSpeedSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let filter = SpeedFilter::Butterworth {
             order: 2,
             cutoff_hz: settings.cutoff_hz,
         };
         let path =
             SurfacePath::new(filter, settings.leash, cx.rate.hz()).map_err(design_error("cutoff_hz"))?;
-        Ok(Box::new(Following { path }))
+        Ok(Built::new(Following { path }))
     }
 }
 
 impl SurfaceSpeed {
-    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
-    const UNCERTAINTY: Input<Scalar, Optional> = Self::SPEC.input("uncertainty");
-    const SPEED: Output<Scalar> = Self::SPEC.output("speed");
-    const ALONG: Output<Vector> = Self::SPEC.output("along");
-    const WAY: Output<Scalar> = Self::SPEC.output("way");
+    const CONTACT: Input<Self, Contact> = Input::named("contact");
+    const UNCERTAINTY: Input<Self, Scalar, Optional> = Input::named("uncertainty");
+    const SPEED: Output<Self, Scalar> = Output::named("speed");
+    const ALONG: Output<Self, Vector> = Output::named("along");
+    const WAY: Output<Self, Scalar> = Output::named("way");
     const CUTOFF_HZ: SettingId = SurfaceSpeedSettings::live("cutoff_hz");
     const LEASH: SettingId = SurfaceSpeedSettings::live("leash");
 }
@@ -259,8 +253,8 @@ struct Following {
     path: SurfacePath,
 }
 
-impl Processor for Following {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<SurfaceSpeed> for Following {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, SurfaceSpeed>) {
         let (contacts, uncertainties) = (
             io.decode(SurfaceSpeed::CONTACT),
             io.read(SurfaceSpeed::UNCERTAINTY),
@@ -297,10 +291,8 @@ impl Processor for Following {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.path.copy_state_from(&self.path);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.path.copy_state_from(&self.path);
     }
 
     fn latency(&self) -> Latency {
@@ -412,7 +404,7 @@ mod tests {
             .collect();
         let speed_m_s = bench.run(&[&contacts])[0][599];
         let late_s = 0.599 - speed_m_s / 0.2;
-        let stated_s = bench.processor().latency().group_delay_s;
+        let stated_s = bench.latency().group_delay_s;
         assert!(
             (late_s - stated_s).abs() < 1e-4,
             "{late_s} s, stated {stated_s} s"

@@ -1,11 +1,11 @@
 //! Classical designs: Butterworth, Bessel, and the double pole of the haptic texture toolkit.
 
 use haptograph_engine::node::{
-    BuildContext, BuildError, InputSpec, NodeKind, NodeSpec, Processor, SettingId, any_input, output_like,
+    BuildContext, BuildError, Built, InputSpec, NodeKind, NodeSpec, any_input, output_like,
 };
 use haptograph_signal::filter::{DesignError, Prototype};
 
-use super::{Frequency, LaneFilter, design_error};
+use super::{FilterKind, Frequency, LaneFilter, design_error};
 use crate::fallback::{Fallback, frequency_input};
 
 haptograph_engine::settings! {
@@ -28,24 +28,23 @@ const CUTOFF_INPUTS: &[InputSpec] = &[
 ];
 
 /// The cut-off of a filter that has one.
-const fn cutoff_of<K: NodeKind<Settings = CutoffSettings>>() -> Fallback {
-    Fallback::of::<K>("cutoff", "cutoff_hz")
+const fn cutoff_of<K: NodeKind<Settings = CutoffSettings>>() -> Fallback<K> {
+    Fallback::named("cutoff", "cutoff_hz")
 }
 
 /// A filter of one cut-off; `passband` maps the cut-off to a frequency of the pass band.
-fn of_cutoff<K: NodeKind<Settings = CutoffSettings>>(
+fn of_cutoff<K: FilterKind<Settings = CutoffSettings>>(
     prototype: Result<Prototype, DesignError>,
     cutoff_hz: Option<f64>,
     cx: &BuildContext,
     passband_hz: impl Fn(f64) -> f64,
-) -> Result<Box<dyn Processor>, BuildError> {
+) -> Result<Built<K>, BuildError> {
     let cutoff = const { cutoff_of::<K>() };
     let cutoff_hz = cutoff.value(cutoff_hz, cx)?.unwrap_or(START * cx.rate.hz());
     let passband_hz = passband_hz(cutoff_hz);
-    let filter = prototype.and_then(|prototype| {
-        LaneFilter::tuned(prototype, [cutoff_hz; 2], &[cutoff.into()], cx, passband_hz)
-    });
-    Ok(Box::new(filter.map_err(design_error("cutoff_hz"))?))
+    let filter =
+        prototype.and_then(|prototype| LaneFilter::tuned::<K>(prototype, [cutoff_hz; 2], cx, passband_hz));
+    Ok(Built::new(filter.map_err(design_error("cutoff_hz"))?))
 }
 
 /// Fraction of the rate: cut-off of a filter before its frequency signal is finite.
@@ -67,7 +66,7 @@ impl NodeKind for LowPass {
         example: r#""smooth": LowPass(input: "sensor.force", cutoff_hz: 20.0)"#,
     };
 
-    fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
         let prototype = Prototype::butterworth_lowpass(order as usize);
         of_cutoff::<Self>(prototype, cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
@@ -77,6 +76,10 @@ impl NodeKind for LowPass {
         let cutoff = const { cutoff_of::<Self>() };
         cutoff.advice(settings.cutoff_hz, cx).into_iter().collect()
     }
+}
+
+impl FilterKind for LowPass {
+    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::or_input(cutoff_of())];
 }
 
 /// Butterworth high-pass.
@@ -95,7 +98,7 @@ impl NodeKind for HighPass {
         example: r#""vibration": HighPass(input: "sensor.acceleration", cutoff_hz: 20.0)"#,
     };
 
-    fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
         let prototype = Prototype::butterworth_highpass(order as usize);
         // The geometric mean of the pass band.
@@ -107,6 +110,10 @@ impl NodeKind for HighPass {
         let cutoff = const { cutoff_of::<Self>() };
         cutoff.advice(settings.cutoff_hz, cx).into_iter().collect()
     }
+}
+
+impl FilterKind for HighPass {
+    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::or_input(cutoff_of())];
 }
 
 haptograph_engine::settings! {
@@ -121,8 +128,8 @@ haptograph_engine::settings! {
     }
 }
 
-const LOW: Fallback = Fallback::of::<BandPass>("low", "low_hz");
-const HIGH: Fallback = Fallback::of::<BandPass>("high", "high_hz");
+const LOW: Fallback<BandPass> = Fallback::named("low", "low_hz");
+const HIGH: Fallback<BandPass> = Fallback::named("high", "high_hz");
 
 /// Butterworth band-pass.
 pub struct BandPass;
@@ -147,7 +154,7 @@ impl NodeKind for BandPass {
         example: r#""felt": BandPass(input: "texture.acceleration", low_hz: 20.0, high_hz: 400.0)"#,
     };
 
-    fn build(settings: BandPassSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: BandPassSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let low_hz = LOW.value(settings.low_hz, cx)?;
         let high_hz = HIGH.value(settings.high_hz, cx)?;
         // An edge that is a signal starts one octave from the other edge, or nearer if the rate leaves no room.
@@ -156,23 +163,21 @@ impl NodeKind for BandPass {
         let high_hz = high_hz.unwrap_or_else(|| (2.0 * low_hz).min((low_hz * 0.5 * rate_hz).sqrt()));
         let prototype = Prototype::butterworth_bandpass(settings.order as usize);
         let filter = prototype.and_then(|prototype| {
-            LaneFilter::tuned(
-                prototype,
-                [low_hz, high_hz],
-                &[LOW.into(), HIGH.into()],
-                cx,
-                (low_hz * high_hz).sqrt(),
-            )
+            LaneFilter::tuned::<Self>(prototype, [low_hz, high_hz], cx, (low_hz * high_hz).sqrt())
         });
-        Ok(Box::new(filter.map_err(design_error("high_hz"))?))
+        Ok(Built::new(filter.map_err(design_error("high_hz"))?))
     }
 
     fn advice(settings: &BandPassSettings, cx: &BuildContext) -> Vec<BuildError> {
-        let edges = [(LOW, settings.low_hz), (HIGH, settings.high_hz)].into_iter();
+        let edges = [(&LOW, settings.low_hz), (&HIGH, settings.high_hz)].into_iter();
         edges
             .filter_map(|(edge, setting)| edge.advice(setting, cx))
             .collect()
     }
+}
+
+impl FilterKind for BandPass {
+    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::or_input(LOW), Frequency::or_input(HIGH)];
 }
 
 /// Bessel low-pass.
@@ -191,7 +196,7 @@ impl NodeKind for Bessel {
         example: r#""antialias": Bessel(input: "accelerometer.acceleration", cutoff_hz: 400.0, order: 5)"#,
     };
 
-    fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
         let prototype = Prototype::bessel_lowpass(order as usize);
         of_cutoff::<Self>(prototype, cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
@@ -203,6 +208,10 @@ impl NodeKind for Bessel {
     }
 }
 
+impl FilterKind for Bessel {
+    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::or_input(cutoff_of())];
+}
+
 haptograph_engine::settings! {
     /// Settings of [`DoublePole`].
     pub struct DoublePoleSettings {
@@ -210,8 +219,6 @@ haptograph_engine::settings! {
         [live] lambda_rad_s: f64 = 125.0, in 1e-6..=1e9;
     }
 }
-
-const LAMBDA_RAD_S: SettingId = DoublePoleSettings::live("lambda_rad_s");
 
 /// Two equal real poles.
 pub struct DoublePole;
@@ -228,22 +235,23 @@ impl NodeKind for DoublePole {
         example: r#""calm": DoublePole(input: "velocity.output", lambda_rad_s: 125.0)"#,
     };
 
-    fn build(settings: DoublePoleSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: DoublePoleSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let lambda = settings.lambda_rad_s;
         let passband_hz = 0.01 * lambda / std::f64::consts::TAU;
-        let pole = Frequency {
-            setting: LAMBDA_RAD_S,
-            input: None,
-        };
-        let filter = LaneFilter::tuned(Prototype::double_pole(), [lambda; 2], &[pole], cx, passband_hz);
-        Ok(Box::new(filter.map_err(design_error("lambda_rad_s"))?))
+        let filter = LaneFilter::tuned::<Self>(Prototype::double_pole(), [lambda; 2], cx, passband_hz);
+        Ok(Built::new(filter.map_err(design_error("lambda_rad_s"))?))
     }
+}
+
+impl FilterKind for DoublePole {
+    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::of(DoublePoleSettings::live("lambda_rad_s"))];
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use haptograph_engine::frame::Kind;
+    use haptograph_engine::node::SettingId;
     use haptograph_engine::testing::Bench;
     use std::f64::consts::TAU;
 
@@ -354,7 +362,7 @@ mod tests {
             let mut bench = Bench::new::<LowPass>(cutoff(20.0, order), RATE_HZ, &[Kind::SCALAR]).unwrap();
             bench.run(&[&[1.0; 2000]]);
             for hz in [200.0, 1.0, 499.0, 600.0, f64::NAN, 40.0] {
-                bench.processor().set(CutoffSettings::live("cutoff_hz"), hz);
+                bench.set(CutoffSettings::live("cutoff_hz"), hz);
                 let y = bench.run(&[&[1.0; 100]]).remove(0);
                 assert!(y.iter().all(|y| (y - 1.0).abs() < 1e-6), "{order} at {hz}");
             }
@@ -370,9 +378,7 @@ mod tests {
         };
         let run = |first: &[(SettingId, f64)]| {
             let mut bench = Bench::new::<BandPass>(band.clone(), RATE_HZ, &[Kind::SCALAR]).unwrap();
-            first
-                .iter()
-                .for_each(|(setting, hz)| bench.processor().set(*setting, *hz));
+            first.iter().for_each(|(setting, hz)| bench.set(*setting, *hz));
             let x: Vec<f64> = (0..500).map(|k| f64::from(k % 17) - 8.0).collect();
             bench.run(&[&x]).remove(0)
         };

@@ -2,15 +2,14 @@
 
 use haptograph_engine::frame::{Kind, Linear};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
-    any_input, output_like,
+    BuildContext, BuildError, Built, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, SettingId,
+    Tick, any_input, output_like,
 };
 use haptograph_signal::filter;
 use std::f64::consts::PI;
 
-use super::{LaneFilter, within};
+use super::{FilterKind, LaneFilter, within};
 use crate::fallback::{Fallback, frequency_input, next_change};
-use crate::successor;
 
 haptograph_engine::choices! {
     /// The response of a [`Biquad`].
@@ -38,7 +37,7 @@ haptograph_engine::settings! {
     }
 }
 
-const FREQUENCY: Fallback = Fallback::of::<Biquad>("frequency", "frequency_hz");
+const FREQUENCY: Fallback<Biquad> = Fallback::named("frequency", "frequency_hz");
 
 /// A second-order filter with tunable frequency and quality.
 pub struct Biquad;
@@ -62,7 +61,7 @@ impl NodeKind for Biquad {
         example: r#""ring": Biquad(input: "noise.output", shape: BandPass, frequency_hz: 250.0, q: 8.0)"#,
     };
 
-    fn build(settings: BiquadSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: BiquadSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (rate_hz, nyquist_hz) = (cx.rate.hz(), cx.rate.hz() / 2.0);
         let frequency_hz = FREQUENCY.value(settings.frequency_hz, cx)?;
         if let Some(frequency_hz) = frequency_hz.filter(|frequency_hz| *frequency_hz >= nyquist_hz) {
@@ -76,7 +75,7 @@ impl NodeKind for Biquad {
             frequency_hz: frequency_hz.unwrap_or(0.01 * rate_hz),
             q: settings.q,
         };
-        Ok(Box::new(StateVariable {
+        Ok(Built::new(StateVariable {
             tuning: Tuning::of(&wanted, rate_hz),
             states: [[0.0; 2]; WIDEST],
             wanted,
@@ -91,8 +90,8 @@ impl NodeKind for Biquad {
 }
 
 impl Biquad {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
     const Q: SettingId = BiquadSettings::live("q");
 }
 
@@ -204,8 +203,8 @@ impl StateVariable {
     }
 }
 
-impl Processor for StateVariable {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<Biquad> for StateVariable {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Biquad>) {
         let (width, x) = (io.width(Biquad::INPUT).min(WIDEST), io.read(Biquad::INPUT));
         let frequency = io.read(FREQUENCY.input);
         let (y, mut from) = (io.write(Biquad::OUTPUT), 0);
@@ -237,12 +236,10 @@ impl Processor for StateVariable {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.states = self.states;
-            if new.follows {
-                new.turn(within(self.wanted.frequency_hz, new.rate_hz));
-            }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.states = self.states;
+        if new.follows {
+            new.turn(within(self.wanted.frequency_hz, new.rate_hz));
         }
     }
 
@@ -295,10 +292,7 @@ impl NodeKind for SecondOrderSection {
         example: r#""shape": SecondOrderSection(input: "noise.output", b: [0.2, 0.0, -0.2], a: [-1.2, 0.6])"#,
     };
 
-    fn build(
-        settings: SecondOrderSectionSettings,
-        cx: &BuildContext,
-    ) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: SecondOrderSectionSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let section = filter::Biquad {
             b: settings.b,
             a: settings.a,
@@ -310,9 +304,11 @@ impl NodeKind for SecondOrderSection {
         let sections = filter::Sections {
             sections: vec![section],
         };
-        Ok(Box::new(LaneFilter::fixed(&sections, cx, 0.0)))
+        Ok(Built::new(LaneFilter::fixed::<Self>(&sections, cx, 0.0)))
     }
 }
+
+impl FilterKind for SecondOrderSection {}
 
 #[cfg(test)]
 mod tests {
@@ -394,14 +390,14 @@ mod tests {
         let ones = vec![1.0; 1000];
         let settled = bench.run(&[&ones])[0][999];
         assert!((settled - 1.0).abs() < 1e-6);
-        bench.processor().set(FREQUENCY.setting, 200.0);
+        bench.set(FREQUENCY.setting, 200.0);
         let after = bench.run(&[&ones])[0]
             .iter()
             .map(|y| (y - 1.0).abs())
             .fold(0.0, f64::max);
         assert!(after < 1e-6, "a constant stays constant: {after}");
-        bench.processor().set(FREQUENCY.setting, 1e9);
-        bench.processor().set(FREQUENCY.setting, f64::NAN);
+        bench.set(FREQUENCY.setting, 1e9);
+        bench.set(FREQUENCY.setting, f64::NAN);
         assert!(bench.run(&[&ones])[0].iter().all(|y| y.is_finite()));
     }
 
@@ -419,7 +415,7 @@ mod tests {
         let mut bench =
             Bench::new::<Biquad>(settings(Shape::BandPass, 50.0, 3.0), 1000.0, &[Kind::SCALAR]).unwrap();
         let mut wanted = bench.run(&[&x[..100]]).remove(0);
-        bench.processor().set(FREQUENCY.setting, 170.0);
+        bench.set(FREQUENCY.setting, 170.0);
         wanted.extend(bench.run(&[&x[100..]]).remove(0));
         assert_eq!(followed, wanted);
     }

@@ -3,11 +3,10 @@
 use super::dahl::{Dahl, DahlSettings, UnderLoad};
 use super::viscous_coulomb::ViscousCoulomb;
 use crate::contact::Contact;
-use crate::successor;
 use crate::texture::load_surface;
 use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor,
     SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
@@ -77,7 +76,7 @@ impl NodeKind for DahlFriction {
         example: r#""friction": DahlFriction(contact: "touch.contact", load: "normal.load", surface: "surfaces/t3-tile.ron")"#,
     };
 
-    fn build(settings: DahlFrictionSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: DahlFrictionSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let law = DahlSettings {
             stretch_m: settings.stretch_mm * 1e-3,
             under_load: match settings.under_load {
@@ -85,7 +84,7 @@ impl NodeKind for DahlFriction {
                 UnderGrowingLoad::AsPrinted => UnderLoad::AsPrinted,
             },
         };
-        Ok(Box::new(Sticking {
+        Ok(Built::new(Sticking {
             dahl: Dahl::new(law),
             mu: coefficient(settings.mu, settings.surface.as_deref())?,
         }))
@@ -93,9 +92,9 @@ impl NodeKind for DahlFriction {
 }
 
 impl DahlFriction {
-    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
-    const LOAD: Input<Scalar> = Self::SPEC.input("load");
-    const FORCE: Output<Vector> = Self::SPEC.output("force");
+    const CONTACT: Input<Self, Contact> = Input::named("contact");
+    const LOAD: Input<Self, Scalar> = Input::named("load");
+    const FORCE: Output<Self, Vector> = Output::named("force");
     const MU: SettingId = DahlFrictionSettings::live("mu");
 }
 
@@ -105,8 +104,8 @@ struct Sticking {
     mu: f64,
 }
 
-impl Processor for Sticking {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<DahlFriction> for Sticking {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, DahlFriction>) {
         let (contacts, loads) = (io.decode(DahlFriction::CONTACT), io.read(DahlFriction::LOAD));
         let forces = io.write(DahlFriction::FORCE).iter_mut();
         for ((force, contact), load) in forces.zip(contacts).zip(loads) {
@@ -120,10 +119,8 @@ impl Processor for Sticking {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.dahl.copy_state_from(&self.dahl);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.dahl.copy_state_from(&self.dahl);
     }
 }
 
@@ -163,8 +160,8 @@ impl NodeKind for ViscousCoulombFriction {
         example: r#""friction": ViscousCoulombFriction(contact: "touch.contact", load: "normal.load", velocity: "speed.velocity", mu: 0.35)"#,
     };
 
-    fn build(settings: ViscousCoulombSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Dragging {
+    fn build(settings: ViscousCoulombSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Dragging {
             law: ViscousCoulomb {
                 slope_s_per_m: settings.slope_s_per_mm * 1e3,
             },
@@ -174,10 +171,10 @@ impl NodeKind for ViscousCoulombFriction {
 }
 
 impl ViscousCoulombFriction {
-    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
-    const LOAD: Input<Scalar> = Self::SPEC.input("load");
-    const VELOCITY: Input<Vector> = Self::SPEC.input("velocity");
-    const FORCE: Output<Vector> = Self::SPEC.output("force");
+    const CONTACT: Input<Self, Contact> = Input::named("contact");
+    const LOAD: Input<Self, Scalar> = Input::named("load");
+    const VELOCITY: Input<Self, Vector> = Input::named("velocity");
+    const FORCE: Output<Self, Vector> = Output::named("force");
     const MU: SettingId = ViscousCoulombSettings::live("mu");
     const SLOPE_S_PER_MM: SettingId = ViscousCoulombSettings::live("slope_s_per_mm");
 }
@@ -188,8 +185,8 @@ struct Dragging {
     mu: f64,
 }
 
-impl Processor for Dragging {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<ViscousCoulombFriction> for Dragging {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, ViscousCoulombFriction>) {
         let contacts = io.decode(ViscousCoulombFriction::CONTACT);
         let loads = io.read(ViscousCoulombFriction::LOAD);
         let velocities = io.read(ViscousCoulombFriction::VELOCITY);
@@ -253,7 +250,7 @@ mod tests {
             (force[297] + mu).abs() < 1e-12,
             "then it slips at the surface's {mu}"
         );
-        dahl.processor().set(DahlFriction::MU, 0.1);
+        dahl.set(DahlFriction::MU, 0.1);
         assert!((dahl.run(&[&contacts, &loads])[0][297] + 0.1).abs() < 1e-12);
         let settings = ViscousCoulombSettings {
             surface: None,

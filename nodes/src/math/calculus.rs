@@ -2,12 +2,10 @@
 
 use haptograph_engine::frame::{Event, Kind, Linear, Record};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, Optional, Output,
-    OutputRole, OutputSpec, Processor, QuantityRule, SettingId, Single, Tick, any_input,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, Optional,
+    Output, OutputRole, OutputSpec, Processor, QuantityRule, SettingId, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
-
-use crate::successor;
 
 /// Components of the widest linear frame.
 const WIDEST: usize = Kind::WRENCH.width();
@@ -34,8 +32,8 @@ impl NodeKind for Derivative {
         example: r#""velocity": Derivative(input: "stylus.position")"#,
     };
 
-    fn build(_: NoSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Difference {
+    fn build(_: NoSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Difference {
             previous: [0.0; WIDEST],
             started: false,
             rate_hz: cx.rate.hz(),
@@ -44,8 +42,8 @@ impl NodeKind for Derivative {
 }
 
 impl Derivative {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
 #[derive(Debug, Clone)]
@@ -55,8 +53,8 @@ struct Difference {
     rate_hz: f64,
 }
 
-impl Processor for Difference {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Derivative> for Difference {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Derivative>) {
         let (width, x) = (
             io.width(Derivative::INPUT).min(WIDEST),
             io.read(Derivative::INPUT),
@@ -77,20 +75,8 @@ impl Processor for Difference {
         }
     }
 
-    fn single(&self) -> Option<Single> {
-        Some(Single::Call)
-    }
-
-    fn frame(&mut self, x: f64) -> f64 {
-        let previous = if self.started { self.previous[0] } else { x };
-        (self.previous[0], self.started) = (x, true);
-        (x - previous) * self.rate_hz
-    }
-
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            (new.previous, new.started) = (self.previous, self.started);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        (new.previous, new.started) = (self.previous, self.started);
     }
 
     fn latency(&self) -> Latency {
@@ -136,9 +122,9 @@ impl NodeKind for Integrator {
         example: r#""distance": Integrator(input: "speed.speed")"#,
     };
 
-    fn build(settings: IntegratorSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: IntegratorSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let period_s = cx.rate.period_s();
-        Ok(Box::new(Integral {
+        Ok(Built::new(Integral {
             keep: settings.leak_s.map_or(1.0, |leak_s| keep(period_s, leak_s)),
             period_s,
             start: settings.start,
@@ -150,9 +136,9 @@ impl NodeKind for Integrator {
 }
 
 impl Integrator {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const RESET: Input<Event, Optional> = Self::SPEC.input("reset");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const RESET: Input<Self, Event, Optional> = Input::named("reset");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
     const LEAK_S: SettingId = IntegratorSettings::live("leak_s");
 }
 
@@ -172,8 +158,8 @@ struct Integral {
     started: bool,
 }
 
-impl Processor for Integral {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Integrator> for Integral {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Integrator>) {
         let (width, x) = (
             io.width(Integrator::INPUT).min(WIDEST),
             io.read(Integrator::INPUT),
@@ -213,10 +199,8 @@ impl Processor for Integral {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            (new.sum, new.previous, new.started) = (self.sum, self.previous, self.started);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        (new.sum, new.previous, new.started) = (self.sum, self.previous, self.started);
     }
 }
 

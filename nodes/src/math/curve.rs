@@ -3,7 +3,7 @@
 use crate::csv_table::{self, at_file, si_of_column};
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
     OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 use haptograph_signal::csv::CsvError;
@@ -82,9 +82,9 @@ impl NodeKind for Curve {
         example: r#""louder when pressed": Curve(input: "stylus.force", points: [[0, 0], [0.5, 0.2], [2, 1]], between: Smooth)"#,
     };
 
-    fn build(settings: CurveSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: CurveSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let points = points(&settings)?;
-        Ok(Box::new(Table {
+        Ok(Built::new(Table {
             knots: knots(&points, &settings.between),
             repeats: settings.beyond == Beyond::Repeat,
         }))
@@ -92,8 +92,8 @@ impl NodeKind for Curve {
 }
 
 impl Curve {
-    const INPUT: Input<Scalar> = Self::SPEC.input("input");
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Scalar> = Input::named("input");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
 /// The points of the settings or of their file, x rising.
@@ -233,8 +233,8 @@ impl Table {
     }
 }
 
-impl Processor for Table {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Curve> for Table {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Curve>) {
         let x = io.read(Curve::INPUT);
         for (y, x) in io.write(Curve::OUTPUT).iter_mut().zip(x) {
             // No value is that of no place.

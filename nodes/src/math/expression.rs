@@ -3,7 +3,7 @@
 use haptograph_engine::formula::{Formula, is_free};
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, Many, NodeKind, NodeSpec, Output,
+    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Many, NodeKind, NodeSpec, Output,
     OutputRole, OutputSpec, Presence, Processor, QuantityRule, Tick,
 };
 
@@ -56,13 +56,13 @@ impl NodeKind for Expression {
         example: r#""ridges": Expression(inputs: ["texture.acceleration", "hum.output"], names: ["texture", "hum"], formula: "0.5 * texture + clamp(hum, -2, 2)", quantity: "acceleration")"#,
     };
 
-    fn build(settings: ExpressionSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: ExpressionSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let names = names(&settings.names, cx.connections(Self::INPUTS))?;
         let formula = Formula::parse(&settings.formula, &names).map_err(|error| {
             let (first, end) = error.characters(&settings.formula);
             BuildError::at("formula", error.message).part(first, end)
         })?;
-        Ok(Box::new(Computer {
+        Ok(Built::new(Computer {
             work: vec![0.0; formula.depth() * cx.max_frames].into(),
             formula,
             tick_s: 1.0 / cx.rate.hz(),
@@ -76,8 +76,8 @@ impl NodeKind for Expression {
 }
 
 impl Expression {
-    const INPUTS: Input<Scalar, Many> = Self::SPEC.input("inputs");
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const INPUTS: Input<Self, Scalar, Many> = Input::named("inputs");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
 /// The name of each input.
@@ -110,8 +110,8 @@ struct Computer {
     tick_s: f64,
 }
 
-impl Processor for Computer {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<Expression> for Computer {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Expression>) {
         let time_s = |frame: usize| (tick.first + frame as u64) as f64 * self.tick_s;
         let inputs = io.read(Expression::INPUTS);
         let input = |input| inputs.nth_or_last(input);

@@ -3,11 +3,9 @@
 
 use haptograph_engine::frame::Linear;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Single, Tick,
+    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
     any_input, output_like,
 };
-
-use crate::successor;
 
 haptograph_engine::settings! {
     /// Clamps a signal to two bounds.
@@ -31,38 +29,30 @@ impl NodeKind for Clamp {
         example: r#""pressed": Clamp(input: "stylus.force", lowest: 0.0, highest: 3.0)"#,
     };
 
-    fn build(settings: Self, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: Self, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let Self { lowest, highest } = settings;
         if lowest > highest {
             let message = format!("the lowest value {lowest} is above the highest, {highest}");
             return Err(BuildError::at("lowest", message).help("swap them"));
         }
-        Ok(Box::new(settings))
+        Ok(Built::new(settings))
     }
 }
 
 impl Clamp {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
     const LOWEST: SettingId = Clamp::live("lowest");
     const HIGHEST: SettingId = Clamp::live("highest");
 }
 
-impl Processor for Clamp {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Clamp> for Clamp {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Clamp>) {
         let x = io.read(Clamp::INPUT);
         for (y, x) in io.write(Clamp::OUTPUT).iter_mut().zip(x) {
-            *y = self.frame(*x);
+            let above = if *x < self.lowest { self.lowest } else { *x };
+            *y = if above > self.highest { self.highest } else { above };
         }
-    }
-
-    fn single(&self) -> Option<Single> {
-        Some(Single::Call)
-    }
-
-    fn frame(&mut self, x: f64) -> f64 {
-        let above = if x < self.lowest { self.lowest } else { x };
-        if above > self.highest { self.highest } else { above }
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
@@ -99,31 +89,23 @@ impl NodeKind for SoftClip {
         example: r#""soft": SoftClip(input: "texture.acceleration", limit: 20.0)"#,
     };
 
-    fn build(settings: Self, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(settings))
+    fn build(settings: Self, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(settings))
     }
 }
 
 impl SoftClip {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
     const LIMIT: SettingId = SoftClip::live("limit");
 }
 
-impl Processor for SoftClip {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<SoftClip> for SoftClip {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, SoftClip>) {
         let x = io.read(SoftClip::INPUT);
         for (y, x) in io.write(SoftClip::OUTPUT).iter_mut().zip(x) {
-            *y = self.frame(*x);
+            *y = self.limit * (x / self.limit).tanh();
         }
-    }
-
-    fn single(&self) -> Option<Single> {
-        Some(Single::Call)
-    }
-
-    fn frame(&mut self, x: f64) -> f64 {
-        self.limit * (x / self.limit).tanh()
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
@@ -161,8 +143,8 @@ impl NodeKind for SlewLimit {
         example: r#""eased": SlewLimit(input: "stylus.force", most_per_s: 50.0)"#,
     };
 
-    fn build(settings: SlewLimitSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(SlewLimiting {
+    fn build(settings: SlewLimitSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(SlewLimiting {
             most_per_s: settings.most_per_s,
             previous: [0.0; 6],
             started: false,
@@ -172,8 +154,8 @@ impl NodeKind for SlewLimit {
 }
 
 impl SlewLimit {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
     const MAX_PER_S: SettingId = SlewLimitSettings::live("most_per_s");
 }
 
@@ -186,8 +168,8 @@ struct SlewLimiting {
     period_s: f64,
 }
 
-impl Processor for SlewLimiting {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<SlewLimit> for SlewLimiting {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, SlewLimit>) {
         let (width, x) = (io.width(SlewLimit::INPUT).min(6), io.read(SlewLimit::INPUT));
         let step = self.most_per_s * self.period_s;
         for (y, x) in io
@@ -222,10 +204,8 @@ impl Processor for SlewLimiting {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            (new.previous, new.started) = (self.previous, self.started);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        (new.previous, new.started) = (self.previous, self.started);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
     OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
@@ -39,19 +39,19 @@ impl NodeKind for Multiply {
         example: r#""power": Multiply(input: "stylus.force", by: "speed.speed")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Multiply))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Multiply))
     }
 }
 
 impl Multiply {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const BY: Input<Scalar> = Self::SPEC.input("by");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const BY: Input<Self, Scalar> = Input::named("by");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
-impl Processor for Multiply {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Multiply> for Multiply {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Multiply>) {
         let (width, x, by) = (
             io.width(Multiply::INPUT),
             io.read(Multiply::INPUT),
@@ -98,19 +98,19 @@ impl NodeKind for Divide {
         example: r#""mu": Divide(input: "friction.magnitude", by: "normal.magnitude")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Divide))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Divide))
     }
 }
 
 impl Divide {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const BY: Input<Scalar> = Self::SPEC.input("by");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const BY: Input<Self, Scalar> = Input::named("by");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
-impl Processor for Divide {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Divide> for Divide {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Divide>) {
         let (width, x, by) = (
             io.width(Divide::INPUT),
             io.read(Divide::INPUT),

@@ -2,12 +2,10 @@
 
 use haptograph_engine::frame::{AnyKind, Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, Latency, Many, NodeKind, NodeSpec,
+    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Latency, Many, NodeKind, NodeSpec,
     Optional, Output, Presence, Processor, QuantityRule, SettingId, Tick, any_input, input, output_like,
 };
 use haptograph_signal::quantity::Quantity;
-
-use crate::successor;
 
 haptograph_engine::settings! {
     /// Settings of [`Switch`].
@@ -48,21 +46,21 @@ impl NodeKind for Switch {
         example: r#""source": Switch(inputs: ["texture.acceleration", "tone.output"], select: 1)"#,
     };
 
-    fn build(settings: SwitchSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: SwitchSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let inputs = cx.connections(Self::INPUTS);
         let select = settings.select as usize;
         if select >= inputs {
             let message = format!("`select` is {select}, but there are {inputs} inputs");
             return Err(BuildError::at("select", message).help("inputs are counted from 0"));
         }
-        Ok(Box::new(Switching { select }))
+        Ok(Built::new(Switching { select }))
     }
 }
 
 impl Switch {
-    const SELECTOR: Input<Scalar, Optional> = Self::SPEC.input("selector");
-    const INPUTS: Input<AnyKind, Many> = Self::SPEC.input("inputs");
-    const OUTPUT: Output<AnyKind> = Self::SPEC.output("output");
+    const SELECTOR: Input<Self, Scalar, Optional> = Input::named("selector");
+    const INPUTS: Input<Self, AnyKind, Many> = Input::named("inputs");
+    const OUTPUT: Output<Self, AnyKind> = Output::named("output");
     const SELECT: SettingId = SwitchSettings::live("select");
 }
 
@@ -71,8 +69,8 @@ struct Switching {
     select: usize,
 }
 
-impl Processor for Switching {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Switch> for Switching {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Switch>) {
         let (inputs, width) = (io.read(Switch::INPUTS), io.width(Switch::INPUTS));
         let Some(selector) = io.read(Switch::SELECTOR) else {
             io.write(Switch::OUTPUT)
@@ -123,10 +121,10 @@ impl NodeKind for Delay {
         u64::from(settings.frames) * (width * size_of::<f64>()) as u64
     }
 
-    fn build(settings: DelaySettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: DelaySettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let kind = cx.kind(Self::INPUT).unwrap_or(Kind::SCALAR);
         let frames = settings.frames as usize;
-        Ok(Box::new(Later {
+        Ok(Built::new(Later {
             kind,
             ring: kind.neutral().collect::<Vec<_>>().repeat(frames).into(),
             next: 0,
@@ -136,8 +134,8 @@ impl NodeKind for Delay {
 }
 
 impl Delay {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
 #[derive(Debug, Clone)]
@@ -149,8 +147,8 @@ struct Later {
     delay_s: f64,
 }
 
-impl Processor for Later {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Delay> for Later {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Delay>) {
         let (mut x, mut y) = (io.read(Delay::INPUT), io.write(Delay::OUTPUT));
         if self.ring.is_empty() {
             y.copy_from_slice(x);
@@ -167,10 +165,8 @@ impl Processor for Later {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new)
-            && (new.kind, new.ring.len()) == (self.kind, self.ring.len())
-        {
+    fn copy_state_into(&self, new: &mut Self) {
+        if (new.kind, new.ring.len()) == (self.kind, self.ring.len()) {
             new.ring.copy_from_slice(&self.ring);
             new.next = self.next;
         }
@@ -196,7 +192,7 @@ mod tests {
         let mut bench = Bench::with_gaps::<Switch>(settings(), 1.0, &[None, scalar, scalar]).unwrap();
         let (a, b) = ([1.0, 2.0, 3.0, 4.0], [-1.0, -2.0, -3.0, -4.0]);
         assert_eq!(bench.run(&[&[], &a, &b]), [b]);
-        bench.processor().set(Switch::SELECT, 0.0);
+        bench.set(Switch::SELECT, 0.0);
         assert_eq!(bench.run(&[&[], &a, &b]), [a]);
         let mut bench = Bench::with_gaps::<Switch>(settings(), 1.0, &[scalar; 3]).unwrap();
         let selector = [0.0, 1.0, 99.0, f64::NAN];

@@ -2,11 +2,10 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
-    OutputSpec, Presence, Processor, QuantityRule, SettingId, Single, Tick, any_input, output_like,
+    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Law, NodeKind, NodeSpec, Output,
+    OutputRole, OutputSpec, Presence, Processor, QuantityRule, Tick, any_input, output_like,
 };
 use haptograph_engine::settings::NoSettings;
-use haptograph_signal::elementwise;
 
 haptograph_engine::settings! {
     /// Settings of [`Gain`].
@@ -31,11 +30,14 @@ impl NodeKind for Gain {
         example: r#""louder": Gain(input: "texture.acceleration", gain: 2.0)"#,
     };
 
-    fn build(settings: GainSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Scaler {
-            factor: settings.gain,
-        }))
+    fn build(settings: GainSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::law(Law::Scale(settings.gain), Self::INPUT, Self::OUTPUT))
     }
+}
+
+impl Gain {
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
 haptograph_engine::settings! {
@@ -79,39 +81,14 @@ impl NodeKind for Calibrate {
         example: r#""drive": Calibrate(input: "texture.acceleration", from: "acceleration", to: "current", factor: 0.02)"#,
     };
 
-    fn build(settings: CalibrateSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Scaler {
-            factor: settings.factor,
-        }))
+    fn build(settings: CalibrateSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::law(Law::Scale(settings.factor), Self::INPUT, Self::OUTPUT))
     }
 }
 
-const INPUT: Input<Linear> = Input::common([Gain::SPEC.input("input"), Calibrate::SPEC.input("input")]);
-const OUTPUT: Output<Linear> =
-    Output::common([Gain::SPEC.output("output"), Calibrate::SPEC.output("output")]);
-const FACTOR: SettingId = SettingId::common([GainSettings::live("gain"), CalibrateSettings::live("factor")]);
-
-/// Multiplies by a factor, for [`Gain`] and [`Calibrate`].
-#[derive(Debug, Clone)]
-struct Scaler {
-    factor: f64,
-}
-
-impl Processor for Scaler {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.read(INPUT);
-        elementwise::scale(self.factor, x, io.write(OUTPUT));
-    }
-
-    fn single(&self) -> Option<Single> {
-        Some(Single::Scale(self.factor))
-    }
-
-    fn set(&mut self, setting: SettingId, value: f64) {
-        if setting == FACTOR {
-            self.factor = value;
-        }
-    }
+impl Calibrate {
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
 haptograph_engine::settings! {
@@ -137,32 +114,18 @@ impl NodeKind for Offset {
         example: r#""zeroed": Offset(input: "stylus.force", offset: -0.02)"#,
     };
 
-    fn build(settings: Self, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(settings))
+    fn build(settings: Self, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::law(
+            Law::Offset(settings.offset),
+            Self::INPUT,
+            Self::OUTPUT,
+        ))
     }
 }
 
 impl Offset {
-    const INPUT: Input<Scalar> = Self::SPEC.input("input");
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
-    const OFFSET: SettingId = Offset::live("offset");
-}
-
-impl Processor for Offset {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.read(Offset::INPUT);
-        elementwise::offset(self.offset, x, io.write(Offset::OUTPUT));
-    }
-
-    fn single(&self) -> Option<Single> {
-        Some(Single::Offset(self.offset))
-    }
-
-    fn set(&mut self, setting: SettingId, value: f64) {
-        if setting == Offset::OFFSET {
-            self.offset = value;
-        }
-    }
+    const INPUT: Input<Self, Scalar> = Input::named("input");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
 /// The absolute value of every component.
@@ -181,30 +144,22 @@ impl NodeKind for Abs {
         example: r#""rectified": Abs(input: "texture.acceleration")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Abs))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Abs))
     }
 }
 
 impl Abs {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
-impl Processor for Abs {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Abs> for Abs {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Abs>) {
         let x = io.read(Abs::INPUT);
         for (y, x) in io.write(Abs::OUTPUT).iter_mut().zip(x) {
-            *y = self.frame(*x);
+            *y = x.abs();
         }
-    }
-
-    fn single(&self) -> Option<Single> {
-        Some(Single::Call)
-    }
-
-    fn frame(&mut self, x: f64) -> f64 {
-        x.abs()
     }
 }
 
@@ -217,7 +172,7 @@ mod tests {
     fn a_gain_multiplies_every_lane_and_can_be_turned() {
         let mut bench = Bench::new::<Gain>(GainSettings { gain: -2.0 }, 1000.0, &[Kind::VECTOR]).unwrap();
         assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[-2.0, -4.0, -6.0]]);
-        bench.processor().set(FACTOR, 0.5);
+        bench.set(GainSettings::live("gain"), 0.5);
         assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[0.5, 1.0, 1.5]]);
     }
 

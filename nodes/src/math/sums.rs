@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::Linear;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, Many, NodeKind, NodeSpec, Output,
+    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Many, NodeKind, NodeSpec, Output,
     Presence, Processor, QuantityRule, SettingId, Tick, any_input, output_like,
 };
 use haptograph_engine::settings::NoSettings;
@@ -37,18 +37,18 @@ impl NodeKind for Add {
         example: r#""total": Add(inputs: ["texture.acceleration", "taps.acceleration"])"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Add))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Add))
     }
 }
 
 impl Add {
-    const INPUTS: Input<Linear, Many> = Self::SPEC.input("inputs");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUTS: Input<Self, Linear, Many> = Input::named("inputs");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
-impl Processor for Add {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Add> for Add {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Add>) {
         let (terms, sum) = (io.read(Add::INPUTS), io.write(Add::OUTPUT));
         let first = terms.nth_or_last(0);
         if terms.len() < 2 {
@@ -89,19 +89,19 @@ impl NodeKind for Subtract {
         example: r#""error": Subtract(input: "reference.output", less: "sensor.force")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Subtract))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Subtract))
     }
 }
 
 impl Subtract {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const LESS: Input<Linear> = Self::SPEC.input("less");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const LESS: Input<Self, Linear> = Input::named("less");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
-impl Processor for Subtract {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Subtract> for Subtract {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Subtract>) {
         let (a, b) = (io.read(Subtract::INPUT), io.read(Subtract::LESS));
         for ((y, a), b) in io.write(Subtract::OUTPUT).iter_mut().zip(a).zip(b) {
             *y = a - b;
@@ -138,7 +138,7 @@ impl NodeKind for Mixer {
         example: r#""mix": Mixer(inputs: ["texture.acceleration", "taps.acceleration"], gains: [1.0, 0.5])"#,
     };
 
-    fn build(settings: MixerSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: MixerSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (gains, inputs) = (settings.gains.len(), cx.connections(Self::INPUTS));
         if gains != inputs {
             let message = format!("the number of gains is {gains}, that of inputs {inputs}");
@@ -146,7 +146,7 @@ impl NodeKind for Mixer {
                 BuildError::at("gains", message).help("give one gain for each input, in the same order")
             );
         }
-        Ok(Box::new(Mixing {
+        Ok(Built::new(Mixing {
             gains: settings.gains.into(),
             master: settings.master,
         }))
@@ -154,8 +154,8 @@ impl NodeKind for Mixer {
 }
 
 impl Mixer {
-    const INPUTS: Input<Linear, Many> = Self::SPEC.input("inputs");
-    const OUTPUT: Output<Linear> = Self::SPEC.output("output");
+    const INPUTS: Input<Self, Linear, Many> = Input::named("inputs");
+    const OUTPUT: Output<Self, Linear> = Output::named("output");
     const MASTER: SettingId = MixerSettings::live("master");
 }
 
@@ -165,8 +165,8 @@ struct Mixing {
     master: f64,
 }
 
-impl Processor for Mixing {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Mixer> for Mixing {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Mixer>) {
         let (terms, mix) = (io.read(Mixer::INPUTS), io.write(Mixer::OUTPUT));
         // The first two in one pass: most mixes have no more.
         let done = match *self.gains {

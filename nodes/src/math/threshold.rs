@@ -1,9 +1,8 @@
 //! Events from a signal.
 
-use crate::successor;
 use haptograph_engine::frame::{Event, Kind, Record, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
     OutputSpec, Processor, QuantityRule, SettingId, Tick, any_input,
 };
 
@@ -42,12 +41,12 @@ impl NodeKind for Threshold {
         example: r#""pressed": Threshold(input: "stylus.force", rises_to: 0.5, falls_to: 0.3)"#,
     };
 
-    fn build(settings: ThresholdSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: ThresholdSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         if let Some(falls_to) = settings.falls_to.filter(|falls_to| *falls_to > settings.rises_to) {
             let message = format!("`falls_to` is {falls_to}, which is above {}", settings.rises_to);
             return Err(BuildError::at("falls_to", message).help("give a value no higher than `rises_to`"));
         }
-        Ok(Box::new(Rising {
+        Ok(Built::new(Rising {
             rises_to: settings.rises_to,
             falls_to: settings.falls_to,
             armed: false,
@@ -56,8 +55,8 @@ impl NodeKind for Threshold {
 }
 
 impl Threshold {
-    const INPUT: Input<Scalar> = Self::SPEC.input("input");
-    const EVENT: Output<Event> = Self::SPEC.output("event");
+    const INPUT: Input<Self, Scalar> = Input::named("input");
+    const EVENT: Output<Self, Event> = Output::named("event");
     const RISES_TO: SettingId = ThresholdSettings::live("rises_to");
     const FALLS_TO: SettingId = ThresholdSettings::live("falls_to");
 }
@@ -79,8 +78,8 @@ impl Rising {
     }
 }
 
-impl Processor for Rising {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Threshold> for Rising {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Threshold>) {
         let x = io.read(Threshold::INPUT);
         for (event, x) in io.write(Threshold::EVENT).iter_mut().zip(x) {
             let fired = self.fires(*x);
@@ -98,10 +97,8 @@ impl Processor for Rising {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.armed = self.armed;
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.armed = self.armed;
     }
 }
 

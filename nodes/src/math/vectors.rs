@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::{Kind, Scalar, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
     OutputSpec, Processor, QuantityRule, Tick, any_input, input, output,
 };
 use haptograph_engine::settings::NoSettings;
@@ -43,18 +43,18 @@ impl NodeKind for Magnitude {
         example: r#""pull": Magnitude(input: "arm.force")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Magnitude))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Magnitude))
     }
 }
 
 impl Magnitude {
-    const INPUT: Input<Vector> = Self::SPEC.input("input");
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const INPUT: Input<Self, Vector> = Input::named("input");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
-impl Processor for Magnitude {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Magnitude> for Magnitude {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Magnitude>) {
         let x = io.read(Magnitude::INPUT);
         for (y, [a, b, c]) in io.write(Magnitude::OUTPUT).iter_mut().zip(x) {
             *y = (a * a + b * b + c * c).sqrt();
@@ -87,19 +87,19 @@ impl NodeKind for Dot {
         example: r#""power": Dot(a: "arm.force", b: "arm.velocity")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Dot))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Dot))
     }
 }
 
 impl Dot {
-    const A: Input<Vector> = Self::SPEC.input("a");
-    const B: Input<Vector> = Self::SPEC.input("b");
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const A: Input<Self, Vector> = Input::named("a");
+    const B: Input<Self, Vector> = Input::named("b");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
-impl Processor for Dot {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Dot> for Dot {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Dot>) {
         let (a, b) = (io.read(Dot::A), io.read(Dot::B));
         for ((y, a), b) in io.write(Dot::OUTPUT).iter_mut().zip(a).zip(b) {
             *y = dot(*a, *b);
@@ -132,19 +132,19 @@ impl NodeKind for Cross {
         example: r#""torque": Cross(a: "arm.position", b: "arm.force")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Cross))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Cross))
     }
 }
 
 impl Cross {
-    const A: Input<Vector> = Self::SPEC.input("a");
-    const B: Input<Vector> = Self::SPEC.input("b");
-    const OUTPUT: Output<Vector> = Self::SPEC.output("output");
+    const A: Input<Self, Vector> = Input::named("a");
+    const B: Input<Self, Vector> = Input::named("b");
+    const OUTPUT: Output<Self, Vector> = Output::named("output");
 }
 
-impl Processor for Cross {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Cross> for Cross {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Cross>) {
         let (a, b) = (io.read(Cross::A), io.read(Cross::B));
         for ((y, a), b) in io.write(Cross::OUTPUT).iter_mut().zip(a).zip(b) {
             *y = cross(*a, *b);
@@ -172,20 +172,20 @@ impl NodeKind for Components {
         example: r#""tip": Components(input: "stylus.position")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Components))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Components))
     }
 }
 
 impl Components {
-    const INPUT: Input<Vector> = Self::SPEC.input("input");
-    const X: Output<Scalar> = Self::SPEC.output("x");
-    const Y: Output<Scalar> = Self::SPEC.output("y");
-    const Z: Output<Scalar> = Self::SPEC.output("z");
+    const INPUT: Input<Self, Vector> = Input::named("input");
+    const X: Output<Self, Scalar> = Output::named("x");
+    const Y: Output<Self, Scalar> = Output::named("y");
+    const Z: Output<Self, Scalar> = Output::named("z");
 }
 
-impl Processor for Components {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Components> for Components {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Components>) {
         let vectors = io.read(Components::INPUT);
         let (x, y, z) = io.write_all((Components::X, Components::Y, Components::Z));
         for (((x, y), z), vector) in x.iter_mut().zip(y).zip(z).zip(vectors) {
@@ -231,20 +231,20 @@ impl NodeKind for Pack {
         example: r#""path": Pack(x: "east.output", y: "north.output", z: "up.output")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Pack))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Pack))
     }
 }
 
 impl Pack {
-    const X: Input<Scalar> = Self::SPEC.input("x");
-    const Y: Input<Scalar> = Self::SPEC.input("y");
-    const Z: Input<Scalar> = Self::SPEC.input("z");
-    const OUTPUT: Output<Vector> = Self::SPEC.output("output");
+    const X: Input<Self, Scalar> = Input::named("x");
+    const Y: Input<Self, Scalar> = Input::named("y");
+    const Z: Input<Self, Scalar> = Input::named("z");
+    const OUTPUT: Output<Self, Vector> = Output::named("output");
 }
 
-impl Processor for Pack {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Pack> for Pack {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Pack>) {
         let (x, y, z) = (io.read(Pack::X), io.read(Pack::Y), io.read(Pack::Z));
         for (((vector, x), y), z) in io.write(Pack::OUTPUT).iter_mut().zip(x).zip(y).zip(z) {
             *vector = [*x, *y, *z];
@@ -274,19 +274,19 @@ impl NodeKind for WrenchParts {
         example: r#""parts": WrenchParts(input: "sensor.wrench")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(WrenchParts))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(WrenchParts))
     }
 }
 
 impl WrenchParts {
-    const INPUT: Input<Wrench> = Self::SPEC.input("input");
-    const FORCE: Output<Vector> = Self::SPEC.output("force");
-    const TORQUE: Output<Vector> = Self::SPEC.output("torque");
+    const INPUT: Input<Self, Wrench> = Input::named("input");
+    const FORCE: Output<Self, Vector> = Output::named("force");
+    const TORQUE: Output<Self, Vector> = Output::named("torque");
 }
 
-impl Processor for WrenchParts {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<WrenchParts> for WrenchParts {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, WrenchParts>) {
         let wrenches = io.read(WrenchParts::INPUT);
         let (force, torque) = io.write_all((WrenchParts::FORCE, WrenchParts::TORQUE));
         let parts = force.iter_mut().zip(torque);
@@ -316,19 +316,19 @@ impl NodeKind for MakeWrench {
         example: r#""load": MakeWrench(force: "arm.force", torque: "torque.output")"#,
     };
 
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(MakeWrench))
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(MakeWrench))
     }
 }
 
 impl MakeWrench {
-    const FORCE: Input<Vector> = Self::SPEC.input("force");
-    const TORQUE: Input<Vector> = Self::SPEC.input("torque");
-    const OUTPUT: Output<Wrench> = Self::SPEC.output("output");
+    const FORCE: Input<Self, Vector> = Input::named("force");
+    const TORQUE: Input<Self, Vector> = Input::named("torque");
+    const OUTPUT: Output<Self, Wrench> = Output::named("output");
 }
 
-impl Processor for MakeWrench {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<MakeWrench> for MakeWrench {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, MakeWrench>) {
         let (force, torque) = (io.read(MakeWrench::FORCE), io.read(MakeWrench::TORQUE));
         let wrenches = io.write(MakeWrench::OUTPUT).iter_mut();
         for ((wrench, force), torque) in wrenches.zip(force).zip(torque) {

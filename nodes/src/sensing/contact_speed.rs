@@ -3,12 +3,11 @@
 use super::speed::{SpeedEstimator, SpeedFilter};
 use crate::contact::Contact;
 use crate::filters::design_error;
-use crate::successor;
 use crate::vector::{norm, reject};
 use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
-    input, output,
+    BuildContext, BuildError, Built, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, SettingId,
+    Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -60,21 +59,21 @@ impl NodeKind for ContactSpeed {
         example: r#""speed": ContactSpeed(contact: "touch.contact", cutoff_hz: 20.0)"#,
     };
 
-    fn build(settings: ContactSpeedSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: ContactSpeedSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let filter = SpeedFilter::Butterworth {
             order: 2,
             cutoff_hz: settings.cutoff_hz,
         };
         let estimator = SpeedEstimator::new(filter, cx.rate.hz()).map_err(design_error("cutoff_hz"))?;
-        Ok(Box::new(Sliding { estimator }))
+        Ok(Built::new(Sliding { estimator }))
     }
 }
 
 impl ContactSpeed {
-    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
-    const SPEED: Output<Scalar> = Self::SPEC.output("speed");
-    const ALONG: Output<Vector> = Self::SPEC.output("along");
-    const VELOCITY: Output<Vector> = Self::SPEC.output("velocity");
+    const CONTACT: Input<Self, Contact> = Input::named("contact");
+    const SPEED: Output<Self, Scalar> = Output::named("speed");
+    const ALONG: Output<Self, Vector> = Output::named("along");
+    const VELOCITY: Output<Self, Vector> = Output::named("velocity");
     const CUTOFF_HZ: SettingId = ContactSpeedSettings::live("cutoff_hz");
 }
 
@@ -83,8 +82,8 @@ struct Sliding {
     estimator: SpeedEstimator<3>,
 }
 
-impl Processor for Sliding {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<ContactSpeed> for Sliding {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, ContactSpeed>) {
         let contacts = io.decode(ContactSpeed::CONTACT);
         let (speed, along, velocity) =
             io.write_all((ContactSpeed::SPEED, ContactSpeed::ALONG, ContactSpeed::VELOCITY));
@@ -106,10 +105,8 @@ impl Processor for Sliding {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.estimator.copy_state_from(&self.estimator);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.estimator.copy_state_from(&self.estimator);
     }
 
     fn latency(&self) -> Latency {

@@ -2,15 +2,14 @@
 
 use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Optional, Output, Processor, SettingId,
-    Tick, input, output,
+    BuildContext, BuildError, Built, Input, Io, Latency, NodeKind, NodeSpec, Optional, Output, Processor,
+    SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use std::f64::consts::TAU;
 
 use super::speed::{self, SpeedFilter};
 use crate::filters::design_error;
-use crate::successor;
 
 haptograph_engine::choices! {
     /// The low-pass of a [`SpeedEstimator`].
@@ -69,7 +68,7 @@ impl NodeKind for SpeedEstimator {
         example: r#""speed": SpeedEstimator(position: "stylus.position", cutoff_hz: 20.0)"#,
     };
 
-    fn build(settings: SpeedEstimatorSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: SpeedEstimatorSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (cutoff_hz, rate_hz) = (settings.cutoff_hz, cx.rate.hz());
         if cutoff_hz >= rate_hz / 2.0 {
             let message = format!(
@@ -86,7 +85,7 @@ impl NodeKind for SpeedEstimator {
             }
         };
         let estimator = speed::SpeedEstimator::new(filter, rate_hz).map_err(design_error("cutoff_hz"))?;
-        Ok(Box::new(Estimating {
+        Ok(Built::new(Estimating {
             estimator,
             per_hz,
             nyquist_hz: rate_hz / 2.0,
@@ -95,10 +94,10 @@ impl NodeKind for SpeedEstimator {
 }
 
 impl SpeedEstimator {
-    const POSITION: Input<Vector> = Self::SPEC.input("position");
-    const TOUCHING: Input<Scalar, Optional> = Self::SPEC.input("touching");
-    const SPEED: Output<Scalar> = Self::SPEC.output("speed");
-    const VELOCITY: Output<Vector> = Self::SPEC.output("velocity");
+    const POSITION: Input<Self, Vector> = Input::named("position");
+    const TOUCHING: Input<Self, Scalar, Optional> = Input::named("touching");
+    const SPEED: Output<Self, Scalar> = Output::named("speed");
+    const VELOCITY: Output<Self, Vector> = Output::named("velocity");
     const CUTOFF_HZ: SettingId = SpeedEstimatorSettings::live("cutoff_hz");
 }
 
@@ -110,8 +109,8 @@ struct Estimating {
     nyquist_hz: f64,
 }
 
-impl Processor for Estimating {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<SpeedEstimator> for Estimating {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, SpeedEstimator>) {
         let (positions, touching) = (
             io.read(SpeedEstimator::POSITION),
             io.read(SpeedEstimator::TOUCHING),
@@ -135,10 +134,8 @@ impl Processor for Estimating {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.estimator.copy_state_from(&self.estimator);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.estimator.copy_state_from(&self.estimator);
     }
 
     fn latency(&self) -> Latency {

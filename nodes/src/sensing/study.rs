@@ -1,10 +1,9 @@
 //! Nodes of the studies of chapter 4: four conditions of responsiveness, a warning of too much
 //! force, and the time spent in each quadrant.
 
-use crate::successor;
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor,
     SettingId, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
@@ -64,7 +63,7 @@ impl NodeKind for Responsiveness {
         example: r#""felt": Responsiveness(speed: "speed.speed", force: "normal.load", condition: Speed)"#,
     };
 
-    fn build(settings: ResponsivenessSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: ResponsivenessSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (constant_m_s, constant_n) = (settings.constant_mm_s * 1e-3, settings.constant_n);
         let (speed_m_s, force_n) = match settings.condition {
             Condition::ForceAndSpeed => (None, None),
@@ -72,7 +71,7 @@ impl NodeKind for Responsiveness {
             Condition::Speed => (None, Some(constant_n)),
             Condition::Neither => (Some(constant_m_s), Some(constant_n)),
         };
-        Ok(Box::new(Responding {
+        Ok(Built::new(Responding {
             speed_m_s,
             force_n,
             rest_m_s: settings.rest_mm_s * 1e-3,
@@ -81,10 +80,10 @@ impl NodeKind for Responsiveness {
 }
 
 impl Responsiveness {
-    const SPEED: Input<Scalar> = Self::SPEC.input("speed");
-    const FORCE: Input<Scalar> = Self::SPEC.input("force");
-    const SPEED_TO_RENDER: Output<Scalar> = Self::SPEC.output("speed");
-    const FORCE_TO_RENDER: Output<Scalar> = Self::SPEC.output("force");
+    const SPEED: Input<Self, Scalar> = Input::named("speed");
+    const FORCE: Input<Self, Scalar> = Input::named("force");
+    const SPEED_TO_RENDER: Output<Self, Scalar> = Output::named("speed");
+    const FORCE_TO_RENDER: Output<Self, Scalar> = Output::named("force");
     const CONSTANT_MM_S: SettingId = ResponsivenessSettings::live("constant_mm_s");
     const CONSTANT_N: SettingId = ResponsivenessSettings::live("constant_n");
     const REST_MM_S: SettingId = ResponsivenessSettings::live("rest_mm_s");
@@ -98,8 +97,8 @@ struct Responding {
     rest_m_s: f64,
 }
 
-impl Processor for Responding {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Responsiveness> for Responding {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Responsiveness>) {
         let (speeds, forces) = (io.read(Responsiveness::SPEED), io.read(Responsiveness::FORCE));
         let (speed, force) = io.write_all((Responsiveness::SPEED_TO_RENDER, Responsiveness::FORCE_TO_RENDER));
         for (((speed, force), &v), &f) in speed.iter_mut().zip(force).zip(speeds).zip(forces) {
@@ -157,8 +156,8 @@ impl NodeKind for ForceWarning {
         example: r#""hard": ForceWarning(force: "normal.load", above_n: 2.75)"#,
     };
 
-    fn build(settings: ForceWarningSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Warning {
+    fn build(settings: ForceWarningSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Warning {
             above_n: settings.above_n,
             hold: (settings.hold_s * cx.rate.hz()).round() as u64,
             left: 0,
@@ -167,8 +166,8 @@ impl NodeKind for ForceWarning {
 }
 
 impl ForceWarning {
-    const FORCE: Input<Scalar> = Self::SPEC.input("force");
-    const WARNING: Output<Scalar> = Self::SPEC.output("warning");
+    const FORCE: Input<Self, Scalar> = Input::named("force");
+    const WARNING: Output<Self, Scalar> = Output::named("warning");
     const ABOVE_N: SettingId = ForceWarningSettings::live("above_n");
 }
 
@@ -180,8 +179,8 @@ struct Warning {
     left: u64,
 }
 
-impl Processor for Warning {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<ForceWarning> for Warning {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, ForceWarning>) {
         let forces = io.read(ForceWarning::FORCE);
         for (warning, force) in io.write(ForceWarning::WARNING).iter_mut().zip(forces) {
             let over = *force > self.above_n;
@@ -200,10 +199,8 @@ impl Processor for Warning {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.left = self.left.min(new.hold);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.left = self.left.min(new.hold);
     }
 }
 
@@ -243,8 +240,8 @@ impl NodeKind for QuadrantDwell {
         example: r#""dwell": QuadrantDwell(speed: "speed.speed", force: "normal.load")"#,
     };
 
-    fn build(settings: QuadrantDwellSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Dwelling {
+    fn build(settings: QuadrantDwellSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Dwelling {
             centre_m_s: settings.centre_mm_s * 1e-3,
             centre_n: settings.centre_n,
             rest_m_s: settings.rest_mm_s * 1e-3,
@@ -255,12 +252,12 @@ impl NodeKind for QuadrantDwell {
 }
 
 impl QuadrantDwell {
-    const SPEED: Input<Scalar> = Self::SPEC.input("speed");
-    const FORCE: Input<Scalar> = Self::SPEC.input("force");
-    const SLOW_LIGHT: Output<Scalar> = Self::SPEC.output("slow_light");
-    const FAST_LIGHT: Output<Scalar> = Self::SPEC.output("fast_light");
-    const SLOW_HARD: Output<Scalar> = Self::SPEC.output("slow_hard");
-    const FAST_HARD: Output<Scalar> = Self::SPEC.output("fast_hard");
+    const SPEED: Input<Self, Scalar> = Input::named("speed");
+    const FORCE: Input<Self, Scalar> = Input::named("force");
+    const SLOW_LIGHT: Output<Self, Scalar> = Output::named("slow_light");
+    const FAST_LIGHT: Output<Self, Scalar> = Output::named("fast_light");
+    const SLOW_HARD: Output<Self, Scalar> = Output::named("slow_hard");
+    const FAST_HARD: Output<Self, Scalar> = Output::named("fast_hard");
     const CENTRE_MM_S: SettingId = QuadrantDwellSettings::live("centre_mm_s");
     const CENTRE_N: SettingId = QuadrantDwellSettings::live("centre_n");
     const REST_MM_S: SettingId = QuadrantDwellSettings::live("rest_mm_s");
@@ -276,8 +273,8 @@ struct Dwelling {
     ticks: [u64; 4],
 }
 
-impl Processor for Dwelling {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<QuadrantDwell> for Dwelling {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, QuadrantDwell>) {
         let (speeds, forces) = (io.read(QuadrantDwell::SPEED), io.read(QuadrantDwell::FORCE));
         let (slow_light, fast_light, slow_hard, fast_hard) = io.write_all((
             QuadrantDwell::SLOW_LIGHT,
@@ -309,10 +306,8 @@ impl Processor for Dwelling {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.ticks = self.ticks;
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.ticks = self.ticks;
     }
 }
 

@@ -5,11 +5,11 @@ use super::force_sensor::{self, ForceSensorSettings};
 use super::orientation::{from_rotation_vector, rotation_vector};
 use super::tracker::TrackerSettings;
 use crate::sinks::recording::Motion;
-use crate::successor;
 use crate::vector::Vec3;
 use haptograph_engine::frame::{Kind, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
+    BuildContext, BuildError, Built, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, Tick, input,
+    output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -59,10 +59,7 @@ impl NodeKind for AccelerometerModel {
         example: r#""accelerometer": AccelerometerModel(acceleration: "tool.acceleration")"#,
     };
 
-    fn build(
-        settings: AccelerometerModelSettings,
-        cx: &BuildContext,
-    ) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: AccelerometerModelSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let settings = AccelerometerSettings {
             m_s2_per_v: settings.m_s2_per_v,
             zero_v: settings.zero_v,
@@ -74,30 +71,28 @@ impl NodeKind for AccelerometerModel {
         };
         let sensor = accelerometer::Accelerometer::new(settings, cx.rate.hz(), cx.seed)
             .map_err(|error| BuildError::at("cutoff_hz", error.to_string()))?;
-        Ok(Box::new(Accelerometer(sensor)))
+        Ok(Built::new(Accelerometer(sensor)))
     }
 }
 
 impl AccelerometerModel {
-    const ACCELERATION: Input<Vector> = Self::SPEC.input("acceleration");
-    const VOLTAGE: Output<Vector> = Self::SPEC.output("voltage");
+    const ACCELERATION: Input<Self, Vector> = Input::named("acceleration");
+    const VOLTAGE: Output<Self, Vector> = Output::named("voltage");
 }
 
 #[derive(Debug, Clone)]
 struct Accelerometer(accelerometer::Accelerometer);
 
-impl Processor for Accelerometer {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<AccelerometerModel> for Accelerometer {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, AccelerometerModel>) {
         let felt = io.read(AccelerometerModel::ACCELERATION);
         for (volts, felt) in io.write(AccelerometerModel::VOLTAGE).iter_mut().zip(felt) {
             *volts = self.0.sample(felt.map(number));
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.0.clone_from(&self.0);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.0.clone_from(&self.0);
     }
 
     fn latency(&self) -> Latency {
@@ -161,13 +156,13 @@ impl NodeKind for TrackerModel {
         example: r#""tracker": TrackerModel(clock: "tracker", position: Hold("tool.position"), orientation: Hold("tool.orientation"))"#,
     };
 
-    fn build(settings: TrackerModelSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: TrackerModelSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let step_mm = if settings.motion == Motion::Press {
             settings.machine_step_mm
         } else {
             settings.step_mm
         };
-        Ok(Box::new(Tracker(TrackerSettings {
+        Ok(Built::new(Tracker(TrackerSettings {
             step_m: 1e-3 * step_mm,
             step_rad: settings.step_deg.to_radians(),
         })))
@@ -175,17 +170,17 @@ impl NodeKind for TrackerModel {
 }
 
 impl TrackerModel {
-    const POSITION: Input<Vector> = Self::SPEC.input("position");
-    const ORIENTATION: Input<Vector> = Self::SPEC.input("orientation");
-    const POSITION_READING: Output<Vector> = Self::SPEC.output("position");
-    const ORIENTATION_READING: Output<Vector> = Self::SPEC.output("orientation");
+    const POSITION: Input<Self, Vector> = Input::named("position");
+    const ORIENTATION: Input<Self, Vector> = Input::named("orientation");
+    const POSITION_READING: Output<Self, Vector> = Output::named("position");
+    const ORIENTATION_READING: Output<Self, Vector> = Output::named("orientation");
 }
 
 #[derive(Debug, Clone)]
 struct Tracker(TrackerSettings);
 
-impl Processor for Tracker {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<TrackerModel> for Tracker {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, TrackerModel>) {
         let (positions, orientations) = (
             io.read(TrackerModel::POSITION),
             io.read(TrackerModel::ORIENTATION),
@@ -243,10 +238,7 @@ impl NodeKind for ForceSensorModel {
         example: r#""force": ForceSensorModel(wrench: "tool.wrench")"#,
     };
 
-    fn build(
-        settings: ForceSensorModelSettings,
-        cx: &BuildContext,
-    ) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: ForceSensorModelSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         if settings.most_force_n.iter().any(|most| *most <= 0.0) {
             return Err(BuildError::at(
                 "most_force_n",
@@ -263,20 +255,20 @@ impl NodeKind for ForceSensorModel {
         };
         let sensor = force_sensor::ForceSensor::new(settings, cx.rate.hz(), cx.seed)
             .map_err(|error| BuildError::of_node(error.to_string()))?;
-        Ok(Box::new(ForceSensor(sensor)))
+        Ok(Built::new(ForceSensor(sensor)))
     }
 }
 
 impl ForceSensorModel {
-    const WRENCH: Input<Wrench> = Self::SPEC.input("wrench");
-    const READING: Output<Wrench> = Self::SPEC.output("wrench");
+    const WRENCH: Input<Self, Wrench> = Input::named("wrench");
+    const READING: Output<Self, Wrench> = Output::named("wrench");
 }
 
 #[derive(Debug, Clone)]
 struct ForceSensor(force_sensor::ForceSensor);
 
-impl Processor for ForceSensor {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<ForceSensorModel> for ForceSensor {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, ForceSensorModel>) {
         let loads = io.read(ForceSensorModel::WRENCH);
         for (read, load) in io.write(ForceSensorModel::READING).iter_mut().zip(loads) {
             let [fx, fy, fz, mx, my, mz] = load.map(number);
@@ -286,10 +278,8 @@ impl Processor for ForceSensor {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.0.clone_from(&self.0);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.0.clone_from(&self.0);
     }
 
     fn latency(&self) -> Latency {

@@ -2,11 +2,9 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
+    BuildContext, BuildError, Built, Input, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
     Processor, QuantityRule, SettingId, Tick, any_input,
 };
-
-use crate::successor;
 
 haptograph_engine::settings! {
     /// Settings of [`Meter`].
@@ -35,8 +33,8 @@ impl NodeKind for Meter {
         example: r#""level": Meter(input: "texture.acceleration", window_s: 0.3)"#,
     };
 
-    fn build(settings: MeterSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Level {
+    fn build(settings: MeterSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Level {
             keep: keep(cx.rate.period_s(), settings.window_s),
             period_s: cx.rate.period_s(),
             mean_square: 0.0,
@@ -46,9 +44,9 @@ impl NodeKind for Meter {
 }
 
 impl Meter {
-    const INPUT: Input<Linear> = Self::SPEC.input("input");
-    const RMS: Output<Scalar> = Self::SPEC.output("rms");
-    const PEAK: Output<Scalar> = Self::SPEC.output("peak");
+    const INPUT: Input<Self, Linear> = Input::named("input");
+    const RMS: Output<Self, Scalar> = Output::named("rms");
+    const PEAK: Output<Self, Scalar> = Output::named("peak");
     const WINDOW_S: SettingId = MeterSettings::live("window_s");
 }
 
@@ -76,8 +74,8 @@ struct Level {
     peak: f64,
 }
 
-impl Processor for Level {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Meter> for Level {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Meter>) {
         let (width, x) = (io.width(Meter::INPUT), io.read(Meter::INPUT));
         let (rms, peak) = io.write_all((Meter::RMS, Meter::PEAK));
         for ((rms, peak), x) in rms.iter_mut().zip(peak).zip(x.chunks_exact(width)) {
@@ -96,10 +94,8 @@ impl Processor for Level {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            (new.mean_square, new.peak) = (self.mean_square, self.peak);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        (new.mean_square, new.peak) = (self.mean_square, self.peak);
     }
 }
 

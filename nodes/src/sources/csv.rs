@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Output, Processor, Tick,
+    BuildContext, BuildError, Built, DataEnd, Io, NodeKind, NodeSpec, Output, Processor, Tick,
 };
 use haptograph_signal::csv::CsvError;
 use std::fmt::Display;
@@ -64,17 +64,17 @@ impl NodeKind for CsvSource {
         example: r#""force": CsvSource(clock: "control", file: "recordings/stroke.csv", column: "force_n", quantity: "force")"#,
     };
 
-    fn build(settings: CsvSourceSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: CsvSourceSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let scale = si_of_column(&settings.column, &settings.quantity)?;
         let table = Table::read(&settings, scale)?;
         let at_end = settings.at_end.or_loop(settings.repeat);
         if table.time_s.is_empty() {
-            return Ok(Box::new(Playback {
+            return Ok(Built::new(Playback {
                 samples: table.values,
                 at_end,
             }));
         }
-        Ok(Box::new(Curve {
+        Ok(Built::new(Curve {
             frames: table.ticks(cx.rate.hz()),
             table,
             between: settings.between,
@@ -84,7 +84,7 @@ impl NodeKind for CsvSource {
 }
 
 impl CsvSource {
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
 #[derive(Debug, Clone)]
@@ -181,8 +181,8 @@ impl Curve {
     }
 }
 
-impl Processor for Curve {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<CsvSource> for Curve {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, CsvSource>) {
         let is_silent = matches!(self.at_end, AtEnd::Silence);
         for (frame, y) in io.write(CsvSource::OUTPUT).iter_mut().enumerate() {
             let is_over = is_silent && tick.first + frame as u64 >= self.frames;

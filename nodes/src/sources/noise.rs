@@ -2,12 +2,11 @@
 
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    BuildContext, BuildError, Built, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
 };
 use haptograph_signal::noise::Gaussian;
 
 use super::made;
-use crate::successor;
 
 haptograph_engine::settings! {
     /// Settings of [`Noise`].
@@ -35,8 +34,8 @@ impl NodeKind for Noise {
         example: r#""hiss": Noise(clock: "synth", variance: 0.01, quantity: "acceleration")"#,
     };
 
-    fn build(settings: NoiseSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Source {
+    fn build(settings: NoiseSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Source {
             stream: Gaussian::new(cx.seed),
             deviation: settings.variance.sqrt(),
         }))
@@ -44,7 +43,7 @@ impl NodeKind for Noise {
 }
 
 impl Noise {
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
     const VARIANCE: SettingId = NoiseSettings::live("variance");
 }
 
@@ -54,8 +53,8 @@ struct Source {
     deviation: f64,
 }
 
-impl Processor for Source {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Noise> for Source {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Noise>) {
         let out = io.write(Noise::OUTPUT);
         self.stream.fill(out);
         for y in out {
@@ -69,10 +68,8 @@ impl Processor for Source {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.stream.clone_from(&self.stream);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.stream.clone_from(&self.stream);
     }
 }
 

@@ -2,10 +2,9 @@
 
 use super::made;
 use super::wav::read;
-use crate::successor;
 use haptograph_engine::frame::{Event, Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, Processor,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, Processor,
     SettingId, Tick, any_input,
 };
 use std::path::PathBuf;
@@ -46,8 +45,8 @@ impl NodeKind for OneShot {
         example: r#""click": OneShot(start: "pressed.event", file: "recordings/felt.wav", full_scale: 0.2, quantity: "current")"#,
     };
 
-    fn build(settings: OneShotSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Playing {
+    fn build(settings: OneShotSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Playing {
             samples: read(&settings.file, settings.channel, cx.rate.hz())?.into(),
             full_scale: settings.full_scale,
             per_value: settings.per_value,
@@ -58,8 +57,8 @@ impl NodeKind for OneShot {
 }
 
 impl OneShot {
-    const START: Input<Event> = Self::SPEC.input("start");
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const START: Input<Self, Event> = Input::named("start");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
     const FULL_SCALE: SettingId = OneShotSettings::live("full_scale");
     const PER_VALUE: SettingId = OneShotSettings::live("per_value");
 }
@@ -74,8 +73,8 @@ struct Playing {
     factor: f64,
 }
 
-impl Processor for Playing {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<OneShot> for Playing {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, OneShot>) {
         let events = io.decode(OneShot::START);
         for (y, event) in io.write(OneShot::OUTPUT).iter_mut().zip(events) {
             if event.fired {
@@ -100,10 +99,8 @@ impl Processor for Playing {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            (new.at, new.factor) = (self.at, self.factor);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        (new.at, new.factor) = (self.at, self.factor);
     }
 }
 

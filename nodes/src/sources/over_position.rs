@@ -2,13 +2,12 @@
 
 use super::made;
 use super::wav::read_at_any_rate;
-use crate::successor;
 use crate::vector::{direction, dot};
 use crate::wav::Layout;
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Flow, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Optional, Output,
-    Presence, Processor, QuantityRule, SettingId, Tick, input,
+    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Optional,
+    Output, Presence, Processor, QuantityRule, SettingId, Tick, input,
 };
 use haptograph_signal::files::MAX_RECORDING_BYTES;
 use haptograph_signal::quantity::Quantity;
@@ -89,7 +88,7 @@ impl NodeKind for WavOverPosition {
         example: r#""grain": WavOverPosition(position: "stylus.position", file: "recordings/felt.wav", length_mm: 60, full_scale: 20, quantity: "acceleration")"#,
     };
 
-    fn build(settings: WavOverPositionSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: WavOverPositionSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let width = cx.width(Self::POSITION);
         if !matches!(width, 1 | 3) {
             return Err(
@@ -115,7 +114,7 @@ impl NodeKind for WavOverPosition {
                 return Err(BuildError::of_node(message).help("add `length_mm: ...` or `recorded_mm_s: ...`"));
             }
         };
-        Ok(Box::new(Scanning {
+        Ok(Built::new(Scanning {
             recording: Arc::new(Recording::new(samples, settings.beyond == Beyond::Repeat)),
             per_m,
             start_m: settings.start_mm * 1e-3,
@@ -128,9 +127,9 @@ impl NodeKind for WavOverPosition {
 }
 
 impl WavOverPosition {
-    const POSITION: Input<Linear> = Self::SPEC.input("position");
-    const SPEED: Input<Scalar, Optional> = Self::SPEC.input("speed");
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const POSITION: Input<Self, Linear> = Input::named("position");
+    const SPEED: Input<Self, Scalar, Optional> = Input::named("speed");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
     const FULL_SCALE: SettingId = WavOverPositionSettings::live("full_scale");
     const FULL_AT_MM_S: SettingId = WavOverPositionSettings::live("full_at_mm_s");
 }
@@ -259,8 +258,8 @@ impl Scanning {
     }
 }
 
-impl Processor for Scanning {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<WavOverPosition> for Scanning {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, WavOverPosition>) {
         let (positions, speeds) = (
             io.read(WavOverPosition::POSITION),
             io.read(WavOverPosition::SPEED),
@@ -282,10 +281,8 @@ impl Processor for Scanning {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.before = self.before;
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.before = self.before;
     }
 }
 

@@ -1,9 +1,8 @@
 //! Phase of a frequency signal, and envelope of a gate signal.
 
-use crate::successor;
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, Processor,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, Processor,
     SettingId, Tick, any_input, input, output,
 };
 use haptograph_signal::quantity::Quantity;
@@ -42,8 +41,8 @@ impl NodeKind for Phase {
         example: r#""turn": Phase(frequency: "pitch.output")"#,
     };
 
-    fn build(settings: PhaseSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Turning {
+    fn build(settings: PhaseSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Turning {
             turns: (settings.start_deg / 360.0).rem_euclid(1.0),
             tick_s: 1.0 / cx.rate.hz(),
         }))
@@ -51,8 +50,8 @@ impl NodeKind for Phase {
 }
 
 impl Phase {
-    const FREQUENCY: Input<Scalar> = Self::SPEC.input("frequency");
-    const PHASE: Output<Scalar> = Self::SPEC.output("phase");
+    const FREQUENCY: Input<Self, Scalar> = Input::named("frequency");
+    const PHASE: Output<Self, Scalar> = Output::named("phase");
 }
 
 #[derive(Debug, Clone)]
@@ -61,8 +60,8 @@ struct Turning {
     tick_s: f64,
 }
 
-impl Processor for Turning {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Phase> for Turning {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Phase>) {
         let frequency_hz = io.read(Phase::FREQUENCY);
         for (phase, hz) in io.write(Phase::PHASE).iter_mut().zip(frequency_hz) {
             *phase = self.turns;
@@ -77,10 +76,8 @@ impl Processor for Turning {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.turns = self.turns;
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.turns = self.turns;
     }
 }
 
@@ -117,8 +114,8 @@ impl NodeKind for Adsr {
         example: r#""swell": Adsr(gate: "stylus.force", attack_ms: 20, release_ms: 200)"#,
     };
 
-    fn build(settings: AdsrSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Envelope {
+    fn build(settings: AdsrSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Envelope {
             settings,
             tick_ms: 1e3 / cx.rate.hz(),
             level: 0.0,
@@ -128,8 +125,8 @@ impl NodeKind for Adsr {
 }
 
 impl Adsr {
-    const GATE: Input<Scalar> = Self::SPEC.input("gate");
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const GATE: Input<Self, Scalar> = Input::named("gate");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
     const ATTACK_MS: SettingId = AdsrSettings::live("attack_ms");
     const DECAY_MS: SettingId = AdsrSettings::live("decay_ms");
     const SUSTAIN: SettingId = AdsrSettings::live("sustain");
@@ -176,8 +173,8 @@ impl Envelope {
     }
 }
 
-impl Processor for Envelope {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Adsr> for Envelope {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Adsr>) {
         let gate = io.read(Adsr::GATE);
         for (y, gate) in io.write(Adsr::OUTPUT).iter_mut().zip(gate) {
             *y = self.next(*gate > 0.0);
@@ -194,10 +191,8 @@ impl Processor for Envelope {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            (new.level, new.stage) = (self.level, self.stage);
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        (new.level, new.stage) = (self.level, self.stage);
     }
 }
 

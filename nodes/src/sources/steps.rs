@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec, Processor,
-    QuantityRule, SettingId, Tick,
+    BuildContext, BuildError, Built, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
+    Processor, QuantityRule, SettingId, Tick,
 };
 
 use super::{made, tick_at};
@@ -33,15 +33,15 @@ impl NodeKind for Constant {
         example: r#""speed": Constant(clock: "control", value: 0.13, quantity: "speed")"#,
     };
 
-    fn build(settings: ConstantSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Same {
+    fn build(settings: ConstantSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Same {
             value: settings.value,
         }))
     }
 }
 
 impl Constant {
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
     const VALUE: SettingId = ConstantSettings::live("value");
 }
 
@@ -50,8 +50,8 @@ struct Same {
     value: f64,
 }
 
-impl Processor for Same {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Constant> for Same {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Constant>) {
         io.write(Constant::OUTPUT).fill(self.value);
     }
 
@@ -93,15 +93,15 @@ impl NodeKind for ConstantVector {
         example: r#""weight": ConstantVector(clock: "servo", value: [0.0, 0.0, -0.5], quantity: "force")"#,
     };
 
-    fn build(settings: ConstantVectorSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(SameVector {
+    fn build(settings: ConstantVectorSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(SameVector {
             value: settings.value,
         }))
     }
 }
 
 impl ConstantVector {
-    const OUTPUT: Output<Vector> = Self::SPEC.output("output");
+    const OUTPUT: Output<Self, Vector> = Output::named("output");
 }
 
 #[derive(Debug, Clone)]
@@ -109,8 +109,8 @@ struct SameVector {
     value: [f64; 3],
 }
 
-impl Processor for SameVector {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<ConstantVector> for SameVector {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, ConstantVector>) {
         io.write(ConstantVector::OUTPUT).fill(self.value);
     }
 }
@@ -144,8 +144,8 @@ impl NodeKind for Step {
         example: r#""press": Step(clock: "control", after: 1.2, at_s: 0.5, quantity: "force")"#,
     };
 
-    fn build(settings: StepSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Line {
+    fn build(settings: StepSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Line {
             from: settings.before,
             to: settings.after,
             first: tick_at(settings.at_s, cx),
@@ -185,8 +185,8 @@ impl NodeKind for Ramp {
         example: r#""faster": Ramp(clock: "control", to: 0.2, duration_s: 10.0, quantity: "speed")"#,
     };
 
-    fn build(settings: RampSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Line {
+    fn build(settings: RampSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Line {
             from: settings.from,
             to: settings.to,
             first: tick_at(settings.start_s, cx),
@@ -195,7 +195,14 @@ impl NodeKind for Ramp {
     }
 }
 
-const LINE: Output<Scalar> = Output::common([Step::SPEC.output("output"), Ramp::SPEC.output("output")]);
+/// A kind whose processor is a [`Line`].
+trait LineKind: NodeKind {
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
+}
+
+impl LineKind for Step {}
+impl LineKind for Ramp {}
+
 const FROM: SettingId = SettingId::common([StepSettings::live("before"), RampSettings::live("from")]);
 const TO: SettingId = SettingId::common([StepSettings::live("after"), RampSettings::live("to")]);
 
@@ -209,9 +216,9 @@ struct Line {
     ticks: f64,
 }
 
-impl Processor for Line {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        for (y, now) in io.write(LINE).iter_mut().zip(tick.first..) {
+impl<K: LineKind> Processor<K> for Line {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, K>) {
+        for (y, now) in io.write(K::OUTPUT).iter_mut().zip(tick.first..) {
             let since = now.saturating_sub(self.first) as f64;
             *y = if now < self.first {
                 self.from
@@ -266,7 +273,7 @@ impl NodeKind for Pulse {
         example: r#""knock": Pulse(clock: "servo", high: 2.0, width_s: 0.01, period_s: 1.0, quantity: "force")"#,
     };
 
-    fn build(settings: PulseSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: PulseSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let ticks = |time_s: f64| time_s * cx.rate.hz();
         if settings.period_s.is_some_and(|period_s| ticks(period_s) < 1.0) {
             let message = format!("the period is shorter than a tick of {}", cx.rate);
@@ -274,7 +281,7 @@ impl NodeKind for Pulse {
                 BuildError::at("period_s", message).help("make it longer, or run the node on a faster clock")
             );
         }
-        Ok(Box::new(Pulsing {
+        Ok(Built::new(Pulsing {
             low: settings.low,
             high: settings.high,
             start: ticks(settings.start_s),
@@ -285,7 +292,7 @@ impl NodeKind for Pulse {
 }
 
 impl Pulse {
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
     const LOW: SettingId = PulseSettings::live("low");
     const HIGH: SettingId = PulseSettings::live("high");
 }
@@ -300,8 +307,8 @@ struct Pulsing {
     period: Option<f64>,
 }
 
-impl Processor for Pulsing {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<Pulse> for Pulsing {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Pulse>) {
         for (y, now) in io.write(Pulse::OUTPUT).iter_mut().zip(tick.first..) {
             // Rounding must not move an edge off its tick.
             let since = now as f64 - self.start + 1e-6;
@@ -345,7 +352,7 @@ mod tests {
         };
         let mut bench = Bench::new::<Constant>(settings, 10.0, &[]).unwrap();
         assert_eq!(bench.run_source(3), [[2.5; 3]]);
-        bench.processor().set(Constant::VALUE, -1.0);
+        bench.set(Constant::VALUE, -1.0);
         assert_eq!(bench.run_source(3), [[-1.0; 3]]);
         let settings = ConstantVectorSettings {
             value: [1.0, 2.0, 3.0],
@@ -379,8 +386,8 @@ mod tests {
             [1.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.0]
         );
         let mut bench = Bench::new::<Ramp>(settings, 10.0, &[]).unwrap();
-        bench.processor().set(FROM, 3.0);
-        bench.processor().set(TO, 1.0);
+        bench.set(FROM, 3.0);
+        bench.set(TO, 1.0);
         assert_eq!(bench.run_source(4), [[3.0, 3.0, 2.5, 2.0]]);
     }
 

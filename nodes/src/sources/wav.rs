@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    BuildContext, BuildError, Built, DataEnd, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
 };
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use std::io::BufReader;
@@ -47,9 +47,9 @@ impl NodeKind for WavSource {
         example: r#""felt": WavSource(clock: "audio", file: "recordings/felt.wav", full_scale: 20.0, quantity: "acceleration")"#,
     };
 
-    fn build(settings: WavSourceSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: WavSourceSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let samples = read(&settings.file, settings.channel, cx.rate.hz())?;
-        Ok(Box::new(WavPlayback {
+        Ok(Built::new(WavPlayback {
             playback: Playback {
                 samples: samples.into(),
                 at_end: settings.at_end.or_loop(settings.repeat),
@@ -60,7 +60,7 @@ impl NodeKind for WavSource {
 }
 
 impl WavSource {
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
     const FULL_SCALE: SettingId = WavSourceSettings::live("full_scale");
 }
 
@@ -117,7 +117,7 @@ fn unreadable(file: &Path, error: &WavError) -> BuildError {
     BuildError::at("file", message).help(help)
 }
 
-const PLAYBACK: Output<Scalar> = CsvSource::SPEC.output("output");
+const PLAYBACK: Output<CsvSource, Scalar> = Output::named("output");
 
 /// Samples in memory, one per tick, for [`CsvSource`] and, times the value of full scale, [`WavSource`].
 #[derive(Debug, Clone)]
@@ -141,8 +141,8 @@ impl Playback {
     }
 }
 
-impl Processor for Playback {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<CsvSource> for Playback {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, CsvSource>) {
         for (y, now) in io.write(PLAYBACK).iter_mut().zip(tick.first..) {
             *y = self.at(now).unwrap_or(0.0);
         }
@@ -160,8 +160,8 @@ struct WavPlayback {
     full_scale: f64,
 }
 
-impl Processor for WavPlayback {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<WavSource> for WavPlayback {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, WavSource>) {
         for (y, now) in io.write(WavSource::OUTPUT).iter_mut().zip(tick.first..) {
             let sample = self.playback.at(now);
             *y = sample.map_or(0.0, |sample| sample * self.full_scale);

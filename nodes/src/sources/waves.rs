@@ -2,13 +2,12 @@
 
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    BuildContext, BuildError, Built, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
 };
 use std::f64::consts::TAU;
 
 use super::made;
 use crate::fallback::{Fallback, frequency_input};
-use crate::successor;
 
 haptograph_engine::settings! {
     /// Settings of [`Sine`].
@@ -24,7 +23,7 @@ haptograph_engine::settings! {
     }
 }
 
-const FREQUENCY: Fallback = Fallback::of::<Sine>("frequency", "frequency_hz");
+const FREQUENCY: Fallback<Sine> = Fallback::named("frequency", "frequency_hz");
 
 /// A sine.
 pub struct Sine;
@@ -46,11 +45,11 @@ impl NodeKind for Sine {
         example: r#""tone": Sine(clock: "audio", frequency_hz: 250.0, amplitude: 0.1, quantity: "current")"#,
     };
 
-    fn build(settings: SineSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: SineSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         // A frequency signal has no value before the first tick.
         let frequency_hz = FREQUENCY.value(settings.frequency_hz, cx)?.unwrap_or(0.0);
         below_half_the_rate("frequency_hz", frequency_hz, cx)?;
-        Ok(Box::new(Oscillator {
+        Ok(Built::new(Oscillator {
             turns_per_tick: frequency_hz / cx.rate.hz(),
             amplitude: settings.amplitude,
             anchor: 0,
@@ -68,7 +67,7 @@ impl NodeKind for Sine {
 
 impl Sine {
     const FREQUENCY_HZ: SettingId = FREQUENCY.setting;
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
     const AMPLITUDE: SettingId = SineSettings::live("amplitude");
 }
 
@@ -116,8 +115,8 @@ impl Oscillator {
     }
 }
 
-impl Processor for Oscillator {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<Sine> for Oscillator {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Sine>) {
         self.next = tick.first + tick.frames as u64;
         if let Some(frequency_hz) = io.read(FREQUENCY.input) {
             return self.follow(frequency_hz, io.write(Sine::OUTPUT));
@@ -141,18 +140,16 @@ impl Processor for Oscillator {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            if self.follows && new.follows && new.rate_hz == self.rate_hz {
-                new.turns_per_tick = self.turns_per_tick;
-            }
-            let turns = self.turns_at(self.next);
-            (new.anchor, new.next) = (self.next, self.next);
-            new.anchor_turns = turns - turns.floor();
-            if !self.follows && !new.follows && new.turns_per_tick == self.turns_per_tick {
-                // The output stays bit-identical if nothing changed.
-                (new.anchor, new.anchor_turns) = (self.anchor, self.anchor_turns);
-            }
+    fn copy_state_into(&self, new: &mut Self) {
+        if self.follows && new.follows && new.rate_hz == self.rate_hz {
+            new.turns_per_tick = self.turns_per_tick;
+        }
+        let turns = self.turns_at(self.next);
+        (new.anchor, new.next) = (self.next, self.next);
+        new.anchor_turns = turns - turns.floor();
+        if !self.follows && !new.follows && new.turns_per_tick == self.turns_per_tick {
+            // The output stays bit-identical if nothing changed.
+            (new.anchor, new.anchor_turns) = (self.anchor, self.anchor_turns);
         }
     }
 }
@@ -201,10 +198,10 @@ impl NodeKind for Chirp {
         example: r#""sweep": Chirp(clock: "synth", from_hz: 10.0, to_hz: 1000.0, amplitude: 0.2, quantity: "current")"#,
     };
 
-    fn build(settings: ChirpSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: ChirpSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         below_half_the_rate("from_hz", settings.from_hz, cx)?;
         below_half_the_rate("to_hz", settings.to_hz, cx)?;
-        Ok(Box::new(Sweeping {
+        Ok(Built::new(Sweeping {
             settings,
             ahead_turns: 0.0,
             next_s: 0.0,
@@ -214,7 +211,7 @@ impl NodeKind for Chirp {
 }
 
 impl Chirp {
-    const OUTPUT: Output<Scalar> = Self::SPEC.output("output");
+    const OUTPUT: Output<Self, Scalar> = Output::named("output");
     const FROM_HZ: SettingId = ChirpSettings::live("from_hz");
     const TO_HZ: SettingId = ChirpSettings::live("to_hz");
     const AMPLITUDE: SettingId = ChirpSettings::live("amplitude");
@@ -255,8 +252,8 @@ impl Sweeping {
     }
 }
 
-impl Processor for Sweeping {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<Chirp> for Sweeping {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Chirp>) {
         for (frame, y) in io.write(Chirp::OUTPUT).iter_mut().enumerate() {
             let time_s = tick.time_s(frame);
             let turns = self.turns_at(time_s.min(self.settings.duration_s));
@@ -289,12 +286,10 @@ impl Processor for Sweeping {
         self.continue_from(reached);
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            (new.next_s, new.ahead_turns) = (self.next_s, self.ahead_turns);
-            if new.settings != self.settings {
-                new.continue_from(self.turns_at(self.next_s));
-            }
+    fn copy_state_into(&self, new: &mut Self) {
+        (new.next_s, new.ahead_turns) = (self.next_s, self.ahead_turns);
+        if new.settings != self.settings {
+            new.continue_from(self.turns_at(self.next_s));
         }
     }
 }
@@ -327,7 +322,7 @@ mod tests {
     fn a_new_frequency_goes_on_from_the_phase_that_was_reached() {
         let mut bench = sine(10.0, 0.0);
         let before = bench.run_source(130).remove(0);
-        bench.processor().set(Sine::FREQUENCY_HZ, 20.0);
+        bench.set(Sine::FREQUENCY_HZ, 20.0);
         let after = bench.run_source(10).remove(0);
         let jump = (after[0] - before[129]).abs();
         assert!(jump < 2.0 * TAU * 0.02, "{jump}");
@@ -419,7 +414,7 @@ mod tests {
         let mut before = bench.run_source(500).remove(0)[499];
         let (from, to) = (Chirp::FROM_HZ, Chirp::TO_HZ);
         for (setting, hz) in [(to, 60.0), (from, 30.0), (to, 1e9), (from, f64::NAN), (to, 80.0)] {
-            bench.processor().set(setting, hz);
+            bench.set(setting, hz);
             let y = bench.run_source(1).remove(0)[0];
             // A tick at 100 Hz turns it by no more than this.
             assert!(

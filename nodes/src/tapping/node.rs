@@ -3,13 +3,12 @@
 use super::onset::{Onset, OnsetSettings};
 use super::transient::{EFFECTIVE_MASS_KG, Transient};
 use crate::contact::Contact;
-use crate::successor;
 use crate::texture::load_surface;
 use crate::vector::{Vec3, scale};
 use haptograph_engine::frame::{Event, Kind, OneKind, Record, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick, input,
-    output,
+    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::{Surface, SurfaceError, Taps};
@@ -58,7 +57,7 @@ impl NodeKind for Tapping {
         example: r#""taps": Tapping(contact: "touch.contact", surface: "surfaces/t3-tile.ron")"#,
     };
 
-    fn build(settings: TappingSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: TappingSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let played = |taps: Taps| -> Result<Transient, SurfaceError> {
             let taps = taps.resampled(cx.rate.hz())?;
             Ok(Transient::new(Arc::new(taps), settings.mass_g * 1e-3))
@@ -70,7 +69,7 @@ impl NodeKind for Tapping {
             least_m_s: settings.least_mm_s * 1e-3,
             window_s: settings.window_ms * 1e-3,
         };
-        Ok(Box::new(Striking {
+        Ok(Built::new(Striking {
             onset: Onset::new(&onset, cx.rate.hz()),
             transient,
             normal: [0.0; 3],
@@ -95,9 +94,9 @@ impl NodeKind for Tapping {
 }
 
 impl Tapping {
-    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
-    const FORCE: Output<Vector> = Self::SPEC.output("force");
-    const TAP: Output<Event> = Self::SPEC.output("tap");
+    const CONTACT: Input<Self, Contact> = Input::named("contact");
+    const FORCE: Output<Self, Vector> = Output::named("force");
+    const TAP: Output<Self, Event> = Output::named("tap");
     const MASS_G: SettingId = TappingSettings::live("mass_g");
     const LEAST_MM_S: SettingId = TappingSettings::live("least_mm_s");
 }
@@ -111,8 +110,8 @@ struct Striking {
     normal: Vec3,
 }
 
-impl Processor for Striking {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Tapping> for Striking {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Tapping>) {
         let contacts = io.decode(Tapping::CONTACT);
         let (force, tap) = io.write_all((Tapping::FORCE, Tapping::TAP));
         let frames = force.iter_mut().zip(tap);
@@ -145,14 +144,12 @@ impl Processor for Striking {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.onset.copy_state_from(&self.onset);
-            if let (Some(new), Some(old)) = (&mut new.transient, &self.transient) {
-                new.copy_state_from(old);
-            }
-            new.normal = self.normal;
+    fn copy_state_into(&self, new: &mut Self) {
+        new.onset.copy_state_from(&self.onset);
+        if let (Some(new), Some(old)) = (&mut new.transient, &self.transient) {
+            new.copy_state_from(old);
         }
+        new.normal = self.normal;
     }
 }
 

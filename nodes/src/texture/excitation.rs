@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, OneKind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Held, Input, Io, NodeKind, NodeSpec, Optional, Output, Processor, Tick, input,
-    output,
+    BuildContext, BuildError, Built, Held, Input, Io, NodeKind, NodeSpec, Optional, Output, Processor, Tick,
+    input, output,
 };
 use haptograph_signal::noise::{Gaussian, stream_seed};
 use haptograph_signal::quantity::Quantity;
@@ -12,7 +12,6 @@ use std::path::PathBuf;
 
 use super::frames::Coefficients;
 use super::load_texture;
-use crate::successor;
 
 haptograph_engine::settings! {
     /// Settings of [`Excitation`].
@@ -51,11 +50,11 @@ impl NodeKind for Excitation {
         example: r#""excite": Excitation(clock: "synth", coefficients: Hold("interpolate.coefficients"))"#,
     };
 
-    fn build(settings: ExcitationSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: ExcitationSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let texture = settings.surface.as_deref().map(load_texture).transpose()?;
         let crackle = texture.and_then(|texture| texture.crackle());
         let source = |crackle| CrackleSource::new(crackle, cx.rate.hz(), stream_seed(cx.seed, "crackle"));
-        Ok(Box::new(Exciting {
+        Ok(Built::new(Exciting {
             stream: Gaussian::new(cx.seed),
             crackle: crackle.map(|crackle| Box::new(source(crackle))),
         }))
@@ -63,8 +62,8 @@ impl NodeKind for Excitation {
 }
 
 impl Excitation {
-    const COEFFICIENTS: Input<Coefficients<'static>, Optional<Held>> = Self::SPEC.input("coefficients");
-    const EXCITATION: Output<Scalar> = Self::SPEC.output("excitation");
+    const COEFFICIENTS: Input<Self, Coefficients<'static>, Optional<Held>> = Input::named("coefficients");
+    const EXCITATION: Output<Self, Scalar> = Output::named("excitation");
 }
 
 #[derive(Debug, Clone)]
@@ -73,8 +72,8 @@ struct Exciting {
     crackle: Option<Box<CrackleSource>>,
 }
 
-impl Processor for Exciting {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Excitation> for Exciting {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Excitation>) {
         let runs = io.read(Excitation::COEFFICIENTS);
         let out = io.write(Excitation::EXCITATION);
         // The streams also advance in silence, so that they depend on time only.
@@ -94,12 +93,10 @@ impl Processor for Exciting {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.stream.clone_from(&self.stream);
-            if let (Some(new), Some(old)) = (&mut new.crackle, &self.crackle) {
-                new.copy_state_from(old);
-            }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.stream.clone_from(&self.stream);
+        if let (Some(new), Some(old)) = (&mut new.crackle, &self.crackle) {
+            new.copy_state_from(old);
         }
     }
 }
@@ -190,11 +187,11 @@ mod tests {
         let mut old = bench(settings.clone());
         old.run(&[&held[..half]]);
         let mut new = bench(settings);
-        old.processor().copy_state_into(new.processor());
+        old.copy_state_into(&mut new);
         assert_eq!(new.run(&[&held[half..]])[0], whole[500..]);
         // To a surface without crackle, and back to one: the noise beneath goes on.
         let mut plain = bench(white());
-        old.processor().copy_state_into(plain.processor());
+        old.copy_state_into(&mut plain);
         let went_on = plain.run(&[&held[half..]]).remove(0);
         assert!(
             went_on

@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, OneKind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Held, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, Tick, input,
-    output,
+    BuildContext, BuildError, Built, Held, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, Tick,
+    input, output,
 };
 use haptograph_signal::arma::{self, WarpedLattice};
 use haptograph_signal::filter::SectionsState;
@@ -17,7 +17,6 @@ use std::path::PathBuf;
 use super::frames::{Coefficients, LinesAt};
 use super::load_texture;
 use super::upsampler::Upsampler;
-use crate::successor;
 
 haptograph_engine::choices! {
     /// The structure of an [`ArmaFilter`].
@@ -80,7 +79,7 @@ impl NodeKind for ArmaFilter {
         example: r#""filter": ArmaFilter(coefficients: Hold("interpolate.coefficients"), excitation: "excite.excitation")"#,
     };
 
-    fn build(settings: ArmaFilterSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: ArmaFilterSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (mut upsampler, mut highpass, mut lines) = (None, None, None);
         if let Some(surface) = &settings.surface {
             let texture = load_texture(surface)?;
@@ -94,7 +93,7 @@ impl NodeKind for ArmaFilter {
             Form::Direct => arma::Form::Direct,
             Form::Lattice => arma::Form::Lattice,
         };
-        Ok(Box::new(Synthesis {
+        Ok(Built::new(Synthesis {
             maker: Maker {
                 filter: arma::ArmaFilter::new(form),
                 warped: WarpedLattice::new(),
@@ -128,9 +127,9 @@ impl NodeKind for ArmaFilter {
 }
 
 impl ArmaFilter {
-    const COEFFICIENTS: Input<Coefficients<'static>, Held> = Self::SPEC.input("coefficients");
-    const EXCITATION: Input<Scalar> = Self::SPEC.input("excitation");
-    const ACCELERATION: Output<Scalar> = Self::SPEC.output("acceleration");
+    const COEFFICIENTS: Input<Self, Coefficients<'static>, Held> = Input::named("coefficients");
+    const EXCITATION: Input<Self, Scalar> = Input::named("excitation");
+    const ACCELERATION: Output<Self, Scalar> = Output::named("acceleration");
 }
 
 /// The generator of the lines of a surface, if it has lines.
@@ -241,8 +240,8 @@ impl Synthesis {
     }
 }
 
-impl Processor for Synthesis {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<ArmaFilter> for Synthesis {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, ArmaFilter>) {
         let (runs, places) = (
             io.read(ArmaFilter::COEFFICIENTS),
             io.read(ArmaFilter::COEFFICIENTS),
@@ -277,10 +276,8 @@ impl Processor for Synthesis {
         Latency::of_group(self.upsampler.as_ref().map_or(0.0, |up| up.group_delay_s()))
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new)
-            && new.form == self.form
-        {
+    fn copy_state_into(&self, new: &mut Self) {
+        if new.form == self.form {
             new.maker.copy_state_from(&self.maker);
             new.lanes = self.lanes;
             if let (Some(new), Some(old)) = (&mut new.upsampler, &self.upsampler) {
@@ -454,7 +451,7 @@ mod tests {
     fn slower_models_say_so_come_later_and_hand_their_state_over() {
         let file = slow_plain();
         let mut old = rendering(file.path(), Form::Lattice, 10_000.0);
-        let late_s = old.processor().latency().group_delay_s;
+        let late_s = old.latency().group_delay_s;
         assert!((0.001..0.004).contains(&late_s), "{late_s}");
         let held = frame(&[-1.2, 0.7], &[0.4], 2.0).repeat(400);
         let e: Vec<f64> = (0..400).map(|n| (n as f64 * n as f64 * 0.37).sin()).collect();
@@ -464,7 +461,7 @@ mod tests {
         let half = held.len() / 2;
         old.run(&[&held[..half], &e[..200]]);
         let mut new = rendering(file.path(), Form::Lattice, 10_000.0);
-        old.processor().copy_state_into(new.processor());
+        old.copy_state_into(&mut new);
         assert_eq!(new.run(&[&held[half..], &e[200..]])[0], whole[200..]);
     }
 
@@ -474,6 +471,6 @@ mod tests {
         let e: Vec<f64> = (0..400).map(|n| (n as f64 * n as f64 * 0.37).sin()).collect();
         let (mut named, mut plain) = (rendering(&plain(), Form::Lattice, 10_000.0), bench(Form::Lattice));
         assert_eq!(named.run(&[&held, &e]), plain.run(&[&held, &e]));
-        assert_eq!(named.processor().latency(), Latency::default());
+        assert_eq!(named.latency(), Latency::default());
     }
 }

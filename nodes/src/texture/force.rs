@@ -1,13 +1,12 @@
 //! Texture rendered by the motors of an arm.
 
 use crate::contact::Contact;
-use crate::successor;
 use crate::tapping::transient::EFFECTIVE_MASS_KG;
 use crate::vector::{Vec3, cross, direction, scale};
 use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick, input,
-    output,
+    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -54,8 +53,8 @@ impl NodeKind for TextureForce {
         example: r#""shake": TextureForce(acceleration: "texture.acceleration", contact: "touch.contact", friction: "friction.force")"#,
     };
 
-    fn build(settings: TextureForceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Shaking {
+    fn build(settings: TextureForceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Shaking {
             mass_kg: settings.mass_g * 1e-3,
             across: [0.0; 3],
         }))
@@ -63,10 +62,10 @@ impl NodeKind for TextureForce {
 }
 
 impl TextureForce {
-    const ACCELERATION: Input<Scalar> = Self::SPEC.input("acceleration");
-    const CONTACT: Input<Contact> = Self::SPEC.input("contact");
-    const FRICTION: Input<Vector> = Self::SPEC.input("friction");
-    const FORCE: Output<Vector> = Self::SPEC.output("force");
+    const ACCELERATION: Input<Self, Scalar> = Input::named("acceleration");
+    const CONTACT: Input<Self, Contact> = Input::named("contact");
+    const FRICTION: Input<Self, Vector> = Input::named("friction");
+    const FORCE: Output<Self, Vector> = Output::named("force");
     const MASS_G: SettingId = TextureForceSettings::live("mass_g");
 }
 
@@ -76,8 +75,8 @@ struct Shaking {
     across: Vec3,
 }
 
-impl Processor for Shaking {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<TextureForce> for Shaking {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, TextureForce>) {
         let (accelerations, contacts) = (
             io.read(TextureForce::ACCELERATION),
             io.decode(TextureForce::CONTACT),
@@ -101,10 +100,8 @@ impl Processor for Shaking {
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
-            new.across = self.across;
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.across = self.across;
     }
 }
 

@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::OneKind;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
+    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::lines::mixed_powers;
@@ -39,9 +39,9 @@ impl NodeKind for LsfInterpolator {
         example: r#""interpolate": LsfInterpolator(weights: "locate.weights", surface: "surfaces/t3-tile.ron")"#,
     };
 
-    fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let texture = load_texture(&settings.surface)?;
-        Ok(Box::new(Mixing {
+        Ok(Built::new(Mixing {
             texture: Interpolator::new(&texture),
             lines: texture.lines().to_vec(),
             mix: Coefficients::SILENCE,
@@ -50,8 +50,8 @@ impl NodeKind for LsfInterpolator {
 }
 
 impl LsfInterpolator {
-    const WEIGHTS: Input<Weights> = Self::SPEC.input("weights");
-    const COEFFICIENTS: Output<frames::Coefficients<'static>> = Self::SPEC.output("coefficients");
+    const WEIGHTS: Input<Self, Weights> = Input::named("weights");
+    const COEFFICIENTS: Output<Self, frames::Coefficients<'static>> = Output::named("coefficients");
 }
 
 #[derive(Debug, Clone)]
@@ -61,8 +61,8 @@ struct Mixing {
     mix: Coefficients,
 }
 
-impl Processor for Mixing {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<LsfInterpolator> for Mixing {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, LsfInterpolator>) {
         let places = io.decode(LsfInterpolator::WEIGHTS);
         for (components, at) in io.write(LsfInterpolator::COEFFICIENTS).iter_mut().zip(places) {
             self.interpolate(&at);

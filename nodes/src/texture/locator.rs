@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::{Kind, OneKind, Record, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
+    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::Interpolator;
@@ -51,18 +51,18 @@ impl NodeKind for Saturation {
         example: r#""within": Saturation(speed: "speed.speed", force: "stylus.force", surface: "surfaces/t3-tile.ron")"#,
     };
 
-    fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Saturating {
+    fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Saturating {
             texture: Interpolator::new(&load_texture(&settings.surface)?),
         }))
     }
 }
 
 impl Saturation {
-    const SPEED: Input<Scalar> = Self::SPEC.input("speed");
-    const FORCE: Input<Scalar> = Self::SPEC.input("force");
-    const SPEED_WITHIN: Output<Scalar> = Self::SPEC.output("speed");
-    const FORCE_WITHIN: Output<Scalar> = Self::SPEC.output("force");
+    const SPEED: Input<Self, Scalar> = Input::named("speed");
+    const FORCE: Input<Self, Scalar> = Input::named("force");
+    const SPEED_WITHIN: Output<Self, Scalar> = Output::named("speed");
+    const FORCE_WITHIN: Output<Self, Scalar> = Output::named("force");
 }
 
 #[derive(Debug, Clone)]
@@ -70,8 +70,8 @@ struct Saturating {
     texture: Interpolator,
 }
 
-impl Processor for Saturating {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<Saturation> for Saturating {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Saturation>) {
         let (speeds, forces) = (io.read(Saturation::SPEED), io.read(Saturation::FORCE));
         let (speed, force) = io.write_all((Saturation::SPEED_WITHIN, Saturation::FORCE_WITHIN));
         for (((speed, force), v), f) in speed.iter_mut().zip(force).zip(speeds).zip(forces) {
@@ -105,17 +105,17 @@ impl NodeKind for TriangleLocator {
         example: r#""locate": TriangleLocator(speed: "speed.speed", force: "stylus.force", surface: "surfaces/t3-tile.ron")"#,
     };
 
-    fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Walker {
+    fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Walker {
             texture: Interpolator::new(&load_texture(&settings.surface)?),
         }))
     }
 }
 
 impl TriangleLocator {
-    const SPEED: Input<Scalar> = Self::SPEC.input("speed");
-    const FORCE: Input<Scalar> = Self::SPEC.input("force");
-    const WEIGHTS: Output<Weights> = Self::SPEC.output("weights");
+    const SPEED: Input<Self, Scalar> = Input::named("speed");
+    const FORCE: Input<Self, Scalar> = Input::named("force");
+    const WEIGHTS: Output<Self, Weights> = Output::named("weights");
 }
 
 #[derive(Debug, Clone)]
@@ -123,8 +123,8 @@ struct Walker {
     texture: Interpolator,
 }
 
-impl Processor for Walker {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+impl Processor<TriangleLocator> for Walker {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, TriangleLocator>) {
         let (speeds, forces) = (io.read(TriangleLocator::SPEED), io.read(TriangleLocator::FORCE));
         let places = io.write(TriangleLocator::WEIGHTS).iter_mut();
         for ((components, v), f) in places.zip(speeds).zip(forces) {

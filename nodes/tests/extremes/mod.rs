@@ -8,7 +8,7 @@ use haptograph_engine::frame::{Kind, OneKind};
 use haptograph_engine::limiter::Limiter;
 use haptograph_engine::node::{FileSink, Limit, NodeEntry, NodeSpec, Stream};
 use haptograph_engine::settings::SettingSpec;
-use haptograph_engine::testing::{Bench, Built, MAX_FRAMES, device_from_example, node_from_example};
+use haptograph_engine::testing::{Bench, ExampleNode, MAX_FRAMES, device_from_example, node_from_example};
 use haptograph_nodes::contact::Contact;
 use haptograph_nodes::registry;
 use haptograph_nodes::sinks::plots::GROUP;
@@ -270,10 +270,10 @@ impl Tried {
             self.refused += usize::from(built.iter().all(Result::is_err));
             for built in built.into_iter().flatten() {
                 let result = match built {
-                    Built::Processor(bench) => process(bench, entry.spec),
-                    Built::Actuator(gain, limit) => deliver(gain, &limit, rate_hz),
-                    Built::File(sink, streams) => write(entry.spec, &*sink, &streams, folder),
-                    Built::Source => Ok(()),
+                    ExampleNode::Processor(bench) => process(bench, entry.spec),
+                    ExampleNode::Actuator(gain, limit) => deliver(gain, &limit, rate_hz),
+                    ExampleNode::File(sink, streams) => write(entry.spec, &*sink, &streams, folder),
+                    ExampleNode::Source => Ok(()),
                 };
                 self.note(result, entry.spec.name, &settings, rate_hz);
             }

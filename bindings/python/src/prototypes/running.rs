@@ -2,7 +2,7 @@
 
 use super::PythonKind;
 use super::settings::Value;
-use haptograph::engine::node::{BuildContext, Io, KindRule, Processor, Tick};
+use haptograph::engine::node::{BuildContext, Built, Io, KindRule, Processor, Scripted, Tick};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -95,9 +95,9 @@ impl Making {
     }
 
     /// The processor. Its object is made at once, so that an invalid setting is reported when the graph is checked.
-    pub fn processor(self, py: Python<'_>) -> PyResult<Box<dyn Processor>> {
+    pub fn processor(self, py: Python<'_>) -> PyResult<Built<Scripted>> {
         let first = self.object(py)?;
-        Ok(Box::new(Running {
+        Ok(Built::new(Running {
             making: Arc::new(Self {
                 first: Mutex::new(Some(first)),
                 ..self
@@ -124,7 +124,7 @@ impl Making {
 }
 
 impl Running {
-    fn block(&mut self, py: Python<'_>, tick: &Tick, io: &mut Io<'_>) -> PyResult<()> {
+    fn block(&mut self, py: Python<'_>, tick: &Tick, io: &mut Io<'_, Scripted>) -> PyResult<()> {
         let object = match &self.object {
             Some(object) => object.clone_ref(py),
             None => self.making.begin(py)?,
@@ -152,7 +152,12 @@ impl Running {
     }
 
     /// Processes a block so that it can be interrupted.
-    fn interruptible_block(&mut self, py: Python<'_>, tick: &Tick, io: &mut Io<'_>) -> PyResult<()> {
+    fn interruptible_block(
+        &mut self,
+        py: Python<'_>,
+        tick: &Tick,
+        io: &mut Io<'_, Scripted>,
+    ) -> PyResult<()> {
         let fault = self.making.fault();
         let thread: u64 = py.import("threading")?.call_method0("get_ident")?.extract()?;
         fault.at_work(Some(thread));
@@ -178,9 +183,9 @@ fn array<'py>(py: Python<'py>, lanes: &[f64], width: usize) -> PyResult<Bound<'p
     }
 }
 
-impl Processor for Running {
+impl Processor<Scripted> for Running {
     /// Runs the script, which may allocate, lock and take any time. After an exception its outputs are zero.
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Scripted>) {
         if !self.making.fault.has_failed() {
             match Python::try_attach(|py| self.interruptible_block(py, tick, io)) {
                 Some(Ok(())) => return,

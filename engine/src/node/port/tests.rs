@@ -3,7 +3,7 @@
 use super::*;
 use crate::frame::{Event, Kind, KindSpec, Level, Linear, OneKind, Record, Scalar, Vector, Wrench};
 use crate::node::{
-    BuildContext, BuildError, NodeKind, Processor, Tick, any_input, input, output, output_like,
+    BuildContext, BuildError, Built, Io, NodeKind, Processor, Tick, any_input, input, output, output_like,
 };
 use crate::settings::NoSettings;
 use crate::testing::Bench;
@@ -77,32 +77,32 @@ impl NodeKind for Every {
         example: "",
     };
 
-    fn build(_: NoSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(_: NoSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         assert_eq!((cx.width(VECTOR), cx.width(HELD)), (3, Patch::KIND.width()));
         assert_eq!((cx.connections(MANY), cx.width(MANY)), (2, 3));
         let (extra, runs) = (cx.is_connected(EXTRA), cx.is_connected(EXTRA_HELD));
         assert_eq!(extra, runs);
-        Ok(Box::new(Reader))
+        Ok(Built::new(Reader))
     }
 }
 
-const SCALAR: Input<Scalar> = Every::SPEC.input("scalar");
-const VECTOR: Input<Vector> = Every::SPEC.input("vector");
-const PATCH: Input<Patch> = Every::SPEC.input("patch");
-const HELD: Input<Patch, Held> = Every::SPEC.input("held");
-const EXTRA: Input<Scalar, Optional> = Every::SPEC.input("extra");
-const EXTRA_HELD: Input<Vector, Optional<Held>> = Every::SPEC.input("extra_held");
-const MANY: Input<Linear, Many> = Every::SPEC.input("terms");
-const SUM: Output<Scalar> = Every::SPEC.output("sum");
-const TURNED: Output<Vector> = Every::SPEC.output("turned");
-const TOTAL: Output<Linear> = Every::SPEC.output("total");
-const EVENT: Output<Event> = Every::SPEC.output("event");
+const SCALAR: Input<Every, Scalar> = Input::named("scalar");
+const VECTOR: Input<Every, Vector> = Input::named("vector");
+const PATCH: Input<Every, Patch> = Input::named("patch");
+const HELD: Input<Every, Patch, Held> = Input::named("held");
+const EXTRA: Input<Every, Scalar, Optional> = Input::named("extra");
+const EXTRA_HELD: Input<Every, Vector, Optional<Held>> = Input::named("extra_held");
+const MANY: Input<Every, Linear, Many> = Input::named("terms");
+const SUM: Output<Every, Scalar> = Output::named("sum");
+const TURNED: Output<Every, Vector> = Output::named("turned");
+const TOTAL: Output<Every, Linear> = Output::named("total");
+const EVENT: Output<Every, Event> = Output::named("event");
 
 #[derive(Clone)]
 struct Reader;
 
-impl Processor for Reader {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<Every> for Reader {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Every>) {
         let (scalars, vectors) = (io.read(SCALAR), io.read(VECTOR));
         let (extra, extra_runs) = (io.read(EXTRA), io.read(EXTRA_HELD));
         assert_eq!((scalars.len(), vectors.len()), (tick.frames, tick.frames));
@@ -185,13 +185,6 @@ fn ports_of_every_form_are_read_and_written_by_their_handles() {
 }
 
 #[test]
-fn handles_that_kinds_have_in_common_are_one() {
-    let common = Input::common([SCALAR, Every::SPEC.input("scalar")]);
-    assert_eq!(common.index(), SCALAR.index());
-    assert_eq!(Output::common([EVENT]).index(), EVENT.index());
-}
-
-#[test]
 fn a_kind_has_a_neutral_frame_as_wide_as_it_is() {
     assert_eq!(Patch::KIND.neutral().collect::<Vec<_>>(), [0.0, 1.0]);
     for kind in Kind::ENGINE {
@@ -228,29 +221,26 @@ fn refused<T>(look_up: impl FnOnce() -> T + std::panic::UnwindSafe) -> String {
 
 #[test]
 fn what_does_not_fit_the_declaration_has_no_handle() {
-    const SPEC: NodeSpec = Every::SPEC;
-    let message = refused(|| SPEC.input::<Scalar, Sampled>("scalr"));
+    let message = refused(|| Input::<Every, Scalar, Sampled>::named("scalr"));
     assert_eq!(message, "no input has this name");
-    let message = refused(|| SPEC.input::<Scalar, Sampled>("vector"));
+    let message = refused(|| Input::<Every, Scalar, Sampled>::named("vector"));
     assert_eq!(message, "the frames of this input are of another kind");
-    let message = refused(|| SPEC.input::<Scalar, Sampled>("extra"));
-    assert!(message.contains("`Input<_, Optional>`"), "{message}");
-    let message = refused(|| SPEC.input::<Scalar, Optional>("scalar"));
+    let message = refused(|| Input::<Every, Scalar, Sampled>::named("extra"));
+    assert!(message.contains("`Input<_, _, Optional>`"), "{message}");
+    let message = refused(|| Input::<Every, Scalar, Optional>::named("scalar"));
     assert!(message.contains("always connected"), "{message}");
-    let message = refused(|| SPEC.input::<Linear, Sampled>("terms"));
-    assert!(message.contains("`Input<_, Many>`"), "{message}");
-    let message = refused(|| SPEC.input::<Patch, Sampled>("held"));
+    let message = refused(|| Input::<Every, Linear, Sampled>::named("terms"));
+    assert!(message.contains("`Input<_, _, Many>`"), "{message}");
+    let message = refused(|| Input::<Every, Patch, Sampled>::named("held"));
     assert!(message.contains("runs"), "{message}");
-    let message = refused(|| SPEC.input::<Scalar, Held>("scalar"));
+    let message = refused(|| Input::<Every, Scalar, Held>::named("scalar"));
     assert!(message.contains("frame per tick"), "{message}");
-    let message = refused(|| SPEC.output::<Scalar>("turnd"));
+    let message = refused(|| Output::<Every, Scalar>::named("turnd"));
     assert_eq!(message, "no output has this name");
-    let message = refused(|| SPEC.output::<Wrench>("turned"));
+    let message = refused(|| Output::<Every, Wrench>::named("turned"));
     assert_eq!(message, "the frames of this output are of another kind");
-    let message = refused(|| SPEC.output::<Linear>("event"));
+    let message = refused(|| Output::<Every, Linear>::named("event"));
     assert_eq!(message, "the frames of this output are of another kind");
-    let message = refused(|| Input::common([SCALAR, SPEC.input("scalar"), Input::at(5)]));
-    assert!(message.contains("different places"), "{message}");
 }
 
 #[test]
@@ -259,8 +249,8 @@ fn an_output_is_not_written_twice_at_once() {
     #[derive(Clone)]
     struct Twice;
 
-    impl Processor for Twice {
-        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+    impl Processor<Twice> for Twice {
+        fn process(&mut self, _: &Tick, io: &mut Io<'_, Twice>) {
             let _ = io.write_all((OUT, OUT));
         }
     }
@@ -277,12 +267,12 @@ fn an_output_is_not_written_twice_at_once() {
             example: "",
         };
 
-        fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-            Ok(Box::new(Self))
+        fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+            Ok(Built::new(Self))
         }
     }
 
-    const OUT: Output<Scalar> = Twice::SPEC.output("out");
+    const OUT: Output<Twice, Scalar> = Output::named("out");
     let mut bench = Bench::new::<Twice>(NoSettings {}, 1000.0, &[]).unwrap();
     bench.run_source(1);
 }

@@ -20,7 +20,7 @@ fn graph(coil: &Coil, real: bool, slew_per_s: Option<f64>) -> Graph {
 
 /// The same as another edit of it.
 fn graph_of(edit: u64, coil: &Coil, real: bool, slew_per_s: Option<f64>) -> Graph {
-    let (mut graph, node, sink) = with_processor(Box::new(Asks(5.0)));
+    let (mut graph, node, sink) = with_processor(Asks(5.0));
     graph.nodes[node].fingerprint = edit;
     if let Work::Actuator { limit, .. } = &mut graph.nodes[sink].work {
         *limit = Limit {

@@ -2,9 +2,9 @@
 
 use super::Heard;
 use super::runner::{bits, graphs, listening};
-use super::world::{Leaky, random_graph_with_drivers, with_a_node_more, with_rings_more};
+use super::world::{as_leaky, random_graph_with_drivers, with_a_node_more, with_rings_more};
 use crate::graph::NodeId;
-use crate::graph::{Graph, Work, id_of};
+use crate::graph::{Graph, id_of};
 use crate::node::SettingId;
 use crate::run::{Change, ChangeError, ControlError, Live, LiveOptions, RingReport, Session};
 use std::path::Path;
@@ -66,10 +66,9 @@ impl<'a> Driven<'a> {
 fn with_other_weights(seed: u64, paths: &[String]) -> Graph {
     let mut graph = random_graph_with_drivers(seed);
     for node in graph.nodes.node_weights_mut() {
-        if let Work::Process(processor) = &mut node.work
-            && paths.contains(&node.path)
+        if paths.contains(&node.path)
+            && let Some(leaky) = as_leaky(&mut node.work)
         {
-            let leaky = processor.as_any_mut().downcast_mut::<Leaky>().unwrap();
             leaky.weight = 0.4;
             node.fingerprint += 1;
         }

@@ -3,7 +3,7 @@
 //! tick.
 
 use super::heat::{Asks, Coil, RealCoil};
-use super::world::{TestDrive, with_drives};
+use super::world::{TestDrive, process, with_drives};
 use crate::device::DeviceEntry;
 use crate::graph::Graph;
 use crate::node::Limit;
@@ -123,7 +123,7 @@ impl Judge {
         let drives = wiring.iter().enumerate().filter_map(|(coil, wired)| {
             let wired = (*wired)?;
             Some(TestDrive {
-                processor: Box::new(Asks(wired.ask * 10.0)),
+                work: process(Asks(wired.ask * 10.0)),
                 fingerprint: wired.ask.to_bits(),
                 driver: wired.driver,
                 sink: SINKS[wired.sink].to_owned(),

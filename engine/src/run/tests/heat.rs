@@ -1,7 +1,7 @@
 //! What actuators are given while limits, sinks and devices change, against the definition of the limit in force.
 
 use super::live::plan;
-use super::world::with_processor;
+use super::world::{Nothing, with_processor};
 use crate::device::{Device, DeviceEntry, DeviceKind, DeviceSpec};
 use crate::graph::{Graph, Work};
 use crate::node::{BuildContext, BuildError, Io, Limit, Processor, Tick};
@@ -36,15 +36,15 @@ impl Device for Coil {
 #[derive(Clone)]
 pub struct Asks(pub f64);
 
-impl Processor for Asks {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        io.out(0).fill(self.0);
+impl Processor<Nothing> for Asks {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Nothing>) {
+        io.ports.out(0).fill(self.0);
     }
 }
 
 /// A graph that drives a coil, known by its number, by a sink and an endpoint of some names.
 fn driving(coils: &[Coil], coil: usize, names: (usize, usize), limit: Limit, ask: f64) -> Graph {
-    let (mut graph, node, sink) = with_processor(Box::new(Asks(ask * 10.0)));
+    let (mut graph, node, sink) = with_processor(Asks(ask * 10.0));
     graph.nodes[node].fingerprint = ask.to_bits();
     graph.nodes[sink].path = format!("sink {}", names.0);
     if let Work::Actuator { limit: to, .. } = &mut graph.nodes[sink].work {
@@ -59,7 +59,7 @@ fn driving(coils: &[Coil], coil: usize, names: (usize, usize), limit: Limit, ask
 
 /// One that drives nothing.
 fn driving_nothing() -> Graph {
-    let (mut graph, _, sink) = with_processor(Box::new(Asks(0.0)));
+    let (mut graph, _, sink) = with_processor(Asks(0.0));
     graph.nodes.remove_node(sink);
     graph.devices.clear();
     graph

@@ -1,7 +1,7 @@
 //! Live runs under virtual time: stops, faults and panics.
 
 use super::heat::Asks;
-use super::world::{Body, LIMIT, random_graph, with_processor};
+use super::world::{Body, LIMIT, Nothing, process, random_graph, with_processor};
 use crate::device::Device;
 use crate::graph::{Graph, Node, Work, id_of};
 use crate::node::{Io, Processor, SettingId, Tick};
@@ -68,12 +68,12 @@ pub struct Trouble {
     pub panics: bool,
 }
 
-impl Processor for Trouble {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+impl Processor<Nothing> for Trouble {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Nothing>) {
         if self.panics && tick.first >= self.from {
             panic_quietly();
         }
-        for (j, out) in io.out(0).iter_mut().enumerate() {
+        for (j, out) in io.ports.out(0).iter_mut().enumerate() {
             *out = if tick.first + j as u64 >= self.from {
                 self.value
             } else {
@@ -91,7 +91,7 @@ fn what_is_not_a_number_becomes_zero_at_the_sink_and_is_traced_to_its_node() {
             value,
             panics: false,
         };
-        let (graph, node, sink) = with_processor(Box::new(trouble));
+        let (graph, node, sink) = with_processor(trouble);
         let (mut live, _control) = live(plan(&graph, 8));
         let mut heard = vec![Vec::new(); 3];
         live.callback(100, |run, _| hear(run, 3, &mut heard));
@@ -110,7 +110,7 @@ fn a_panic_takes_the_actuators_to_zero_outside_the_plan() {
         value: 0.0,
         panics: true,
     };
-    let (graph, _, _) = with_processor(Box::new(trouble));
+    let (graph, _, _) = with_processor(trouble);
     let (mut live, _control) = live(plan(&graph, 1));
     live.callback(51, |_, _| {});
     assert_eq!(live.state(), LiveState::Panicked);
@@ -140,9 +140,9 @@ fn what_is_not_a_number_is_traced_to_the_same_node_whatever_the_block() {
     /// Once only not a number: gone when the sink has seen it.
     #[derive(Clone)]
     struct Once;
-    impl Processor for Once {
-        fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-            for (j, out) in io.out(0).iter_mut().enumerate() {
+    impl Processor<Nothing> for Once {
+        fn process(&mut self, tick: &Tick, io: &mut Io<'_, Nothing>) {
+            for (j, out) in io.ports.out(0).iter_mut().enumerate() {
                 *out = if tick.first + j as u64 == 50 {
                     f64::NAN
                 } else {
@@ -151,7 +151,7 @@ fn what_is_not_a_number_is_traced_to_the_same_node_whatever_the_block() {
             }
         }
     }
-    let (graph, node, _) = with_processor(Box::new(Once));
+    let (graph, node, _) = with_processor(Once);
     for block in [1, 7, 64, 1000] {
         let offline = Offline::new(FileSinks::new(&graph), block);
         let outcome = offline.run(0.2, &AtomicBool::new(false), &mut |_| {}).unwrap();
@@ -167,7 +167,7 @@ fn with_bystander() -> (Graph, NodeIndex) {
         value: f64::NAN,
         panics: false,
     };
-    let (mut graph, node, _) = with_processor(Box::new(trouble(50)));
+    let (mut graph, node, _) = with_processor(trouble(50));
     let blamed = &graph.nodes[node];
     let bystander = Node {
         path: String::from("bystander"),
@@ -175,7 +175,7 @@ fn with_bystander() -> (Graph, NodeIndex) {
         clock: blamed.clock,
         inputs: Vec::new(),
         outputs: blamed.outputs.clone(),
-        work: Work::Process(Box::new(trouble(10))),
+        work: process(trouble(10)),
         span: blamed.span,
         simulated: false,
         fingerprint: 1,
@@ -227,11 +227,11 @@ fn drive_of(mut device: Box<dyn crate::device::Device>) -> f64 {
 
 #[test]
 fn gain_is_set_while_running() {
-    let (graph, _, sink) = with_processor(Box::new(Trouble {
+    let (graph, _, sink) = with_processor(Trouble {
         from: u64::MAX,
         value: 0.0,
         panics: false,
-    }));
+    });
     let (mut live, mut control) = live(plan(&graph, 8));
     live.callback(40, |_, _| {});
     control.set(id_of(sink), SettingId::at(0), 0.05).unwrap();
@@ -284,7 +284,7 @@ impl Device for Heard {
 fn what_is_heard_stays_heard_and_what_falls_silent_is_silent_in_every_plan_that_takes_over() {
     let cells: Vec<Arc<InputCell>> = (0..3).map(|_| Arc::default()).collect();
     let plans = cells.iter().zip([1.0, 1.0, 2.0]).map(|(cell, asks)| {
-        let (mut graph, node, _) = with_processor(Box::new(Asks(asks)));
+        let (mut graph, node, _) = with_processor(Asks(asks));
         graph.nodes[node].fingerprint = f64::to_bits(asks);
         graph.devices[0].device = Box::new(Heard {
             cell: Arc::clone(cell),

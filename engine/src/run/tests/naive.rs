@@ -1,6 +1,6 @@
 //! What a graph means: every tick of every node in the order of time, every signal's whole history kept.
 
-use super::world::{AVERAGE, Body, LIMIT, LINEAR, Leaky};
+use super::world::{AVERAGE, Body, LIMIT, LINEAR, Leaky, as_leaky};
 use crate::device::Device;
 use crate::graph::{Bridge, Graph, Work};
 use crate::limiter::Limiter;
@@ -79,10 +79,8 @@ fn weight(graph: &Graph, node: NodeIndex) -> Option<f64> {
     let Work::Process(processor) = &graph.nodes[node].work else {
         return None;
     };
-    let mut copy = processor.clone_box();
-    copy.as_any_mut()
-        .downcast_mut::<Leaky>()
-        .map(|leaky| leaky.weight)
+    let mut copy = Work::Process(processor.boxed_clone());
+    as_leaky(&mut copy).map(|leaky| leaky.weight)
 }
 
 impl<'a> Naive<'a> {

@@ -2,7 +2,7 @@
 
 use super::live::{Trouble, hear, panic_quietly, plan, sink};
 use super::naive;
-use super::world::{LIMIT, Leaky, random_graph, with_delays, with_processor};
+use super::world::{LIMIT, Nothing, as_leaky, random_graph, with_delays, with_processor};
 use crate::graph::{Bridge, Graph, Work};
 use crate::node::{Io, Processor, Tick};
 use crate::plan::Plan;
@@ -55,9 +55,8 @@ fn with_other_weights(seed: u64) -> Graph {
     let mut graph = random_graph(seed, seed);
     for (number, node) in graph.nodes.node_weights_mut().enumerate() {
         match &mut node.work {
-            Work::Process(processor) if (seed & 1) == 0 || (number & 1) == 0 => {
-                let leaky = processor.as_any_mut().downcast_mut::<Leaky>().unwrap();
-                leaky.weight = 0.4;
+            Work::Process(_) if (seed & 1) == 0 || (number & 1) == 0 => {
+                as_leaky(&mut node.work).unwrap().weight = 0.4;
                 node.fingerprint += 1;
             }
             Work::Actuator { gain, .. } => *gain = -0.07,
@@ -185,8 +184,8 @@ const PANIC: Trouble = Trouble {
 /// What the body is given, frame by frame, where one graph fades into another after 20 ms; at frame `at` something is
 /// done. The gain is a tenth.
 fn faded(old: Trouble, new: Trouble, at: usize, and: impl Fn(&mut Control)) -> (Live, Vec<f64>) {
-    let (before, _, sink) = with_processor(Box::new(old));
-    let (mut after, node, _) = with_processor(Box::new(new));
+    let (before, _, sink) = with_processor(old);
+    let (mut after, node, _) = with_processor(new);
     after.nodes[node].fingerprint += 1;
     let (mut live, mut control) = live(plan(&before, 8));
     let mut given = Vec::new();
@@ -248,10 +247,10 @@ fn a_panic_of_either_graph_in_a_cross_fade_takes_the_actuators_to_zero() {
 
 #[test]
 fn swaps_in_a_row_wait_for_each_other() {
-    let (graph, _, sink) = with_processor(Box::new(constant(100.0)));
+    let (graph, _, sink) = with_processor(constant(100.0));
     let (mut live, mut control) = live(plan(&graph, 8));
     for swap in 1..=6 {
-        let (mut next, node, _) = with_processor(Box::new(constant(100.0 - 10.0 * f64::from(swap))));
+        let (mut next, node, _) = with_processor(constant(100.0 - 10.0 * f64::from(swap)));
         next.nodes[node].fingerprint += swap as u64;
         assert_eq!(control.swap(plan(&next, 8)), Ok(Change::CrossFade));
     }
@@ -339,7 +338,7 @@ fn a_device_that_ticks_faster_than_the_driver_is_not_shared() {
 
 /// A hundred, and a tenth of it for a body, within another limit each time.
 fn limited(peak: f64) -> (Arc<Plan>, NodeIndex) {
-    let (mut graph, _, sink) = with_processor(Box::new(constant(100.0)));
+    let (mut graph, _, sink) = with_processor(constant(100.0));
     let Work::Actuator { limit, .. } = &mut graph.nodes[sink].work else {
         panic!("a sink");
     };
@@ -430,16 +429,16 @@ fn where_there_is_no_time_for_both_one_waits_for_the_other() {
 #[derive(Clone)]
 struct Counts;
 
-impl Processor for Counts {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        let frames = io.out(0).iter_mut().enumerate();
+impl Processor<Nothing> for Counts {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Nothing>) {
+        let frames = io.ports.out(0).iter_mut().enumerate();
         frames.for_each(|(j, out)| *out = 1e-3 * (tick.first + j as u64) as f64);
     }
 }
 
 /// Drives a body by the time that it was so many frames ago.
 fn delayed(frames: u64, fingerprint: u64) -> (Graph, NodeIndex) {
-    let (mut graph, node, sink) = with_processor(Box::new(Counts));
+    let (mut graph, node, sink) = with_processor(Counts);
     graph.nodes[node].fingerprint += fingerprint;
     let edge = graph.nodes.find_edge(node, sink).unwrap();
     graph.nodes[edge].bridge = Bridge::Delay {
@@ -479,10 +478,7 @@ fn a_long_delay_changes_places_and_is_not_copied() {
 
 #[test]
 fn of_several_delays_that_go_on_as_one_each_has_what_it_held() {
-    let (old, new) = (
-        with_delays(Box::new(Counts), 1, 70_000),
-        with_delays(Box::new(Counts), 3, 70_000),
-    );
+    let (old, new) = (with_delays(Counts, 1, 70_000), with_delays(Counts, 3, 70_000));
     let (mut live, mut control) = live(plan(&old, 1024));
     live.callback(500, |_, _| {});
     let address = live.run().state.delays[0].ring.as_ptr();
@@ -553,7 +549,7 @@ fn a_thousand_swaps_come_home_and_leave_nothing() {
 
 #[test]
 fn a_swap_that_is_refused_changes_nothing() {
-    let (graph, _, _) = with_processor(Box::new(Clinging));
+    let (graph, _, _) = with_processor(Clinging);
     let (mut live, mut control) = live(plan(&graph, 8));
     while control.set_by_name("n37.gain", 0.2).is_ok() {}
     let running = Arc::clone(control.plan());
@@ -567,8 +563,8 @@ fn a_swap_that_is_refused_changes_nothing() {
 
 #[test]
 fn a_panic_in_a_swap_takes_the_actuators_to_zero_too() {
-    let (old, _, _) = with_processor(Box::new(Clinging));
-    let (mut new, node, _) = with_processor(Box::new(Clinging));
+    let (old, _, _) = with_processor(Clinging);
+    let (mut new, node, _) = with_processor(Clinging);
     new.nodes[node].fingerprint += 1;
     let (mut live, mut control) = live(plan(&old, 8));
     live.callback(80, |_, _| {});
@@ -583,12 +579,12 @@ fn a_panic_in_a_swap_takes_the_actuators_to_zero_too() {
 #[derive(Clone)]
 struct Clinging;
 
-impl Processor for Clinging {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        io.out(0).fill(100.0);
+impl Processor<Nothing> for Clinging {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Nothing>) {
+        io.ports.out(0).fill(100.0);
     }
 
-    fn copy_state_into(&self, _: &mut dyn Processor) {
+    fn copy_state_into(&self, _: &mut Self) {
         panic_quietly();
     }
 }

@@ -6,7 +6,7 @@ use crate::diagnostic::{Sources, Span};
 use crate::frame::{AnyKind, Kind};
 use crate::graph::{Bridge, Clock, Edge, Graph, GraphDevice, Input, Node, Output, Work};
 use crate::node::{
-    BuildContext, BuildError, Io, Limit, NodeEntry, NodeKind, NodeSpec, Processor, SettingId, Tick,
+    BuildContext, BuildError, Built, Io, Limit, NodeEntry, NodeKind, NodeSpec, Of, Processor, SettingId, Tick,
 };
 use crate::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
@@ -15,6 +15,7 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use std::any::Any;
 use std::sync::Arc;
 
 pub const HOLD: Bridge = Bridge::Between(BridgeEntry::of::<Hold>());
@@ -38,34 +39,46 @@ impl Leaky {
     }
 }
 
-impl Processor for Leaky {
+impl Processor<Nothing> for Leaky {
     fn set(&mut self, _: SettingId, weight: f64) {
         self.weight = weight;
     }
 
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Nothing>) {
         let mut at: Vec<Vec<f64>> = Vec::new();
         for (input, held) in self.held.iter().enumerate() {
             let mut frames = vec![f64::NAN; tick.frames];
             if *held {
-                for (range, lanes) in io.runs::<AnyKind>(input) {
+                for (range, lanes) in io.ports.runs::<AnyKind>(input) {
                     frames[range].fill(lanes[0]);
                 }
             } else {
-                frames.copy_from_slice(io.components(input));
+                frames.copy_from_slice(io.ports.components(input));
             }
             at.push(frames);
         }
-        for (j, out) in io.out(0).iter_mut().enumerate() {
+        for (j, out) in io.ports.out(0).iter_mut().enumerate() {
             *out = self.next(tick.first + j as u64, at.iter().map(|frames| frames[j]));
         }
     }
 
-    fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = new.as_any_mut().downcast_mut::<Self>() {
-            new.kept = self.kept;
-        }
+    fn copy_state_into(&self, new: &mut Self) {
+        new.kept = self.kept;
     }
+}
+
+/// The work of a node that runs this processor.
+pub fn process(processor: impl Processor<Nothing>) -> Work {
+    Work::Process(Built::new(processor).into_processor())
+}
+
+/// The processor of this work, if it is a leaky one.
+pub fn as_leaky(work: &mut Work) -> Option<&mut Leaky> {
+    let Work::Process(processor) = work else {
+        return None;
+    };
+    let leaky = (&mut **processor as &mut dyn Any).downcast_mut::<Of<Nothing, Leaky>>();
+    leaky.map(|of| &mut of.processor)
 }
 
 /// A body that sums what drives it.
@@ -95,7 +108,8 @@ crate::settings! {
     }
 }
 
-struct Nothing;
+/// The kind of all nodes of these graphs.
+pub struct Nothing;
 impl NodeKind for Nothing {
     type Settings = LeakySettings;
     const SPEC: NodeSpec = NodeSpec {
@@ -107,7 +121,7 @@ impl NodeKind for Nothing {
         outputs: &[],
         example: "",
     };
-    fn build(_: LeakySettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(_: LeakySettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Err(BuildError::at("none", "built by hand"))
     }
 }
@@ -165,11 +179,11 @@ pub fn random_graph_with_drivers(seed: u64) -> Graph {
 pub fn with_a_node_more(seed: u64, driver: usize) -> Graph {
     let (mut world, device_clock) = random_world(seed, 3);
     let mut order = world.order(seed);
-    let work = Work::Process(Box::new(Leaky {
+    let work = process(Leaky {
         kept: 0.0,
         weight: 0.7,
         held: Vec::new(),
-    }));
+    });
     order.insert(0, world.node(driver, work));
     world.finish(&order, device_clock)
 }
@@ -189,11 +203,11 @@ pub fn with_rings_more(seed: u64) -> Option<Graph> {
             let driver = world.drivers[*clock];
             driver != own && used(driver)
         })?;
-        let work = Work::Process(Box::new(Leaky {
+        let work = process(Leaky {
             kept: 0.0,
             weight: 0.7,
             held: Vec::new(),
-        }));
+        });
         let node = world.node(to, work);
         let ring = world.ring(world.nodes[from].clock?, to);
         world.connect(from, node, ring, false);
@@ -308,22 +322,22 @@ impl World {
         });
         if let Work::Process(_) = self.nodes[to].work {
             let held = self.nodes[to].inputs.iter().map(|input| input.held).collect();
-            self.nodes[to].work = Work::Process(Box::new(Leaky {
+            self.nodes[to].work = process(Leaky {
                 kept: 0.0,
                 weight: 0.7,
                 held,
-            }));
+            });
         }
     }
 
     fn leaky(&mut self) {
         let clock = self.random.random_range(0..self.rates.len());
         let earlier = self.nodes.len();
-        let work = Work::Process(Box::new(Leaky {
+        let work = process(Leaky {
             kept: 0.0,
             weight: 0.7,
             held: Vec::new(),
-        }));
+        });
         let node = self.node(clock, work);
         for _ in 0..self.random.random_range(0..4) {
             if earlier > 0 {
@@ -470,9 +484,9 @@ impl World {
 }
 
 /// A processor without inputs, at 1 kHz, driving a body with a gain of a tenth: the graph, the node and the sink.
-pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeIndex) {
+pub fn with_processor(processor: impl Processor<Nothing>) -> (Graph, NodeIndex, NodeIndex) {
     let mut world = World::at_1_khz();
-    let node = world.node(0, Work::Process(processor));
+    let node = world.node(0, process(processor));
     let sink = world.node(
         0,
         Work::Actuator {
@@ -516,12 +530,12 @@ pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeI
 }
 
 /// A processor without inputs, at 1 kHz, that so many others read, each through a delay of `frames`.
-pub fn with_delays(processor: Box<dyn Processor>, readers: usize, frames: u64) -> Graph {
+pub fn with_delays(processor: impl Processor<Nothing>, readers: usize, frames: u64) -> Graph {
     let mut world = World::at_1_khz();
-    let node = world.node(0, Work::Process(processor));
+    let node = world.node(0, process(processor));
     for _ in 0..readers {
         let (kept, weight, held) = (0.0, 0.5, Vec::new());
-        let reader = world.node(0, Work::Process(Box::new(Leaky { kept, weight, held })));
+        let reader = world.node(0, process(Leaky { kept, weight, held }));
         world.connect(
             node,
             reader,
@@ -538,7 +552,7 @@ pub fn with_delays(processor: Box<dyn Processor>, readers: usize, frames: u64) -
 
 /// What drives an actuator in [`with_drives`].
 pub struct TestDrive {
-    pub processor: Box<dyn Processor>,
+    pub work: Work,
     pub fingerprint: u64,
     /// The driver: 0 of 1000 Hz, 1 of 2000 Hz.
     pub driver: usize,
@@ -565,10 +579,10 @@ pub fn with_drives(drives: Vec<TestDrive>) -> Graph {
     let mut devices = Vec::new();
     for driver in 0..2 {
         let (kept, weight, held) = (0.0, 0.5, Vec::new());
-        world.node(driver, Work::Process(Box::new(Leaky { kept, weight, held })));
+        world.node(driver, process(Leaky { kept, weight, held }));
     }
     for drive in drives {
-        let node = world.node(drive.driver, Work::Process(drive.processor));
+        let node = world.node(drive.driver, drive.work);
         world.nodes[node].path = format!("asks of {}", drive.sink);
         world.nodes[node].fingerprint = drive.fingerprint;
         let (device, channel, gain, limit) = (devices.len(), 0, 0.1, drive.limit);
