@@ -5,6 +5,7 @@
 //! input and output in a tick.
 
 mod entry;
+mod fallback;
 mod port;
 mod processor;
 mod spec;
@@ -22,6 +23,7 @@ pub use crate::scripted::{OfflineOnly, ScriptBuild, Scripted, ScriptedKind, rais
 pub use crate::settings::SettingId;
 pub use entry::NodeEntry;
 pub(crate) use entry::{Advised, Build, Finish, Measured, Read};
+pub use fallback::{Fallback, next_change};
 pub use port::{Held, Input, Many, Mode, OneSignal, Optional, Output, Outputs, Sampled};
 pub(crate) use processor::AnyProcessor;
 #[cfg(test)]

@@ -3,16 +3,21 @@
 pub mod classical;
 pub mod section;
 
-use haptograph_engine::frame::{Linear, Scalar};
+use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Input, Io, Latency, NodeKind, Optional, Output, Processor, SettingId, Tick,
+    BuildContext, BuildError, Fallback, Input, InputSpec, Io, Latency, NodeKind, Optional, Output, Processor,
+    SettingId, Tick, input, next_change,
 };
 use haptograph_signal::filter::{DesignError, Prototype, Sections, SectionsState};
-
-use crate::fallback::{Fallback, next_change};
+use haptograph_signal::quantity::Quantity;
 
 /// Largest number of frequencies of a design.
 const MOST: usize = 2;
+
+/// A frequency input that falls back to a setting.
+pub(crate) const fn frequency_input(name: &'static str, doc: &'static str) -> InputSpec {
+    input(name, Kind::SCALAR, Quantity::FREQUENCY, doc).optional()
+}
 
 /// A kind of node whose processor is a [`LaneFilter`].
 pub(crate) trait FilterKind: NodeKind {

@@ -38,7 +38,6 @@ mod aliases;
 #[cfg(feature = "touch")]
 pub mod contact;
 mod csv_table;
-mod fallback;
 pub mod filters;
 #[cfg(feature = "touch")]
 pub mod friction;

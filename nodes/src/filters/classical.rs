@@ -1,12 +1,11 @@
 //! Classical designs: Butterworth, Bessel, and the double pole of the haptic texture toolkit.
 
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, InputSpec, NodeKind, NodeSpec, any_input, output_like,
+    BuildContext, BuildError, Built, Fallback, InputSpec, NodeKind, NodeSpec, any_input, output_like,
 };
 use haptograph_signal::filter::{DesignError, Prototype};
 
-use super::{FilterKind, Frequency, LaneFilter, design_error};
-use crate::fallback::{Fallback, frequency_input};
+use super::{FilterKind, Frequency, LaneFilter, design_error, frequency_input};
 
 haptograph_engine::settings! {
     /// Settings of a low-pass or high-pass.

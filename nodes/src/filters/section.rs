@@ -2,14 +2,13 @@
 
 use haptograph_engine::frame::{Kind, Linear};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, SettingId,
-    Tick, any_input, output_like,
+    BuildContext, BuildError, Built, Fallback, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor,
+    SettingId, Tick, any_input, next_change, output_like,
 };
 use haptograph_signal::filter;
 use std::f64::consts::PI;
 
-use super::{FilterKind, LaneFilter, within};
-use crate::fallback::{Fallback, frequency_input, next_change};
+use super::{FilterKind, LaneFilter, frequency_input, within};
 
 haptograph_engine::choices! {
     /// The response of a [`Biquad`].

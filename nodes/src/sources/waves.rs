@@ -2,12 +2,12 @@
 
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    BuildContext, BuildError, Built, Fallback, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
 };
 use std::f64::consts::TAU;
 
 use super::made;
-use crate::fallback::{Fallback, frequency_input};
+use crate::filters::frequency_input;
 
 haptograph_engine::settings! {
     /// Settings of [`Sine`].
