@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "different places")]
+    #[should_panic(expected = "different positions")]
     fn different_settings_are_not_one() {
         let _ = SettingId::common([Toy::live("high"), OtherToy::live("lowest")]);
     }
