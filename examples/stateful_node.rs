@@ -3,7 +3,7 @@
 
 use haptograph::engine::frame::{Kind, Scalar};
 use haptograph::engine::node::{
-    BuildContext, BuildError, Built, Input, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, SettingId,
+    BuildContext, BuildError, Built, Input, Io, LiveId, NodeEntry, NodeKind, NodeSpec, Output, Processor,
     Tick, input, output,
 };
 use haptograph::engine::registry::Registry;
@@ -55,7 +55,7 @@ impl NodeKind for Bristle {
 
 const POSITION: Input<Bristle, Scalar> = Input::named("position");
 const FORCE: Output<Bristle, Scalar> = Output::named("force");
-const SLIPS_AT_N: SettingId = BristleSettings::live("slips_at_n");
+const SLIPS_AT_N: LiveId<Bristle> = LiveId::named("slips_at_n");
 
 #[derive(Clone)]
 struct Spring {
@@ -85,7 +85,7 @@ impl Processor<Bristle> for Spring {
     }
 
     /// The graph sets a live setting.
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Bristle>, value: f64) {
         if setting == SLIPS_AT_N {
             self.slips_at_n = value;
         }

@@ -61,7 +61,7 @@ impl Alias {
 /// # const OUTPUT: Output<Level, Scalar> = Output::named("output");
 /// # impl Processor<Level> for Given {
 /// #     fn process(&mut self, _: &Tick, io: &mut Io<'_, Level>) { io.write(OUTPUT).fill(self.0); }
-/// #     fn set(&mut self, _: SettingId, value: f64) { self.0 = value; }
+/// #     fn set(&mut self, _: LiveId<Level>, value: f64) { self.0 = value; }
 /// # }
 ///
 /// let mut registry = Registry::new();

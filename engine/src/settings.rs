@@ -15,7 +15,7 @@ pub use expected::{Expected, Form};
 pub use fields::{Fields, fields_of};
 #[doc(hidden)]
 pub use live::any;
-pub use live::{DeclaredField, LiveSetting, SettingId};
+pub use live::{DeclaredField, LiveId, LiveSetting, SettingId, TypedId};
 pub(crate) use live::{count_live, has_limit, same};
 pub use spelling::closest;
 
@@ -101,7 +101,7 @@ pub struct Part {
 
 /// A set of named settings; declared by [`settings!`](crate::settings!).
 pub trait Settings: Sized + 'static {
-    /// The fields among which [`SettingId::of`] looks a name up, in the order of declaration; may be empty if none is live
+    /// The fields among which [`LiveId::named`] looks a name up, in the order of declaration; may be empty if none is live
     /// or a limit.
     const FIELDS: &'static [DeclaredField];
     /// The fields, in the order of declaration.

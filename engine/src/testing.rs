@@ -290,8 +290,8 @@ impl Bench {
     }
 
     /// Sets a live setting, as [`Processor::set`](crate::node::Processor::set) gets it.
-    pub fn set(&mut self, setting: SettingId, value: f64) {
-        self.processor.set(setting, value);
+    pub fn set(&mut self, setting: impl Into<SettingId>, value: f64) {
+        self.processor.set(setting.into(), value);
     }
 
     /// Copies the node's state into the one that replaces it, as

@@ -5,8 +5,8 @@ pub mod section;
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Fallback, Input, InputSpec, Io, Latency, NodeKind, Optional, Output, Processor,
-    SettingId, Tick, input, next_change,
+    BuildContext, BuildError, Fallback, Input, InputSpec, Io, Latency, LiveId, NodeKind, Optional, Output,
+    Processor, Tick, input, next_change,
 };
 use haptograph_signal::filter::{DesignError, Prototype, Sections, SectionsState};
 use haptograph_signal::quantity::Quantity;
@@ -40,13 +40,13 @@ pub(crate) struct LaneFilter {
 /// A frequency of a tunable filter: a live setting, and the input that replaces it, if there is one.
 #[derive(Debug)]
 pub(crate) struct Frequency<K> {
-    setting: SettingId,
+    setting: LiveId<K>,
     input: Option<Input<K, Scalar, Optional>>,
 }
 
 impl<K: NodeKind> Frequency<K> {
     /// This live setting.
-    pub const fn of(setting: SettingId) -> Self {
+    pub const fn of(setting: LiveId<K>) -> Self {
         Self { setting, input: None }
     }
 
@@ -179,7 +179,7 @@ impl<K: FilterKind> Processor<K> for LaneFilter {
         self.follow(signals, x, io.write(K::OUTPUT));
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<K>, value: f64) {
         let Some(tuning) = self.tuning.as_mut().filter(|_| value.is_finite()) else {
             return;
         };

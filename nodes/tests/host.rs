@@ -8,9 +8,10 @@ use haptograph_engine::document::{Builder, Document, LoadOptions, Part, hold};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::{CheckOptions, Graph, Hosted, NodeId, check};
 use haptograph_engine::host::{Full, HostError, PlayOptions, Player, Scalar, Vector, Wrench};
+use haptograph_engine::node::LiveId;
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{ControlError, Run};
-use haptograph_nodes::filters::classical::BandPassSettings;
+use haptograph_nodes::filters::classical::BandPass;
 use realtime::allocations;
 use std::path::Path;
 use std::sync::Arc;
@@ -377,7 +378,7 @@ fn playing_allocates_nothing() {
     let set = session.settings().find(|live| live.name() == "out.gain");
     assert_eq!(set.map(|live| live.value), Some(0.5));
     // A setting of another kind, at a place where the sink has none.
-    let foreign = BandPassSettings::live("high_hz");
+    let foreign = LiveId::<BandPass>::named("high_hz").into();
     let unknown = session.set(gain.node, foreign, 0.5);
     assert_eq!(unknown, Err(ControlError::NotLive));
 }

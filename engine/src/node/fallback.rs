@@ -1,6 +1,6 @@
 //! Inputs that fall back to a setting while they are not connected.
 
-use super::{BuildContext, BuildError, Input, NodeKind, Optional, SettingId};
+use super::{BuildContext, BuildError, Input, LiveId, NodeKind, Optional};
 use crate::frame::Scalar;
 
 /// An input, and the setting that replaces it while it is not connected: the frequency of an oscillator, the cut-off of a
@@ -12,7 +12,7 @@ use crate::frame::Scalar;
 /// ```
 /// use haptograph_engine::frame::{Kind, Scalar};
 /// use haptograph_engine::node::{
-///     BuildContext, BuildError, Built, Fallback, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+///     BuildContext, BuildError, Built, Fallback, Io, NodeKind, NodeSpec, LiveId, Output, Processor, Tick,
 ///     input, output,
 /// };
 /// use haptograph_engine::testing::Bench;
@@ -28,7 +28,7 @@ use crate::frame::Scalar;
 ///
 /// struct Sawtooth;
 /// const FREQUENCY: Fallback<Sawtooth> = Fallback::named("frequency", "frequency_hz");
-/// const FREQUENCY_HZ: SettingId = FREQUENCY.setting;
+/// const FREQUENCY_HZ: LiveId<Sawtooth> = FREQUENCY.setting;
 /// const OUTPUT: Output<Sawtooth, Scalar> = Output::named("output");
 ///
 /// impl NodeKind for Sawtooth {
@@ -72,7 +72,7 @@ use crate::frame::Scalar;
 ///         }
 ///     }
 ///
-///     fn set(&mut self, setting: SettingId, value: f64) {
+///     fn set(&mut self, setting: LiveId<Sawtooth>, value: f64) {
 ///         if setting == FREQUENCY_HZ {
 ///             self.frequency_hz = value;
 ///         }
@@ -92,7 +92,7 @@ pub struct Fallback<K> {
     /// The input.
     pub input: Input<K, Scalar, Optional>,
     /// The setting.
-    pub setting: SettingId,
+    pub setting: LiveId<K>,
     port: &'static str,
     field: &'static str,
 }
@@ -102,7 +102,7 @@ impl<K: NodeKind> Fallback<K> {
     pub const fn named(port: &'static str, field: &'static str) -> Self {
         Self {
             input: Input::named(port),
-            setting: SettingId::of::<K::Settings>(field),
+            setting: LiveId::named(field),
             port,
             field,
         }

@@ -3,7 +3,7 @@
 use super::{Input, NodeKind, Output};
 use crate::frame::FrameKind;
 use crate::io::{Io, Ports, Wires};
-use crate::settings::{SettingId, Settings, count_live};
+use crate::settings::{LiveId, SettingId, Settings, count_live};
 use haptograph_signal::elementwise;
 use std::any::Any;
 use std::marker::PhantomData;
@@ -28,13 +28,13 @@ use std::marker::PhantomData;
 ///
 /// # Ports and settings
 /// A processor reads and writes its ports, and tells its settings apart, by handles that are looked up by name where the
-/// program is compiled ([`Input`], [`Output`], [`SettingId`]). The handle of a port carries the kind `K` of the node, so that
-/// that of another node does not compile:
+/// program is compiled ([`Input`], [`Output`], [`LiveId`]). A handle carries the kind `K` of the node, so that one of another node does
+/// not compile:
 ///
 /// ```
 /// use haptograph_engine::frame::{Kind, Scalar};
 /// use haptograph_engine::node::{
-///     BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId,
+///     BuildContext, BuildError, Built, Input, Io, LiveId, NodeKind, NodeSpec, Output, Processor,
 ///     Tick, input, output,
 /// };
 /// use haptograph_signal::quantity::Quantity;
@@ -69,7 +69,7 @@ use std::marker::PhantomData;
 ///
 /// const POSITION: Input<Spring, Scalar> = Input::named("position");
 /// const FORCE: Output<Spring, Scalar> = Output::named("force");
-/// const STIFFNESS_N_PER_M: SettingId = SpringSettings::live("stiffness_n_per_m");
+/// const STIFFNESS_N_PER_M: LiveId<Spring> = LiveId::named("stiffness_n_per_m");
 ///
 /// #[derive(Clone)]
 /// struct Pull {
@@ -84,7 +84,7 @@ use std::marker::PhantomData;
 ///         }
 ///     }
 ///
-///     fn set(&mut self, setting: SettingId, value: f64) {
+///     fn set(&mut self, setting: LiveId<Spring>, value: f64) {
 ///         if setting == STIFFNESS_N_PER_M {
 ///             self.stiffness_n_per_m = value;
 ///         }
@@ -103,7 +103,7 @@ pub trait Processor<K: 'static>: Clone + Send + Sync + 'static {
     /// Sets a live setting to a finite value within its range. Real-time code like `process`.
     ///
     /// The engine calls it with the handles of the settings that are declared `[live]`, and at each frame of a ramp.
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<K>, value: f64) {
         let _ = (setting, value);
     }
 
@@ -257,7 +257,7 @@ impl<K: 'static, P: Processor<K>> AnyProcessor for Of<K, P> {
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
-        self.processor.set(setting, value);
+        self.processor.set(LiveId::at(setting), value);
     }
 
     fn copy_state_into(&self, new: &mut dyn AnyProcessor) {

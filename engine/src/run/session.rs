@@ -89,7 +89,7 @@ impl LiveOptions {
 /// # const OUTPUT: Output<Level, Scalar> = Output::named("output");
 /// # impl Processor<Level> for Given {
 /// #     fn process(&mut self, _: &Tick, io: &mut Io<'_, Level>) { io.write(OUTPUT).fill(self.0); }
-/// #     fn set(&mut self, _: SettingId, value: f64) { self.0 = value; }
+/// #     fn set(&mut self, _: LiveId<Level>, value: f64) { self.0 = value; }
 /// # }
 /// # let mut registry = Registry::new();
 /// # registry.add(NodeEntry::processor::<Level>());

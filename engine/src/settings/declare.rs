@@ -14,7 +14,7 @@
 /// }
 /// ```
 /// A field without `= default` is required. `[live]` marks a setting that may change while the graph runs, whose handle
-/// is `LowPassSettings::live("cutoff_hz")` (see [`SettingId`](crate::settings::SettingId)), and `[live, below_nyquist]`
+/// is `LiveId::<LowPass>::named("cutoff_hz")` (see [`LiveId`](crate::settings::LiveId)), and `[live, below_nyquist]`
 /// a frequency that has to stay below half of the node's rate when it does. `[limit]` marks the limit of an actuator
 /// sink, and `[output_file]` the file that a sink writes. There are no other flags, and a misspelt one does not
 /// compile:
@@ -50,14 +50,6 @@ macro_rules! settings {
         $(#[doc = $summary])*
         #[derive(Debug, Clone, PartialEq)]
         $vis struct $name { $($(#[doc = $doc])* pub $field: $type,)* }
-
-        impl $name {
-            /// Handle of a live setting, by name. In a constant any other name is a compile error.
-            #[allow(dead_code, reason = "most kinds have no live setting")]
-            $vis const fn live(name: &str) -> $crate::settings::SettingId {
-                $crate::settings::SettingId::of::<Self>(name)
-            }
-        }
 
         impl $crate::settings::Settings for $name {
             const FIELDS: &'static [$crate::settings::DeclaredField] = &[$($crate::settings::DeclaredField {

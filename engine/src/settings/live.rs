@@ -1,7 +1,9 @@
 //! Live settings: their handles, and how these are looked up.
 
 use super::Settings;
+use crate::node::NodeKind;
 use crate::node_id::NodeId;
+use std::marker::PhantomData;
 
 /// A setting that can change while the graph runs.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,69 +46,164 @@ pub struct DeclaredField {
     pub is_limit: bool,
 }
 
-/// Handle of a live setting, by which [`Processor::set`](crate::node::Processor::set) gets its new values.
+/// A live setting of a node whose kind is known at run time only: its place in the list of settings. Programs that set
+/// values get it with a [`LiveSetting`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct SettingId(usize);
+
+/// Handle of a live setting of the node kind `K`, by which [`Processor::set`](crate::node::Processor::set) gets its new
+/// values.
 ///
 /// It is looked up by name at compile time, and can be used in a pattern:
 ///
 /// ```
-/// use haptograph_engine::settings::SettingId;
+/// use haptograph_engine::settings::LiveId;
+/// # use haptograph_engine::node::*;
 ///
 /// haptograph_engine::settings! {
-///     /// Settings of a low-pass.
-///     pub struct LowPassSettings {
+///     /// Settings of `Smoother`.
+///     pub struct SmootherSettings {
 ///         /// Where the response has fallen by 3 dB.
 ///         [live] cutoff_hz: f64 = 20.0;
 ///         /// Poles.
 ///         order: u32 = 2;
 ///     }
 /// }
+/// # struct Smoother;
+/// # impl NodeKind for Smoother {
+/// #     type Settings = SmootherSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "", group: "", doc: "", source: "", example: "", inputs: &[], outputs: &[] };
+/// #     fn build(_: SmootherSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
 ///
-/// const CUTOFF_HZ: SettingId = LowPassSettings::live("cutoff_hz");
+/// const CUTOFF_HZ: LiveId<Smoother> = LiveId::named("cutoff_hz");
 ///
-/// fn is_cutoff(setting: SettingId) -> bool {
+/// fn is_cutoff(setting: LiveId<Smoother>) -> bool {
 ///     matches!(setting, CUTOFF_HZ)
 /// }
 /// assert!(is_cutoff(CUTOFF_HZ));
 /// ```
 ///
-/// A setting that is not live does not compile, nor does a name that no setting has:
+/// A setting that is not live does not compile:
 ///
-/// ```compile_fail
-/// # use haptograph_engine::settings::SettingId;
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{node::*, settings::LiveId};
 /// # haptograph_engine::settings! {
-/// #     /// Settings of a low-pass.
-/// #     pub struct LowPassSettings {
+/// #     /// Settings of a smoother.
+/// #     pub struct SmootherSettings {
 /// #         /// Where the response has fallen by 3 dB.
 /// #         [live] cutoff_hz: f64 = 20.0;
 /// #         /// Poles.
 /// #         order: u32 = 2;
 /// #     }
 /// # }
-/// const ORDER: SettingId = LowPassSettings::live("order");
+/// # struct Smoother;
+/// # impl NodeKind for Smoother {
+/// #     type Settings = SmootherSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "", group: "", doc: "", source: "", example: "", inputs: &[], outputs: &[] };
+/// #     fn build(_: SmootherSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const ORDER: LiveId<Smoother> = LiveId::named("order");
 /// ```
 ///
-/// ```compile_fail
-/// # use haptograph_engine::settings::SettingId;
+/// Nor does a name that no setting has:
+///
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{node::*, settings::LiveId};
 /// # haptograph_engine::settings! {
-/// #     /// Settings of a low-pass.
-/// #     pub struct LowPassSettings {
+/// #     /// Settings of a smoother.
+/// #     pub struct SmootherSettings {
 /// #         /// Where the response has fallen by 3 dB.
 /// #         [live] cutoff_hz: f64 = 20.0;
 /// #         /// Poles.
 /// #         order: u32 = 2;
 /// #     }
 /// # }
-/// const CUTOFF_HZ: SettingId = LowPassSettings::live("cutof_hz");
+/// # struct Smoother;
+/// # impl NodeKind for Smoother {
+/// #     type Settings = SmootherSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "", group: "", doc: "", source: "", example: "", inputs: &[], outputs: &[] };
+/// #     fn build(_: SmootherSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const CUTOFF_HZ: LiveId<Smoother> = LiveId::named("cutof_hz");
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct SettingId(usize);
+///
+/// Nor does a setting of another node:
+///
+/// ```compile_fail,E0308
+/// # use haptograph_engine::{node::*, settings::LiveId};
+/// # haptograph_engine::settings! {
+/// #     /// Settings of a smoother.
+/// #     pub struct SmootherSettings {
+/// #         /// Where the response has fallen by 3 dB.
+/// #         [live] cutoff_hz: f64 = 20.0;
+/// #         /// Poles.
+/// #         order: u32 = 2;
+/// #     }
+/// # }
+/// # struct Smoother;
+/// # impl NodeKind for Smoother {
+/// #     type Settings = SmootherSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "", group: "", doc: "", source: "", example: "", inputs: &[], outputs: &[] };
+/// #     fn build(_: SmootherSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// # enum Other {}
+/// const CUTOFF_HZ: LiveId<Smoother> = LiveId::named("cutoff_hz");
+///
+/// fn is_cutoff(setting: LiveId<Other>) -> bool {
+///     setting == CUTOFF_HZ
+/// }
+/// ```
+pub type LiveId<K> = TypedId<fn() -> K>;
+
+/// The type of a [`LiveId`]. A parameter that is a pointer to a function lets it stand in patterns, whatever the kind.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct TypedId<T> {
+    index: usize,
+    kind: PhantomData<T>,
+}
+
+impl<T> std::fmt::Debug for TypedId<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "LiveId({})", self.index)
+    }
+}
+
+impl<K: NodeKind> LiveId<K> {
+    /// The handle of the live setting `name` of `K`. In a constant a wrong name is a compile error.
+    ///
+    /// # Panics
+    /// If no setting has this name, or the setting is not live.
+    pub const fn named(name: &str) -> Self {
+        Self {
+            index: SettingId::of::<K::Settings>(name).0,
+            kind: PhantomData,
+        }
+    }
+}
+
+impl<K> LiveId<K> {
+    /// The handle of a setting of the list of `K`.
+    pub(crate) const fn at(setting: SettingId) -> Self {
+        Self {
+            index: setting.0,
+            kind: PhantomData,
+        }
+    }
+}
+
+impl<K> From<LiveId<K>> for SettingId {
+    fn from(setting: LiveId<K>) -> Self {
+        Self(setting.index)
+    }
+}
 
 impl SettingId {
     /// The handle of the live setting `name` of `S`. In a constant a wrong name is a compile error.
     ///
     /// # Panics
     /// If no setting has this name, or the setting is not live.
-    pub const fn of<S: Settings>(name: &str) -> Self {
+    pub(crate) const fn of<S: Settings>(name: &str) -> Self {
         let mut index = 0;
         while index < S::FIELDS.len() {
             let field = S::FIELDS[index];
@@ -120,23 +217,6 @@ impl SettingId {
             index += 1;
         }
         panic!("no setting has this name")
-    }
-
-    /// The common handle of several settings that have equal handles, for a processor of several kinds. In a constant a
-    /// difference is a compile error.
-    ///
-    /// # Panics
-    /// If they differ.
-    pub const fn common<const N: usize>(handles: [Self; N]) -> Self {
-        let mut other = 1;
-        while other < N {
-            assert!(
-                handles[other].0 == handles[0].0,
-                "these settings have different positions in their declarations"
-            );
-            other += 1;
-        }
-        handles[0]
     }
 
     /// The setting with this index in the list of settings.
@@ -217,18 +297,10 @@ mod tests {
         }
     }
 
-    crate::settings! {
-        /// Another kind's.
-        struct OtherToy {
-            /// Position of `low` of the first.
-            [live] lowest: f64 = 0.0;
-        }
-    }
-
     #[test]
     fn a_live_setting_is_found_by_its_name() {
-        const LOW: SettingId = Toy::live("low");
-        const HIGH: SettingId = Toy::live("high");
+        const LOW: SettingId = SettingId::of::<Toy>("low");
+        const HIGH: SettingId = SettingId::of::<Toy>("high");
         assert_eq!((LOW.index(), HIGH.index()), (0, 2));
         assert_eq!(count_live(Toy::FIELDS), 2);
         let names: Vec<&str> = Toy::specs().iter().map(|spec| spec.name).collect();
@@ -244,26 +316,14 @@ mod tests {
     }
 
     #[test]
-    fn kinds_can_have_a_setting_in_common() {
-        const LOW: SettingId = SettingId::common([Toy::live("low"), OtherToy::live("lowest")]);
-        assert_eq!(LOW, Toy::live("low"));
-    }
-
-    #[test]
     #[should_panic(expected = "not live")]
     fn what_is_not_live_has_no_handle() {
-        let _ = Toy::live("order");
+        let _ = SettingId::of::<Toy>("order");
     }
 
     #[test]
     #[should_panic(expected = "no setting has this name")]
     fn a_wrong_name_has_no_handle() {
-        let _ = Toy::live("lo");
-    }
-
-    #[test]
-    #[should_panic(expected = "different positions")]
-    fn different_settings_are_not_one() {
-        let _ = SettingId::common([Toy::live("high"), OtherToy::live("lowest")]);
+        let _ = SettingId::of::<Toy>("lo");
     }
 }

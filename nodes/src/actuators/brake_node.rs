@@ -6,8 +6,8 @@ use crate::texture::load_surface;
 use crate::vector::norm;
 use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Built, Input, Io, Limit, NodeKind, NodeSpec, Output, OutputRole,
-    Processor, SettingId, Tick, input, output,
+    ActuatorKind, BuildContext, BuildError, Built, Input, Io, Limit, LiveId, NodeKind, NodeSpec, Output,
+    OutputRole, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use std::path::PathBuf;
@@ -142,16 +142,16 @@ impl BrakeController {
     const TRIM: Output<Self, Scalar> = Output::named("trim");
     const REACH: Output<Self, Scalar> = Output::named("reach");
     const COIL: Output<Self, Scalar> = Output::named("coil");
-    const MU: SettingId = BrakeControllerSettings::live("mu");
-    const TRIM_PER_S: SettingId = BrakeControllerSettings::live("trim_per_s");
-    const MOST_TRIM: SettingId = BrakeControllerSettings::live("most_trim");
-    const MOST_CURRENT_A: SettingId = BrakeControllerSettings::live("most_current_a");
-    const LEAST_LOAD_N: SettingId = BrakeControllerSettings::live("least_load_n");
-    const LEAST_SPEED_MM_S: SettingId = BrakeControllerSettings::live("least_speed_mm_s");
-    const LINE_SLOPE: SettingId = BrakeControllerSettings::live("line_slope");
-    const LINE_OFFSET: SettingId = BrakeControllerSettings::live("line_offset");
-    const FORCE_N_PER_A2: SettingId = BrakeControllerSettings::live("force_n_per_a2");
-    const PLUNGER_N: SettingId = BrakeControllerSettings::live("plunger_n");
+    const MU: LiveId<Self> = LiveId::named("mu");
+    const TRIM_PER_S: LiveId<Self> = LiveId::named("trim_per_s");
+    const MOST_TRIM: LiveId<Self> = LiveId::named("most_trim");
+    const MOST_CURRENT_A: LiveId<Self> = LiveId::named("most_current_a");
+    const LEAST_LOAD_N: LiveId<Self> = LiveId::named("least_load_n");
+    const LEAST_SPEED_MM_S: LiveId<Self> = LiveId::named("least_speed_mm_s");
+    const LINE_SLOPE: LiveId<Self> = LiveId::named("line_slope");
+    const LINE_OFFSET: LiveId<Self> = LiveId::named("line_offset");
+    const FORCE_N_PER_A2: LiveId<Self> = LiveId::named("force_n_per_a2");
+    const PLUNGER_N: LiveId<Self> = LiveId::named("plunger_n");
 }
 
 fn wanted(settings: &BrakeControllerSettings) -> Result<f64, BuildError> {
@@ -210,7 +210,7 @@ impl Processor<BrakeController> for Braking {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<BrakeController>, value: f64) {
         let brake = self.brake.settings_mut();
         match setting {
             BrakeController::MU => self.wanted = value,

@@ -5,8 +5,8 @@ use super::limit::CurrentLimitSettings;
 use crate::simulated::haptuator::TwoMassSettings;
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Built, Input, Io, Limit, NodeKind, NodeSpec, Output, Processor,
-    SettingId, Tick, input, output,
+    ActuatorKind, BuildContext, BuildError, Built, Input, Io, Limit, LiveId, NodeKind, NodeSpec, Output,
+    Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -88,7 +88,7 @@ impl NodeKind for DynamicCompensator {
 impl DynamicCompensator {
     const ACCELERATION: Input<Self, Scalar> = Input::named("acceleration");
     const CURRENT: Output<Self, Scalar> = Output::named("current");
-    const CORNER_HZ: SettingId = DynamicCompensatorSettings::live("corner_hz");
+    const CORNER_HZ: LiveId<Self> = LiveId::named("corner_hz");
 }
 
 /// Highest vibration that fingers feel, Hz.
@@ -107,7 +107,7 @@ impl Processor<DynamicCompensator> for Compensating {
         self.compensator.process(current);
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<DynamicCompensator>, value: f64) {
         if setting == DynamicCompensator::CORNER_HZ {
             self.compensator.turn(value);
         }

@@ -5,7 +5,7 @@ use super::stiffness::Wall;
 use crate::vector::scale;
 use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Optional, Output, Processor, SettingId,
+    BuildContext, BuildError, Built, Input, Io, LiveId, NodeKind, NodeSpec, Optional, Output, Processor,
     Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
@@ -85,8 +85,8 @@ impl NormalForce {
     const VELOCITY: Input<Self, Vector, Optional> = Input::named("velocity");
     const FORCE: Output<Self, Vector> = Output::named("force");
     const LOAD: Output<Self, Scalar> = Output::named("load");
-    const STIFFNESS_N_PER_MM: SettingId = NormalForceSettings::live("stiffness_n_per_mm");
-    const DAMPING_N_S_PER_M: SettingId = NormalForceSettings::live("damping_n_s_per_m");
+    const STIFFNESS_N_PER_MM: LiveId<Self> = LiveId::named("stiffness_n_per_mm");
+    const DAMPING_N_S_PER_M: LiveId<Self> = LiveId::named("damping_n_s_per_m");
 }
 
 fn wall(settings: &NormalForceSettings) -> Wall {
@@ -113,7 +113,7 @@ impl Processor<NormalForce> for Pushing {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<NormalForce>, value: f64) {
         match setting {
             NormalForce::STIFFNESS_N_PER_MM => self.wall.stiffness_n_per_m = value * 1e3,
             NormalForce::DAMPING_N_S_PER_M => self.wall.damping_n_s_per_m = value,

@@ -9,8 +9,8 @@ use crate::sensing::speed::SpeedFilter;
 use crate::vector::norm;
 use haptograph_engine::frame::{Kind, OneKind, Record, Scalar, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, Latency, NodeKind, NodeSpec, Optional, Output, Processor,
-    SettingId, Tick, input, output,
+    BuildContext, BuildError, Built, Input, Io, Latency, LiveId, NodeKind, NodeSpec, Optional, Output,
+    Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -115,9 +115,9 @@ impl ContactFromWrench {
     const UNCERTAINTY: Output<Self, Scalar> = Output::named("uncertainty");
     const MISS: Output<Self, Scalar> = Output::named("miss");
     const POINT_UNCERTAINTY: Output<Self, Scalar> = Output::named("point_uncertainty");
-    const THRESHOLD_N: SettingId = ContactFromWrenchSettings::live("threshold_n");
-    const FORCE_STEP_N: SettingId = ContactFromWrenchSettings::live("force_step_n");
-    const TORQUE_STEP_N_MM: SettingId = ContactFromWrenchSettings::live("torque_step_n_mm");
+    const THRESHOLD_N: LiveId<Self> = LiveId::named("threshold_n");
+    const FORCE_STEP_N: LiveId<Self> = LiveId::named("force_step_n");
+    const TORQUE_STEP_N_MM: LiveId<Self> = LiveId::named("torque_step_n_mm");
 }
 
 #[derive(Debug, Clone)]
@@ -157,7 +157,7 @@ impl Processor<ContactFromWrench> for Locating {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<ContactFromWrench>, value: f64) {
         let measured = self.locator.settings_mut();
         match setting {
             ContactFromWrench::THRESHOLD_N => measured.threshold_n = value,
@@ -244,8 +244,8 @@ impl SurfaceSpeed {
     const SPEED: Output<Self, Scalar> = Output::named("speed");
     const ALONG: Output<Self, Vector> = Output::named("along");
     const WAY: Output<Self, Scalar> = Output::named("way");
-    const CUTOFF_HZ: SettingId = SurfaceSpeedSettings::live("cutoff_hz");
-    const LEASH: SettingId = SurfaceSpeedSettings::live("leash");
+    const CUTOFF_HZ: LiveId<Self> = LiveId::named("cutoff_hz");
+    const LEASH: LiveId<Self> = LiveId::named("leash");
 }
 
 #[derive(Debug, Clone)]
@@ -283,7 +283,7 @@ impl Processor<SurfaceSpeed> for Following {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<SurfaceSpeed>, value: f64) {
         match setting {
             SurfaceSpeed::CUTOFF_HZ => self.path.turn(value),
             SurfaceSpeed::LEASH => self.path.set_leash(value),

@@ -1,7 +1,7 @@
 //! Classical designs: Butterworth, Bessel, and the double pole of the haptic texture toolkit.
 
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Fallback, InputSpec, NodeKind, NodeSpec, any_input, output_like,
+    BuildContext, BuildError, Built, Fallback, InputSpec, LiveId, NodeKind, NodeSpec, any_input, output_like,
 };
 use haptograph_signal::filter::{DesignError, Prototype};
 
@@ -243,14 +243,13 @@ impl NodeKind for DoublePole {
 }
 
 impl FilterKind for DoublePole {
-    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::of(DoublePoleSettings::live("lambda_rad_s"))];
+    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::of(LiveId::named("lambda_rad_s"))];
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use haptograph_engine::frame::Kind;
-    use haptograph_engine::node::SettingId;
     use haptograph_engine::testing::Bench;
     use std::f64::consts::TAU;
 
@@ -361,7 +360,7 @@ mod tests {
             let mut bench = Bench::new::<LowPass>(cutoff(20.0, order), RATE_HZ, &[Kind::SCALAR]).unwrap();
             bench.run(&[&[1.0; 2000]]);
             for hz in [200.0, 1.0, 499.0, 600.0, f64::NAN, 40.0] {
-                bench.set(CutoffSettings::live("cutoff_hz"), hz);
+                bench.set(LiveId::<LowPass>::named("cutoff_hz"), hz);
                 let y = bench.run(&[&[1.0; 100]]).remove(0);
                 assert!(y.iter().all(|y| (y - 1.0).abs() < 1e-6), "{order} at {hz}");
             }
@@ -375,7 +374,7 @@ mod tests {
             high_hz: Some(90.0),
             order: 2,
         };
-        let run = |first: &[(SettingId, f64)]| {
+        let run = |first: &[(LiveId<BandPass>, f64)]| {
             let mut bench = Bench::new::<BandPass>(band.clone(), RATE_HZ, &[Kind::SCALAR]).unwrap();
             first.iter().for_each(|(setting, hz)| bench.set(*setting, *hz));
             let x: Vec<f64> = (0..500).map(|k| f64::from(k % 17) - 8.0).collect();

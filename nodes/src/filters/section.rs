@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Linear};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Fallback, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor,
-    SettingId, Tick, any_input, next_change, output_like,
+    BuildContext, BuildError, Built, Fallback, Input, Io, Latency, LiveId, NodeKind, NodeSpec, Output,
+    Processor, Tick, any_input, next_change, output_like,
 };
 use haptograph_signal::filter;
 use std::f64::consts::PI;
@@ -91,7 +91,7 @@ impl NodeKind for Biquad {
 impl Biquad {
     const INPUT: Input<Self, Linear> = Input::named("input");
     const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const Q: SettingId = BiquadSettings::live("q");
+    const Q: LiveId<Self> = LiveId::named("q");
 }
 
 /// The requested frequency and quality.
@@ -221,8 +221,8 @@ impl Processor<Biquad> for StateVariable {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
-        const FREQUENCY_HZ: SettingId = FREQUENCY.setting;
+    fn set(&mut self, setting: LiveId<Biquad>, value: f64) {
+        const FREQUENCY_HZ: LiveId<Biquad> = FREQUENCY.setting;
         match setting {
             _ if !value.is_finite() => {}
             // Just below half the rate, where the integrators' gain would be infinite.

@@ -6,8 +6,8 @@ use crate::contact::Contact;
 use crate::texture::load_surface;
 use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor,
-    SettingId, Tick, input, output,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, LiveId, NodeKind, NodeSpec, Output, OutputSpec,
+    Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
@@ -95,7 +95,7 @@ impl DahlFriction {
     const CONTACT: Input<Self, Contact> = Input::named("contact");
     const LOAD: Input<Self, Scalar> = Input::named("load");
     const FORCE: Output<Self, Vector> = Output::named("force");
-    const MU: SettingId = DahlFrictionSettings::live("mu");
+    const MU: LiveId<Self> = LiveId::named("mu");
 }
 
 #[derive(Debug, Clone)]
@@ -113,7 +113,7 @@ impl Processor<DahlFriction> for Sticking {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<DahlFriction>, value: f64) {
         if setting == DahlFriction::MU {
             self.mu = value;
         }
@@ -175,8 +175,8 @@ impl ViscousCoulombFriction {
     const LOAD: Input<Self, Scalar> = Input::named("load");
     const VELOCITY: Input<Self, Vector> = Input::named("velocity");
     const FORCE: Output<Self, Vector> = Output::named("force");
-    const MU: SettingId = ViscousCoulombSettings::live("mu");
-    const SLOPE_S_PER_MM: SettingId = ViscousCoulombSettings::live("slope_s_per_mm");
+    const MU: LiveId<Self> = LiveId::named("mu");
+    const SLOPE_S_PER_MM: LiveId<Self> = LiveId::named("slope_s_per_mm");
 }
 
 #[derive(Debug, Clone)]
@@ -201,7 +201,7 @@ impl Processor<ViscousCoulombFriction> for Dragging {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<ViscousCoulombFriction>, value: f64) {
         match setting {
             ViscousCoulombFriction::MU => self.mu = value,
             ViscousCoulombFriction::SLOPE_S_PER_MM => self.law.slope_s_per_m = value * 1e3,

@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Event, Kind, Linear, Record};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, Optional,
-    Output, OutputRole, OutputSpec, Processor, QuantityRule, SettingId, Tick, any_input,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, Latency, LiveId, NodeKind, NodeSpec,
+    Optional, Output, OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
 
@@ -139,7 +139,7 @@ impl Integrator {
     const INPUT: Input<Self, Linear> = Input::named("input");
     const RESET: Input<Self, Event, Optional> = Input::named("reset");
     const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const LEAK_S: SettingId = IntegratorSettings::live("leak_s");
+    const LEAK_S: LiveId<Self> = LiveId::named("leak_s");
 }
 
 /// Decay factor per frame.
@@ -193,7 +193,7 @@ impl Processor<Integrator> for Integral {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Integrator>, value: f64) {
         if setting == Integrator::LEAK_S {
             self.keep = keep(self.period_s, value);
         }

@@ -3,7 +3,7 @@
 
 use haptograph_engine::frame::Linear;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    BuildContext, BuildError, Built, Input, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick,
     any_input, output_like,
 };
 
@@ -42,8 +42,8 @@ impl NodeKind for Clamp {
 impl Clamp {
     const INPUT: Input<Self, Linear> = Input::named("input");
     const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const LOWEST: SettingId = Clamp::live("lowest");
-    const HIGHEST: SettingId = Clamp::live("highest");
+    const LOWEST: LiveId<Self> = LiveId::named("lowest");
+    const HIGHEST: LiveId<Self> = LiveId::named("highest");
 }
 
 impl Processor<Clamp> for Clamp {
@@ -55,7 +55,7 @@ impl Processor<Clamp> for Clamp {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Clamp>, value: f64) {
         match setting {
             Clamp::LOWEST => self.lowest = value,
             Clamp::HIGHEST => self.highest = value,
@@ -97,7 +97,7 @@ impl NodeKind for SoftClip {
 impl SoftClip {
     const INPUT: Input<Self, Linear> = Input::named("input");
     const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const LIMIT: SettingId = SoftClip::live("limit");
+    const LIMIT: LiveId<Self> = LiveId::named("limit");
 }
 
 impl Processor<SoftClip> for SoftClip {
@@ -108,7 +108,7 @@ impl Processor<SoftClip> for SoftClip {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<SoftClip>, value: f64) {
         if setting == SoftClip::LIMIT {
             self.limit = value;
         }
@@ -156,7 +156,7 @@ impl NodeKind for SlewLimit {
 impl SlewLimit {
     const INPUT: Input<Self, Linear> = Input::named("input");
     const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const MAX_PER_S: SettingId = SlewLimitSettings::live("most_per_s");
+    const MAX_PER_S: LiveId<Self> = LiveId::named("most_per_s");
 }
 
 #[derive(Debug, Clone)]
@@ -198,7 +198,7 @@ impl Processor<SlewLimit> for SlewLimiting {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<SlewLimit>, value: f64) {
         if setting == SlewLimit::MAX_PER_S {
             self.most_per_s = value;
         }

@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{AnyKind, Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Latency, Many, NodeKind, NodeSpec,
-    Optional, Output, Presence, Processor, QuantityRule, SettingId, Tick, any_input, input, output_like,
+    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Latency, LiveId, Many, NodeKind,
+    NodeSpec, Optional, Output, Presence, Processor, QuantityRule, Tick, any_input, input, output_like,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -61,7 +61,7 @@ impl Switch {
     const SELECTOR: Input<Self, Scalar, Optional> = Input::named("selector");
     const INPUTS: Input<Self, AnyKind, Many> = Input::named("inputs");
     const OUTPUT: Output<Self, AnyKind> = Output::named("output");
-    const SELECT: SettingId = SwitchSettings::live("select");
+    const SELECT: LiveId<Self> = LiveId::named("select");
 }
 
 #[derive(Debug, Clone)]
@@ -85,7 +85,7 @@ impl Processor<Switch> for Switching {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Switch>, value: f64) {
         if setting == Switch::SELECT {
             self.select = value.round() as usize;
         }

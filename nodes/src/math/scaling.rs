@@ -166,13 +166,14 @@ impl Processor<Abs> for Abs {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::node::LiveId;
     use haptograph_engine::testing::Bench;
 
     #[test]
     fn a_gain_multiplies_every_lane_and_can_be_turned() {
         let mut bench = Bench::new::<Gain>(GainSettings { gain: -2.0 }, 1000.0, &[Kind::VECTOR]).unwrap();
         assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[-2.0, -4.0, -6.0]]);
-        bench.set(GainSettings::live("gain"), 0.5);
+        bench.set(LiveId::<Gain>::named("gain"), 0.5);
         assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[0.5, 1.0, 1.5]]);
     }
 

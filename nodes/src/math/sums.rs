@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::Linear;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Many, NodeKind, NodeSpec, Output,
-    Presence, Processor, QuantityRule, SettingId, Tick, any_input, output_like,
+    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, LiveId, Many, NodeKind, NodeSpec,
+    Output, Presence, Processor, QuantityRule, Tick, any_input, output_like,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::elementwise;
@@ -156,7 +156,7 @@ impl NodeKind for Mixer {
 impl Mixer {
     const INPUTS: Input<Self, Linear, Many> = Input::named("inputs");
     const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const MASTER: SettingId = MixerSettings::live("master");
+    const MASTER: LiveId<Self> = LiveId::named("master");
 }
 
 #[derive(Debug, Clone)]
@@ -188,7 +188,7 @@ impl Processor<Mixer> for Mixing {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Mixer>, value: f64) {
         if setting == Mixer::MASTER {
             self.master = value;
         }

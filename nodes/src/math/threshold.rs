@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Event, Kind, Record, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
-    OutputSpec, Processor, QuantityRule, SettingId, Tick, any_input,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, LiveId, NodeKind, NodeSpec, Output,
+    OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 
 haptograph_engine::settings! {
@@ -57,8 +57,8 @@ impl NodeKind for Threshold {
 impl Threshold {
     const INPUT: Input<Self, Scalar> = Input::named("input");
     const EVENT: Output<Self, Event> = Output::named("event");
-    const RISES_TO: SettingId = ThresholdSettings::live("rises_to");
-    const FALLS_TO: SettingId = ThresholdSettings::live("falls_to");
+    const RISES_TO: LiveId<Self> = LiveId::named("rises_to");
+    const FALLS_TO: LiveId<Self> = LiveId::named("falls_to");
 }
 
 #[derive(Debug, Clone)]
@@ -88,7 +88,7 @@ impl Processor<Threshold> for Rising {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Threshold>, value: f64) {
         match setting {
             Threshold::RISES_TO => self.rises_to = value,
             // Not above the level that it is armed for, as in a file.

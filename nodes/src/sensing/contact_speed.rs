@@ -6,8 +6,8 @@ use crate::filters::design_error;
 use crate::vector::{norm, reject};
 use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, SettingId,
-    Tick, input, output,
+    BuildContext, BuildError, Built, Input, Io, Latency, LiveId, NodeKind, NodeSpec, Output, Processor, Tick,
+    input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -74,7 +74,7 @@ impl ContactSpeed {
     const SPEED: Output<Self, Scalar> = Output::named("speed");
     const ALONG: Output<Self, Vector> = Output::named("along");
     const VELOCITY: Output<Self, Vector> = Output::named("velocity");
-    const CUTOFF_HZ: SettingId = ContactSpeedSettings::live("cutoff_hz");
+    const CUTOFF_HZ: LiveId<Self> = LiveId::named("cutoff_hz");
 }
 
 #[derive(Debug, Clone)]
@@ -99,7 +99,7 @@ impl Processor<ContactSpeed> for Sliding {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<ContactSpeed>, value: f64) {
         if setting == ContactSpeed::CUTOFF_HZ {
             self.estimator.turn(value);
         }

@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, Latency, NodeKind, NodeSpec, Optional, Output, Processor,
-    SettingId, Tick, input, output,
+    BuildContext, BuildError, Built, Input, Io, Latency, LiveId, NodeKind, NodeSpec, Optional, Output,
+    Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use std::f64::consts::TAU;
@@ -98,7 +98,7 @@ impl SpeedEstimator {
     const TOUCHING: Input<Self, Scalar, Optional> = Input::named("touching");
     const SPEED: Output<Self, Scalar> = Output::named("speed");
     const VELOCITY: Output<Self, Vector> = Output::named("velocity");
-    const CUTOFF_HZ: SettingId = SpeedEstimatorSettings::live("cutoff_hz");
+    const CUTOFF_HZ: LiveId<Self> = LiveId::named("cutoff_hz");
 }
 
 #[derive(Debug, Clone)]
@@ -128,7 +128,7 @@ impl Processor<SpeedEstimator> for Estimating {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<SpeedEstimator>, value: f64) {
         if setting == SpeedEstimator::CUTOFF_HZ && value < self.nyquist_hz {
             self.estimator.turn(self.per_hz * value);
         }

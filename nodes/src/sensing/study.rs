@@ -3,8 +3,8 @@
 
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, NodeKind, NodeSpec, Output, OutputSpec, Processor,
-    SettingId, Tick, input, output,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, LiveId, NodeKind, NodeSpec, Output, OutputSpec,
+    Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -84,9 +84,9 @@ impl Responsiveness {
     const FORCE: Input<Self, Scalar> = Input::named("force");
     const SPEED_TO_RENDER: Output<Self, Scalar> = Output::named("speed");
     const FORCE_TO_RENDER: Output<Self, Scalar> = Output::named("force");
-    const CONSTANT_MM_S: SettingId = ResponsivenessSettings::live("constant_mm_s");
-    const CONSTANT_N: SettingId = ResponsivenessSettings::live("constant_n");
-    const REST_MM_S: SettingId = ResponsivenessSettings::live("rest_mm_s");
+    const CONSTANT_MM_S: LiveId<Self> = LiveId::named("constant_mm_s");
+    const CONSTANT_N: LiveId<Self> = LiveId::named("constant_n");
+    const REST_MM_S: LiveId<Self> = LiveId::named("rest_mm_s");
 }
 
 /// Constants that replace the hand's speed and force.
@@ -115,7 +115,7 @@ impl Processor<Responsiveness> for Responding {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Responsiveness>, value: f64) {
         // Inputs that it responds to do not change.
         match setting {
             Responsiveness::CONSTANT_MM_S => self.speed_m_s = self.speed_m_s.map(|_| value * 1e-3),
@@ -168,7 +168,7 @@ impl NodeKind for ForceWarning {
 impl ForceWarning {
     const FORCE: Input<Self, Scalar> = Input::named("force");
     const WARNING: Output<Self, Scalar> = Output::named("warning");
-    const ABOVE_N: SettingId = ForceWarningSettings::live("above_n");
+    const ABOVE_N: LiveId<Self> = LiveId::named("above_n");
 }
 
 #[derive(Debug, Clone)]
@@ -193,7 +193,7 @@ impl Processor<ForceWarning> for Warning {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<ForceWarning>, value: f64) {
         if setting == ForceWarning::ABOVE_N {
             self.above_n = value;
         }
@@ -258,9 +258,9 @@ impl QuadrantDwell {
     const FAST_LIGHT: Output<Self, Scalar> = Output::named("fast_light");
     const SLOW_HARD: Output<Self, Scalar> = Output::named("slow_hard");
     const FAST_HARD: Output<Self, Scalar> = Output::named("fast_hard");
-    const CENTRE_MM_S: SettingId = QuadrantDwellSettings::live("centre_mm_s");
-    const CENTRE_N: SettingId = QuadrantDwellSettings::live("centre_n");
-    const REST_MM_S: SettingId = QuadrantDwellSettings::live("rest_mm_s");
+    const CENTRE_MM_S: LiveId<Self> = LiveId::named("centre_mm_s");
+    const CENTRE_N: LiveId<Self> = LiveId::named("centre_n");
+    const REST_MM_S: LiveId<Self> = LiveId::named("rest_mm_s");
 }
 
 #[derive(Debug, Clone)]
@@ -297,7 +297,7 @@ impl Processor<QuadrantDwell> for Dwelling {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<QuadrantDwell>, value: f64) {
         match setting {
             QuadrantDwell::CENTRE_MM_S => self.centre_m_s = value * 1e-3,
             QuadrantDwell::CENTRE_N => self.centre_n = value,

@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
-    Processor, QuantityRule, SettingId, Tick, any_input,
+    BuildContext, BuildError, Built, Input, Io, KindRule, LiveId, NodeKind, NodeSpec, Output, OutputRole,
+    OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 
 haptograph_engine::settings! {
@@ -47,7 +47,7 @@ impl Meter {
     const INPUT: Input<Self, Linear> = Input::named("input");
     const RMS: Output<Self, Scalar> = Output::named("rms");
     const PEAK: Output<Self, Scalar> = Output::named("peak");
-    const WINDOW_S: SettingId = MeterSettings::live("window_s");
+    const WINDOW_S: LiveId<Self> = LiveId::named("window_s");
 }
 
 /// Decay factor per frame.
@@ -88,7 +88,7 @@ impl Processor<Meter> for Level {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Meter>, value: f64) {
         if setting == Meter::WINDOW_S {
             self.keep = keep(self.period_s, value);
         }

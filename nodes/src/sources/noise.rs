@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    BuildContext, BuildError, Built, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick,
 };
 use haptograph_signal::noise::Gaussian;
 
@@ -44,7 +44,7 @@ impl NodeKind for Noise {
 
 impl Noise {
     const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const VARIANCE: SettingId = NoiseSettings::live("variance");
+    const VARIANCE: LiveId<Self> = LiveId::named("variance");
 }
 
 #[derive(Debug, Clone)]
@@ -62,7 +62,7 @@ impl Processor<Noise> for Source {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Noise>, value: f64) {
         if setting == Noise::VARIANCE {
             self.deviation = value.max(0.0).sqrt();
         }

@@ -4,8 +4,8 @@ use super::made;
 use super::wav::read;
 use haptograph_engine::frame::{Event, Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, Processor,
-    SettingId, Tick, any_input,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, LiveId, NodeKind, NodeSpec, Output,
+    Processor, Tick, any_input,
 };
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -59,8 +59,8 @@ impl NodeKind for OneShot {
 impl OneShot {
     const START: Input<Self, Event> = Input::named("start");
     const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const FULL_SCALE: SettingId = OneShotSettings::live("full_scale");
-    const PER_VALUE: SettingId = OneShotSettings::live("per_value");
+    const FULL_SCALE: LiveId<Self> = LiveId::named("full_scale");
+    const PER_VALUE: LiveId<Self> = LiveId::named("per_value");
 }
 
 #[derive(Debug, Clone)]
@@ -90,7 +90,7 @@ impl Processor<OneShot> for Playing {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<OneShot>, value: f64) {
         match setting {
             OneShot::FULL_SCALE => self.full_scale = value,
             // The next event plays with it.

@@ -6,8 +6,8 @@ use crate::vector::{direction, dot};
 use crate::wav::Layout;
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Optional,
-    Output, Presence, Processor, QuantityRule, SettingId, Tick, input,
+    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, LiveId, NodeKind, NodeSpec,
+    Optional, Output, Presence, Processor, QuantityRule, Tick, input,
 };
 use haptograph_signal::files::MAX_RECORDING_BYTES;
 use haptograph_signal::quantity::Quantity;
@@ -130,8 +130,8 @@ impl WavOverPosition {
     const POSITION: Input<Self, Linear> = Input::named("position");
     const SPEED: Input<Self, Scalar, Optional> = Input::named("speed");
     const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const FULL_SCALE: SettingId = WavOverPositionSettings::live("full_scale");
-    const FULL_AT_MM_S: SettingId = WavOverPositionSettings::live("full_at_mm_s");
+    const FULL_SCALE: LiveId<Self> = LiveId::named("full_scale");
+    const FULL_AT_MM_S: LiveId<Self> = LiveId::named("full_at_mm_s");
 }
 
 fn refuse_long(layout: &Layout) -> Result<(), BuildError> {
@@ -273,7 +273,7 @@ impl Processor<WavOverPosition> for Scanning {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<WavOverPosition>, value: f64) {
         match setting {
             WavOverPosition::FULL_SCALE => self.full_scale = value,
             WavOverPosition::FULL_AT_MM_S => self.full_at_m_s = value.max(1e-3) * 1e-3,

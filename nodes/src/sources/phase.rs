@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, Processor,
-    SettingId, Tick, any_input, input, output,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, LiveId, NodeKind, NodeSpec, Output,
+    Processor, Tick, any_input, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -127,10 +127,10 @@ impl NodeKind for Adsr {
 impl Adsr {
     const GATE: Input<Self, Scalar> = Input::named("gate");
     const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const ATTACK_MS: SettingId = AdsrSettings::live("attack_ms");
-    const DECAY_MS: SettingId = AdsrSettings::live("decay_ms");
-    const SUSTAIN: SettingId = AdsrSettings::live("sustain");
-    const RELEASE_MS: SettingId = AdsrSettings::live("release_ms");
+    const ATTACK_MS: LiveId<Self> = LiveId::named("attack_ms");
+    const DECAY_MS: LiveId<Self> = LiveId::named("decay_ms");
+    const SUSTAIN: LiveId<Self> = LiveId::named("sustain");
+    const RELEASE_MS: LiveId<Self> = LiveId::named("release_ms");
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -181,7 +181,7 @@ impl Processor<Adsr> for Envelope {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Adsr>, value: f64) {
         match setting {
             Adsr::ATTACK_MS => self.settings.attack_ms = value,
             Adsr::DECAY_MS => self.settings.decay_ms = value,

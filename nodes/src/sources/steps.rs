@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole, OutputSpec,
-    Processor, QuantityRule, SettingId, Tick,
+    BuildContext, BuildError, Built, Io, KindRule, LiveId, NodeKind, NodeSpec, Output, OutputRole,
+    OutputSpec, Processor, QuantityRule, Tick,
 };
 
 use super::{made, tick_at};
@@ -42,7 +42,7 @@ impl NodeKind for Constant {
 
 impl Constant {
     const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const VALUE: SettingId = ConstantSettings::live("value");
+    const VALUE: LiveId<Self> = LiveId::named("value");
 }
 
 #[derive(Debug, Clone)]
@@ -55,7 +55,7 @@ impl Processor<Constant> for Same {
         io.write(Constant::OUTPUT).fill(self.value);
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Constant>, value: f64) {
         if setting == Constant::VALUE {
             self.value = value;
         }
@@ -198,13 +198,19 @@ impl NodeKind for Ramp {
 /// A kind whose processor is a [`Line`].
 trait LineKind: NodeKind {
     const OUTPUT: Output<Self, Scalar> = Output::named("output");
+    const FROM: LiveId<Self>;
+    const TO: LiveId<Self>;
 }
 
-impl LineKind for Step {}
-impl LineKind for Ramp {}
+impl LineKind for Step {
+    const FROM: LiveId<Self> = LiveId::named("before");
+    const TO: LiveId<Self> = LiveId::named("after");
+}
 
-const FROM: SettingId = SettingId::common([StepSettings::live("before"), RampSettings::live("from")]);
-const TO: SettingId = SettingId::common([StepSettings::live("after"), RampSettings::live("to")]);
+impl LineKind for Ramp {
+    const FROM: LiveId<Self> = LiveId::named("from");
+    const TO: LiveId<Self> = LiveId::named("to");
+}
 
 /// A line between two values, for [`Step`] and [`Ramp`].
 #[derive(Debug, Clone)]
@@ -230,11 +236,11 @@ impl<K: LineKind> Processor<K> for Line {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
-        match setting {
-            FROM => self.from = value,
-            TO => self.to = value,
-            _ => {}
+    fn set(&mut self, setting: LiveId<K>, value: f64) {
+        if setting == K::FROM {
+            self.from = value;
+        } else if setting == K::TO {
+            self.to = value;
         }
     }
 }
@@ -293,8 +299,8 @@ impl NodeKind for Pulse {
 
 impl Pulse {
     const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const LOW: SettingId = PulseSettings::live("low");
-    const HIGH: SettingId = PulseSettings::live("high");
+    const LOW: LiveId<Self> = LiveId::named("low");
+    const HIGH: LiveId<Self> = LiveId::named("high");
 }
 
 /// Times in ticks, with fractions.
@@ -321,7 +327,7 @@ impl Processor<Pulse> for Pulsing {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Pulse>, value: f64) {
         match setting {
             Pulse::LOW => self.low = value,
             Pulse::HIGH => self.high = value,
@@ -386,8 +392,8 @@ mod tests {
             [1.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.0]
         );
         let mut bench = Bench::new::<Ramp>(settings, 10.0, &[]).unwrap();
-        bench.set(FROM, 3.0);
-        bench.set(TO, 1.0);
+        bench.set(Ramp::FROM, 3.0);
+        bench.set(Ramp::TO, 1.0);
         assert_eq!(bench.run_source(4), [[3.0, 3.0, 2.5, 2.0]]);
     }
 

@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, DataEnd, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    BuildContext, BuildError, Built, DataEnd, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick,
 };
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use std::io::BufReader;
@@ -61,7 +61,7 @@ impl NodeKind for WavSource {
 
 impl WavSource {
     const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const FULL_SCALE: SettingId = WavSourceSettings::live("full_scale");
+    const FULL_SCALE: LiveId<Self> = LiveId::named("full_scale");
 }
 
 /// All samples of one channel (counted from 0) of a WAV file, in full scale. The file's rate has to be `rate_hz`.
@@ -168,7 +168,7 @@ impl Processor<WavSource> for WavPlayback {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<WavSource>, value: f64) {
         if setting == WavSource::FULL_SCALE {
             self.full_scale = value;
         }

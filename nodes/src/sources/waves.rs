@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Fallback, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
+    BuildContext, BuildError, Built, Fallback, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick,
 };
 use std::f64::consts::TAU;
 
@@ -66,9 +66,9 @@ impl NodeKind for Sine {
 }
 
 impl Sine {
-    const FREQUENCY_HZ: SettingId = FREQUENCY.setting;
+    const FREQUENCY_HZ: LiveId<Self> = FREQUENCY.setting;
     const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const AMPLITUDE: SettingId = SineSettings::live("amplitude");
+    const AMPLITUDE: LiveId<Self> = LiveId::named("amplitude");
 }
 
 fn below_half_the_rate(field: &'static str, frequency_hz: f64, cx: &BuildContext) -> Result<(), BuildError> {
@@ -127,7 +127,7 @@ impl Processor<Sine> for Oscillator {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Sine>, value: f64) {
         match setting {
             Sine::FREQUENCY_HZ if self.follows => {}
             Sine::FREQUENCY_HZ => {
@@ -212,9 +212,9 @@ impl NodeKind for Chirp {
 
 impl Chirp {
     const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const FROM_HZ: SettingId = ChirpSettings::live("from_hz");
-    const TO_HZ: SettingId = ChirpSettings::live("to_hz");
-    const AMPLITUDE: SettingId = ChirpSettings::live("amplitude");
+    const FROM_HZ: LiveId<Self> = LiveId::named("from_hz");
+    const TO_HZ: LiveId<Self> = LiveId::named("to_hz");
+    const AMPLITUDE: LiveId<Self> = LiveId::named("amplitude");
 }
 
 #[derive(Debug, Clone)]
@@ -267,7 +267,7 @@ impl Processor<Chirp> for Sweeping {
         self.next_s = tick.time_s(tick.frames);
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Chirp>, value: f64) {
         if !value.is_finite() {
             return;
         }

@@ -7,8 +7,8 @@ use crate::texture::load_surface;
 use crate::vector::{Vec3, scale};
 use haptograph_engine::frame::{Event, Kind, OneKind, Record, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
-    input, output,
+    BuildContext, BuildError, Built, Input, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick, input,
+    output,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::{Surface, SurfaceError, Taps};
@@ -97,8 +97,8 @@ impl Tapping {
     const CONTACT: Input<Self, Contact> = Input::named("contact");
     const FORCE: Output<Self, Vector> = Output::named("force");
     const TAP: Output<Self, Event> = Output::named("tap");
-    const MASS_G: SettingId = TappingSettings::live("mass_g");
-    const LEAST_MM_S: SettingId = TappingSettings::live("least_mm_s");
+    const MASS_G: LiveId<Self> = LiveId::named("mass_g");
+    const LEAST_MM_S: LiveId<Self> = LiveId::named("least_mm_s");
 }
 
 #[derive(Debug, Clone)]
@@ -136,7 +136,7 @@ impl Processor<Tapping> for Striking {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<Tapping>, value: f64) {
         match (setting, &mut self.transient) {
             (Tapping::LEAST_MM_S, _) => self.onset.least_m_s = value * 1e-3,
             (Tapping::MASS_G, Some(transient)) => transient.mass_kg = value * 1e-3,

@@ -5,8 +5,8 @@ use crate::tapping::transient::EFFECTIVE_MASS_KG;
 use crate::vector::{Vec3, cross, direction, scale};
 use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, SettingId, Tick,
-    input, output,
+    BuildContext, BuildError, Built, Input, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick, input,
+    output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -66,7 +66,7 @@ impl TextureForce {
     const CONTACT: Input<Self, Contact> = Input::named("contact");
     const FRICTION: Input<Self, Vector> = Input::named("friction");
     const FORCE: Output<Self, Vector> = Output::named("force");
-    const MASS_G: SettingId = TextureForceSettings::live("mass_g");
+    const MASS_G: LiveId<Self> = LiveId::named("mass_g");
 }
 
 #[derive(Debug, Clone)]
@@ -94,7 +94,7 @@ impl Processor<TextureForce> for Shaking {
         }
     }
 
-    fn set(&mut self, setting: SettingId, value: f64) {
+    fn set(&mut self, setting: LiveId<TextureForce>, value: f64) {
         if setting == TextureForce::MASS_G {
             self.mass_kg = value * 1e-3;
         }

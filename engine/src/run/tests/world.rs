@@ -6,7 +6,8 @@ use crate::diagnostic::{Sources, Span};
 use crate::frame::{AnyKind, Kind};
 use crate::graph::{Bridge, Clock, Edge, Graph, GraphDevice, Input, Node, Output, Work};
 use crate::node::{
-    BuildContext, BuildError, Built, Io, Limit, NodeEntry, NodeKind, NodeSpec, Of, Processor, SettingId, Tick,
+    BuildContext, BuildError, Built, Io, Limit, LiveId, NodeEntry, NodeKind, NodeSpec, Of, Processor,
+    SettingId, Tick,
 };
 use crate::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
@@ -40,7 +41,7 @@ impl Leaky {
 }
 
 impl Processor<Nothing> for Leaky {
-    fn set(&mut self, _: SettingId, weight: f64) {
+    fn set(&mut self, _: LiveId<Nothing>, weight: f64) {
         self.weight = weight;
     }
 
