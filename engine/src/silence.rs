@@ -1,4 +1,4 @@
-//! Live inputs: the state of external devices, and the nodes that depend on them.
+//! Live inputs: the state of external devices.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};

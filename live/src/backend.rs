@@ -28,25 +28,37 @@ pub type Lives = Vec<(usize, Live)>;
 /// use haptograph_live::{Backend, BackendEntry, BackendError, Connected, Counts, add_backend};
 ///
 /// #[derive(Default)]
-/// struct Printer(Vec<Connected>);
+/// struct Printer {
+///     connected: Vec<Connected>,
+///     /// How many of them the running graph has.
+///     kept: usize,
+/// }
 ///
 /// impl Backend for Printer {
 ///     fn open(&mut self, graph: &mut Graph) -> Result<(), BackendError> {
-///         let own = graph.devices().iter().filter(|device| device.entry.spec.name == "Printer");
-///         self.0 = own.map(|device| Connected::link(&device.name, "/dev/usb/lp0")).collect();
+///         for device in graph.devices().iter().filter(|device| device.entry.spec.name == "Printer") {
+///             if !self.connected.iter().any(|known| known.names[0] == device.name) {
+///                 self.connected.push(Connected::link(&device.name, "/dev/usb/lp0"));
+///             }
+///         }
 ///         Ok(())
 ///     }
 ///
 ///     fn undo(&mut self) {
-///         self.0.clear();
+///         self.connected.truncate(self.kept);
+///     }
+///
+///     fn keep(&mut self, graph: &Graph) {
+///         self.connected.retain(|known| graph.devices().iter().any(|device| device.name == known.names[0]));
+///         self.kept = self.connected.len();
 ///     }
 ///
 ///     fn status(&self) -> Vec<Connected> {
-///         self.0.clone()
+///         self.connected.clone()
 ///     }
 ///
 ///     fn counts(&self) -> Vec<Counts> {
-///         self.0.iter().map(|_| Counts::None).collect()
+///         self.connected.iter().map(|_| Counts::None).collect()
 ///     }
 /// }
 ///
@@ -69,7 +81,8 @@ pub trait Backend: Send {
         let _ = graph;
     }
 
-    /// Takes and starts the drivers whose clocks are devices of the backend.
+    /// Takes and starts the drivers whose clocks are devices of the backend. Called on backends that can drive
+    /// ([`BackendEntry::drives`]); [`status`](Self::status) then reports each of them ([`Connected::driver`]).
     ///
     /// # Errors
     /// [`BackendError`] if a driver cannot be started.
@@ -131,6 +144,15 @@ impl Connected {
             place: place.into(),
             state: State::Running,
             refused: Vec::new(),
+        }
+    }
+
+    /// A running driver of a clock: its name and its index in the graph.
+    pub fn driver(name: &str, clock: usize, place: impl Into<String>) -> Self {
+        Self {
+            role: Role::Driver,
+            clock: Some(clock),
+            ..Self::link(name, place)
         }
     }
 }
@@ -241,6 +263,38 @@ pub enum BackendError {
     /// No thread can be started.
     #[error(transparent)]
     Thread(std::io::Error),
+    /// A backend of the program's own took the driver of a clock and does not report it, so that the run could not be stopped.
+    #[error("the backend of {what} drives the clock `{clock}` and does not report it; its `status` has to")]
+    Unreported {
+        /// The backend's hardware.
+        what: &'static str,
+        /// Name of the clock.
+        clock: String,
+    },
+    /// A backend of the program's own reaches a device that counts as simulated: nothing would disarm it.
+    #[error(
+        "device `{device}` is reached by the backend of {what}, but its kind `{kind}` is declared as simulated; declare it \
+         `simulated: false`"
+    )]
+    Simulated {
+        /// Name of the endpoint.
+        device: String,
+        /// Its kind.
+        kind: &'static str,
+        /// The backend's hardware.
+        what: &'static str,
+    },
+    /// No backend of the registry reaches a real device, or one that drives the graph, which the caller does here.
+    #[error(
+        "nothing reaches device `{device}`, a `{kind}`: add a backend of that kind to the registry; one that drives the graph is \
+         for a `Supervisor`"
+    )]
+    Unreached {
+        /// Name of the endpoint.
+        device: String,
+        /// Its kind.
+        kind: &'static str,
+    },
     /// A clock has no driver.
     #[error("nothing drives the clock `{0}`: this program was built without the feature `timer`")]
     NoDriver(String),
@@ -284,17 +338,21 @@ pub const BACKENDS: [BackendEntry; 7] = [
 struct OwnBackends(Vec<BackendEntry>);
 
 /// Adds a backend of the program's own to a registry, for device kinds that the program registers. All live runs of that
-/// registry have it, those of the command and of the studio too.
+/// registry have it, those of the command and of the studio too; where the program or the studio drives the graph itself,
+/// those that do not drive.
 pub fn add_backend(registry: &mut Registry, entry: BackendEntry) {
     let mut own = registry.attached::<OwnBackends>().cloned().unwrap_or_default();
     own.0.push(entry);
     registry.attach(own);
 }
 
-/// The program's own backends, which take drivers first, and those of the table.
-pub(crate) fn backends(registry: &Registry) -> impl Iterator<Item = BackendEntry> {
+/// The backends of the table and the program's own, in the order in which they take drivers: the program's own before the
+/// timer only, so that a missing soundcard is found before anything moves.
+pub(crate) fn backends(registry: &Registry) -> Vec<BackendEntry> {
     let own = registry.attached::<OwnBackends>().cloned().unwrap_or_default();
-    own.0.into_iter().chain(BACKENDS)
+    let (timer, others) = BACKENDS.split_last().unzip();
+    let others = others.unwrap_or_default().iter().copied();
+    others.chain(own.0).chain(timer.copied()).collect()
 }
 
 impl BackendEntry {
@@ -319,6 +377,11 @@ impl BackendEntry {
     pub const fn driving(mut self) -> Self {
         self.drives = true;
         self
+    }
+
+    /// True if the backend is a program's own, and not one of the table.
+    pub(crate) fn is_own(&self) -> bool {
+        self.feature.is_empty()
     }
 
     /// True if the backend reaches a device.

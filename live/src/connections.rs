@@ -42,35 +42,63 @@ use haptograph_nodes::network::link::Counts as PacketCounts;
 /// ```
 pub struct Connections {
     backends: Vec<Member>,
+    /// The backends of the registry that are left to the caller, who drives.
+    left_out: Vec<BackendEntry>,
     /// True if a graph was connected since the last error, undo or keep.
     is_undoable: bool,
 }
 
 struct Member {
-    drives: bool,
+    entry: BackendEntry,
     backend: Box<dyn Backend>,
 }
 
 impl Connections {
     /// The backends of a registry, for a program that drives the graph itself.
     pub fn new(registry: &Registry) -> Self {
-        Self::of(backends(registry).filter(|entry| !entry.drives))
+        Self::of(registry, |entry| !entry.drives)
     }
 
     /// All backends of a registry, those that drive the graph included.
     pub(crate) fn with_drivers(registry: &Registry) -> Self {
-        Self::of(backends(registry))
+        Self::of(registry, |_| true)
     }
 
-    fn of(entries: impl Iterator<Item = BackendEntry>) -> Self {
+    fn of(registry: &Registry, is_member: impl FnMut(&BackendEntry) -> bool) -> Self {
+        let (members, left_out): (Vec<_>, Vec<_>) = backends(registry).into_iter().partition(is_member);
         let member = |entry: BackendEntry| Member {
-            drives: entry.drives,
             backend: entry.make(),
+            entry,
         };
         Self {
-            backends: entries.map(member).collect(),
+            backends: members.into_iter().map(member).collect(),
+            left_out,
             is_undoable: false,
         }
+    }
+
+    /// Refuses real devices that nothing reaches, and reached ones that would count as simulated.
+    fn check(&self, graph: &Graph) -> Result<(), BackendError> {
+        for device in graph.devices().iter().filter(|device| !device.entry.is_host()) {
+            let mut entries = self.backends.iter().map(|member| member.entry);
+            let reaching = entries.find(|entry| entry.reaches(device));
+            // The caller reaches soundcards itself.
+            let mut of_caller = self.left_out.iter().filter(|entry| !entry.is_own());
+            let kind = device.entry.spec.name;
+            let device_name = || device.name.clone();
+            match reaching {
+                Some(entry) if device.entry.spec.simulated => {
+                    let (device, what) = (device_name(), entry.what);
+                    return Err(BackendError::Simulated { device, kind, what });
+                }
+                None if !device.entry.spec.simulated && !of_caller.any(|entry| entry.reaches(device)) => {
+                    let device = device_name();
+                    return Err(BackendError::Unreached { device, kind });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
     }
 
     fn all(&self) -> impl Iterator<Item = &dyn Backend> {
@@ -88,6 +116,7 @@ impl Connections {
     /// [`BackendError`]; earlier connections remain, no new one is made, and another graph can be connected.
     pub fn connect(&mut self, graph: &mut Graph) -> Result<(), BackendError> {
         self.is_undoable = false;
+        self.check(graph)?;
         for number in 0..self.backends.len() {
             if let Err(error) = self.backends[number].backend.open(graph) {
                 self.all_mut().take(number + 1).for_each(|opened| opened.undo());
@@ -118,8 +147,20 @@ impl Connections {
     /// # Errors
     /// [`BackendError`] if one cannot be started, or a clock has none.
     pub(crate) fn drive(&mut self, graph: &Graph, mut lives: Lives) -> Result<(), BackendError> {
-        for backend in self.all_mut() {
-            backend.drive(graph, &mut lives)?;
+        for member in self.backends.iter_mut().filter(|member| member.entry.drives) {
+            let before: Vec<usize> = lives.iter().map(|(clock, _)| *clock).collect();
+            member.backend.drive(graph, &mut lives)?;
+            let status = member.backend.status();
+            let is_reported = |clock: usize| {
+                let is_it = |known: &Connected| known.role == Role::Driver && known.clock == Some(clock);
+                lives.iter().any(|(left, _)| *left == clock) || status.iter().any(is_it)
+            };
+            if let Some(clock) = before.into_iter().find(|clock| !is_reported(*clock)) {
+                return Err(BackendError::Unreported {
+                    what: member.entry.what,
+                    clock: graph.clocks()[clock].name.clone(),
+                });
+            }
         }
         match lives.first() {
             Some((clock, _)) => Err(BackendError::NoDriver(graph.clocks()[*clock].name.clone())),
@@ -140,7 +181,7 @@ impl Connections {
     /// The drivers. Backends without drivers are not polled.
     #[cfg(feature = "supervisor")]
     pub(crate) fn drivers(&self) -> impl Iterator<Item = Connected> {
-        let driving = self.backends.iter().filter(|member| member.drives);
+        let driving = self.backends.iter().filter(|member| member.entry.drives);
         let all = driving.flat_map(|member| member.backend.status());
         all.filter(|connected| connected.role == Role::Driver)
     }
@@ -188,9 +229,11 @@ impl Connections {
     /// # Errors
     /// [`BackendError::Lost`] if a driver's thread panicked.
     pub(crate) fn close(&mut self) -> Result<Lives, BackendError> {
+        // All of them, whatever happened to one.
+        let closed: Vec<_> = self.all_mut().map(|backend| backend.close()).collect();
         let mut lives = Lives::new();
-        for backend in self.all_mut() {
-            lives.extend(backend.close()?);
+        for ended in closed {
+            lives.extend(ended?);
         }
         lives.sort_by_key(|(clock, _)| *clock);
         Ok(lives)

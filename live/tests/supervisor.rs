@@ -10,8 +10,7 @@ use haptograph_live::supervisor::{
     replay,
 };
 use haptograph_live::{
-    BACKENDS, Backend, BackendEntry, BackendError, Connected, Counts, Lives, Role, SettingValue, State,
-    add_backend,
+    BACKENDS, Backend, BackendEntry, BackendError, Connected, Counts, Lives, SettingValue, State, add_backend,
 };
 use std::fs;
 use std::path::Path;
@@ -393,9 +392,9 @@ const WAKE: Wake = Wake {
 
 /// Drives a whole graph from a thread of its own, as a program's own hardware would.
 #[derive(Default)]
-struct OwnClock(Vec<(usize, thread::JoinHandle<Live>)>);
+struct OwnClock<const REPORTS: bool>(Vec<(usize, thread::JoinHandle<Live>)>);
 
-impl Backend for OwnClock {
+impl<const REPORTS: bool> Backend for OwnClock<REPORTS> {
     fn open(&mut self, graph: &mut Graph) -> Result<(), BackendError> {
         match graph.seed() {
             13 => Err(BackendError::Stream("an unlucky number")),
@@ -419,18 +418,17 @@ impl Backend for OwnClock {
 
     fn status(&self) -> Vec<Connected> {
         let of = |(clock, thread): &(usize, thread::JoinHandle<Live>)| {
-            let mut driver = Connected::link("servo", "the oscillator of the experiment");
-            (driver.role, driver.clock) = (Role::Driver, Some(*clock));
+            let mut driver = Connected::driver("servo", *clock, "the oscillator of the experiment");
             if thread.is_finished() {
                 driver.state = State::Finished;
             }
             driver
         };
-        self.0.iter().map(of).collect()
+        self.0.iter().filter(|_| REPORTS).map(of).collect()
     }
 
     fn counts(&self) -> Vec<Counts> {
-        self.0.iter().map(|_| Counts::None).collect()
+        self.status().iter().map(|_| Counts::None).collect()
     }
 
     fn close(&mut self) -> Result<Lives, BackendError> {
@@ -443,30 +441,53 @@ impl Backend for OwnClock {
     }
 }
 
-#[test]
-fn a_programs_own_backend_opens_drives_and_is_reported() {
+/// The outcome of half a second with a backend of the program's own, and a seed.
+fn with_backend(entry: BackendEntry, seed: u64) -> Result<Ended, StartError> {
     let folder = tempfile::tempdir().unwrap();
     let mut registry = registry();
-    let entry = BackendEntry::new("oscillators", &[], || Box::new(OwnClock::default())).driving();
     add_backend(&mut registry, entry);
-    let start = |seed: u64| {
-        let mut options = options(folder.path(), GRAPH);
-        options.source.seed = Some(seed);
-        options.seconds = Some(0.5);
-        Supervisor::start(options, &registry, None)
-    };
-    let refused = start(13).map(drop).unwrap_err();
+    let mut options = options(folder.path(), GRAPH);
+    options.source.seed = Some(seed);
+    options.seconds = Some(0.5);
+    Supervisor::start(options, &registry, None).map(|run| ended(run, |_| false).0)
+}
+
+#[test]
+fn a_programs_own_backend_opens_drives_and_is_reported() {
+    let entry = BackendEntry::new("oscillators", &[], || Box::new(OwnClock::<true>::default()));
+    let refused = with_backend(entry.driving(), 13).err();
     assert!(
-        matches!(refused, StartError::Backend(BackendError::Stream(_))),
+        matches!(refused, Some(StartError::Backend(BackendError::Stream(_)))),
         "{refused:?}"
     );
-    let (ended, _) = ended(start(1).unwrap(), |_| false);
-    assert!(
-        ended.report.driver.contains("the oscillator of the experiment"),
-        "{}",
+    let driven_by = |entry| {
+        let ended = with_backend(entry, 1).unwrap();
+        assert_eq!(ended.outcome.outcome.driver_frames, 500);
         ended.report.driver
+    };
+    assert!(driven_by(entry.driving()).contains("the oscillator of the experiment"));
+    assert!(
+        driven_by(entry).contains("timer"),
+        "it did not declare that it drives"
     );
-    assert_eq!(ended.outcome.outcome.driver_frames, 500);
+}
+
+#[test]
+fn a_backend_that_cannot_be_supervised_is_refused() {
+    let silent = BackendEntry::new("oscillators", &[], || Box::new(OwnClock::<false>::default()));
+    let refused = with_backend(silent.driving(), 1).err();
+    assert!(
+        matches!(&refused, Some(StartError::Backend(BackendError::Unreported { clock, .. })) if clock == "servo"),
+        "{refused:?}"
+    );
+    let of_simulation = BackendEntry::new("coils", &["SimulatedHaptuator"], || {
+        Box::new(OwnClock::<true>::default())
+    });
+    let refused = with_backend(of_simulation, 1).err();
+    assert!(
+        matches!(&refused, Some(StartError::Backend(BackendError::Simulated { device, .. })) if device == "coil"),
+        "{refused:?}"
+    );
 }
 
 #[test]

@@ -382,3 +382,50 @@ fn playing_allocates_nothing() {
     let unknown = session.set(gain.node, foreign, 0.5);
     assert_eq!(unknown, Err(ControlError::NotLive));
 }
+
+/// A gain is computed inline where the engine has a single frame: its number follows the setting there too, also after a swap.
+#[test]
+fn a_gain_that_is_turned_has_the_same_samples_whatever_the_block() {
+    let text = |more: &str| {
+        format!(
+            r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 1000) }}, nodes: {{
+                "tone": Sine(clock: "servo", frequency_hz: 30),
+                "scaled": Gain(input: "tone", gain: 2),
+                "moved": Offset(input: "scaled", offset: 1),
+                {more}
+            }})"#
+        )
+    };
+    let graphs = ["", r#""more": Gain(input: "moved", gain: 3)"#].map(|more| {
+        let document = Document::parse("gain.ron", &text(more)).expect("it is a graph");
+        check(&document, &haptograph_nodes::registry(), &CheckOptions::default()).expect("it is sound")
+    });
+    let samples = |block: usize| {
+        let options = PlayOptions::default().probe("moved");
+        let (mut player, mut session) = Player::open(&graphs[0], &options).expect("plays");
+        let mut probe = player.probe::<Scalar>("moved").expect("a probe");
+        let mut heard = Vec::new();
+        let mut play = |player: &mut Player| {
+            let mut frames = [0.0; 128];
+            (0..128 / block).for_each(|_| player.process(block));
+            assert_eq!(probe.read(&mut frames), 128);
+            heard.extend(frames.map(f64::to_bits));
+        };
+        play(&mut player);
+        session.set_by_name("scaled.gain", 0.5).expect("it is live");
+        play(&mut player);
+        session.set_by_name("moved.offset", -4.0).expect("it is live");
+        session.change_without_files(&graphs[1]).expect("it is swapped");
+        play(&mut player);
+        session.set_by_name("scaled.gain", 1.5).expect("it is live");
+        play(&mut player);
+        player.finish(session);
+        heard
+    };
+    let whole = samples(128);
+    let distinct: std::collections::HashSet<u64> = whole.iter().copied().collect();
+    assert!(distinct.len() > 100);
+    for block in [1, 2, 32] {
+        assert!(samples(block) == whole, "blocks of {block}");
+    }
+}

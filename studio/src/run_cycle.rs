@@ -89,6 +89,9 @@ impl Stage {
         let rate_of = |driver: &usize| graph.clocks()[*driver].rate.hz();
         self.rate_hz = graph.drivers().first().map_or(1.0, rate_of);
         self.drive = Some(self.drive_by(player, &how, is_live)?);
+        if is_live {
+            self.network.keep(&self.loaded.graph);
+        }
         self.begin_recording_or_replay(how);
         self.session = Some(session);
         self.state = State::Running;

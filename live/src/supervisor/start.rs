@@ -202,7 +202,8 @@ impl ConnectedRun {
             .flat_map(|live| live.run().unrested().map(str::to_owned))
             .collect();
         let start = Instant::now();
-        let drivers = Drivers::start(self.connections, &self.graph, lives, &stop)?;
+        let mut drivers = Drivers::start(self.connections, &self.graph, lives, &stop)?;
+        drivers.keep(&self.graph);
         Ok(Supervisor {
             refused_at_start: drivers.notes(),
             devices: DeviceUse::of(&self.graph),

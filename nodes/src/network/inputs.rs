@@ -77,7 +77,7 @@ impl Mapping {
                 .help("give the smallest and the largest number that is received"));
         }
         for (field, pair, largest) in [("from", from, LARGEST_FROM), ("to", to, LARGEST)] {
-            if let Some(far) = pair.iter().find(|end| end.abs() > largest) {
+            if let Some(far) = pair.iter().find(|end| !(end.abs() <= largest)) {
                 return Err(BuildError::at(field, format!("{far} is beyond ±{largest:e}")));
             }
         }
@@ -104,11 +104,11 @@ pub struct NumberInput {
 }
 
 impl NumberInput {
-    /// The body of a device of a program's own, whose numbers are in SI units and clamped to a range. It begins at the range's
-    /// lower end, and counts as gone after this silence.
+    /// The body of a device of a program's own, whose numbers are in SI units and clamped to a range; NaN and infinity are
+    /// ignored. It begins at the range's lower end, and counts as gone after this silence.
     ///
     /// # Errors
-    /// [`BuildError`] at `from` if the range is empty or goes beyond ±1e6.
+    /// [`BuildError`] if the range is empty or goes beyond ±1e6.
     pub fn in_range(
         range: [f64; 2],
         silence: Duration,
@@ -149,7 +149,9 @@ impl Device for NumberInput {
     fn advance(&mut self) {
         let news = self.reader.advance();
         if let Some(news) = &news {
-            self.value = self.mapping.of(news.sensed[0]);
+            if news.sensed[0].is_finite() {
+                self.value = self.mapping.of(news.sensed[0]);
+            }
             self.reader.take(news);
         }
         self.reader.measure_age(news.is_some(), self.holds);

@@ -1,0 +1,92 @@
+//! A device of a program's own, that of `examples/custom_device.rs`, in runs that are edited.
+#![allow(clippy::unwrap_used)]
+
+#[allow(dead_code)] // Its `main`.
+#[path = "../examples/custom_device.rs"]
+mod custom_device;
+
+use haptograph::engine::silence::InputState;
+use haptograph::live::BackendError;
+use haptograph::live::supervisor::{Event, Request, RunOptions, StartError, Supervisor};
+use std::fs;
+use std::path::Path;
+
+/// A graph that reads the number in a file, and steps by parameters.
+fn graph(folder: &Path, kind: &str) -> RunOptions {
+    let text = format!(
+        r#"Graph(format: 1, parameters: {{ "path": {:?}, "level": 0.5 }},
+            clocks: {{ "servo": Driver(rate_hz: 1000) }},
+            nodes: {{
+                "work": LiveInput(clock: "servo", endpoint: "work"),
+                "one": Constant(clock: "servo", value: Param("level"), quantity: "current"),
+                "felt": Multiply(input: "one", by: "work"),
+                "out": ActuatorSink(current: "felt", endpoint: "coil", limit: (peak_a: 0.5, continuous_a: 0.25)),
+            }},
+            endpoints: {{ "simulated": {{ "work": {kind}, "coil": SimulatedHaptuator() }} }})"#,
+        folder.join("number"),
+    );
+    fs::write(folder.join("number"), "0.1 0.2").unwrap();
+    fs::write(folder.join("g.ron"), text).unwrap();
+    RunOptions::of(folder.join("g.ron"))
+}
+
+/// Waits for an event.
+fn wait_for(run: &mut Supervisor, is_it: impl Fn(&Event) -> bool) -> Vec<Event> {
+    let mut events = Vec::new();
+    while !run.is_finished() && !events.iter().any(&is_it) {
+        run.wait();
+        events.extend(run.poll());
+    }
+    events
+}
+
+#[test]
+fn the_device_goes_on_after_an_edit_that_was_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut options = graph(folder.path(), r#"Workload(file: Param("path"))"#);
+    options.seconds = Some(20.0);
+    let mut run = Supervisor::start(options, &custom_device::registry(), None).unwrap();
+    let sender = run.sender();
+    sender.send(Request::new("path", "/nowhere/at/all")).unwrap();
+    let events = wait_for(&mut run, |event| matches!(event, Event::Refused(_)));
+    assert!(
+        events.iter().any(|event| matches!(event, Event::Refused(_))),
+        "{events:?}"
+    );
+    sender.send(Request::new("level", "0.4")).unwrap();
+    let events = wait_for(&mut run, |event| matches!(event, Event::Changed(_)));
+    assert!(
+        events.iter().any(|event| matches!(event, Event::Changed(_))),
+        "{events:?}"
+    );
+    let accepted = |run: &mut Supervisor| {
+        let status = run.status();
+        assert_eq!(status.inputs.len(), 1);
+        status.inputs[0].packets.expect("they are counted").accepted
+    };
+    let before = accepted(&mut run);
+    // A second is the silence after which the input would be gone.
+    while !run.is_finished() && accepted(&mut run) < before + 15 {
+        run.wait();
+        run.poll();
+    }
+    assert!(accepted(&mut run) >= before + 15);
+    assert_eq!(run.status().inputs[0].status.state, InputState::Heard);
+    run.stop();
+    run.finish().unwrap();
+}
+
+#[test]
+fn a_real_device_that_nothing_reaches_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = graph(folder.path(), "Workload()");
+    let mut registry = haptograph::nodes::registry();
+    registry.add_device(haptograph::engine::device::DeviceEntry::of::<
+        custom_device::Workload,
+    >());
+    let refused = Supervisor::start(options, &registry, None).map(drop);
+    assert!(
+        matches!(&refused, Err(StartError::Backend(BackendError::Unreached { device, .. })) if device == "work"),
+        "{refused:?}"
+    );
+}
