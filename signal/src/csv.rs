@@ -1,6 +1,7 @@
 //! Tables of text: the one reader of CSV files, for recordings, signals, points and lists.
 //!
-//! Cells are separated by commas, semicolons or tabs, whichever the header has most of. A number may have a comma for its point
+//! Cells are separated by commas, semicolons or tabs: by what gives most of the wanted names, then by what the header has most
+//! of; tabs beside the others and at a line's ends align cells. A number may have a comma for its point
 //! where no comma separates the cells. A cell may stand in quotes, in which a doubled quote is one; it ends on its line. Empty lines
 //! and lines that begin with `#` are skipped, and so is a preamble above the header. Text is UTF-8, with or without a byte order mark,
 //! or else Latin-1. Files of any length are read in the memory of one line.
@@ -214,6 +215,36 @@ mod tests {
             };
             assert_eq!(found, place, "{}", String::from_utf8_lossy(text));
         }
+    }
+
+    fn header(text: &str, wanted: &[&str]) -> Vec<String> {
+        CsvTable::new(text.as_bytes(), wanted)
+            .unwrap()
+            .head()
+            .names
+            .clone()
+    }
+
+    #[test]
+    fn tabs_that_align_cells_do_not_separate_them() {
+        for text in [
+            "a,\t\tb",
+            "\ta,\tb",
+            "a,b\t",
+            "a;\tb",
+            "a\t;\tb",
+            "\ta\t,\t\tb\t",
+            "a\tb",
+        ] {
+            for wanted in [&["a", "b"][..], &["b"], &[]] {
+                assert_eq!(header(text, wanted), ["a", "b"], "{text:?} {wanted:?}");
+            }
+        }
+        assert_eq!(header("\ta", &["a"]), ["", "a"]);
+        assert_eq!(header("a\t\t", &["a"]), ["a", "", ""]);
+        assert_eq!(header("\"a,\",b", &[]), ["a,", "b"]);
+        let names = ["a, s", "b, N", "c, m"];
+        assert_eq!(header("a, s\tb, N\tc, m", &names[..1]), names);
     }
 
     #[test]

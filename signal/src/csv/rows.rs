@@ -95,7 +95,9 @@ impl<R: BufRead> Rows<R> {
             }
         }
         let candidates: Vec<&(u64, Vec<u8>)> = seen.iter().filter(is_row).collect();
-        let delimiters: Vec<u8> = candidates.iter().map(|(_, text)| delimiter(text)).collect();
+        let delimiters: Vec<u8> = { candidates.iter() }
+            .map(|(_, text)| delimiter(text, is_wanted))
+            .collect();
         let split = |row: usize, header: usize| texts(&candidates[row].1, delimiters[header]);
         let header = header_of(candidates.len(), &split, is_wanted).map_err(|(first, second)| {
             let (first, second) = (candidates[first].0, candidates[second].0);
@@ -293,16 +295,34 @@ fn trimmed(text: &[u8], cell: Range<usize>) -> Range<usize> {
     }
 }
 
-/// The cell separator: the candidate that occurs most often in the header.
-fn delimiter(header: &[u8]) -> u8 {
-    let count = |delimiter: u8| {
+/// The cell separator: the candidate that gives most of the wanted names, no name that ends in a comma or semicolon, and
+/// most cells. Tabs beside commas and semicolons and at the line's ends align cells, so they count last.
+fn delimiter(header: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> u8 {
+    let rank = |delimiter: u8| {
         let mut cells = vec![];
         split(header, delimiter, &mut cells);
-        cells.len()
+        let separators = cells.len() - 1;
+        let is_mark = |at: usize| matches!(header.get(at), Some(b',' | b';'));
+        let ends_in_mark = |cell: &Range<usize>| is_mark(cell.end - 1) && header.get(cell.end) != Some(&b'"');
+        let filled: Vec<_> = cells
+            .iter()
+            .enumerate()
+            .filter(|(_, cell)| !cell.is_empty())
+            .collect();
+        let wanted = { filled.iter() }
+            .filter(|(_, cell)| is_wanted(&unquoted(&header[(*cell).clone()])))
+            .count();
+        let are_names = !filled.iter().any(|(_, cell)| ends_in_mark(cell));
+        let tabs = { filled.windows(2) }
+            .filter(|pair| !ends_in_mark(pair[0].1) && !is_mark(pair[1].1.start))
+            .map(|pair| pair[1].0 - pair[0].0)
+            .sum();
+        let counted = if delimiter == b'\t' { tabs } else { separators };
+        (wanted, are_names, counted, separators, delimiter == b',')
     };
     [b',', b';', b'\t']
         .into_iter()
-        .max_by_key(|&d| (count(d), d == b','))
+        .max_by_key(|&d| rank(d))
         .unwrap_or(b',')
 }
 
