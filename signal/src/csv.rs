@@ -85,6 +85,7 @@ pub struct CsvTable<R> {
 pub struct TableRow<'t> {
     row: Row<'t>,
     names: &'t [String],
+    has_decimal_commas: bool,
 }
 
 impl<R: BufRead> CsvTable<R> {
@@ -112,12 +113,16 @@ impl<R: BufRead> CsvTable<R> {
     /// # Errors
     /// A line that cannot be read, or has another number of cells than the header.
     pub fn next_row(&mut self) -> Result<Option<TableRow<'_>>, CsvError> {
-        let names = &self.head.names[..];
+        let (names, has_decimal_commas) = (&self.head.names[..], self.rows.delimiter != b',');
         let Some(row) = self.rows.next()? else {
             return Ok(None);
         };
         match row.cells() == names.len() {
-            true => Ok(Some(TableRow { row, names })),
+            true => Ok(Some(TableRow {
+                row,
+                names,
+                has_decimal_commas,
+            })),
             false => Err(row.of_other_length(names.len())),
         }
     }
@@ -139,12 +144,21 @@ impl TableRow<'_> {
         self.row.cell(column).is_empty()
     }
 
-    /// The finite number in a cell.
+    /// The finite number in a cell. A comma is a decimal point only between digits, and where it does not separate cells.
     ///
     /// # Errors
     /// The cell holds anything else; the message has its place.
     pub fn number(&self, column: usize) -> Result<f64, CsvError> {
-        number(self.row.cell(column)).ok_or_else(|| self.unreadable(column, "a finite number"))
+        let cell = self.row.cell(column);
+        let is_decimal = |at: usize| {
+            let is_digit = |at: Option<usize>| at.and_then(|at| cell.get(at)).is_some_and(u8::is_ascii_digit);
+            self.has_decimal_commas && is_digit(at.checked_sub(1)) && is_digit(Some(at + 1))
+        };
+        let has_sound_comma = cell.iter().position(|&byte| byte == b',').is_none_or(is_decimal);
+        has_sound_comma
+            .then(|| number(cell))
+            .flatten()
+            .ok_or_else(|| self.unreadable(column, "a finite number"))
     }
 
     /// An error about this row.
@@ -206,6 +220,9 @@ mod tests {
             (b"# remark\na,b\n1,inf\n", (3, Some(2))),
             (b"a,b\n1,\xb5\n", (2, Some(2))),
             (b"a;b\n1;1.000,5\n", (2, Some(2))),
+            (b"a;b\n1;5,\n", (2, Some(2))),
+            (b"a;b\n1;,5\n", (2, Some(2))),
+            (b"a,b\n1,\"1,500\"\n", (2, Some(2))),
             (b"a,b,b\n1,2,3\n", (1, Some(3))),
         ] {
             let found = match read(text) {

@@ -11,7 +11,7 @@ use std::ops::Range;
 /// Reads rows. It skips empty lines and lines that begin with `#`.
 pub struct Rows<R> {
     source: R,
-    delimiter: u8,
+    pub(super) delimiter: u8,
     line: u64,
     text: Vec<u8>,
     cells: Vec<Range<usize>>,
