@@ -2,8 +2,8 @@
 //!
 //! Cells are separated by commas, semicolons or tabs: by what gives most of the wanted names, then by what the header has most
 //! of; tabs beside the others and at a line's ends align cells. A number may have a comma for its point
-//! where no comma separates the cells. A cell may stand in quotes, in which a doubled quote is one; it ends on its line. Empty lines
-//! and lines that begin with `#` are skipped, and so is a preamble above the header. Text is UTF-8, with or without a byte order mark,
+//! where no comma separates the cells. A cell may stand in quotes, in which a doubled quote is one; it ends on its line. A quote
+//! further on in a cell is text. Empty lines and lines that begin with `#` are skipped, and so is a preamble above the header. Text is UTF-8, with or without a byte order mark,
 //! or else Latin-1. Files of any length are read in the memory of one line.
 
 mod header;
@@ -94,7 +94,7 @@ impl<R: BufRead> CsvTable<R> {
     /// # Errors
     /// As [`Rows::new`].
     pub fn new(source: R, wanted: &[&str]) -> Result<Self, CsvError> {
-        let (rows, head) = Rows::new(source, &|name| wanted.contains(&name))?;
+        let (rows, head) = Rows::open(source, &|name| wanted.contains(&name), true)?;
         Ok(Self { rows, head })
     }
 
@@ -262,6 +262,56 @@ mod tests {
         assert_eq!(header("\"a,\",b", &[]), ["a,", "b"]);
         let names = ["a, s", "b, N", "c, m"];
         assert_eq!(header("a, s\tb, N\tc, m", &names[..1]), names);
+    }
+
+    #[test]
+    fn a_line_of_blanks_is_a_row_of_empty_cells() {
+        for (text, lines) in [
+            (" \nb\n  \r\n\n1\n\t\n", vec![3, 5, 6]),
+            ("a\tb\n\t\n \t \n\n1\t2\n", vec![2, 3, 5]),
+            ("b\n\t", vec![2]),
+        ] {
+            let mut table = CsvTable::new(text.as_bytes(), &["b"]).unwrap();
+            let mut found = vec![];
+            while let Some(row) = table.next_row().unwrap() {
+                found.push(row.line());
+            }
+            assert_eq!(found, lines, "{text:?}");
+            let (mut rows, _) = Rows::new(text.as_bytes(), &|name| name == "b").unwrap();
+            let numbers = std::iter::from_fn(|| rows.next().unwrap().map(|row| row.line));
+            assert!(
+                numbers.eq(lines.into_iter().filter(|&line| line == 5)),
+                "{text:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn comments_beyond_a_bound_are_skipped() {
+        let mut text = "# first: 1\n".to_owned();
+        (0..2000).for_each(|_| text += "#\n");
+        text += "# last: 2\na,b\n# x\n1,2\n";
+        assert_eq!(read(text.as_bytes()), Ok(vec![2.0]));
+        let table = CsvTable::new(text.as_bytes(), &["b"]).unwrap();
+        assert!(table.head().notes.keys().eq(["first"]));
+        assert_eq!(table.head().line, 2003);
+        let long = "x".repeat(60_000);
+        let notes: String = (0..20).map(|key| format!("#{key}: {long}\n")).collect();
+        let text = notes + "a,b\n";
+        let table = CsvTable::new(text.as_bytes(), &["b"]).unwrap();
+        assert_eq!(table.head().notes.len(), 17, "a MiB");
+    }
+
+    #[test]
+    fn a_quote_within_a_cell_is_text() {
+        let text = b"a,b,c\n5\" pipe,2, \"x,\"\"y\"\n";
+        let mut table = CsvTable::new(&text[..], &["b"]).unwrap();
+        let row = table.next_row().unwrap().expect("a row");
+        assert_eq!(
+            [0, 1, 2].map(|column| row.text(column)),
+            ["5\" pipe", "2", "x,\"y"]
+        );
+        assert_eq!(cell_start(b"5\" pipe,2,x", 3), 11);
     }
 
     #[test]
