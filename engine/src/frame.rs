@@ -506,7 +506,7 @@ pub trait Record: OneKind + Sized {
 pub struct Event {
     /// True if the event happened at this tick.
     pub fired: bool,
-    /// The value, in the port's quantity; 0 when it did not fire.
+    /// The event's value, in the port's quantity; 0 if `fired` is false.
     pub value: f64,
 }
 

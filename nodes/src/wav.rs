@@ -135,6 +135,17 @@ mod tests {
     }
 
     #[test]
+    fn large_sizes_count_only_in_rf64() {
+        let mut bytes = written(&[[0.25, -1.0], [0.5, 8.0]], 90);
+        bytes[20..28].copy_from_slice(&1_u64.to_le_bytes());
+        bytes[28..36].copy_from_slice(&8_u64.to_le_bytes());
+        let frames = |bytes: &[u8]| read_layout(&mut Cursor::new(bytes)).map(|layout| layout.frames());
+        assert_eq!(frames(&bytes).unwrap(), 1);
+        bytes[..4].copy_from_slice(b"RIFF");
+        assert!(matches!(frames(&bytes), Err(reader::WavError::Cut { .. })));
+    }
+
+    #[test]
     fn both_forms_are_read_back() {
         let frames = [[0.25, -1.0], [0.5, 8.0], [0.0, 1e-9]];
         for (most_bytes, name) in [(u64::MAX, b"RIFF"), (90, b"RF64")] {

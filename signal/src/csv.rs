@@ -1,8 +1,9 @@
 //! Tables of text: the one reader of CSV files, for recordings, signals, points and lists.
 //!
-//! Cells are separated by commas, semicolons or tabs, whichever the header has most of. A number may have a comma for its point
-//! where no comma separates the cells. A cell may stand in quotes, in which a doubled quote is one; it ends on its line. Empty lines
-//! and lines that begin with `#` are skipped, and so is a preamble above the header. Text is UTF-8, with or without a byte order mark,
+//! Cells are separated by commas, semicolons or tabs: by what gives most of the wanted names, then by what the header has most
+//! of; tabs beside the others and at a line's ends align cells. A number may have a comma for its point
+//! where no comma separates the cells. A cell may stand in quotes, in which a doubled quote is one; it ends on its line. A quote
+//! further on in a cell is text. Empty lines and lines that begin with `#` are skipped, and so is a preamble above the header. Text is UTF-8, with or without a byte order mark,
 //! or else Latin-1. Files of any length are read in the memory of one line.
 
 mod header;
@@ -84,6 +85,7 @@ pub struct CsvTable<R> {
 pub struct TableRow<'t> {
     row: Row<'t>,
     names: &'t [String],
+    has_decimal_commas: bool,
 }
 
 impl<R: BufRead> CsvTable<R> {
@@ -92,7 +94,7 @@ impl<R: BufRead> CsvTable<R> {
     /// # Errors
     /// As [`Rows::new`].
     pub fn new(source: R, wanted: &[&str]) -> Result<Self, CsvError> {
-        let (rows, head) = Rows::new(source, &|name| wanted.contains(&name))?;
+        let (rows, head) = Rows::open(source, &|name| wanted.contains(&name), true)?;
         Ok(Self { rows, head })
     }
 
@@ -111,12 +113,16 @@ impl<R: BufRead> CsvTable<R> {
     /// # Errors
     /// A line that cannot be read, or has another number of cells than the header.
     pub fn next_row(&mut self) -> Result<Option<TableRow<'_>>, CsvError> {
-        let names = &self.head.names[..];
+        let (names, has_decimal_commas) = (&self.head.names[..], self.rows.delimiter != b',');
         let Some(row) = self.rows.next()? else {
             return Ok(None);
         };
         match row.cells() == names.len() {
-            true => Ok(Some(TableRow { row, names })),
+            true => Ok(Some(TableRow {
+                row,
+                names,
+                has_decimal_commas,
+            })),
             false => Err(row.of_other_length(names.len())),
         }
     }
@@ -138,12 +144,21 @@ impl TableRow<'_> {
         self.row.cell(column).is_empty()
     }
 
-    /// The finite number in a cell.
+    /// The finite number in a cell. A comma is a decimal point only between digits, and where it does not separate cells.
     ///
     /// # Errors
     /// The cell holds anything else; the message has its place.
     pub fn number(&self, column: usize) -> Result<f64, CsvError> {
-        number(self.row.cell(column)).ok_or_else(|| self.unreadable(column, "a finite number"))
+        let cell = self.row.cell(column);
+        let is_decimal = |at: usize| {
+            let is_digit = |at: Option<usize>| at.and_then(|at| cell.get(at)).is_some_and(u8::is_ascii_digit);
+            self.has_decimal_commas && is_digit(at.checked_sub(1)) && is_digit(Some(at + 1))
+        };
+        let has_sound_comma = cell.iter().position(|&byte| byte == b',').is_none_or(is_decimal);
+        has_sound_comma
+            .then(|| number(cell))
+            .flatten()
+            .ok_or_else(|| self.unreadable(column, "a finite number"))
     }
 
     /// An error about this row.
@@ -205,6 +220,9 @@ mod tests {
             (b"# remark\na,b\n1,inf\n", (3, Some(2))),
             (b"a,b\n1,\xb5\n", (2, Some(2))),
             (b"a;b\n1;1.000,5\n", (2, Some(2))),
+            (b"a;b\n1;5,\n", (2, Some(2))),
+            (b"a;b\n1;,5\n", (2, Some(2))),
+            (b"a,b\n1,\"1,500\"\n", (2, Some(2))),
             (b"a,b,b\n1,2,3\n", (1, Some(3))),
         ] {
             let found = match read(text) {
@@ -214,6 +232,86 @@ mod tests {
             };
             assert_eq!(found, place, "{}", String::from_utf8_lossy(text));
         }
+    }
+
+    fn header(text: &str, wanted: &[&str]) -> Vec<String> {
+        CsvTable::new(text.as_bytes(), wanted)
+            .unwrap()
+            .head()
+            .names
+            .clone()
+    }
+
+    #[test]
+    fn tabs_that_align_cells_do_not_separate_them() {
+        for text in [
+            "a,\t\tb",
+            "\ta,\tb",
+            "a,b\t",
+            "a;\tb",
+            "a\t;\tb",
+            "\ta\t,\t\tb\t",
+            "a\tb",
+        ] {
+            for wanted in [&["a", "b"][..], &["b"], &[]] {
+                assert_eq!(header(text, wanted), ["a", "b"], "{text:?} {wanted:?}");
+            }
+        }
+        assert_eq!(header("\ta", &["a"]), ["", "a"]);
+        assert_eq!(header("a\t\t", &["a"]), ["a", "", ""]);
+        assert_eq!(header("\"a,\",b", &[]), ["a,", "b"]);
+        let names = ["a, s", "b, N", "c, m"];
+        assert_eq!(header("a, s\tb, N\tc, m", &names[..1]), names);
+    }
+
+    #[test]
+    fn a_line_of_blanks_is_a_row_of_empty_cells() {
+        for (text, lines) in [
+            (" \nb\n  \r\n\n1\n\t\n", vec![3, 5, 6]),
+            ("a\tb\n\t\n \t \n\n1\t2\n", vec![2, 3, 5]),
+            ("b\n\t", vec![2]),
+        ] {
+            let mut table = CsvTable::new(text.as_bytes(), &["b"]).unwrap();
+            let mut found = vec![];
+            while let Some(row) = table.next_row().unwrap() {
+                found.push(row.line());
+            }
+            assert_eq!(found, lines, "{text:?}");
+            let (mut rows, _) = Rows::new(text.as_bytes(), &|name| name == "b").unwrap();
+            let numbers = std::iter::from_fn(|| rows.next().unwrap().map(|row| row.line));
+            assert!(
+                numbers.eq(lines.into_iter().filter(|&line| line == 5)),
+                "{text:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn comments_beyond_a_bound_are_skipped() {
+        let mut text = "# first: 1\n".to_owned();
+        (0..2000).for_each(|_| text += "#\n");
+        text += "# last: 2\na,b\n# x\n1,2\n";
+        assert_eq!(read(text.as_bytes()), Ok(vec![2.0]));
+        let table = CsvTable::new(text.as_bytes(), &["b"]).unwrap();
+        assert!(table.head().notes.keys().eq(["first"]));
+        assert_eq!(table.head().line, 2003);
+        let long = "x".repeat(60_000);
+        let notes: String = (0..20).map(|key| format!("#{key}: {long}\n")).collect();
+        let text = notes + "a,b\n";
+        let table = CsvTable::new(text.as_bytes(), &["b"]).unwrap();
+        assert_eq!(table.head().notes.len(), 17, "a MiB");
+    }
+
+    #[test]
+    fn a_quote_within_a_cell_is_text() {
+        let text = b"a,b,c\n5\" pipe,2, \"x,\"\"y\"\n";
+        let mut table = CsvTable::new(&text[..], &["b"]).unwrap();
+        let row = table.next_row().unwrap().expect("a row");
+        assert_eq!(
+            [0, 1, 2].map(|column| row.text(column)),
+            ["5\" pipe", "2", "x,\"y"]
+        );
+        assert_eq!(cell_start(b"5\" pipe,2,x", 3), 11);
     }
 
     #[test]

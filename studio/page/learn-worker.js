@@ -1,5 +1,5 @@
-// Learns one recording in a worker of its own, and ends: receives { wasm, path, bytes }, sends { learned } or { error
-// }.
+// Learns one recording in a worker of its own, and ends: receives { wasm, path, bytes },
+// sends { learned } or { error }.
 import { Module } from "./module.js";
 
 const decoder = new TextDecoder();

@@ -129,7 +129,7 @@ impl Device for Card {
 pub struct CardOutput {
     /// The stream that it needs.
     pub stream: Request,
-    /// The channels, its full scale, and the samples for the card's driver.
+    /// The channels, the full scale and the samples for the card's driver.
     pub playback: Playback,
 }
 

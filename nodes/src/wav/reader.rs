@@ -148,8 +148,8 @@ pub(super) fn read_header(file: &mut (impl Read + Seek)) -> Result<Layout, WavEr
         file.read_exact(&mut head)?;
         let bytes = u64::from(word(&head[4..]));
         match &head[..4] {
-            // The sizes of RF64 are in the first chunk; one further on has no meaning.
-            b"ds64" if at == FIRST_CHUNK => {
+            // The sizes of RF64 are in the first chunk; a chunk further on or in a RIFF has no meaning.
+            b"ds64" if at == FIRST_CHUNK && start.starts_with(b"RF64") => {
                 let body = body(file, bytes)?;
                 form_bytes = long(&body).ok_or(WavError::Header)?;
                 large_data_bytes = Some(body.get(8..).and_then(long).ok_or(WavError::Header)?);

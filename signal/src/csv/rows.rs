@@ -8,11 +8,17 @@ use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, Read};
 use std::ops::Range;
 
-/// Reads rows. It skips empty lines and lines that begin with `#`.
+/// Comment lines that are kept as metadata; later ones are skipped.
+const MAX_NOTES: usize = 1000;
+/// Their bytes.
+const MAX_NOTE_BYTES: usize = 1 << 20;
+
+/// Reads rows. It skips empty lines, lines of spaces and tabs unless they are rows, and lines that begin with `#`.
 pub struct Rows<R> {
     source: R,
-    delimiter: u8,
+    pub(super) delimiter: u8,
     line: u64,
+    keeps_blank: bool,
     text: Vec<u8>,
     cells: Vec<Range<usize>>,
     /// Lines that were read to find the header, with their numbers.
@@ -25,7 +31,7 @@ pub struct Head {
     pub names: Vec<String>,
     /// Line of the header, from 1.
     pub line: u64,
-    /// Lines `# key: value` above the header.
+    /// Lines `# key: value` among the first thousand comments above the header.
     pub notes: BTreeMap<String, String>,
 }
 
@@ -76,26 +82,44 @@ impl<R: BufRead> Rows<R> {
     /// # Errors
     /// Those of the file system, text that is no table, two lines that could be the header, and a name that is there twice.
     pub fn new(source: R, is_wanted: &dyn Fn(&str) -> bool) -> Result<(Self, Head), CsvError> {
+        Self::open(source, is_wanted, false)
+    }
+
+    /// [`Rows::new`]; where `keeps_blank`, a line of spaces and tabs below the first line is a row of empty cells.
+    pub(super) fn open(
+        source: R,
+        is_wanted: &dyn Fn(&str) -> bool,
+        keeps_blank: bool,
+    ) -> Result<(Self, Head), CsvError> {
         let mut rows = Self {
             source,
             delimiter: b',',
             line: 0,
+            keeps_blank,
             text: vec![],
             cells: vec![],
             ahead: VecDeque::new(),
         };
-        let mut seen = vec![];
-        let is_row = |(_, text): &&(u64, Vec<u8>)| !text.starts_with(b"#");
-        while seen.iter().filter(is_row).count() < HEADER_WITHIN && rows.read_line()? {
-            if !rows.text.is_empty() {
-                if rows.text.iter().any(|byte| is_control(*byte)) {
-                    return Err(rows.error("the file is not text, so it is not a CSV table".to_owned()));
+        let mut seen: Vec<(u64, Vec<u8>)> = vec![];
+        let (mut notes, mut note_bytes) = (vec![], 0);
+        while seen.len() < HEADER_WITHIN && rows.read_line()? {
+            if rows.text.iter().any(|byte| is_control(*byte)) {
+                return Err(rows.error("the file is not text, so it is not a CSV table".to_owned()));
+            }
+            if let Some(note) = rows.text.strip_prefix(b"#") {
+                note_bytes += note.len();
+                if notes.len() < MAX_NOTES && note_bytes <= MAX_NOTE_BYTES {
+                    notes.push((rows.line, String::from_utf8_lossy(note).into_owned()));
                 }
+            }
+            if !rows.is_skipped() && !(seen.is_empty() && is_blank(&rows.text)) {
                 seen.push((rows.line, rows.text.clone()));
             }
         }
-        let candidates: Vec<&(u64, Vec<u8>)> = seen.iter().filter(is_row).collect();
-        let delimiters: Vec<u8> = candidates.iter().map(|(_, text)| delimiter(text)).collect();
+        let candidates: Vec<&(u64, Vec<u8>)> = seen.iter().filter(|(_, text)| !is_blank(text)).collect();
+        let delimiters: Vec<u8> = { candidates.iter() }
+            .map(|(_, text)| delimiter(text, is_wanted))
+            .collect();
         let split = |row: usize, header: usize| texts(&candidates[row].1, delimiters[header]);
         let header = header_of(candidates.len(), &split, is_wanted).map_err(|(first, second)| {
             let (first, second) = (candidates[first].0, candidates[second].0);
@@ -109,14 +133,10 @@ impl<R: BufRead> Rows<R> {
             check_names(&[String::new()], rows.line.max(1))?;
             return Err(rows.error("the table has no header".to_owned()));
         };
-        let mut notes = BTreeMap::new();
-        for (_, text) in seen.iter().take_while(|(at, _)| *at < line) {
-            if let Some(note) = text.strip_prefix(b"#")
-                && let Some((key, value)) = String::from_utf8_lossy(note).split_once(':')
-            {
-                notes.insert(key.trim().to_owned(), value.trim().to_owned());
-            }
-        }
+        let notes = { notes.iter().take_while(|(at, _)| *at < line) }
+            .filter_map(|(_, note)| note.split_once(':'))
+            .map(|(key, value)| (key.trim().to_owned(), value.trim().to_owned()))
+            .collect();
         rows.delimiter = delimiters[header];
         rows.ahead = seen.into_iter().skip_while(|(at, _)| *at < line).collect();
         rows.read_line()?;
@@ -128,7 +148,7 @@ impl<R: BufRead> Rows<R> {
 
     /// The row below the header with its line, if it holds words and no numbers: that of the units, before [`Rows::next`].
     pub fn words_below(&self) -> Option<(u64, Vec<String>)> {
-        let (line, text) = self.ahead.iter().find(|(_, text)| !text.starts_with(b"#"))?;
+        let (line, text) = self.ahead.front()?;
         let cells = texts(text, self.delimiter);
         is_without_numbers(&cells).then_some((*line, cells))
     }
@@ -140,12 +160,17 @@ impl<R: BufRead> Rows<R> {
     #[allow(clippy::should_implement_trait, reason = "a row borrows the reader's memory")]
     pub fn next(&mut self) -> Result<Option<Row<'_>>, CsvError> {
         while self.read_line()? {
-            if !self.text.is_empty() && !self.text.starts_with(b"#") {
+            if !self.is_skipped() {
                 self.split()?;
                 return Ok(Some(self.row()));
             }
         }
         Ok(None)
+    }
+
+    /// Whether the line is no row.
+    fn is_skipped(&self) -> bool {
+        self.text.is_empty() || self.text.starts_with(b"#") || !self.keeps_blank && is_blank(&self.text)
     }
 
     fn row(&self) -> Row<'_> {
@@ -156,7 +181,7 @@ impl<R: BufRead> Rows<R> {
         }
     }
 
-    /// The next line, without spaces around it; false at the end.
+    /// The next line, without its end; false after the last.
     fn read_line(&mut self) -> Result<bool, CsvError> {
         if let Some((line, text)) = self.ahead.pop_front() {
             (self.line, self.text) = (line, text);
@@ -184,16 +209,8 @@ impl<R: BufRead> Rows<R> {
                 self.text.drain(..3);
             }
         }
-        // Tabs at the end may be empty cells.
-        while self
-            .text
-            .last()
-            .is_some_and(|byte| matches!(byte, b'\r' | b'\n' | b' '))
-        {
+        while let Some(b'\r' | b'\n') = self.text.last() {
             self.text.pop();
-        }
-        if self.text.iter().all(u8::is_ascii_whitespace) {
-            self.text.clear();
         }
         if let Cow::Owned(text) = decoded(&self.text) {
             self.text = text.into_bytes();
@@ -220,16 +237,42 @@ impl<R: BufRead> Rows<R> {
 /// Splits a line into cells; false if a quote is not closed.
 fn split(text: &[u8], delimiter: u8, cells: &mut Vec<Range<usize>>) -> bool {
     cells.clear();
-    let (mut start, mut quoted) = (0, false);
+    let (mut start, mut quotes) = (0, Quotes::default());
     for (index, &byte) in text.iter().enumerate() {
-        if byte == delimiter && !quoted {
+        if quotes.separates(byte.into(), delimiter.into()) {
             cells.push(trimmed(text, start..index));
             start = index + 1;
         }
-        quoted ^= byte == b'"';
     }
     cells.push(trimmed(text, start..text.len()));
-    !quoted
+    !quotes.is_open
+}
+
+/// The quotes of a line, character by character. A quote opens only at the start of a cell; any other is text.
+#[derive(Default)]
+struct Quotes {
+    is_open: bool,
+    /// The last character closed a quote, so that another one continues it.
+    has_closed: bool,
+    /// The cell has begun.
+    has_begun: bool,
+}
+
+impl Quotes {
+    /// Takes a character; true if it separates two cells.
+    fn separates(&mut self, character: char, delimiter: char) -> bool {
+        if character == delimiter && !self.is_open {
+            *self = Self::default();
+            return true;
+        }
+        let opens = !self.has_begun || self.has_closed;
+        self.has_closed = character == '"' && self.is_open;
+        if character == '"' {
+            self.is_open = !self.is_open && opens;
+        }
+        self.has_begun |= !character.is_ascii_whitespace();
+        false
+    }
 }
 
 /// The cells of a line as texts.
@@ -267,6 +310,11 @@ pub fn decoded(line: &[u8]) -> Cow<'_, str> {
     }
 }
 
+/// Whether a line consists of spaces and tabs.
+fn is_blank(line: &[u8]) -> bool {
+    line.iter().all(u8::is_ascii_whitespace)
+}
+
 fn is_control(byte: u8) -> bool {
     byte < 0x20 && !byte.is_ascii_whitespace() && byte != 0x0b
 }
@@ -293,16 +341,34 @@ fn trimmed(text: &[u8], cell: Range<usize>) -> Range<usize> {
     }
 }
 
-/// The cell separator: the candidate that occurs most often in the header.
-fn delimiter(header: &[u8]) -> u8 {
-    let count = |delimiter: u8| {
+/// The cell separator: the candidate that gives most of the wanted names, no name that ends in a comma or semicolon, and
+/// most cells. Tabs beside commas and semicolons and at the line's ends align cells, so they count last.
+fn delimiter(header: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> u8 {
+    let rank = |delimiter: u8| {
         let mut cells = vec![];
         split(header, delimiter, &mut cells);
-        cells.len()
+        let separators = cells.len() - 1;
+        let is_mark = |at: usize| matches!(header.get(at), Some(b',' | b';'));
+        let ends_in_mark = |cell: &Range<usize>| is_mark(cell.end - 1) && header.get(cell.end) != Some(&b'"');
+        let filled: Vec<_> = cells
+            .iter()
+            .enumerate()
+            .filter(|(_, cell)| !cell.is_empty())
+            .collect();
+        let wanted = { filled.iter() }
+            .filter(|(_, cell)| is_wanted(&unquoted(&header[(*cell).clone()])))
+            .count();
+        let are_names = !filled.iter().any(|(_, cell)| ends_in_mark(cell));
+        let tabs = { filled.windows(2) }
+            .filter(|pair| !ends_in_mark(pair[0].1) && !is_mark(pair[1].1.start))
+            .map(|pair| pair[1].0 - pair[0].0)
+            .sum();
+        let counted = if delimiter == b'\t' { tabs } else { separators };
+        (wanted, are_names, counted, separators, delimiter == b',')
     };
     [b',', b';', b'\t']
         .into_iter()
-        .max_by_key(|&d| (count(d), d == b','))
+        .max_by_key(|&d| rank(d))
         .unwrap_or(b',')
 }
 
@@ -314,14 +380,13 @@ pub fn cell_start(line: &[u8], column: usize) -> usize {
         .into_iter()
         .find(|&d| count(d) > 0 && 2 * count(d) >= count(b','));
     let delimiter = char::from(other.unwrap_or(b','));
-    let (mut cell, mut quoted) = (1, false);
+    let (mut cell, mut quotes) = (1, Quotes::default());
     let line = decoded(line);
     for (index, character) in line.chars().enumerate() {
         if cell == column && !character.is_whitespace() {
             return index + 1;
         }
-        quoted ^= character == '"';
-        cell += usize::from(character == delimiter && !quoted);
+        cell += usize::from(quotes.separates(character, delimiter));
     }
     line.chars().count().max(1)
 }

@@ -274,13 +274,13 @@ pub enum Problem {
         "filter {filter} (from 0) has neither `ar` nor `ar_lsf`; give one of them (or both, if they agree)"
     )]
     EmptyFilter {
-        /// The number, from 0.
+        /// The number of the filter, from 0.
         filter: usize,
     },
     /// A filter's numbers do not make a model.
     #[error("filter {filter} (from 0): {error}")]
     Filter {
-        /// The number, from 0.
+        /// The number of the filter, from 0.
         filter: usize,
         /// The reason.
         error: ModelError,
@@ -288,7 +288,7 @@ pub enum Problem {
     /// A vertex's numbers do not make a model.
     #[error("vertex {vertex} (from 0): {error}")]
     Vertex {
-        /// The number, from 0.
+        /// The number of the vertex, from 0.
         vertex: usize,
         /// The reason.
         error: ModelError,

@@ -58,7 +58,7 @@ pub struct Contact {
     pub speed_m_s: f64,
     /// Peak normal force within the tap, N.
     pub peak_force_n: f64,
-    /// True if the tap became one of the surface's taps.
+    /// True if the surface was learned from this tap.
     pub used: bool,
 }
 

@@ -73,12 +73,17 @@ fn stl(bytes: &[u8]) -> Result<Soup, MeshError> {
 
 fn obj(bytes: &[u8]) -> Result<Soup, MeshError> {
     // Normals and places in pictures are ignored, and the reader's sums of their numbers overflow.
-    let is_read = |line: &&[u8]| {
-        let line = line.trim_ascii_start();
-        !line.starts_with(b"vn") && !line.starts_with(b"vt")
+    let is_ignored = |line: &[u8]| {
+        let first = std::str::from_utf8(line)
+            .ok()
+            .and_then(|line| line.split_whitespace().next());
+        matches!(first, Some("vn" | "vt"))
     };
-    let lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').filter(is_read).collect();
-    let read = lines.join(&b'\n');
+    let mut read = Vec::with_capacity(bytes.len());
+    let lines = bytes.split_inclusive(|byte| *byte == b'\n');
+    lines
+        .filter(|line| !is_ignored(line))
+        .for_each(|line| read.extend_from_slice(line));
     let options = tobj::LoadOptions {
         triangulate: true,
         ignore_points: true,

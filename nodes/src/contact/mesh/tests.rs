@@ -34,6 +34,16 @@ fn solids_are_closed_convex_and_turned_outwards() {
 }
 
 #[test]
+fn lines_of_normals_are_ignored_whatever_white_space_begins_them() {
+    for space in ["", " \t", "\u{b}", "\u{a0}", "\u{3000}"] {
+        let faces = TETRAHEDRON_OBJ.replace("f 1 3 2", "f 1//6148914691236517206 3 2");
+        let text = format!("{space}vn 0 0 1\n{space}vt 0 0\n{faces}");
+        let mesh = TriangleMesh::from_bytes(text.as_bytes(), MeshFormat::Obj, 1e-3).unwrap();
+        assert_eq!(mesh.triangles().len(), 4, "{space:?}");
+    }
+}
+
+#[test]
 fn stl_and_obj_give_the_same_solid() {
     let obj = TriangleMesh::from_bytes(TETRAHEDRON_OBJ.as_bytes(), MeshFormat::Obj, 1e-3).unwrap();
     let stl = TriangleMesh::from_bytes(ascii_stl(&obj).as_bytes(), MeshFormat::Stl, 1e-3).unwrap();

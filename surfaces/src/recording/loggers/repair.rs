@@ -147,6 +147,18 @@ fn strange_rates_and_clipped_samples_are_noticed() {
 }
 
 #[test]
+fn quoted_decimal_commas_and_lines_of_blanks_are_no_faults() {
+    let folder = Folder::new();
+    let row = |(t, a, f, v)| format!("\"{t:.4}\"|\"{a}\"|\"{f}\"|{v}\n \t\n").replace('.', ",");
+    let lines: String = rows(200).map(row).collect();
+    let path = folder.with("x.csv", format!("{HEAD}\t\n{}", lines.replace('|', ",")));
+    let (recording, findings) = read(&[path], &ImportSettings::default()).expect("a recording");
+    let expected: Vec<f64> = rows(200).map(|row| row.1).collect();
+    assert_eq!(recording.signals().acceleration_m_s2, expected);
+    assert_eq!(findings, []);
+}
+
+#[test]
 fn what_cannot_be_read_is_counted_and_located() {
     let folder = Folder::new();
     let mut lines = table(1000);
