@@ -77,7 +77,7 @@ impl Mapping {
                 .help("give the smallest and the largest number that is received"));
         }
         for (field, pair, largest) in [("from", from, LARGEST_FROM), ("to", to, LARGEST)] {
-            if let Some(far) = pair.iter().find(|end| !(end.abs() <= largest)) {
+            if let Some(far) = pair.iter().find(|end| !(-largest..=largest).contains(*end)) {
                 return Err(BuildError::at(field, format!("{far} is beyond ±{largest:e}")));
             }
         }

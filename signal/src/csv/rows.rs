@@ -112,7 +112,8 @@ impl<R: BufRead> Rows<R> {
                     notes.push((rows.line, String::from_utf8_lossy(note).into_owned()));
                 }
             }
-            if !rows.is_skipped() && !(seen.is_empty() && is_blank(&rows.text)) {
+            let is_blank_preamble = seen.is_empty() && is_blank(&rows.text);
+            if !(rows.is_skipped() || is_blank_preamble) {
                 seen.push((rows.line, rows.text.clone()));
             }
         }
