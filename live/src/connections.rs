@@ -82,18 +82,19 @@ impl Connections {
         for device in graph.devices().iter().filter(|device| !device.entry.is_host()) {
             let mut entries = self.backends.iter().map(|member| member.entry);
             let reaching = entries.find(|entry| entry.reaches(device));
-            // The caller reaches soundcards itself.
-            let mut of_caller = self.left_out.iter().filter(|entry| !entry.is_own());
-            let kind = device.entry.spec.name;
-            let device_name = || device.name.clone();
+            // A caller that drives reaches other devices itself, but drives in the place of a backend of the program's own.
+            let is_left_out = || {
+                let mut own = self.left_out.iter().filter(|entry| entry.is_own());
+                self.left_out.is_empty() || own.any(|entry| entry.reaches(device))
+            };
+            let (name, kind) = (device.name.clone(), device.entry.spec.name);
             match reaching {
-                Some(entry) if device.entry.spec.simulated => {
-                    let (device, what) = (device_name(), entry.what);
+                Some(entry) if device.entry.spec.simulated && !device.entry.spec.drives.is_empty() => {
+                    let (device, what) = (name, entry.what);
                     return Err(BackendError::Simulated { device, kind, what });
                 }
-                None if !device.entry.spec.simulated && !of_caller.any(|entry| entry.reaches(device)) => {
-                    let device = device_name();
-                    return Err(BackendError::Unreached { device, kind });
+                None if !device.entry.spec.simulated && is_left_out() => {
+                    return Err(BackendError::Unreached { device: name, kind });
                 }
                 _ => {}
             }

@@ -287,6 +287,11 @@ mod tests {
     }
 
     #[test]
+    fn a_line_of_blanks_in_a_table_of_commas_is_none() {
+        assert_eq!(read(b"a,b\n1,2\n  \n1,3\n\t\n"), Ok(vec![2.0, 3.0]));
+    }
+
+    #[test]
     fn comments_beyond_a_bound_are_skipped() {
         let mut text = "# first: 1\n".to_owned();
         (0..2000).for_each(|_| text += "#\n");

@@ -83,8 +83,6 @@ impl Drivers {
     /// Waits for the end of the run. Returns its real-time sides in the order of the graph.
     pub fn join(&mut self) -> Result<Vec<Live>, BackendError> {
         self.is_closed = true;
-        // Those that have finished do not look at it, and no other is waited for in vain.
-        self.stop.store(true, Ordering::Relaxed);
         let lives = self.connections.close()?;
         Ok(lives.into_iter().map(|(_, live)| live).collect())
     }

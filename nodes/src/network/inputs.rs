@@ -105,7 +105,7 @@ pub struct NumberInput {
 
 impl NumberInput {
     /// The body of a device of a program's own, whose numbers are in SI units and clamped to a range; NaN and infinity are
-    /// ignored. It begins at the range's lower end, and counts as gone after this silence.
+    /// as silence. It begins at the range's lower end, and counts as gone after this silence.
     ///
     /// # Errors
     /// [`BuildError`] if the range is empty or goes beyond ±1e6.
@@ -147,11 +147,10 @@ impl NumberInput {
 
 impl Device for NumberInput {
     fn advance(&mut self) {
-        let news = self.reader.advance();
+        // An input that gives no numbers falls silent.
+        let news = self.reader.advance().filter(|news| news.sensed[0].is_finite());
         if let Some(news) = &news {
-            if news.sensed[0].is_finite() {
-                self.value = self.mapping.of(news.sensed[0]);
-            }
+            self.value = self.mapping.of(news.sensed[0]);
             self.reader.take(news);
         }
         self.reader.measure_age(news.is_some(), self.holds);

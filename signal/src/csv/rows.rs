@@ -19,6 +19,8 @@ pub struct Rows<R> {
     pub(super) delimiter: u8,
     line: u64,
     keeps_blank: bool,
+    /// Of the header; 1 until it is known.
+    columns: usize,
     text: Vec<u8>,
     cells: Vec<Range<usize>>,
     /// Lines that were read to find the header, with their numbers.
@@ -96,6 +98,7 @@ impl<R: BufRead> Rows<R> {
             delimiter: b',',
             line: 0,
             keeps_blank,
+            columns: 1,
             text: vec![],
             cells: vec![],
             ahead: VecDeque::new(),
@@ -144,6 +147,7 @@ impl<R: BufRead> Rows<R> {
         rows.split()?;
         let names = texts(&rows.text, rows.delimiter);
         check_names(&names, line)?;
+        rows.columns = names.len();
         Ok((rows, Head { names, line, notes }))
     }
 
@@ -169,9 +173,16 @@ impl<R: BufRead> Rows<R> {
         Ok(None)
     }
 
+    /// True if a line of blanks can be a row: of empty cells between tabs, or of the one column.
+    fn may_be_blank(&self) -> bool {
+        self.delimiter == b'\t' || self.columns == 1
+    }
+
     /// Whether the line is no row.
     fn is_skipped(&self) -> bool {
-        self.text.is_empty() || self.text.starts_with(b"#") || !self.keeps_blank && is_blank(&self.text)
+        self.text.is_empty()
+            || self.text.starts_with(b"#")
+            || is_blank(&self.text) && !(self.keeps_blank && self.may_be_blank())
     }
 
     fn row(&self) -> Row<'_> {
