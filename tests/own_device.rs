@@ -67,7 +67,10 @@ fn the_device_goes_on_after_an_edit_that_was_refused() {
     let before = accepted(&mut run);
     // A second is the silence after which the input would be gone.
     let is_heard = |run: &mut Supervisor| run.status().inputs[0].status.state == InputState::Heard;
-    while !run.is_finished() && !(accepted(&mut run) >= before + 15 && is_heard(&mut run)) {
+    loop {
+        if run.is_finished() || accepted(&mut run) >= before + 15 && is_heard(&mut run) {
+            break;
+        }
         run.wait();
         run.poll();
     }
