@@ -135,7 +135,7 @@ programTest("a page of the network stops, and says that it cannot resume and why
     try {
         if (own_address) {
             await far.waitForTimeout(400);
-            assert.match(await far.evaluate(() => studio.sound.obstacle), /plain HTTP.*browsers allow no sound here/);
+            assert.match(await far.evaluate(() => studio.sound.obstacle), /plain HTTP, so browsers play no sound/);
             assert.equal(await far.isDisabled("#sound"), true);
         }
         await far.tap("#pad-cover-button");
