@@ -274,7 +274,7 @@ impl<'a> Ports<'a> {
         }
     }
 
-    /// Whether this input is connected.
+    /// True if this input is connected.
     #[inline]
     pub(crate) fn connected(&self, input: usize) -> bool {
         self.inputs

@@ -93,7 +93,7 @@ impl BuildContext {
         self.kind(input).map_or(1, Kind::width)
     }
 
-    /// Whether this input is connected.
+    /// True if this input is connected.
     pub fn is_connected<K, F: FrameKind, M: OneSignal>(&self, input: Input<K, F, Optional<M>>) -> bool {
         self.kind(input).is_some()
     }
@@ -234,7 +234,7 @@ pub struct Stream {
     pub quantity: Quantity,
     /// Frames a second.
     pub rate: Rate,
-    /// Whether it depends on a simulated device.
+    /// True if it depends on a simulated device.
     pub simulated: bool,
 }
 

@@ -60,6 +60,7 @@ impl Connections {
     }
 
     /// All backends of a registry, those that drive the graph included.
+    #[cfg(any(test, feature = "supervisor"))]
     pub(crate) fn with_drivers(registry: &Registry) -> Self {
         Self::of(registry, |_| true)
     }
@@ -147,6 +148,7 @@ impl Connections {
     ///
     /// # Errors
     /// [`BackendError`] if one cannot be started, or a clock has none.
+    #[cfg(any(test, feature = "supervisor"))]
     pub(crate) fn drive(&mut self, graph: &Graph, mut lives: Lives) -> Result<(), BackendError> {
         for member in self.backends.iter_mut().filter(|member| member.entry.drives) {
             let before: Vec<usize> = lives.iter().map(|(clock, _)| *clock).collect();
@@ -229,6 +231,7 @@ impl Connections {
     ///
     /// # Errors
     /// [`BackendError::Lost`] if a driver's thread panicked.
+    #[cfg(any(test, feature = "supervisor"))]
     pub(crate) fn close(&mut self) -> Result<Lives, BackendError> {
         // All of them, whatever happened to one.
         let closed: Vec<_> = self.all_mut().map(|backend| backend.close()).collect();

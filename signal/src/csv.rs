@@ -139,7 +139,7 @@ impl TableRow<'_> {
         self.row.text(column)
     }
 
-    /// Whether a cell is empty.
+    /// True if a cell is empty.
     pub fn is_empty_at(&self, column: usize) -> bool {
         self.row.cell(column).is_empty()
     }

@@ -4,7 +4,7 @@ use super::text::{MAX_DEPTH, is_name};
 use super::value::{Body, Name, Shape, Tagged, Value};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
 
-/// Whether each item has a line of its own.
+/// The layout of the items of a list or structure.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Layout {
     Row,
@@ -48,7 +48,13 @@ impl Writer {
             Shape::Unit => self.text += "()",
             Shape::Bool(true) => self.text += "true",
             Shape::Bool(false) => self.text += "false",
-            Shape::Number(_, text) => self.text += text,
+            Shape::Number(number, text) => {
+                // A program's own values may have been given another text.
+                if text.parse::<f64>().map(f64::to_bits) != Ok(number.to_bits()) {
+                    *text = format!("{number:?}");
+                }
+                self.text += text;
+            }
             // Rust's escapes are RON's.
             Shape::String(text) => self.text += &format!("{text:?}"),
             Shape::List(values) => self.items(["[", "]"], layout, values, Self::value),

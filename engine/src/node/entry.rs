@@ -154,22 +154,22 @@ impl NodeEntry {
             .map(|(index, spec)| (SettingId::at(index), spec))
     }
 
-    /// Whether it is described while the program runs; then it runs offline only.
+    /// True if the kind is described while the program runs; its nodes run offline only.
     pub(crate) fn is_scripted(&self) -> bool {
         matches!(self.build, Build::Scripted(_))
     }
 
-    /// Whether an `endpoint` field binds it to a device.
+    /// True if an `endpoint` field binds the node to a device.
     pub fn has_endpoint(&self) -> bool {
         matches!(self.build, Build::Actuator(_) | Build::Source(_))
     }
 
-    /// Whether it is an actuator sink.
+    /// True if the node is an actuator sink.
     pub fn is_actuator(&self) -> bool {
         matches!(self.build, Build::Actuator(_))
     }
 
-    /// Whether it is a file sink. A file sink has no clock.
+    /// True if the node is a file sink. A file sink has no clock.
     pub fn is_file(&self) -> bool {
         matches!(self.build, Build::File(_))
     }

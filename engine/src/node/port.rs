@@ -410,7 +410,7 @@ impl NodeSpec {
 }
 
 impl Kinds {
-    /// Whether these include every kind that a port of this rule carries.
+    /// True if these include every kind that a port of this rule carries.
     const fn include(self, rule: KindRule) -> bool {
         match (self, rule) {
             (Self::Any, _) | (Self::Linear, KindRule::Linear) => true,

@@ -31,9 +31,9 @@ pub struct InputSpec {
     pub kind: KindRule,
     /// What its numbers are.
     pub quantity: QuantityRule,
-    /// Whether it reads a frame a tick or runs of held frames.
+    /// The form of its frames: one a tick, or runs of held frames.
     pub flow: Flow,
-    /// Whether it has to be connected.
+    /// The number of connections that it takes.
     pub presence: Presence,
     /// What it is for.
     pub doc: &'static str,
@@ -82,7 +82,7 @@ pub enum Flow {
     Held,
 }
 
-/// Whether an input has to be connected.
+/// The number of connections of an input.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Presence {
     /// It has to be connected.

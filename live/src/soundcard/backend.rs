@@ -83,17 +83,14 @@ impl Backend for Soundcards {
     }
 
     fn status(&self) -> Vec<Connected> {
+        let place = |driver: &Driver| description(driver.card.got(), &driver.request);
         let driver = self.driver.iter().map(|driver| Connected {
-            names: vec![driver.name.clone()],
-            role: Role::Driver,
-            clock: Some(driver.clock),
-            place: description(driver.card.got(), &driver.request),
             state: match (driver.card.is_finished(), driver.card.is_waiting()) {
                 (true, _) => State::Finished,
                 (false, true) => State::Waiting,
                 (false, false) => State::Running,
             },
-            refused: Vec::new(),
+            ..Connected::driver(&driver.name, driver.clock, place(driver))
         });
         let inputs = self
             .inputs

@@ -1,7 +1,7 @@
 //! The timers of a live run.
 
 use super::thread::{Timer, TimerThread};
-use crate::backend::{Backend, BackendError, Connected, Counts, Lives, Role, State};
+use crate::backend::{Backend, BackendError, Connected, Counts, Lives, State};
 use haptograph_engine::graph::Graph;
 
 /// A timer for each clock that nothing else drives.
@@ -32,15 +32,12 @@ impl Backend for Timers {
 
     fn status(&self) -> Vec<Connected> {
         let driver = |driver: &Driver| Connected {
-            names: vec![driver.name.clone()],
-            role: Role::Driver,
-            clock: Some(driver.clock),
-            place: "a timer with 1000 wake-ups a second".to_owned(),
             state: match driver.thread.is_finished() {
                 true => State::Finished,
                 false => State::Running,
             },
             refused: driver.thread.notes.refused.clone(),
+            ..Connected::driver(&driver.name, driver.clock, "a timer with 1000 wake-ups a second")
         };
         self.0.iter().map(driver).collect()
     }

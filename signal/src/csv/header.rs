@@ -54,7 +54,7 @@ fn is_number(cell: &str) -> bool {
     number(cell.as_bytes()).is_some() || cell.parse::<f64>().is_ok()
 }
 
-/// Whether most cells contain text and none contains a number.
+/// True if most cells contain text and none contains a number.
 pub fn is_without_numbers(cells: &[String]) -> bool {
     let filled = cells.iter().filter(|cell| !cell.is_empty()).count();
     let is_word = |cell: &&String| {

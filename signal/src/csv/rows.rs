@@ -178,7 +178,7 @@ impl<R: BufRead> Rows<R> {
         self.delimiter == b'\t' || self.columns == 1
     }
 
-    /// Whether the line is no row.
+    /// True if the line is not a row.
     fn is_skipped(&self) -> bool {
         self.text.is_empty()
             || self.text.starts_with(b"#")
@@ -322,7 +322,7 @@ pub fn decoded(line: &[u8]) -> Cow<'_, str> {
     }
 }
 
-/// Whether a line consists of spaces and tabs.
+/// True if a line consists of spaces and tabs.
 fn is_blank(line: &[u8]) -> bool {
     line.iter().all(u8::is_ascii_whitespace)
 }
