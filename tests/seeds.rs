@@ -7,7 +7,10 @@
 mod fuzz;
 
 use std::fs;
+use std::panic::catch_unwind;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 /// By their names, in order.
 fn seeds(target: &str) -> Vec<(String, Vec<u8>)> {
@@ -92,31 +95,68 @@ fn mutated(seeds: &[(String, Vec<u8>)], dice: &mut Dice) -> Vec<u8> {
     bytes
 }
 
-fn mutate_all(inputs: usize, seed: u64) {
-    for (name, target) in fuzz::TARGETS {
-        let (seeds, mut dice) = (seeds(name), Dice(seed));
-        let begun = std::time::Instant::now();
-        let accepted = (0..inputs).filter(|_| {
-            let input = mutated(&seeds, &mut dice);
-            std::panic::catch_unwind(|| target(&input)).unwrap_or_else(|_| {
-                panic!("{name}: {:?}", String::from_utf8_lossy(&input));
-            })
+/// How long a target is given changed seeds.
+#[derive(Clone, Copy)]
+enum Turn {
+    Inputs(usize),
+    Seconds(f64),
+}
+
+/// Gives a target changed seeds. What it accepts is changed further, so that changes add up.
+fn mutate((name, target): fuzz::Target, turn: Turn, seed: u64) {
+    let (mut pool, mut dice) = (seeds(name), Dice(seed));
+    let (given, begun) = (pool.len(), Instant::now());
+    let (mut inputs, mut accepted) = (0, 0);
+    let goes_on = |inputs| match turn {
+        Turn::Inputs(most) => inputs < most,
+        Turn::Seconds(most) => begun.elapsed().as_secs_f64() < most,
+    };
+    while goes_on(inputs) {
+        let input = mutated(&pool, &mut dice);
+        let is_accepted = catch_unwind(|| target(&input)).unwrap_or_else(|_| {
+            panic!(
+                "{name}, seed {seed}, input {inputs}: \"{}\"",
+                input.escape_ascii()
+            );
         });
-        let accepted = accepted.count();
-        println!(
-            "{name}: {accepted} of {inputs} accepted, {:.1} s",
-            begun.elapsed().as_secs_f64()
-        );
+        inputs += 1;
+        if is_accepted && input.len() <= 100_000 {
+            accepted += 1;
+            match pool.len() < given + 1000 {
+                true => pool.push((String::new(), input)),
+                false => pool[given + dice.below(1000)].1 = input,
+            }
+        }
     }
+    let took_s = begun.elapsed().as_secs_f64();
+    println!("{name}: {accepted} of {inputs} accepted, {took_s:.1} s");
+}
+
+/// All targets, two at a time.
+fn mutate_all(turn: Turn, seed: u64) {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        while let Some(target) = fuzz::TARGETS.get(next.fetch_add(1, Ordering::Relaxed)) {
+            mutate(*target, turn, seed);
+        }
+    };
+    std::thread::scope(|scope| {
+        let other = scope.spawn(work);
+        work();
+        other.join().expect("it stood all");
+    });
 }
 
 #[test]
 fn every_fuzz_target_stands_seeds_with_changes() {
-    mutate_all(300, 1);
+    mutate_all(Turn::Inputs(300), 1);
 }
 
+/// `FUZZ_SECONDS` (10) is how long each target is fuzzed, and `FUZZ_SEED` (2) decides about the changes.
 #[test]
-#[ignore = "a hundred thousand inputs: minutes"]
-fn every_fuzz_target_stands_many_seeds_with_changes() {
-    mutate_all(10_000, 2);
+#[ignore = "as long as it is told to, by default a minute"]
+fn every_fuzz_target_stands_changes_for_long() {
+    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse().expect(name));
+    let seconds = number("FUZZ_SECONDS").unwrap_or(10);
+    mutate_all(Turn::Seconds(seconds as f64), number("FUZZ_SEED").unwrap_or(2));
 }

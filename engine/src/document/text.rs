@@ -456,7 +456,11 @@ impl Reader<'_> {
                 .ok()
                 .map(|n| format!("{sign}{n}"))
         };
-        if let Some(text) = text
+        // RON has no `_` right after a point, and none in or right after `0x`.
+        let unsigned = written.trim_start_matches(['+', '-']);
+        let is_split = radix != 10 && (unsigned[..2] != digits[..2] || unsigned[2..].starts_with('_'));
+        if !(is_split || written.contains("._"))
+            && let Some(text) = text
             && let Ok(number) = text.parse::<f64>()
         {
             let Some(unit) = self.unit() else {

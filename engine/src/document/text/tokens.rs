@@ -235,7 +235,9 @@ fn number_length(rest: &str) -> usize {
         if !(sign || c.is_alphanumeric() || c == '_' || c == '.') {
             return i;
         }
-        before = c;
+        if c != '_' {
+            before = c;
+        }
     }
     rest.len()
 }
