@@ -1,6 +1,8 @@
 //! Backends, which reach real devices: one trait, and one table of its implementations.
 
+use crate::numbers::{Listeners, NumberSource};
 use crate::soundcard::{CardCounts, SoundcardError};
+use haptograph_engine::device::DeviceKind;
 use haptograph_engine::graph::{Graph, GraphDevice};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::{Live, RingReport};
@@ -317,13 +319,15 @@ pub struct BackendEntry {
     pub is_built: bool,
     /// True if the backend can drive a graph.
     pub drives: bool,
+    /// True if it drives any clock that no other backend drives.
+    pub(crate) drives_any_clock: bool,
     /// Makes the backend, without connections; `None` if this program was built without it.
     pub(crate) new: Option<fn() -> Box<dyn Backend>>,
 }
 
-/// All backends. Those that drive a graph come in the order in which they take drivers: a missing soundcard is found
+/// All backends, in any order: the timer takes the drivers that are left by the others, so that a missing soundcard is found
 /// before a timer moves anything.
-pub const BACKENDS: [BackendEntry; 7] = [
+pub const BACKENDS: &[BackendEntry] = &[
     crate::soundcard::BACKEND,
     crate::evdev::BACKEND,
     crate::udp::BACKEND,
@@ -346,13 +350,12 @@ pub fn add_backend(registry: &mut Registry, entry: BackendEntry) {
     registry.attach(own);
 }
 
-/// The backends of the table and the program's own, in the order in which they take drivers: the program's own before the
-/// timer only, so that a missing soundcard is found before anything moves.
+/// The backends of the table and the program's own, in the order in which they take drivers.
 pub(crate) fn backends(registry: &Registry) -> Vec<BackendEntry> {
     let own = registry.attached::<OwnBackends>().cloned().unwrap_or_default();
-    let (timer, others) = BACKENDS.split_last().unzip();
-    let others = others.unwrap_or_default().iter().copied();
-    others.chain(own.0).chain(timer.copied()).collect()
+    let mut all: Vec<BackendEntry> = BACKENDS.iter().copied().chain(own.0).collect();
+    all.sort_by_key(|entry| entry.drives_any_clock);
+    all
 }
 
 impl BackendEntry {
@@ -368,8 +371,14 @@ impl BackendEntry {
             kinds,
             is_built: true,
             drives: false,
+            drives_any_clock: false,
             new: Some(new),
         }
+    }
+
+    /// The backend of a source of numbers, a program's own; `what` is the hardware, in the plural.
+    pub const fn numbers<S: NumberSource>(what: &'static str) -> Self {
+        Self::new(what, const { &[S::Kind::SPEC.name] }, Listeners::<S>::boxed)
     }
 
     /// The same, of a backend that can drive a graph ([`Backend::drive`]).

@@ -2,7 +2,7 @@
 //!
 //! A graph names its devices; `haptograph-nodes` declares their ports and their bodies, which tick. This crate reaches the real
 //! ones: a [`Backend`] for each sort of hardware, one folder and one feature each, in one table, [`BACKENDS`]; a program adds
-//! its own by [`add_backend`]. The core, without
+//! its own by [`add_backend`]; inputs of one number need a [`NumberSource`] only. The core, without
 //! any feature, has no threads, no files and no operating system, and builds for WebAssembly.
 //!
 //! # Features
@@ -22,9 +22,9 @@
 mod backend;
 mod connections;
 pub mod evdev;
-#[cfg_attr(not(feature = "osc"), allow(dead_code, reason = "only some backends use it"))]
-mod hub;
 pub mod midi;
+#[cfg_attr(not(feature = "osc"), allow(dead_code, reason = "only some backends use it"))]
+mod numbers;
 pub mod osc;
 pub mod serial;
 #[cfg(feature = "osc")]
@@ -48,6 +48,7 @@ pub use backend::{
     add_backend,
 };
 pub use connections::Connections;
+pub use numbers::{NumberSource, Readers};
 #[cfg(feature = "osc")]
 pub use setting_value::SettingValue;
 

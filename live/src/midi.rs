@@ -8,16 +8,19 @@ mod port;
 mod selector;
 
 use crate::backend::BackendEntry;
+use haptograph_engine::device::DeviceKind;
+use haptograph_nodes::network::inputs::MidiInput;
 
 /// MIDI ports.
 pub const BACKEND: BackendEntry = BackendEntry {
     what: "MIDI ports",
     feature: "midi",
-    kinds: &["MidiInput"],
+    kinds: &[MidiInput::SPEC.name],
     is_built: cfg!(feature = "midi"),
     drives: false,
+    drives_any_clock: false,
     #[cfg(feature = "midi")]
-    new: Some(crate::hub::Hubs::<port::MidiPort>::boxed),
+    new: Some(crate::numbers::Listeners::<port::MidiPort>::boxed),
     #[cfg(not(feature = "midi"))]
     new: None,
 };

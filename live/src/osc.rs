@@ -18,16 +18,19 @@ pub(crate) use {
 };
 
 use crate::backend::BackendEntry;
+use haptograph_engine::device::DeviceKind;
+use haptograph_nodes::network::inputs::OscInput;
 
 /// Inputs by Open Sound Control. Devices by Open Sound Control belong to the backend of UDP, which has their sockets.
 pub const BACKEND: BackendEntry = BackendEntry {
     what: "Open Sound Control",
     feature: "osc",
-    kinds: &["OscInput"],
+    kinds: &[OscInput::SPEC.name],
     is_built: cfg!(feature = "osc"),
     drives: false,
+    drives_any_clock: false,
     #[cfg(feature = "osc")]
-    new: Some(crate::hub::Hubs::<input::OscPort>::boxed),
+    new: Some(crate::numbers::Listeners::<input::OscPort>::boxed),
     #[cfg(not(feature = "osc"))]
     new: None,
 };

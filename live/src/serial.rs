@@ -6,16 +6,19 @@ mod lines;
 mod port;
 
 use crate::backend::BackendEntry;
+use haptograph_engine::device::DeviceKind;
+use haptograph_nodes::network::inputs::SerialInput;
 
 /// Serial ports.
 pub const BACKEND: BackendEntry = BackendEntry {
     what: "serial ports",
     feature: "serial",
-    kinds: &["SerialInput"],
+    kinds: &[SerialInput::SPEC.name],
     is_built: cfg!(all(feature = "serial", unix)),
     drives: false,
+    drives_any_clock: false,
     #[cfg(all(feature = "serial", unix))]
-    new: Some(crate::hub::Hubs::<port::SerialPort>::boxed),
+    new: Some(crate::numbers::Listeners::<port::SerialPort>::boxed),
     #[cfg(not(all(feature = "serial", unix)))]
     new: None,
 };

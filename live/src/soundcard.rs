@@ -36,21 +36,26 @@ pub use haptograph_nodes::soundcard::{CardFormat, Request};
 pub use request::{CardOutputSink, CardRequests, InputRequest, card_requests, output_sinks};
 
 use crate::backend::BackendEntry;
+use haptograph_engine::device::DeviceKind;
 use haptograph_engine::run::Histogram;
+use haptograph_nodes::soundcard::{
+    Soundcard, SoundcardAccelerometer, SoundcardHaptuator, SoundcardInput, SoundcardVoltage,
+};
 
 /// Soundcards. Without them their device kinds can still be checked and run offline.
 pub const BACKEND: BackendEntry = BackendEntry {
     what: "soundcards",
     feature: "soundcard",
     kinds: &[
-        "Soundcard",
-        "SoundcardVoltage",
-        "SoundcardAccelerometer",
-        "SoundcardInput",
-        "SoundcardHaptuator",
+        Soundcard::SPEC.name,
+        SoundcardVoltage::SPEC.name,
+        SoundcardAccelerometer::SPEC.name,
+        SoundcardInput::SPEC.name,
+        SoundcardHaptuator::SPEC.name,
     ],
     is_built: cfg!(any(feature = "soundcard", target_os = "macos", windows)),
     drives: true,
+    drives_any_clock: false,
     #[cfg(any(feature = "soundcard", target_os = "macos", windows))]
     new: Some(|| Box::new(backend::Soundcards::default())),
     #[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]

@@ -16,6 +16,7 @@ pub const BACKEND: BackendEntry = BackendEntry {
     kinds: &[],
     is_built: cfg!(feature = "timer"),
     drives: true,
+    drives_any_clock: true,
     #[cfg(feature = "timer")]
     new: Some(|| Box::new(drivers::Timers::default())),
     #[cfg(not(feature = "timer"))]

@@ -7,6 +7,8 @@ pub mod protocol;
 mod sockets;
 
 use crate::backend::BackendEntry;
+use haptograph_engine::device::DeviceKind;
+use haptograph_nodes::network::{OscDevice, UdpDevice};
 #[cfg(feature = "osc")]
 pub(crate) use protocol::are_in_range;
 
@@ -18,9 +20,10 @@ pub(crate) const WAIT: std::time::Duration = std::time::Duration::from_millis(5)
 pub const BACKEND: BackendEntry = BackendEntry {
     what: "devices over UDP",
     feature: "udp",
-    kinds: &["UdpDevice", "OscDevice"],
+    kinds: &[UdpDevice::SPEC.name, OscDevice::SPEC.name],
     is_built: cfg!(feature = "udp"),
     drives: false,
+    drives_any_clock: false,
     #[cfg(feature = "udp")]
     new: Some(|| Box::new(sockets::Sockets::default())),
     #[cfg(not(feature = "udp"))]

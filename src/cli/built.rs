@@ -7,7 +7,7 @@ use crate::live::{BACKENDS, BackendEntry, midi};
 
 /// Backends that this build lacks and that devices of a graph need, with the endpoints that need them.
 fn missing(graph: &Graph) -> Vec<(BackendEntry, Vec<&str>)> {
-    let lacking = BACKENDS.into_iter().filter(|backend| !backend.is_built);
+    let lacking = BACKENDS.iter().copied().filter(|backend| !backend.is_built);
     let with_needs = lacking.map(|backend| (backend, backend.endpoints(graph).collect()));
     with_needs
         .filter(|(_, endpoints): &(_, Vec<&str>)| !endpoints.is_empty())

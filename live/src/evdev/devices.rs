@@ -2,7 +2,7 @@
 
 use super::reading::{begin, unknown_scale};
 use crate::backend::{Backend, BackendError, Connected, Counts};
-use crate::hub::{cell, packets};
+use crate::numbers::{cell, packets};
 use haptograph_engine::graph::{Graph, GraphDevice};
 use haptograph_nodes::network::link::Link;
 use haptograph_nodes::network::{EvdevDevice, Remote};

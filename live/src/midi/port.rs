@@ -2,7 +2,7 @@
 
 use super::event::{ByteStream, Event};
 use super::selector::MidiSelector;
-use crate::hub::{Port, Routes};
+use crate::numbers::{NumberSource, Readers};
 use haptograph_nodes::network::inputs::MidiInputSettings;
 use haptograph_nodes::network::link::Link;
 use midir::{Ignore, MidiInput, MidiInputConnection};
@@ -123,26 +123,26 @@ impl std::fmt::Display for PortName {
 /// Ports of the system's MIDI.
 pub(super) struct MidiPort;
 
-impl Port for MidiPort {
+impl NumberSource for MidiPort {
     type Kind = haptograph_nodes::network::inputs::MidiInput;
-    type Place = PortName;
-    type Selector = MidiSelector;
+    type Address = PortName;
+    type Field = MidiSelector;
 
-    fn select(settings: &MidiInputSettings) -> Result<(PortName, MidiSelector)> {
+    fn locate(settings: &MidiInputSettings) -> Result<(PortName, MidiSelector)> {
         Ok((PortName(settings.port.clone()), MidiSelector::of(settings)))
     }
 
     fn listen(
         port: &PortName,
-        routes: Routes<MidiSelector>,
+        readers: Readers<MidiSelector>,
         stop: Arc<AtomicBool>,
     ) -> Result<JoinHandle<()>> {
-        listen(&port.0, routes, stop)
+        listen(&port.0, readers, stop)
     }
 }
 
 /// Listens to a port until `stop`, on a separate thread, and reopens one that was unplugged.
-fn listen(part: &str, routes: Routes<MidiSelector>, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
+fn listen(part: &str, readers: Readers<MidiSelector>, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
     let (events, arrived) = sync_channel(MAX_WAITING);
     let inbox = Inbox {
         events,
@@ -164,7 +164,7 @@ fn listen(part: &str, routes: Routes<MidiSelector>, stop: Arc<AtomicBool>) -> Re
                     return;
                 }
             };
-            run(&part, (connection, inbox), &arrived, &routes, &stop);
+            run(&part, (connection, inbox), &arrived, &readers, &stop);
         })?;
     outcome.recv().map_err(Error::other)??;
     Ok(thread)
@@ -175,7 +175,7 @@ fn run(
     part: &str,
     (connection, inbox): (Open, Inbox),
     arrived: &Receiver<Event>,
-    routes: &Routes<MidiSelector>,
+    readers: &Readers<MidiSelector>,
     stop: &AtomicBool,
 ) {
     let (mut connection, mut lister) = (Some(connection), Lister::default());
@@ -184,10 +184,10 @@ fn run(
         let first = arrived.recv_timeout(PRESENCE_PERIOD).ok();
         for event in first.into_iter().chain(arrived.try_iter()) {
             last_event = Instant::now();
-            take(event, routes, connection.as_mut());
+            take(event, readers, connection.as_mut());
         }
         if inbox.overflowed.swap(false, Relaxed) {
-            release_keys(routes);
+            release_keys(readers);
         }
         if let Some(open) = &connection {
             open.updated.iter().for_each(|link| publish_again(link));
@@ -210,22 +210,22 @@ fn run(
 }
 
 /// Releases all keys.
-fn release_keys(routes: &Routes<MidiSelector>) {
-    for route in &*routes.list() {
-        if route.selector.is_key() {
-            route.link.publish_number(0.0);
+fn release_keys(readers: &Readers<MidiSelector>) {
+    for reader in &*readers.list() {
+        if reader.field.is_key() {
+            reader.link.publish_number(0.0);
         }
     }
 }
 
-fn take(event: Event, routes: &Routes<MidiSelector>, mut open: Option<&mut Open>) {
-    for route in &*routes.list() {
-        if let Some(share) = event.number(&route.selector) {
-            route.link.publish_number(share);
+fn take(event: Event, readers: &Readers<MidiSelector>, mut open: Option<&mut Open>) {
+    for reader in &*readers.list() {
+        if let Some(share) = event.number(&reader.field) {
+            reader.link.publish_number(share);
             if let Some(open) = &mut open
-                && !open.updated.iter().any(|link| Arc::ptr_eq(link, &route.link))
+                && !open.updated.iter().any(|link| Arc::ptr_eq(link, &reader.link))
             {
-                open.updated.push(Arc::clone(&route.link));
+                open.updated.push(Arc::clone(&reader.link));
             }
         }
     }
@@ -247,7 +247,7 @@ mod skip;
 mod tests {
     use super::super::selector::Message;
     use super::*;
-    use crate::hub::Hub;
+    use crate::numbers::Listener;
     use midir::os::unix::VirtualOutput;
     use midir::{MidiOutput, MidiOutputConnection};
 
@@ -261,9 +261,9 @@ mod tests {
         opened.ok()
     }
 
-    fn route(hub: &Hub<MidiPort>, message: Message) -> Arc<Link> {
+    fn reader(listener: &Listener<MidiPort>, message: Message) -> Arc<Link> {
         let channel = None;
-        hub.link(
+        listener.link(
             "knob",
             MidiSelector { message, channel },
             Duration::from_millis(50),
@@ -284,10 +284,10 @@ mod tests {
         let name = format!("knobs of {}", std::process::id());
         let Some(mut knobs) = sender(&name) else { return };
         assert!(names().unwrap().iter().any(|known| known.contains(&name)));
-        let hub = Hub::<MidiPort>::open(&PortName(name.clone())).unwrap();
-        let fader = route(&hub, Message::Control(7));
-        let key = route(&hub, Message::Note(60));
-        let wheel = route(&hub, Message::PitchBend);
+        let listener = Listener::<MidiPort>::open(&PortName(name.clone())).unwrap();
+        let fader = reader(&listener, Message::Control(7));
+        let key = reader(&listener, Message::Note(60));
+        let wheel = reader(&listener, Message::PitchBend);
         knobs.send(&[0xb0, 7, 127]).unwrap();
         assert!(hears(&fader, 1.0));
         knobs.send(&[0x90, 60, 127]).unwrap();
@@ -320,7 +320,7 @@ mod tests {
         let Some(_knobs) = sender("other knobs") else {
             return;
         };
-        let refused = Hub::<MidiPort>::open(&PortName("no such port".to_owned()))
+        let refused = Listener::<MidiPort>::open(&PortName("no such port".to_owned()))
             .err()
             .unwrap();
         let said = refused.to_string();

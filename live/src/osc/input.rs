@@ -1,7 +1,7 @@
 //! Numbers by Open Sound Control: one argument of the messages to one address.
 
 use super::packet::{decode, each_message};
-use crate::hub::{Port, Routes};
+use crate::numbers::{NumberSource, Readers};
 use crate::udp::WAIT;
 use haptograph_nodes::network::inputs::{OscInput, OscInputSettings};
 use haptograph_nodes::network::link::Count;
@@ -16,12 +16,12 @@ use std::thread::JoinHandle;
 /// An address at which numbers arrive.
 pub(super) struct OscPort;
 
-impl Port for OscPort {
+impl NumberSource for OscPort {
     type Kind = OscInput;
-    type Place = SocketAddr;
-    type Selector = OscSelector;
+    type Address = SocketAddr;
+    type Field = OscSelector;
 
-    fn select(settings: &OscInputSettings) -> Result<(SocketAddr, OscSelector)> {
+    fn locate(settings: &OscInputSettings) -> Result<(SocketAddr, OscSelector)> {
         let selector = OscSelector {
             address: settings.address.clone(),
             argument: settings.argument as usize,
@@ -31,7 +31,7 @@ impl Port for OscPort {
 
     fn listen(
         address: &SocketAddr,
-        routes: Routes<OscSelector>,
+        readers: Readers<OscSelector>,
         stop: Arc<AtomicBool>,
     ) -> Result<JoinHandle<()>> {
         let socket = UdpSocket::bind(address)?;
@@ -43,7 +43,7 @@ impl Port for OscPort {
                 while !stop.load(Relaxed) {
                     // Other results are timeouts.
                     if let Ok(count) = socket.recv(&mut bytes) {
-                        take(&bytes[..count], &routes);
+                        take(&bytes[..count], &readers);
                     }
                 }
             })
@@ -76,42 +76,29 @@ impl OscSelector {
             Some(OscType::Bool(on)) => f64::from(u8::from(*on)),
             _ => return Some(Err(Count::Malformed)),
         };
-        Some(if number.is_finite() {
-            Ok(number)
-        } else {
-            Err(Count::NotNumbers)
-        })
+        Some(Ok(number))
     }
 }
 
-/// Publishes the numbers of a packet to their routes.
-fn take(bytes: &[u8], routes: &Routes<OscSelector>) {
-    let routes = routes.list();
+/// Publishes the numbers of a packet to their readers.
+fn take(bytes: &[u8], readers: &Readers<OscSelector>) {
     match decode(bytes) {
         Ok(packet) => each_message(&packet, &mut |message: &OscMessage| {
-            let mut is_claimed = false;
-            for route in &*routes {
-                is_claimed |= message.addr == route.selector.address;
-                match route.selector.number(message) {
-                    Some(Ok(number)) => route.link.publish_number(number),
-                    Some(Err(what)) => route.link.count(what, 1),
-                    None => {}
-                }
-            }
-            if !is_claimed {
-                routes
-                    .iter()
-                    .for_each(|route| route.link.count_unclaimed(&message.addr));
+            readers.publish(|selector| selector.number(message));
+            let list = readers.list();
+            if !list.iter().any(|reader| reader.field.address == message.addr) {
+                list.iter()
+                    .for_each(|reader| reader.link.count_unclaimed(&message.addr));
             }
         }),
-        Err(what) => routes.iter().for_each(|route| route.link.count(what, 1)),
+        Err(what) => readers.publish(|_| Some(Err(what))),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hub::Route;
+    use crate::numbers::Reader;
     use haptograph_nodes::network::link::Link;
     use proptest::prelude::*;
     use rosc::OscPacket;
@@ -123,15 +110,15 @@ mod tests {
     }
 
     /// A listener for the second argument of `/knob`.
-    fn second() -> (Routes<OscSelector>, Arc<Link>) {
+    fn second() -> (Readers<OscSelector>, Arc<Link>) {
         let selector = OscSelector {
             address: "/knob".to_owned(),
             argument: 2,
         };
-        let route = Route::new("knob", selector, Duration::from_secs(1));
-        let (routes, link) = (Routes::default(), Arc::clone(&route.link));
-        routes.list().push(route);
-        (routes, link)
+        let reader = Reader::new("knob", selector, Duration::from_secs(1));
+        let (readers, link) = (Readers::default(), Arc::clone(&reader.link));
+        readers.list().push(reader);
+        (readers, link)
     }
 
     fn latest(link: &Link) -> f64 {
@@ -140,40 +127,43 @@ mod tests {
 
     #[test]
     fn the_selected_argument_is_taken_and_other_messages_are_counted() {
-        let (routes, link) = second();
+        let (readers, link) = second();
         take(
             &packet("/knob", vec![OscType::Float(1.0), OscType::Int(7)]),
-            &routes,
+            &readers,
         );
         take(
             &packet("/other", vec![OscType::Float(1.0), OscType::Int(9)]),
-            &routes,
+            &readers,
         );
         assert_eq!((latest(&link), link.counts().accepted), (7.0, 1));
         assert_eq!(link.unclaimed.list(), [("/other".to_owned(), 1)]);
-        take(&packet("/knob", vec![OscType::Nil, OscType::Bool(true)]), &routes);
+        take(
+            &packet("/knob", vec![OscType::Nil, OscType::Bool(true)]),
+            &readers,
+        );
         assert_eq!(latest(&link), 1.0);
     }
 
     #[test]
     fn an_invalid_number_is_counted_and_changes_nothing() {
-        let (routes, link) = second();
+        let (readers, link) = second();
         take(
             &packet("/knob", vec![OscType::Int(0), OscType::Float(f32::INFINITY)]),
-            &routes,
+            &readers,
         );
-        take(&packet("/knob", vec![OscType::Int(0)]), &routes);
-        take(b"/knob", &routes);
+        take(&packet("/knob", vec![OscType::Int(0)]), &readers);
+        take(b"/knob", &readers);
         let counts = link.counts();
         assert_eq!((counts.accepted, counts.not_numbers, counts.malformed), (0, 1, 2));
     }
 
     #[test]
     fn a_bounded_number_of_unclaimed_addresses_is_kept() {
-        let (routes, link) = second();
+        let (readers, link) = second();
         for times in 0..3 {
             for address in 0..=times * 20 {
-                take(&packet(&format!("/{address}"), vec![OscType::Int(1)]), &routes);
+                take(&packet(&format!("/{address}"), vec![OscType::Int(1)]), &readers);
             }
         }
         let kept = link.unclaimed.list();
@@ -184,8 +174,8 @@ mod tests {
     proptest! {
         #[test]
         fn any_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
-            let (routes, link) = second();
-            take(&bytes, &routes);
+            let (readers, link) = second();
+            take(&bytes, &readers);
             prop_assert!(link.counts().accepted == 0 || latest(&link).is_finite());
         }
     }

@@ -1,6 +1,6 @@
 //! Lines of numbers.
 
-use crate::hub::Routes;
+use crate::numbers::Readers;
 use haptograph_nodes::network::link::Count;
 use std::fmt;
 
@@ -66,28 +66,18 @@ fn number(line: &[u8], column: usize) -> Result<f64, Count> {
         true => line.split(',').nth(column - 1).map(str::trim),
         false => line.split_whitespace().nth(column - 1),
     };
-    let number: f64 = cell.and_then(|cell| cell.parse().ok()).ok_or(Count::Malformed)?;
-    if number.is_finite() {
-        Ok(number)
-    } else {
-        Err(Count::NotNumbers)
-    }
+    cell.and_then(|cell| cell.parse().ok()).ok_or(Count::Malformed)
 }
 
-/// Publishes the numbers of a line to their routes.
-pub(super) fn publish_line(line: Result<&[u8], Count>, routes: &Routes<Column>) {
-    for route in &*routes.list() {
-        match line.and_then(|line| number(line, route.selector.0)) {
-            Ok(number) => route.link.publish_number(number),
-            Err(what) => route.link.count(what, 1),
-        }
-    }
+/// Publishes the numbers of a line to their readers.
+pub(super) fn publish_line(line: Result<&[u8], Count>, readers: &Readers<Column>) {
+    readers.publish(|column| Some(line.and_then(|line| number(line, column.0))));
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hub::Route;
+    use crate::numbers::Reader;
     use haptograph_nodes::network::link::Counts;
     use proptest::prelude::*;
     use std::sync::Arc;
@@ -95,14 +85,17 @@ mod tests {
 
     /// The numbers that pieces of bytes have in a column, in order, and the counts.
     fn values_of(column: usize, pieces: &[&[u8]]) -> (Vec<f64>, Counts) {
-        let (routes, route) = (Routes::default(), Route::new("", Column(column), Duration::ZERO));
-        let link = Arc::clone(&route.link);
-        routes.list().push(route);
+        let (readers, reader) = (
+            Readers::default(),
+            Reader::new("", Column(column), Duration::ZERO),
+        );
+        let link = Arc::clone(&reader.link);
+        readers.list().push(reader);
         let (mut lines, mut values) = (Lines::new(), Vec::new());
         for piece in pieces {
             lines.take(piece, |line| {
                 let before = link.counts().accepted;
-                publish_line(line, &routes);
+                publish_line(line, &readers);
                 if link.counts().accepted > before {
                     values.push(link.sensed.look().unwrap().1[0]);
                 }

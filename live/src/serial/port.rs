@@ -1,7 +1,7 @@
 //! A serial port of this machine, and the thread that reads it.
 
 use super::lines::{Column, Lines, publish_line};
-use crate::hub::{Port, Routes};
+use crate::numbers::{NumberSource, Readers};
 use haptograph_nodes::network::inputs::{SERIAL_RATES as RATES, SerialInput, SerialInputSettings};
 use haptograph_signal::files;
 use nix::sys::termios::{self, BaudRate, ControlFlags, FlushArg, SetArg, SpecialCharacterIndices};
@@ -65,12 +65,12 @@ impl std::fmt::Display for Line {
 /// The system's serial ports.
 pub(super) struct SerialPort;
 
-impl Port for SerialPort {
+impl NumberSource for SerialPort {
     type Kind = SerialInput;
-    type Place = Line;
-    type Selector = Column;
+    type Address = Line;
+    type Field = Column;
 
-    fn select(settings: &SerialInputSettings) -> Result<(Line, Column)> {
+    fn locate(settings: &SerialInputSettings) -> Result<(Line, Column)> {
         let line = Line {
             path: PathBuf::from(&settings.port),
             baud: settings.baud,
@@ -82,13 +82,13 @@ impl Port for SerialPort {
         one.path == other.path
     }
 
-    fn listen(line: &Line, routes: Routes<Column>, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
-        listen(&line.path, line.baud, routes, stop)
+    fn listen(line: &Line, readers: Readers<Column>, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
+        listen(&line.path, line.baud, readers, stop)
     }
 }
 
 /// Reads a port until `stop`, on a separate thread, and reopens one that was unplugged.
-fn listen(path: &Path, baud: u32, routes: Routes<Column>, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
+fn listen(path: &Path, baud: u32, readers: Readers<Column>, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
     let mut port = Some((open(path, baud)?, Lines::new()));
     let path = path.to_owned();
     std::thread::Builder::new()
@@ -100,7 +100,7 @@ fn listen(path: &Path, baud: u32, routes: Routes<Column>, stop: Arc<AtomicBool>)
                     port = open(&path, baud).ok().map(|file| (file, Lines::new()));
                     continue;
                 };
-                match read(file, lines, &routes) {
+                match read(file, lines, &readers) {
                     Ok(true) => {}
                     Ok(false) => std::thread::sleep(PAUSE),
                     Err(_) => port = None,
@@ -110,13 +110,13 @@ fn listen(path: &Path, baud: u32, routes: Routes<Column>, stop: Arc<AtomicBool>)
 }
 
 /// Processes received bytes. Returns whether there were any.
-fn read(port: &mut File, lines: &mut Lines, routes: &Routes<Column>) -> Result<bool> {
+fn read(port: &mut File, lines: &mut Lines, readers: &Readers<Column>) -> Result<bool> {
     let mut bytes = [0; 4096];
     match port.read(&mut bytes) {
         // The other end hung up.
         Ok(0) => Err(Error::from(ErrorKind::UnexpectedEof)),
         Ok(count) => {
-            lines.take(&bytes[..count], |line| publish_line(line, routes));
+            lines.take(&bytes[..count], |line| publish_line(line, readers));
             Ok(true)
         }
         Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => Ok(false),
@@ -127,7 +127,7 @@ fn read(port: &mut File, lines: &mut Lines, routes: &Routes<Column>) -> Result<b
 #[cfg(test)]
 mod tests {
     use super::{Column, Line, SerialPort};
-    use crate::hub::Hub;
+    use crate::numbers::Listener;
     use haptograph_nodes::network::link::Link;
     use nix::pty::{OpenptyResult, openpty};
     use std::fs::File;
@@ -162,8 +162,8 @@ mod tests {
             path: path.clone(),
             baud: 9600,
         };
-        let hub = Hub::<SerialPort>::open(&place).unwrap();
-        let link = hub.link("squeeze", Column(2), Duration::from_secs(1));
+        let listener = Listener::<SerialPort>::open(&place).unwrap();
+        let link = listener.link("squeeze", Column(2), Duration::from_secs(1));
         far.write_all(b"\n1 2\n").unwrap();
         assert!(receives(&link, 2.0));
 
@@ -187,6 +187,6 @@ mod tests {
             path: file.path().to_owned(),
             baud: 9600,
         };
-        assert!(Hub::<SerialPort>::open(&place).is_err());
+        assert!(Listener::<SerialPort>::open(&place).is_err());
     }
 }

@@ -3,7 +3,7 @@
 use super::WAIT;
 use super::exchange::{Codec, Exchange, SocketConfig};
 use crate::backend::{Backend, BackendError, Connected, Counts};
-use crate::hub::{cell, packets};
+use crate::numbers::{cell, packets};
 #[cfg(feature = "osc")]
 use crate::osc::Addresses;
 use haptograph_engine::graph::{Graph, GraphDevice};
