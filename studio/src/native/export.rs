@@ -9,8 +9,8 @@ use crate::stage::{Stage, StageError};
 use haptograph_engine::registry::Registry;
 use haptograph_signal::files;
 use serde_json::{Value, json};
-use std::collections::BTreeSet;
-use std::ffi::OsString;
+use sha2::{Digest, Sha256};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
 /// Content security policy of a site: its own files only. Only its engine is compiled.
@@ -103,6 +103,7 @@ fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Ex
     let mut site = Site {
         folder: &new,
         exported: Exported { files: 0, bytes: 0 },
+        sha256: BTreeMap::new(),
     };
     for path in &all {
         let bytes = files::read(path, files::MAX_SITE_BYTES)
@@ -111,7 +112,8 @@ fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Ex
     }
     write_page(&mut site)?;
     site.write(Path::new(MODULE), module)?;
-    let listed = listing(&graphs, &all, &root);
+    let mut listed = listing(&graphs, &all, &root);
+    listed["sha256"] = json!(site.sha256);
     site.write(Path::new(SITE), format!("{listed:#}\n").as_bytes())?;
     let exported = site.exported;
     let old = whole.path().join("old");
@@ -139,47 +141,62 @@ fn replace(target: &Path, new: &Path, old: &Path) -> std::io::Result<()> {
     })
 }
 
-/// Refuses a folder that contains anything but a site.
+/// Refuses a folder that contains anything but a site as it was exported.
 fn is_free(folder: &Path) -> Result<(), StudioError> {
-    let is_empty = match files::entries(folder) {
-        Ok(mut entries) => entries.next().is_none(),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => true,
-        Err(error) => return Err(other(format!("cannot export to {}: {error}", folder.display()))),
-    };
-    let is_site = || {
-        let text = files::read_text(&folder.join(SITE), files::MAX_SITE_BYTES).unwrap_or_default();
-        serde_json::from_str::<Value>(&text).is_ok_and(|site| site["haptograph"].is_string())
-    };
-    match is_empty || is_site() {
-        true => match foreign(folder) {
-            Some(name) => Err(other(format!(
-                "{} also holds {}, which is not part of the site and would be lost: export to an empty or new folder",
-                folder.display(),
-                name.display()
-            ))),
-            None => Ok(()),
-        },
-        false => Err(other(format!(
+    let cannot = |error: std::io::Error| other(format!("cannot export to {}: {error}", folder.display()));
+    match files::entries(folder) {
+        Ok(mut entries) => {
+            if entries.next().is_none() {
+                return Ok(());
+            }
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(cannot(error)),
+    }
+    let text = files::read_text(&folder.join(SITE), files::MAX_SITE_BYTES).unwrap_or_default();
+    let site: Value = serde_json::from_str(&text).unwrap_or_default();
+    if !site["haptograph"].is_string() {
+        return Err(other(format!(
             "{} holds other files than an exported site: export to an empty or new folder",
             folder.display()
+        )));
+    }
+    match foreign(folder, &site["sha256"]).map_err(cannot)? {
+        Some(file) => Err(other(format!(
+            "{} was not exported to this site, or was changed since, and would be lost: export to an empty or new folder",
+            file.display()
         ))),
+        None => Ok(()),
     }
 }
 
-/// A file in a site's folder that no export writes, such as a repository's history.
-fn foreign(folder: &Path) -> Option<OsString> {
-    let of_page = PAGE
-        .entries()
-        .iter()
-        .filter_map(|entry| entry.path().components().next());
-    let own: BTreeSet<OsString> = of_page
-        .map(|part| part.as_os_str().to_owned())
-        .chain(["files", SITE, MODULE].map(OsString::from))
-        .collect();
-    let entries = files::entries(folder).into_iter().flatten().flatten();
-    entries
-        .map(|entry| entry.file_name())
-        .find(|name| !own.contains(name))
+/// A file below a site's folder that its list does not have with these bytes, such as a repository's history.
+fn foreign(site: &Path, sha256: &Value) -> std::io::Result<Option<PathBuf>> {
+    let mut folders = vec![site.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in files::entries(&folder)? {
+            let (path, kind) = { entry.and_then(|entry| Ok((entry.path(), entry.file_type()?))) }?;
+            if kind.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let name = in_site(&path, site);
+            let is_known = || {
+                let bytes = files::read(&path, files::MAX_SITE_BYTES)?;
+                std::io::Result::Ok(sha256[&name] == hash(&bytes))
+            };
+            if name != SITE && !(kind.is_file() && sha256[&name].is_string() && is_known()?) {
+                return Ok(Some(path));
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// The SHA-256 hash of bytes, in hexadecimal digits.
+fn hash(bytes: &[u8]) -> String {
+    let digest = Sha256::digest(bytes);
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Loads a graph as the page does, and collects the files that it needs.
@@ -298,6 +315,8 @@ fn is_served(path: &Path) -> bool {
 struct Site<'a> {
     folder: &'a Path,
     exported: Exported,
+    /// The hash of each file, by its name in the site.
+    sha256: BTreeMap<String, String>,
 }
 
 impl Site<'_> {
@@ -308,6 +327,7 @@ impl Site<'_> {
             std::fs::create_dir_all(folder).map_err(failed)?;
         }
         std::fs::write(&path, bytes).map_err(failed)?;
+        self.sha256.insert(in_site(&path, self.folder), hash(bytes));
         self.exported.files += 1;
         self.exported.bytes += bytes.len() as u64;
         Ok(())
@@ -352,10 +372,25 @@ mod tests {
         let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
         assert!(page.contains("wasm-unsafe-eval") && page.contains(SITE) && !page.contains("src=\"/"));
         assert!(folder.path().join("vendor/codemirror.LICENSE").is_file() && exported.files > files.len());
-        // A second export replaces the first completely, but no other folder.
-        std::fs::write(folder.path().join("files/of-before.ron"), "old").expect("written");
-        export(&["texturepad.ron"], folder.path()).expect("it is written again");
-        assert!(!folder.path().join("files/of-before.ron").exists());
+        // A second export replaces the first, but nothing else.
+        export(&["omni.ron"], folder.path()).expect("it is written again");
+        assert!(!folder.path().join("files/texturepad.ron").exists());
+        for of_another in ["files/mine.txt", "vendor/notes/mine.txt", "index.html"] {
+            let path = folder.path().join(of_another);
+            let before = std::fs::read(&path);
+            std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+            std::fs::write(&path, "mine").expect("written");
+            assert!(
+                export(&["texturepad.ron"], folder.path()).is_err(),
+                "{of_another}"
+            );
+            assert_eq!(std::fs::read(&path).expect("it is there"), b"mine");
+            match before {
+                Ok(bytes) => std::fs::write(&path, bytes),
+                Err(_) => std::fs::remove_file(&path),
+            }
+            .expect("as before");
+        }
         std::fs::remove_file(folder.path().join(SITE)).expect("it was there");
         assert!(matches!(
             export(&["texturepad.ron"], folder.path()),
