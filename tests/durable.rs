@@ -102,6 +102,30 @@ fn recover_completes_the_move_of_a_complete_run_and_replaces_nothing_of_others()
 }
 
 #[test]
+fn recover_changes_no_wav_file_that_is_of_no_run() {
+    let parent = tempfile::tempdir().unwrap();
+    let at = |name: &str| parent.path().join(name);
+    fs::create_dir_all(at("songs/out.partial-1")).unwrap();
+    killed(&at("songs/mine.wav"), 10);
+    killed(&at("songs/out.partial-1/x.wav"), 10);
+    fs::write(at("songs/out.partial-1/.haptograph-partial"), "{}").unwrap();
+    fs::create_dir(at("songs/now.partial-1")).unwrap();
+    killed(&at("songs/now.partial-1/y.wav"), 10);
+    let marker = File::create(at("songs/now.partial-1/.haptograph-partial")).unwrap();
+    marker.lock().unwrap();
+    assert!(haptograph(parent.path(), &["recover", "songs"]).status.success());
+    assert_eq!(frames(&at("songs/mine.wav")), 10);
+    assert_eq!(frames(&at("songs/now.partial-1/y.wav")), 10);
+    assert_eq!(frames(&at("songs/out.partial-1/x.wav")), 510);
+    assert!(
+        haptograph(parent.path(), &["recover", "songs/mine.wav"])
+            .status
+            .success()
+    );
+    assert_eq!(frames(&at("songs/mine.wav")), 510);
+}
+
+#[test]
 fn recover_leaves_a_run_alone_that_is_still_writing() {
     let parent = tempfile::tempdir().unwrap();
     let leftover = parent.path().join("out.partial-1");

@@ -1,6 +1,7 @@
 //! `haptograph recover`: repairs the files of a crashed run.
 //!
-//! No file is removed and no sample is changed: headers of WAV files are corrected to the length of the data,
+//! No file is removed and no sample is changed: headers of WAV files are corrected to the length of the data, of those that the
+//! command line names and of those of crashed runs,
 //! recordings are assembled from their parts, which are kept, and the folder gets its own name. A complete
 //! run that was killed during its move is moved to its place.
 
@@ -70,7 +71,7 @@ fn recover(path: &Path) -> Result<Vec<Done>, Failure> {
         return Ok(vec![complete(path, &plan)]);
     }
     let mut done = Vec::new();
-    folder(path, DEPTH, &mut done);
+    folder(path, (DEPTH, false), &mut done);
     let is_whole = done.iter().all(Result::is_ok);
     if path.join(MARKER).is_file() && is_whole {
         done.push(place(path));
@@ -106,8 +107,14 @@ fn is_being_written(folder: &Path) -> Result<bool, Failure> {
     }
 }
 
-/// Recovers everything in a folder.
-fn folder(path: &Path, depth: usize, done: &mut Vec<Done>) {
+/// Recovers all crashed runs and recordings in a folder, whose own WAV files are other people's if it is no run.
+fn folder(path: &Path, (depth, is_of_a_run): (usize, bool), done: &mut Vec<Done>) {
+    let is_of_a_run = is_of_a_run || path.join(MARKER).is_file();
+    match is_being_written(path) {
+        Ok(false) => {}
+        Ok(true) => return done.push(Ok(format!("{}: a run is writing there now", path.display()))),
+        Err(failure) => return done.push(Err(failure)),
+    }
     if is_spool(path) {
         done.push(recording(path));
         return;
@@ -121,8 +128,8 @@ fn folder(path: &Path, depth: usize, done: &mut Vec<Done>) {
     for entry in entries {
         let (path, kind) = (entry.path(), entry.file_type());
         match kind {
-            Ok(kind) if kind.is_dir() && depth > 0 => folder(&path, depth - 1, done),
-            Ok(kind) if kind.is_file() => done.extend(file(&path, false)),
+            Ok(kind) if kind.is_dir() && depth > 0 => folder(&path, (depth - 1, is_of_a_run), done),
+            Ok(kind) if kind.is_file() && is_of_a_run => done.extend(file(&path, false)),
             // Links are skipped: they may lead anywhere.
             _ => {}
         }
