@@ -213,9 +213,16 @@ impl<'a> RunSetup<'a> {
             for file in [probe.file.clone(), outputs::note_of(&probe.file)] {
                 output::replaceable(&file, arguments.force)?;
             }
+            if place_of(&probe.file).starts_with(place_of(&target)) {
+                return Err(Failure::Message(format!(
+                    "{} lies in the folder of the run, which is written as a whole: give the probe a place outside of {}",
+                    probe.file.display(),
+                    target.display()
+                )));
+            }
             if arguments.probe[..number]
                 .iter()
-                .any(|other| other.file == probe.file)
+                .any(|other| place_of(&other.file) == place_of(&probe.file))
             {
                 return Err(Failure::Message(format!(
                     "two probes go to {}; give each a file of its own",
@@ -242,6 +249,17 @@ impl<'a> RunSetup<'a> {
             file_sinks,
             completion,
         })
+    }
+}
+
+/// The path of a file or folder that may not exist yet, the same for all ways to write it.
+fn place_of(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut ancestors = absolute.ancestors();
+    let existing = ancestors.find_map(|folder| Some((folder, folder.canonicalize().ok()?)));
+    match existing {
+        Some((folder, real)) => real.join(absolute.strip_prefix(folder).unwrap_or(Path::new(""))),
+        None => absolute,
     }
 }
 
