@@ -2,7 +2,7 @@
 
 use haptograph_engine::node::BuildError;
 use haptograph_signal::csv::CsvTable;
-use haptograph_signal::files::{self, Bounded, MAX_RECORDING_BYTES};
+use haptograph_signal::files::{self, Bounded, MAX_TABLE_BYTES};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units;
 use std::io::{BufRead, BufReader};
@@ -13,7 +13,7 @@ use std::path::Path;
 /// # Errors
 /// An error at the setting `file`, if it cannot be read or has no header.
 pub(crate) fn open(path: &Path, wanted: &[&str]) -> Result<CsvTable<BufReader<Bounded>>, BuildError> {
-    let source = files::open(path, MAX_RECORDING_BYTES).map_err(|error| {
+    let source = files::open(path, MAX_TABLE_BYTES).map_err(|error| {
         BuildError::at("file", format!("cannot read {}: {error}", path.display()))
             .help("give the path of a CSV file, relative to the graph file")
     })?;

@@ -1,6 +1,7 @@
 //! Reading WAV files: RIFF and RF64, integers and floats.
 
 use super::{FLOAT, IN_DS64};
+use haptograph_signal::files::MAX_SAMPLES;
 use std::io::{self, Read, Seek, SeekFrom};
 
 const PCM: u16 = 1;
@@ -29,6 +30,8 @@ pub enum WavError {
     Cut { announced: u64, there: u64 },
     #[error("frame {frame} of channel {channel} is {value}, not a finite number")]
     NotFinite { frame: u64, channel: usize, value: f64 },
+    #[error("it has {frames} frames; at most {MAX_SAMPLES} are read into memory")]
+    TooLong { frames: u64 },
 }
 
 /// Sample format.
@@ -225,8 +228,15 @@ pub fn read_channel(
     let frame_bytes = layout.frame_bytes() as usize;
     let (width, at) = (layout.encoding.bytes(), channel * layout.encoding.bytes());
     let frames_at_once = (CHUNK_BYTES / frame_bytes).max(1);
-    let (mut chunk, mut samples) = (vec![0; frames_at_once * frame_bytes], Vec::new());
     let mut left = layout.frames();
+    if left > MAX_SAMPLES {
+        return Err(WavError::TooLong { frames: left });
+    }
+    let mut chunk = vec![0; frames_at_once * frame_bytes];
+    let mut samples = Vec::new();
+    samples
+        .try_reserve_exact(left as usize)
+        .map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
     while left > 0 {
         let frames = left.min(frames_at_once as u64) as usize;
         let read = &mut chunk[..frames * frame_bytes];

@@ -6,6 +6,12 @@ pub const MAX_GRAPH_BYTES: u64 = 16 << 20;
 pub const MAX_SURFACE_BYTES: u64 = 64 << 20;
 /// A recording or other table of samples: an hour of raw recording.
 pub const MAX_RECORDING_BYTES: u64 = 4 << 30;
+/// A table that a node plays; its numbers take up to four times as much memory.
+pub const MAX_TABLE_BYTES: u64 = 1 << 30;
+/// Samples of a channel that are held in memory, 2 GiB: an hour and a half at 48 kHz.
+pub const MAX_SAMPLES: u64 = 1 << 28;
+/// Triangles of a mesh; each takes up to 600 bytes while it is read.
+pub const MAX_TRIANGLES: usize = 5_000_000;
 /// A mesh: about five million triangles.
 pub const MAX_MESH_BYTES: u64 = 256 << 20;
 /// The plan of a data set.

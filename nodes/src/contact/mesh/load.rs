@@ -2,6 +2,7 @@
 
 use super::{MeshError, TriangleMesh};
 use crate::vector::Vec3;
+use haptograph_signal::files::MAX_TRIANGLES;
 use std::fmt;
 use std::io::Cursor;
 
@@ -79,9 +80,17 @@ fn obj(bytes: &[u8]) -> Result<Soup, MeshError> {
             .and_then(|line| line.split_whitespace().next());
         matches!(first, Some("vn" | "vt"))
     };
+    let lines = || bytes.split_inclusive(|byte| *byte == b'\n');
+    // A face is three bytes a corner, and much more in memory.
+    let triangles = |line: &[u8]| match line.trim_ascii_start().strip_prefix(b"f") {
+        Some(corners) => corners.split(u8::is_ascii_whitespace).count().saturating_sub(3),
+        None => 0,
+    };
+    if lines().map(triangles).sum::<usize>() > MAX_TRIANGLES {
+        return Err(MeshError::TooLarge);
+    }
     let mut read = Vec::with_capacity(bytes.len());
-    let lines = bytes.split_inclusive(|byte| *byte == b'\n');
-    lines
+    lines()
         .filter(|line| !is_ignored(line))
         .for_each(|line| read.extend_from_slice(line));
     let options = tobj::LoadOptions {
