@@ -77,6 +77,11 @@ pub trait Device: CloneDevice + Send + Sync {
     fn poll(&mut self, now: Instant) {
         let _ = now;
     }
+    /// True once after what drives the hardware gave it zeros meanwhile, as after a stall of the ticks: the outputs then begin
+    /// from zero again. Called after [`poll`](Self::poll).
+    fn take_interruption(&mut self) -> bool {
+        false
+    }
     /// Delay of its buffers.
     fn latency(&self) -> DeviceLatency {
         DeviceLatency::default()

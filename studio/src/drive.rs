@@ -277,7 +277,7 @@ impl Drive {
             std::thread::sleep(STEP);
             self.poll();
         }
-        true
+        self.pace.is_over() || self.is_waiting()
     }
 
     /// Ends the thread; returns the player unless it panicked.
@@ -318,6 +318,7 @@ fn run(
         if behind > most {
             origin += Duration::from_secs_f64((behind - most) as f64 / rate_hz);
             behind = most;
+            player.live_mut().resume_after_stall();
         }
         let begun = Instant::now();
         // A real-time thread waits for no other: see `between_frames`.

@@ -17,8 +17,10 @@ use serde_json::json;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Maximum duration of the fall to zero.
+/// How long a page waits for the fall to zero; a limiter may make it longer.
 const STOPPING: Duration = Duration::from_secs(2);
+/// How long the end of the program waits for it.
+const CLOSING: Duration = Duration::from_secs(60);
 
 /// The run that follows when the outputs of the present one have fallen to zero.
 #[derive(Debug, Default)]
@@ -228,6 +230,9 @@ impl Stage {
     /// Ends the run with complete files.
     pub fn close(&mut self) {
         self.halt();
+        if let Some(drive) = &mut self.drive {
+            drive.is_done_within(CLOSING);
+        }
         self.end();
     }
 }

@@ -46,6 +46,8 @@ pub const ARRIVALS: &str = "arrivals";
 const RUNNING: f64 = 0.0;
 const FADING: f64 = 1.0;
 const REPLACED: f64 = 2.0;
+/// The outputs begin from zero again; a line of no callback.
+const RESUMED: f64 = 3.0;
 const SETTINGS_HEADER: &str = "frame,from,to,glide frames,setting";
 
 /// Reason why a run cannot be repeated.

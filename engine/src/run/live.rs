@@ -168,7 +168,9 @@ impl Live {
         self.run.poll_rings();
         // WebAssembly has neither system devices nor a system clock.
         #[cfg(not(target_family = "wasm"))]
-        self.run.poll_devices(std::time::Instant::now());
+        if self.run.poll_devices(std::time::Instant::now()) {
+            self.resume();
+        }
         if self.frames == 0 {
             self.run.begin_devices();
             // Inputs heard before the first frame open their gates at once.
@@ -310,6 +312,17 @@ impl Live {
     pub fn resume(&mut self) {
         if self.state == LiveState::Running {
             self.run.restart_from_zero(FADE_S);
+            if let Some(log) = &mut self.log {
+                log.resume();
+            }
+        }
+    }
+
+    /// Fades in again after a stall in which real actuators had no output. Without any the samples stay those of a run
+    /// without the stall.
+    pub fn resume_after_stall(&mut self) {
+        if self.run.plan.actuators.iter().any(|actuator| !actuator.simulated) {
+            self.resume();
         }
     }
 

@@ -181,12 +181,14 @@ impl Run {
         }
     }
 
-    /// Polls its devices. The frames until the next poll use the data that have arrived by `now`.
+    /// Polls its devices. The frames until the next poll use the data that have arrived by `now`. True if the hardware of one
+    /// was given zeros meanwhile.
     #[cfg(not(target_family = "wasm"))]
-    pub(crate) fn poll_devices(&mut self, now: Instant) {
-        for device in self.devices_mut() {
+    pub(crate) fn poll_devices(&mut self, now: Instant) -> bool {
+        self.devices_mut().fold(false, |is_interrupted, device| {
             device.poll(now);
-        }
+            device.take_interruption() || is_interrupted
+        })
     }
 
     /// As [`advance`](Self::advance), but runs every step by itself and reports it to `observer`.

@@ -199,7 +199,7 @@ impl<'a> Exchange<'a> {
         self.config.link.publish(&self.sensed);
     }
 
-    /// Takes the latest command; zeros if the ticks that compute it have stopped.
+    /// Takes the latest command; zeros from when the ticks that compute it have stopped until they begin from zero.
     fn update_command(&mut self) {
         if let Some((version, driven)) = self.config.link.driven.look() {
             let (known, _) = self.driven_version;
@@ -209,7 +209,11 @@ impl<'a> Exchange<'a> {
             self.driven = driven;
         }
         let (_, since) = self.driven_version;
-        if since.is_none_or(|since| since.elapsed() > self.config.timeout) {
+        let is_late = since.is_none_or(|since| since.elapsed() > self.config.timeout);
+        if is_late && since.is_some() && self.driven != [0.0; DRIVEN] {
+            self.config.link.interrupt();
+        }
+        if is_late || self.config.link.is_interrupted() {
             self.driven = [0.0; DRIVEN];
         }
     }

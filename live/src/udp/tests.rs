@@ -195,6 +195,29 @@ fn drives_that_nobody_renews_are_not_told_again() {
     table.end();
 }
 
+#[test]
+fn after_zeros_a_device_gets_nothing_until_the_ticks_begin_from_zero() {
+    let table = Table::new(Duration::from_millis(300));
+    table.link.driven.put(&[1.0; 5]);
+    table.settle(1);
+    std::thread::sleep(Duration::from_millis(400));
+    table.send(2, 0.0);
+    assert_eq!(table.answer().force_n, [0.0; 3]);
+    // A tick that had begun before the stall ends after it.
+    table.link.driven.put(&[1.0; 5]);
+    table.send(3, 0.0);
+    assert_eq!(table.answer().force_n, [0.0; 3]);
+    // A busy machine may be interrupted again.
+    let begins = |sequence: &u32| {
+        assert!(table.link.take_interruption() || *sequence > 4);
+        table.link.driven.put(&[0.1; 5]);
+        table.send(*sequence, 0.0);
+        table.answer().force_n == [0.1; 3]
+    };
+    assert!((4..100).any(|sequence| begins(&sequence)));
+    table.end();
+}
+
 /// A graph of tablets with these endpoints.
 fn graph_of(endpoints: &[(&str, String)]) -> Graph {
     use haptograph_engine::document::Document;

@@ -4,7 +4,7 @@
 use haptograph_engine::run::AgeMeter;
 use haptograph_engine::silence::{InputCell, InputState};
 use haptograph_signal::time::Rate;
-use std::sync::atomic::{AtomicU64, Ordering, fence};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering, fence};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -99,6 +99,8 @@ pub struct Link {
     pub input: Arc<InputCell>,
     /// The OSC addresses of messages that no device listens to.
     pub unclaimed: Unclaimed,
+    /// True from zeros that the device got because the ticks stalled until the ticks begin from zero.
+    interrupted: AtomicBool,
     counts: [AtomicU64; 10],
 }
 
@@ -156,6 +158,26 @@ impl Link {
     /// Version of the latest command; 0 before the first.
     pub fn driven_version(&self) -> u64 {
         self.driven.look().map_or(0, |(version, _)| version)
+    }
+
+    /// Marks that the device got zeros because no new command had come: it gets them until the ticks begin from zero.
+    pub fn interrupt(&self) {
+        self.interrupted.store(true, Ordering::Release);
+    }
+
+    /// True until the ticks begin from zero after an interruption.
+    pub fn is_interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::Acquire)
+    }
+
+    /// Ends an interruption, if there is one, with a command of zeros.
+    pub fn take_interruption(&self) -> bool {
+        let is_interrupted = self.is_interrupted();
+        if is_interrupted {
+            self.driven.put(&[0.0; DRIVEN]);
+            self.interrupted.store(false, Ordering::Release);
+        }
+        is_interrupted
     }
 
     /// Publishes an update of the device's measurements.

@@ -312,6 +312,10 @@ impl Device for Remote {
         self.reader.woke = Some(now);
     }
 
+    fn take_interruption(&mut self) -> bool {
+        self.reader.link.take_interruption()
+    }
+
     fn ages(&self) -> Option<Arc<AgeMeter>> {
         Some(Arc::clone(&self.reader.link.ages))
     }

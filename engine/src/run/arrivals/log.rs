@@ -3,7 +3,7 @@
 use super::super::Run;
 use super::super::ramp::ParamRamp;
 use super::InputLog;
-use super::{FADING, REPLACED, RUNNING, SETTINGS_HEADER, cell, columns, gated, header, write_row};
+use super::{FADING, REPLACED, RESUMED, RUNNING, SETTINGS_HEADER, cell, columns, gated, header, write_row};
 use crate::io::touched_ring;
 use crate::node::FrameWriter;
 use crate::plan::Plan;
@@ -103,14 +103,22 @@ impl ArrivalLog {
 
     /// Logs a change of graph, which ends the log.
     pub fn end(&mut self) {
-        if self.is_over {
-            return;
-        }
-        self.row.clear();
-        self.row.resize(self.columns, 0.0);
-        self.row[1] = REPLACED;
-        self.keep_row();
+        self.keep_event(REPLACED);
         self.is_over = true;
+    }
+
+    /// Logs that the outputs begin from zero again, before the next callback.
+    pub fn resume(&mut self) {
+        self.keep_event(RESUMED);
+    }
+
+    fn keep_event(&mut self, state: f64) {
+        if !self.is_over {
+            self.row.clear();
+            self.row.resize(self.columns, 0.0);
+            self.row[1] = state;
+            self.keep_row();
+        }
     }
 
     fn keep_row(&mut self) {

@@ -10,8 +10,8 @@ use super::super::silence::SilenceGate;
 use super::inputs::scripts;
 use super::rows::Lines;
 use super::{
-    FADING, REPLACED, ReplayBounds, ReplayError, SETTINGS_HEADER, cell, columns, file, gated, header,
-    settings_file,
+    FADING, REPLACED, RESUMED, ReplayBounds, ReplayError, SETTINGS_HEADER, cell, columns, file, gated,
+    header, settings_file,
 };
 use crate::plan::Plan;
 use crate::settings::LiveSetting;
@@ -76,10 +76,14 @@ impl Rows {
         }
         self.frames += u64::from(row[0]);
         self.count += 1;
-        let before = std::mem::replace(&mut self.state, row[1]);
+        let before = self.state;
+        if f64::from(row[1]) != RESUMED {
+            self.state = row[1];
+        }
         let why = match f64::from(row[1]) {
             _ if f64::from(before) == REPLACED => "it follows the line of a change of graph",
-            state if state > REPLACED => "its second number is not 0, 1 or 2",
+            state if state > RESUMED => "its second number is not 0, 1, 2 or 3",
+            state if state == RESUMED && row[0] > 0 => "outputs begin from zero between two callbacks",
             state if state < f64::from(before) => "the run continues after its fade-out",
             _ if row[2..].iter().take(self.gates).any(|open| *open > 1) => {
                 "the gate of an actuator is neither 0 nor 1"
@@ -238,6 +242,11 @@ impl Arrivals {
         self.replaced |= f64::from(state) == REPLACED;
         if self.replaced {
             return Ok(false);
+        }
+        if f64::from(state) == RESUMED {
+            run.restart_from_zero(FADE_S);
+            self.rows.next(&mut self.row)?;
+            return Ok(true);
         }
         let (gates, rings) = seen.split_at(self.gated.len());
         let (arrived, sent) = rings.split_at(self.arrived.len());

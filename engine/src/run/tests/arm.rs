@@ -6,7 +6,7 @@ use crate::device::DeviceEntry;
 use crate::graph::{Graph, Work};
 use crate::node::Limit;
 use crate::run::{
-    ARM_FALL_S, ARM_HOLD_S, ARM_RISE_S, ArmSwitch, Change, FileSinks, Live, LiveOptions, Session,
+    ARM_FALL_S, ARM_HOLD_S, ARM_RISE_S, ArmSwitch, Change, FADE_S, FileSinks, Live, LiveOptions, Session,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -206,4 +206,44 @@ fn what_comes_back_after_an_interruption_is_not_armed() {
     assert!(rig.given(1.0, true).iter().all(|current| *current == 0.0));
     rig.switch.arm(1.0);
     assert!(rig.given(1.0, true).iter().any(|current| *current > 0.0));
+}
+
+#[test]
+fn hardware_that_was_given_zeros_begins_from_zero_and_is_not_armed() {
+    let mut rig = Rig::new(true, None);
+    rig.switch.arm(1.0);
+    rig.given(2.0 * ARM_RISE_S, true);
+    rig.coil.interrupt();
+    assert!(rig.given(0.1, true).iter().all(|current| *current == 0.0));
+    assert!(!rig.switch.is_armed());
+}
+
+#[test]
+fn after_a_stall_real_actuators_rise_from_zero_and_simulated_ones_go_on() {
+    for real in [true, false] {
+        let coil = Coil::default();
+        let graph = graph(&coil, real, None);
+        let options = LiveOptions {
+            rested: true,
+            ..LiveOptions::default()
+        };
+        let (mut live, session) = Session::open(FileSinks::new(&graph), &options).unwrap();
+        let given = |live: &mut Live| -> Vec<f64> {
+            let tick = |_| {
+                live.callback(1, |_, _| {});
+                coil.given()
+            };
+            (0..50).map(tick).collect()
+        };
+        assert_eq!(given(&mut live)[49], 0.5);
+        live.resume_after_stall();
+        let given = given(&mut live);
+        assert!(given[0] < 0.1 || !real, "{given:?}");
+        assert!(real || given.iter().all(|current| *current == 0.5), "{given:?}");
+        assert!(
+            steepest(&given) <= 0.5 / (FADE_S * RATE_HZ) * 1.001 && given[49] == 0.5,
+            "{given:?}"
+        );
+        session.finish(live);
+    }
 }

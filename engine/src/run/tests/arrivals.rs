@@ -72,6 +72,9 @@ fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
             if stalls || random.random_bool(0.3) {
                 continue;
             }
+            if [200, 205, 600].contains(&wakes) {
+                live.resume();
+            }
             let due = (now_s * rates[driver]) as u64;
             live.callback((due - done[driver]) as usize, |_, _| {});
             done[driver] = due;

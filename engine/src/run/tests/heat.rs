@@ -16,11 +16,16 @@ const RATE_HZ: f64 = 1000.0;
 
 /// An actuator that can be looked at; nobody drives it where it is in no graph.
 #[derive(Clone, Default)]
-pub struct Coil(Arc<AtomicU64>);
+pub struct Coil(Arc<AtomicU64>, Arc<AtomicBool>);
 
 impl Coil {
     pub fn given(&self) -> f64 {
         f64::from_bits(self.0.load(Ordering::Relaxed))
+    }
+
+    /// Its hardware was given zeros meanwhile.
+    pub fn interrupt(&self) {
+        self.1.store(true, Ordering::Relaxed);
     }
 }
 
@@ -29,6 +34,9 @@ impl Device for Coil {
     fn read(&mut self, _: usize, _: &mut [f64]) {}
     fn write(&mut self, _: usize, frame: &[f64]) {
         self.0.store(frame[0].to_bits(), Ordering::Relaxed);
+    }
+    fn take_interruption(&mut self) -> bool {
+        self.1.swap(false, Ordering::Relaxed)
     }
 }
 
