@@ -141,6 +141,25 @@ fn a_wrong_probe_says_what_was_meant_and_leaves_nothing() {
 }
 
 #[test]
+fn probes_of_one_file_or_in_the_runs_folder_are_refused_before_it_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("sub")).unwrap();
+    let graph = texturepad_graph();
+    let run = ["run", &graph, "--for", "0.1", "--out", "o"];
+    for probes in [
+        &["speed.speed=q.csv", "drive.current=./q.csv"][..],
+        &["speed.speed=q.csv", "drive.current=sub/../q.csv"],
+        &["speed.speed=o/q.csv"],
+        &["speed.speed=sub/../o/deep/q.csv"],
+    ] {
+        let given = probes.iter().flat_map(|probe| ["--probe", probe]);
+        let arguments: Vec<&str> = run.iter().copied().chain(given).collect();
+        fail(folder.path(), &arguments, 1);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "{probes:?}");
+    }
+}
+
+#[test]
 fn a_starter_runs_as_it_stands_and_is_never_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     succeed(folder.path(), &["new", "mine.ron"]);

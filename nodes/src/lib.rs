@@ -28,7 +28,7 @@
 //!
 //! | feature | default | adds |
 //! |---|---|---|
-//! | `touch` | yes | contact, friction, taps, textures, actuators, simulated bodies, devices, recording and plots; without it a program builds 51 crates in place of 115 |
+//! | `touch` | yes | contact, friction, taps, textures, actuators, simulated bodies, devices, recording and plots; without it a program builds less than half of the crates |
 //! | `serde` | | the counts of a device's packets can be serialised |
 
 #[cfg(feature = "touch")]

@@ -72,7 +72,7 @@ fn fill(frames: &mut [f64], frame: &[f64]) {
     }
 }
 
-/// The same for a reader of runs: `[count, (start, components..), ..]`.
+/// Zero-order hold for an input that reads runs. Its output is run-length encoded: `[count, (start, components..), ..]`.
 #[derive(Debug, Clone)]
 pub(crate) struct HoldRuns(Hold);
 

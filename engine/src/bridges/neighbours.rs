@@ -7,6 +7,8 @@ use super::{BridgeContext, Ends};
 pub struct Neighbours {
     /// Older first.
     held: Vec<f64>,
+    /// True once a frame has arrived.
+    has_begun: bool,
 }
 
 impl Neighbours {
@@ -17,6 +19,7 @@ impl Neighbours {
                 .into_iter()
                 .flatten()
                 .collect(),
+            has_begun: false,
         }
     }
 
@@ -36,7 +39,7 @@ impl Neighbours {
             let local = k - ends.first_written() as i64;
             match local {
                 0.. => &x[local as usize * width..][..width],
-                _ if ends.first_written() == 0 => x.get(..width).unwrap_or(newer),
+                _ if !self.has_begun => x.get(..width).unwrap_or(newer),
                 -1 => newer,
                 _ => older,
             }
@@ -45,26 +48,28 @@ impl Neighbours {
             let k = ends.latest_at(j) as i64;
             mix(frame(k - 1), frame(k), ends.since_latest(j), out);
         }
-        self.keep(ends.first_written() == 0, x);
+        self.keep(x);
     }
 
-    fn keep(&mut self, is_start: bool, x: &[f64]) {
+    fn keep(&mut self, x: &[f64]) {
         let width = self.held.len() / 2;
         match x.len() / width {
             0 => {}
             1 => {
                 self.held.copy_within(width.., 0);
                 self.held[width..].copy_from_slice(x);
-                if is_start {
+                if !self.has_begun {
                     self.held[..width].copy_from_slice(x);
                 }
             }
             frames => self.held.copy_from_slice(&x[(frames - 2) * width..]),
         }
+        self.has_begun |= !x.is_empty();
     }
 
     /// Copies the frames of another one of the same width.
     pub fn copy_from(&mut self, old: &Self) {
         self.held.copy_from_slice(&old.held);
+        self.has_begun = old.has_begun;
     }
 }
