@@ -24,7 +24,7 @@ pub use crate::settings::{LiveId, SettingId};
 pub use entry::NodeEntry;
 pub(crate) use entry::{Advised, Build, Finish, Measured, Read};
 pub use fallback::{Fallback, next_change};
-pub use port::{Held, Input, Many, Mode, OneSignal, Optional, Output, Outputs, Sampled};
+pub use port::{Held, Input, Many, Mode, Named, OneSignal, Optional, Output, Outputs, Sampled, Several};
 pub(crate) use processor::AnyProcessor;
 #[cfg(test)]
 pub(crate) use processor::Of;
@@ -36,6 +36,11 @@ pub use spec::{
 
 /// The longest block, in driver frames.
 pub const MAX_BLOCK: usize = 1024;
+
+/// The most connections in a map.
+pub(crate) const MAX_NAMED: usize = 1024;
+/// The most characters in the name of a connection, or of an output that a setting names.
+pub(crate) const MAX_NAME: usize = 64;
 
 /// Context in which a node is built.
 #[derive(Debug, Clone)]
@@ -51,6 +56,8 @@ pub struct BuildContext {
     /// Kind of each input, `None` for an unconnected one, in the order of the spec, the connections of a `Many` input one
     /// after the other.
     pub(crate) inputs: Vec<Option<Kind>>,
+    /// Names of the connections of a `Named` input; empty without names.
+    pub(crate) names: Vec<String>,
 }
 
 impl BuildContext {
@@ -73,6 +80,7 @@ impl BuildContext {
             max_frames: MAX_BLOCK,
             seed: 1,
             inputs: Vec::new(),
+            names: Vec::new(),
         }
     }
 
@@ -80,6 +88,13 @@ impl BuildContext {
     #[must_use]
     pub fn connected(mut self, inputs: &[Option<Kind>]) -> Self {
         self.inputs = inputs.to_vec();
+        self
+    }
+
+    /// Names the connections of the [`Named`] input, in their order.
+    #[must_use]
+    pub fn named(mut self, names: &[&str]) -> Self {
+        self.names = names.iter().map(|name| (*name).to_owned()).collect();
         self
     }
 
@@ -99,8 +114,15 @@ impl BuildContext {
     }
 
     /// How many connections this input has.
-    pub fn connections<K, F: FrameKind>(&self, input: Input<K, F, Many>) -> usize {
+    pub fn connections<K, F: FrameKind, M: Several>(&self, input: Input<K, F, M>) -> usize {
         self.inputs.len().saturating_sub(input.index())
+    }
+
+    /// The names of the connections of this input, in their order; empty if the graph lists them without names. No two
+    /// are equal; each has 1 to 64 characters, none of them `.`, `/` or a control character.
+    pub fn names<K, F: FrameKind>(&self, input: Input<K, F, Named>) -> &[String] {
+        let _ = input;
+        &self.names
     }
 }
 
@@ -108,7 +130,7 @@ impl BuildContext {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct BuildError {
-    /// The setting at fault; `None` for the whole node.
+    /// The setting or input at fault; `None` for the whole node.
     pub field: Option<&'static str>,
     /// What is wrong.
     pub message: String,
@@ -118,6 +140,8 @@ pub struct BuildError {
     pub part: Option<(usize, usize)>,
     /// The setting of the node that `field` is inside of, a structure or a list of structures, and the place in the list.
     pub inside: Option<(&'static str, usize)>,
+    /// The connection at fault of the input that `field` names, counted from 0.
+    pub connection: Option<u32>,
 }
 
 impl BuildError {
@@ -129,10 +153,11 @@ impl BuildError {
             help: None,
             part: None,
             inside: None,
+            connection: None,
         }
     }
 
-    /// An error about one setting.
+    /// An error about one setting, or one input.
     pub fn at(field: &'static str, message: impl Into<String>) -> Self {
         Self {
             field: Some(field),
@@ -151,6 +176,13 @@ impl BuildError {
     #[must_use]
     pub fn inside(mut self, setting: &'static str, place: usize) -> Self {
         self.inside = Some((setting, place));
+        self
+    }
+
+    /// Points at a connection of the input, counted from 0: at its name, if it has one.
+    #[must_use]
+    pub fn connection(mut self, connection: usize) -> Self {
+        self.connection = u32::try_from(connection).ok();
         self
     }
 

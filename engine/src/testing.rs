@@ -41,7 +41,7 @@ use crate::frame::{FrameKind, Kind};
 use crate::io::{Extent, Form, LINE, Memory, Placing, ResolvedInput, Wires};
 use crate::node::{
     AnyProcessor, BuildContext, BuildError, DataEnd, Flow, InputSpec, KindRule, Latency, NodeKind, NodeSpec,
-    Output, OutputSpec, Presence, SettingId, Tick,
+    Output, OutputSpec, SettingId, Tick,
 };
 use crate::plan::MAX_BLOCK;
 use haptograph_signal::time::Rate;
@@ -62,7 +62,7 @@ pub struct Bench {
 impl Bench {
     /// Builds a node at a whole rate in hertz, its random stream seeded with 1.
     ///
-    /// `inputs` has the kind of each connection in the order of the spec, those of a `Many` port last; inputs left
+    /// `inputs` has the kind of each connection in the order of the spec, those of a port that takes several last; inputs left
     /// out at the end are not connected.
     ///
     /// # Errors
@@ -98,6 +98,22 @@ impl Bench {
         let cx = context(&K::SPEC, rate_hz, inputs);
         let processor = K::build(settings, &cx)?;
         Ok(Self::around(processor.into_processor(), &K::SPEC, &cx, inputs))
+    }
+
+    /// As [`new`](Self::new), with names of the connections of the [`Named`](crate::node::Named) input, in their order.
+    ///
+    /// # Errors
+    /// [`BuildError`] as the node reports it.
+    pub fn with_names<K: NodeKind>(
+        settings: K::Settings,
+        rate_hz: f64,
+        inputs: &[Kind],
+        names: &[&str],
+    ) -> Result<Self, BuildError> {
+        let connected: Vec<Option<Kind>> = inputs.iter().copied().map(Some).collect();
+        let cx = context(&K::SPEC, rate_hz, &connected).named(names);
+        let processor = K::build(settings, &cx)?.into_processor();
+        Ok(Self::around(processor, &K::SPEC, &cx, &connected))
     }
 
     fn around(
@@ -311,7 +327,7 @@ impl Bench {
     }
 }
 
-/// The port of each connection: a `Many` port as often as it is connected.
+/// The port of each connection: one that takes several as often as it is connected.
 fn ports(spec: &NodeSpec, connections: usize) -> Vec<&InputSpec> {
     (0..connections)
         .filter_map(|i| spec.inputs.get(i).or(spec.inputs.last()))
@@ -319,7 +335,7 @@ fn ports(spec: &NodeSpec, connections: usize) -> Vec<&InputSpec> {
 }
 
 fn context(spec: &NodeSpec, rate_hz: f64, inputs: &[Option<Kind>]) -> BuildContext {
-    let single = spec.inputs.iter().filter(|port| port.presence != Presence::Many);
+    let single = spec.inputs.iter().filter(|port| !port.presence.is_several());
     let connections = inputs.len().max(single.count());
     let kind = |i: usize| inputs.get(i).copied().flatten();
     bare_context(rate_hz).connected(&(0..connections).map(kind).collect::<Vec<_>>())

@@ -292,6 +292,7 @@ fn body_of_node(entry: &NodeEntry) -> String {
             Presence::Required => "",
             Presence::Optional => ", optional",
             Presence::Many => ", a list",
+            Presence::Named => ", a map from names or a list",
         };
         notes += if port.flow == Flow::Held { ", held" } else { "" };
         (port.name, notes, port.doc)

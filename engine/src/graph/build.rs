@@ -252,12 +252,14 @@ fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<Bui
         Some(wire) => draft.nodes[wire.from].outputs[wire.output].kind.map(Some),
         None => Some(None),
     });
+    let names = target.inputs.iter().filter_map(|slot| slot.name.as_ref());
     Some(BuildContext {
         path: target.path.clone(),
         rate: clocks.list[target.clock?].rate,
         max_frames: max_frames(clocks, target.clock?),
         seed: stream_seed(seed, &target.path),
         inputs: kinds.collect::<Option<_>>()?,
+        names: names.map(|name| name.text.clone()).collect(),
     })
 }
 
@@ -314,6 +316,7 @@ fn body(cx: &mut Context<'_>, clocks: &Clocks, device: &DraftDevice, seed: u64) 
                 max_frames: max_frames(clocks, clock),
                 seed: stream_seed(seed, &format!("endpoints/{}", device.name)),
                 inputs: Vec::new(),
+                names: Vec::new(),
             };
             places.or_report(cx, finish(&context)).map(|mut built| {
                 built.body.connect(&device.senses, &device.drives);

@@ -2,10 +2,10 @@
 
 use super::Bridge;
 use crate::diagnostic::{Diagnostic, MAX_SHOWN, Severity, Sources, Span};
-use crate::document::value::Value;
+use crate::document::value::{Name, Value};
 use crate::document::{Document, folder};
 use crate::frame::Kind;
-use crate::node::{NodeEntry, Presence};
+use crate::node::NodeEntry;
 use crate::registry::Registry;
 use crate::settings::{Fields, Reading};
 use haptograph_signal::quantity::Quantity;
@@ -97,10 +97,12 @@ pub(super) struct Type {
     pub quantity: Option<Quantity>,
 }
 
-/// An input of the processor; each connection of a `Many` port is one.
+/// An input of the processor; each connection of a port that takes several is one.
 pub(super) struct Slot {
     /// Index of the input in the spec.
     pub port: usize,
+    /// Name of the connection in a map.
+    pub name: Option<Name>,
     pub wire: Option<Wire>,
     /// True if an error of it was reported.
     pub broken: bool,
@@ -176,9 +178,9 @@ impl DraftNode {
             .filter(move |slot| spec.inputs[slot.port].name == name)
     }
 
-    /// True if the slot is a connection of a list.
+    /// True if the slot is a connection of a list or map.
     pub fn is_many(&self, slot: &Slot) -> bool {
-        self.entry.spec.inputs[slot.port].presence == Presence::Many
+        self.entry.spec.inputs[slot.port].presence.is_several()
     }
 }
 

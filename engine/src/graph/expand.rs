@@ -273,7 +273,8 @@ impl Expansion<'_> {
         for input in &declared.inputs {
             let given = fields.take(&input.text);
             if given.is_none() && !fields.is_reported(&input.text) {
-                fields.miss(&input.text, missing_input(kind, &input.text, input.span));
+                let missing = missing_input(kind, &input.text, Presence::Required, input.span);
+                fields.miss(&input.text, missing);
             }
             scope.inputs.insert(input.text.clone(), given);
         }
@@ -319,7 +320,8 @@ pub(super) fn refuse_unknown_set(cx: &mut Context<'_>, set: &str, span: Span) {
 }
 
 /// Error of a required input that is not connected.
-pub(super) fn missing_input(kind: &Name, input: &str, declared: Span) -> Diagnostic {
+pub(super) fn missing_input(kind: &Name, input: &str, presence: Presence, declared: Span) -> Diagnostic {
+    let (open, close) = presence.brackets();
     Diagnostic::error(
         "E0401",
         kind.span,
@@ -327,7 +329,7 @@ pub(super) fn missing_input(kind: &Name, input: &str, declared: Span) -> Diagnos
     )
     .label(format!("`{input}` is missing"))
     .also(declared, "declared here")
-    .help(format!("connect it: `{input}: \"node.output\"`"))
+    .help(format!("connect it: `{input}: {open}\"node.output\"{close}`"))
 }
 
 /// Name and fields of `Kind(field: value)`; reports any other value.
@@ -357,10 +359,7 @@ pub(super) fn parts<'v>(
                 if let (Some(input), Shape::String(node), Some(diagnostic)) =
                     (first, &at.shape, cx.diagnostics.get_mut(before))
                 {
-                    let (open, close) = match input.presence {
-                        Presence::Many => ("[", "]"),
-                        _ => ("", ""),
-                    };
+                    let (open, close) = input.presence.brackets();
                     let help = format!("inputs are named: `{}: {open}\"{node}\"{close}`", input.name);
                     diagnostic.help.push(help);
                 }

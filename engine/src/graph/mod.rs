@@ -11,6 +11,7 @@ mod devices;
 mod draft;
 mod expand;
 pub(crate) mod fingerprint;
+mod given;
 mod latency;
 mod left_out;
 mod memory;
@@ -110,7 +111,7 @@ pub struct Node {
     pub entry: NodeEntry,
     /// The clock, as an index; `None` for file sinks, whose inputs keep their own.
     pub clock: Option<usize>,
-    /// Inputs in the order of the spec; the connections of a `Many` port follow one another at its place.
+    /// Inputs in the order of the spec; the connections of a port that takes several follow one another at its place.
     pub inputs: Vec<Input>,
     /// Outputs in the order of the spec.
     pub outputs: Vec<Output>,
@@ -134,6 +135,8 @@ pub struct Node {
 pub struct Input {
     /// Name of the port.
     pub name: &'static str,
+    /// Name that the graph gives the connection, at a port whose connections have names.
+    pub label: Option<String>,
     /// Kind of its frames; the port's kind if it is not connected.
     pub kind: Kind,
     /// Quantity of the components.
@@ -142,6 +145,13 @@ pub struct Input {
     pub connected: bool,
     /// True if the input reads runs of held frames.
     pub held: bool,
+}
+
+impl Input {
+    /// The name that tells it from the other inputs, as far as the graph gives one: of the connection, or of the port.
+    pub fn shown(&self) -> &str {
+        self.label.as_deref().unwrap_or(self.name)
+    }
 }
 
 /// An output of a node.

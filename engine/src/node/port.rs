@@ -11,7 +11,7 @@ use std::fmt;
 use std::marker::PhantomData;
 
 /// Handle of an input of the node kind `K` whose frames are of the kind `F`, read as `M` says: a frame a tick
-/// ([`Sampled`], the default), [`Held`], [`Optional`] or [`Many`]. [`Io::read`](crate::node::Io::read) takes it.
+/// ([`Sampled`], the default), [`Held`], [`Optional`], [`Many`] or [`Named`]. [`Io::read`](crate::node::Io::read) takes it.
 ///
 /// [`named`](Self::named) looks it up. In a constant everything that does not fit the declaration is a compile error:
 ///
@@ -108,6 +108,36 @@ use std::marker::PhantomData;
 /// const VELOCITY: Input<Viscous, Vector, Held> = Input::named("velocity");
 /// ```
 ///
+/// An input whose connections have names, read as one whose connections have none:
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # struct Mix;
+/// # impl NodeKind for Mix {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Mix", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[any_input("terms", "").named()], outputs: &[output_like("sum", "terms", "")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const TERMS: Input<Mix, Linear, Many> = Input::named("terms");
+/// ```
+///
+/// Names of connections that have none:
+/// ```compile_fail,E0308
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # struct Mix;
+/// # impl NodeKind for Mix {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Mix", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[InputSpec { presence: Presence::Many, ..any_input("terms", "") }], outputs: &[output_like("sum", "terms", "")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const TERMS: Input<Mix, Linear, Many> = Input::named("terms");
+///
+/// fn names(cx: &BuildContext) -> &[String] {
+///     cx.names(TERMS)
+/// }
+/// ```
+///
 /// A port of another node:
 /// ```compile_fail,E0308
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
@@ -194,7 +224,12 @@ pub struct Optional<M = Sampled>(PhantomData<M>);
 #[derive(Debug, Clone, Copy)]
 pub enum Many {}
 
-/// How an input is read: [`Sampled`], [`Held`], [`Optional`] or [`Many`].
+/// An input of one or more connections that may have names: `io.read` gives [`Connections`], and
+/// [`BuildContext::names`](crate::node::BuildContext::names) their names.
+#[derive(Debug, Clone, Copy)]
+pub enum Named {}
+
+/// How an input is read: [`Sampled`], [`Held`], [`Optional`], [`Many`] or [`Named`].
 pub trait Mode: sealed::Sealed + Sized + 'static {
     /// What [`Io::read`](crate::node::Io::read) gives.
     type Read<'a, F: FrameKind>;
@@ -209,16 +244,22 @@ pub trait Mode: sealed::Sealed + Sized + 'static {
 /// A mode of one signal: [`Sampled`] or [`Held`].
 pub trait OneSignal: Mode {}
 
+/// A mode of any number of signals: [`Many`] or [`Named`].
+pub trait Several: Mode {}
+
 mod sealed {
     pub trait Sealed {}
     impl Sealed for super::Sampled {}
     impl Sealed for super::Held {}
     impl<M: super::OneSignal> Sealed for super::Optional<M> {}
     impl Sealed for super::Many {}
+    impl Sealed for super::Named {}
 }
 
 impl OneSignal for Sampled {}
 impl OneSignal for Held {}
+impl Several for Many {}
+impl Several for Named {}
 
 impl Mode for Sampled {
     type Read<'a, F: FrameKind> = F::Frames<'a>;
@@ -256,6 +297,17 @@ impl<M: OneSignal> Mode for Optional<M> {
 impl Mode for Many {
     type Read<'a, F: FrameKind> = Connections<'a, F>;
     const PRESENCE: Presence = Presence::Many;
+    const FLOW: Flow = Flow::Sampled;
+
+    #[inline]
+    fn read<'a, F: FrameKind>(ports: &Ports<'a>, input: usize) -> Connections<'a, F> {
+        ports.connections(input)
+    }
+}
+
+impl Mode for Named {
+    type Read<'a, F: FrameKind> = Connections<'a, F>;
+    const PRESENCE: Presence = Presence::Named;
     const FLOW: Flow = Flow::Sampled;
 
     #[inline]
@@ -306,6 +358,10 @@ impl<K: NodeKind, F: FrameKind, M: Mode> Input<K, F, M> {
                 matches!(M::PRESENCE, Presence::Many),
                 "this input has any number of connections: its handle is an `Input<_, _, Many>`"
             ),
+            Presence::Named => assert!(
+                matches!(M::PRESENCE, Presence::Named),
+                "the connections of this input may have names: its handle is an `Input<_, _, Named>`"
+            ),
         }
         match port.flow {
             Flow::Sampled => assert!(
@@ -320,7 +376,7 @@ impl<K: NodeKind, F: FrameKind, M: Mode> Input<K, F, M> {
         let mut before = 0;
         while before < index {
             assert!(
-                !matches!(spec.inputs[before].presence, Presence::Many),
+                !spec.inputs[before].presence.is_several(),
                 "an input of any number of connections comes last"
             );
             before += 1;
@@ -369,7 +425,7 @@ impl NodeSpec {
     /// The inputs with their handles, for a processor whose ports are known only when the program runs
     /// ([`ScriptedKind`](super::ScriptedKind)). Held inputs and those of many connections are left out.
     pub fn any_inputs(&self) -> impl Iterator<Item = (&InputSpec, Input<Scripted, AnyKind, Optional>)> {
-        let one = |port: &InputSpec| port.presence != Presence::Many && port.flow == Flow::Sampled;
+        let one = |port: &InputSpec| !port.presence.is_several() && port.flow == Flow::Sampled;
         let inputs = self.inputs.iter().enumerate();
         inputs
             .filter(move |(_, port)| one(port))

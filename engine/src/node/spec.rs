@@ -14,7 +14,7 @@ pub struct NodeSpec {
     pub doc: &'static str,
     /// Reference: a section or equation of the thesis, or a paper; empty for plain blocks.
     pub source: &'static str,
-    /// Inputs; a [`Presence::Many`] port comes last.
+    /// Inputs; one that takes any number of connections comes last.
     pub inputs: &'static [InputSpec],
     /// Outputs.
     pub outputs: &'static [OutputSpec],
@@ -91,6 +91,24 @@ pub enum Presence {
     Optional,
     /// It takes a list of at least one connection.
     Many,
+    /// It takes at least one connection: a list, or a map from names to connections. The node sees the names.
+    Named,
+}
+
+impl Presence {
+    /// True if the input takes any number of connections.
+    pub const fn is_several(self) -> bool {
+        matches!(self, Self::Many | Self::Named)
+    }
+
+    /// What stands before and after a connection in a graph file.
+    pub(crate) const fn brackets(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Required | Self::Optional => ("", ""),
+            Self::Many => ("[", "]"),
+            Self::Named => ("{\"name\": ", "}"),
+        }
+    }
 }
 
 /// Which kind of frames a port carries.
@@ -151,6 +169,13 @@ impl InputSpec {
     #[must_use]
     pub const fn optional(mut self) -> Self {
         self.presence = Presence::Optional;
+        self
+    }
+
+    /// Makes the input take any number of connections, with or without names.
+    #[must_use]
+    pub const fn named(mut self) -> Self {
+        self.presence = Presence::Named;
         self
     }
 }

@@ -2,10 +2,10 @@
 #![allow(dead_code)]
 
 use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, DeviceSpec};
-use haptograph_engine::frame::{Kind, KindSpec, Level};
+use haptograph_engine::frame::{Kind, KindSpec, Level, Linear};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Built, FileContext, FileKind, FileSink, Flow, FrameWriter,
-    InputSpec, Io, KindRule, Limit, NodeEntry, NodeKind, NodeSpec, OutputRole, OutputSpec, Presence,
+    ActuatorKind, BuildContext, BuildError, Built, FileContext, FileKind, FileSink, Flow, FrameWriter, Input,
+    InputSpec, Io, KindRule, Limit, Named, NodeEntry, NodeKind, NodeSpec, OutputRole, OutputSpec, Presence,
     Processor, QuantityRule, Stream, Tick, any_input, input, output, output_like,
 };
 use haptograph_engine::registry::Registry;
@@ -31,6 +31,7 @@ pub fn registry() -> Registry {
         .add(NodeEntry::processor::<Sine>())
         .add(NodeEntry::processor::<Gain>())
         .add(NodeEntry::processor::<Sum>())
+        .add(NodeEntry::processor::<Mix>())
         .add(NodeEntry::processor::<Multiply>())
         .add(NodeEntry::processor::<Derivative>())
         .add(NodeEntry::processor::<Filter>())
@@ -179,6 +180,34 @@ silent!(
         &[output_like("output", "inputs", "The sum.")]
     )
 );
+
+/// Adds under names, which are written in small letters.
+struct Mix;
+const MIXED: Input<Mix, Linear, Named> = Input::named("terms");
+
+impl NodeKind for Mix {
+    type Settings = haptograph_engine::settings::NoSettings;
+    const SPEC: NodeSpec = spec(
+        "Mix",
+        "Adds under names.",
+        &[any_input("terms", "The terms.").named()],
+        &[output_like("output", "terms", "The sum.")],
+    );
+    fn build(_: Self::Settings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        let mut names = cx.names(MIXED).iter();
+        match names.position(|name| name.contains(char::is_uppercase)) {
+            Some(place) => {
+                Err(BuildError::at("terms", "a term is written in small letters").connection(place))
+            }
+            None => Ok(Built::new(Silent)),
+        }
+    }
+    fn advice(_: &Self::Settings, cx: &BuildContext) -> Vec<BuildError> {
+        let alone = cx.connections(MIXED) == 1;
+        let doubt = || BuildError::at("terms", "a sum of one").connection(0);
+        alone.then(doubt).into_iter().collect()
+    }
+}
 
 silent!(
     Multiply,

@@ -194,7 +194,7 @@ fn node_box(node: &Node) -> NodeBox {
         Role::Process
     };
     let inputs = node.inputs.iter().map(|i| Port {
-        name: i.name.to_owned(),
+        name: i.shown().to_owned(),
         connected: i.connected,
     });
     let outputs = node.outputs.iter().map(|o| Port {

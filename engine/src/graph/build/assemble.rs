@@ -167,6 +167,7 @@ fn input(draft: &Draft, node: &DraftNode, slot: &Slot) -> Input {
         .unwrap_or_default();
     Input {
         name: port.name,
+        label: slot.name.as_ref().map(|name| name.text.clone()),
         kind: carried.kind.unwrap_or(match port.kind {
             KindRule::Is(kind) => kind,
             _ => Kind::SCALAR,

@@ -15,6 +15,8 @@ pub(super) struct Places {
     fields: Vec<(String, Span)>,
     /// Structures in fields, alone or in a list.
     structures: Vec<Structure>,
+    /// The input of each connection, and the place of its name, or of itself.
+    connections: Vec<(&'static str, Span)>,
 }
 
 struct Structure {
@@ -61,16 +63,19 @@ impl Places {
             owner: fields.span,
             fields: spans(written),
             structures: structures.collect(),
+            connections: Vec::new(),
         }
     }
 
     /// Inputs are where their first connection is.
     pub(super) fn and_inputs(mut self, node: &DraftNode) -> Self {
-        let wires = node.wires().map(|(slot, wire)| {
-            let port = &node.entry.spec.inputs[node.inputs[slot].port];
-            (port.name.to_owned(), wire.span)
-        });
-        self.fields.extend(wires);
+        for (slot, wire) in node.wires() {
+            let slot = &node.inputs[slot];
+            let port = node.entry.spec.inputs[slot.port].name;
+            self.fields.push((port.to_owned(), wire.span));
+            let span = slot.name.as_ref().map_or(wire.span, |name| name.span);
+            self.connections.push((port, span));
+        }
         self
     }
 
@@ -113,8 +118,15 @@ impl Places {
         });
         let written = fields.iter().find(|(name, _)| Some(name.as_str()) == error.field);
         let span = written.map_or(owner, |(_, span)| *span);
+        let connection = error.connection.and_then(|connection| {
+            let of_input = self
+                .connections
+                .iter()
+                .filter(|(input, _)| Some(*input) == error.field);
+            of_input.map(|(_, span)| *span).nth(connection as usize)
+        });
         let part = error.part.and_then(|part| part_of_text(sources, span, part));
-        let mut diagnostic = make(part.unwrap_or(span), error.message);
+        let mut diagnostic = make(part.or(connection).unwrap_or(span), error.message);
         if let (Some(field), None) = (error.field, written) {
             diagnostic = diagnostic.label(format!("by the default of `{field}`"));
         }
