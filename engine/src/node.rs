@@ -24,14 +24,16 @@ pub use crate::settings::{LiveId, SettingId};
 pub use entry::NodeEntry;
 pub(crate) use entry::{Advised, Build, Finish, Measured, Read};
 pub use fallback::{Fallback, next_change};
-pub use port::{Held, Input, Many, Mode, Named, OneSignal, Optional, Output, Outputs, Sampled, Several};
+pub use port::{
+    Held, Input, Many, Mode, Named, OneSignal, Optional, Output, OutputFamily, Outputs, Sampled, Several,
+};
 pub(crate) use processor::AnyProcessor;
 #[cfg(test)]
 pub(crate) use processor::Of;
 pub use processor::{AfterData, Built, DataEnd, Latency, Law, Processor, Tick};
 pub use spec::{
-    Flow, InputSpec, KindRule, NodeSpec, OutputRole, OutputSpec, Presence, QuantityRule, any_input, input,
-    output, output_like,
+    Flow, InputSpec, KindRule, NodeSpec, OutputCount, OutputRole, OutputSpec, Presence, QuantityRule,
+    any_input, input, output, output_like,
 };
 
 /// The longest block, in driver frames.
@@ -39,6 +41,8 @@ pub const MAX_BLOCK: usize = 1024;
 
 /// The most connections in a map.
 pub(crate) const MAX_NAMED: usize = 1024;
+/// The most members of a family of outputs.
+pub(crate) const MAX_MEMBERS: usize = 64;
 /// The most characters in the name of a connection, or of an output that a setting names.
 pub(crate) const MAX_NAME: usize = 64;
 
@@ -200,6 +204,16 @@ pub trait NodeKind: Sized + 'static {
     type Settings: Settings;
     /// Ports and documentation.
     const SPEC: NodeSpec;
+    /// The names of the members of its family of outputs, in their order, if its last output is a family
+    /// ([`OutputSpec::named_by`]); it depends on the settings alone. The engine refuses names that are repeated, those of
+    /// other outputs, those with `.` or `/` in them, and more than 64.
+    ///
+    /// # Errors
+    /// [`BuildError`] if the settings do not fit each other; then nothing is built.
+    fn members(settings: &Self::Settings) -> Result<Vec<String>, BuildError> {
+        let _ = settings;
+        Ok(Vec::new())
+    }
     /// Builds the processor. May read files, allocate and block.
     ///
     /// # Errors

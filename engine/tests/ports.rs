@@ -1,4 +1,4 @@
-//! Inputs whose connections have names.
+//! Inputs whose connections have names, and outputs that settings name.
 
 mod common;
 #[path = "common/golden.rs"]
@@ -157,4 +157,75 @@ fn a_map_has_a_largest_size() {
 fn a_template_takes_one_connection_for_each_of_its_inputs() {
     let found = checked(r#""pair": Pair(first: {"a": "tone"})"#);
     assert_eq!(codes(&found), ["E0411"]);
+}
+
+/// The names of the outputs of a node.
+fn outputs(graph: &Graph, path: &str) -> Vec<String> {
+    let outputs = node(graph, path).outputs.iter();
+    outputs.map(|output| output.name.to_string()).collect()
+}
+
+#[test]
+fn settings_name_outputs() {
+    let found = graph(
+        r#""fan": Fan(input: "tone", names: ["left", "right"]),
+        "mix": Mix(terms: {"a": "fan.right", "b": Delay(from: "fan.left", frames: 2)}),
+        "none": Fan(input: "tone", names: []),
+        "how_many": Gain(input: "none.count", gain: 1)"#,
+    );
+    assert_eq!(outputs(&found, "fan"), ["count", "left", "right"]);
+    assert_eq!(outputs(&found, "none"), ["count"]);
+    let nodes = found.nodes();
+    let reads = nodes.incoming(nodes.find("mix").unwrap());
+    let mut read: Vec<(usize, usize)> = reads
+        .iter()
+        .map(|read| (read.edge.input, read.edge.output))
+        .collect();
+    read.sort_unstable();
+    assert_eq!(read, [(0, 2), (1, 1)]);
+    let spec = |output| node(&found, "fan").output_spec(output).map(|port| port.name);
+    assert_eq!(
+        [0, 1, 2].map(spec),
+        [Some("count"), Some("copies"), Some("copies")]
+    );
+}
+
+#[test]
+fn a_renamed_output_is_another_node() {
+    let of = |names: &str| {
+        node(
+            &graph(&format!(r#""fan": Fan(input: "tone", names: {names})"#)),
+            "fan",
+        )
+        .fingerprint
+    };
+    assert_eq!(of(r#"["a", "b"]"#), of(r#"["a", "b"]"#));
+    assert_ne!(of(r#"["a", "b"]"#), of(r#"["a", "c"]"#));
+    assert_ne!(of(r#"["a", "b"]"#), of(r#"["b", "a"]"#));
+}
+
+#[test]
+fn members_that_are_not_known_cause_no_second_error() {
+    let found = checked(
+        r#""fan": Fan(input: "tone", names: [7]),
+        "a": Gain(input: Delay(from: "fan.x", frames: 1), gain: 1), "b": Gain(input: "fan.count", gain: 1)"#,
+    );
+    assert_eq!(codes(&found), ["E0301"]);
+    let out = checked(
+        r#""fan": Fan(input: "tone", names: ["a", "a"], only: "live"), "a": Gain(input: "fan.x", gain: 1)"#,
+    );
+    assert_eq!(codes(&out), ["E0210"]);
+}
+
+#[test]
+fn a_node_with_outputs_of_settings_is_edited_without_end() {
+    for turn in 0..2000 {
+        let names = format!(
+            r#""fan": Fan(input: "tone", names: ["a{turn}", "b{turn}"]), "a": Gain(input: "fan.a{turn}", gain: 1)"#
+        );
+        assert_eq!(
+            outputs(&graph(&names), "fan"),
+            ["count".to_owned(), format!("a{turn}"), format!("b{turn}")]
+        );
+    }
 }

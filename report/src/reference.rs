@@ -299,11 +299,11 @@ fn body_of_node(entry: &NodeEntry) -> String {
     });
     ports(&mut text, "Inputs", inputs);
     let outputs = spec.outputs.iter().map(|port| {
-        (
-            port.name,
-            format!("{}, {}", kind_rule(port.kind), quantity_rule(port.quantity)),
-            port.doc,
-        )
+        let mut notes = format!("{}, {}", kind_rule(port.kind), quantity_rule(port.quantity));
+        if let Some(setting) = port.count.named_by() {
+            notes += &format!(", one for each of `{setting}`");
+        }
+        (port.name, notes, port.doc)
     });
     ports(&mut text, "Outputs", outputs);
     settings(&mut text, &entry.settings());

@@ -106,6 +106,7 @@ fn kinds(registry: &Registry, takes: Takes<'_>) -> Value {
             json!({
                 "name": port.name, "kind": reference::kind_rule(port.kind),
                 "quantity": reference::quantity_rule(port.quantity), "doc": port.doc,
+                "named_by": port.count.named_by(),
             })
         });
         json!({

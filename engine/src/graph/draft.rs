@@ -80,7 +80,11 @@ pub(super) struct DraftNode {
     /// Values of parameters and settings: (place of the value, place of its use).
     pub uses: Vec<(Span, Span)>,
     pub inputs: Vec<Slot>,
+    /// Types of the outputs; the members of the family of outputs follow one another in the place of it.
     pub outputs: Vec<Type>,
+    /// Names of the members of the family; `None` after an error of the settings that name them. Then one output stands
+    /// for all of them.
+    pub members: Option<Vec<String>>,
     pub clock: Option<usize>,
     /// Index of its device in the selected endpoints.
     pub device: Option<usize>,
@@ -153,10 +157,26 @@ pub(super) enum Target {
 impl DraftNode {
     /// Name of an output in messages: `tone.out`.
     pub fn output_name(&self, output: usize) -> String {
-        match self.entry.spec.outputs.get(output) {
-            Some(port) => format!("{}.{}", self.path, port.name),
+        match self.port_name(output) {
+            Some(port) => format!("{}.{port}", self.path),
             None => self.path.clone(),
         }
+    }
+
+    /// Name of an output in the graph file.
+    pub fn port_name(&self, output: usize) -> Option<&str> {
+        let spec = self.entry.spec;
+        match (spec.family(), &self.members) {
+            (Some(family), Some(members)) if output >= family => {
+                members.get(output - family).map(String::as_str)
+            }
+            _ => spec.output(output).map(|port| port.name),
+        }
+    }
+
+    /// Names of the outputs in the graph file.
+    pub fn port_names(&self) -> impl Iterator<Item = &str> {
+        (0..self.outputs.len()).filter_map(|output| self.port_name(output))
     }
 
     /// True if an input of it has a reported error.

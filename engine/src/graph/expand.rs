@@ -1,6 +1,8 @@
 //! Expansion of templates into nodes.
 
+use super::build::explain;
 use super::draft::{Context, Draft, DraftNode, Scope, Target};
+use super::members;
 use super::values::{Parameters, Place, suggest};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
 use crate::document::library;
@@ -189,6 +191,12 @@ impl Expansion<'_> {
             cx.reading(|reading| (alias.rewrite)(&mut fields, reading));
         }
         let is_left_out = self.is_left_out(cx, scope, &mut fields);
+        let before = cx.diagnostics.len();
+        let (members, broken) = members::of(cx, &entry, &fields);
+        let outputs = match (entry.spec.family(), &members) {
+            (Some(family), Some(members)) => family + members.len(),
+            _ => entry.spec.outputs.len(),
+        };
         let path = format!("{}{}", self.draft.scopes[scope].prefix, name.text);
         self.draft.nodes.push(DraftNode {
             path,
@@ -198,13 +206,23 @@ impl Expansion<'_> {
             scope,
             uses,
             inputs: Vec::new(),
-            outputs: vec![Default::default(); entry.spec.outputs.len()],
+            outputs: vec![Default::default(); outputs],
+            members,
             clock: None,
             device: None,
             is_left_out,
-            broken: false,
+            broken,
         });
-        Target::Node(self.draft.nodes.len() - 1)
+        let node = self.draft.nodes.len() - 1;
+        // What is left out is not checked.
+        if is_left_out {
+            cx.diagnostics.truncate(before);
+        }
+        explain(cx, before, &self.draft.nodes[node].uses);
+        for i in before..cx.diagnostics.len() {
+            cx.diagnostics[i] = self.draft.in_use(node, cx.diagnostics[i].clone(), cx);
+        }
+        Target::Node(node)
     }
 
     /// The fields of a node with parameters and settings put in.

@@ -226,7 +226,7 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
             &graph.nodes[edge.target()],
             edge.weight(),
         );
-        let (output, input) = (from.outputs[edge.output].name, to.inputs[edge.input].name);
+        let (output, input) = (&from.outputs[edge.output].name, to.inputs[edge.input].name);
         let name = format!("connection {}.{output} to {}.{input}", from.path, to.path);
         let hash = Fingerprint::of(|state| {
             state.number(edge.output as u64);

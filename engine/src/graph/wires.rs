@@ -206,9 +206,13 @@ fn named(
     };
     match draft.scopes[scope].names.get(node) {
         Some(Target::Node(from)) => {
-            let spec = draft.nodes[*from].entry.spec;
-            let names: Vec<&str> = spec.outputs.iter().map(|output| output.name).collect();
-            let output = choose(cx, span, node, spec.name, port, &names)?;
+            let source = &draft.nodes[*from];
+            let names: Vec<&str> = source.port_names().collect();
+            let output = match (&source.members, source.entry.spec.family()) {
+                // Any name may be that of a member: the error of the settings is reported.
+                (None, Some(family)) => (names.iter().position(|name| Some(*name) == port)).unwrap_or(family),
+                _ => choose(cx, span, node, source.entry.spec.name, port, &names)?,
+            };
             Some(Wire {
                 from: *from,
                 output,

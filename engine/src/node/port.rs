@@ -2,7 +2,7 @@
 //! processor cannot read or write a port that its kind does not declare.
 
 use super::NodeKind;
-use super::spec::{Flow, InputSpec, KindRule, NodeSpec, OutputSpec, Presence};
+use super::spec::{Flow, InputSpec, KindRule, NodeSpec, OutputCount, OutputSpec, Presence};
 use crate::frame::{AnyKind, FrameKind, Kinds};
 use crate::io::{Connections, Ports, Runs};
 use crate::scripted::Scripted;
@@ -202,6 +202,60 @@ pub struct Input<K, F, M = Sampled> {
 /// ```
 pub struct Output<K, F> {
     index: usize,
+    types: Types<(K, F)>,
+}
+
+/// Handle of the family of outputs of the node kind `K`, whose members' frames are of the kind `F`.
+/// [`Io::write_member`](crate::node::Io::write_member) takes it.
+///
+/// [`named`](Self::named) looks the family up by its name in the declaration. As a single output:
+///
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # struct Fan;
+/// # impl NodeKind for Fan {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Fan", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[any_input("input", "")], outputs: &[output_like("copies", "input", "").named_by("names")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const COPIES: Output<Fan, Linear> = Output::named("copies");
+/// ```
+///
+/// Frames of another width:
+///
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # struct Fan;
+/// # impl NodeKind for Fan {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Fan", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[any_input("input", "")], outputs: &[output_like("copies", "input", "").named_by("names")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const COPIES: OutputFamily<Fan, Scalar> = OutputFamily::named("copies");
+/// ```
+///
+/// A family of another node:
+///
+/// ```compile_fail,E0308
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # struct Fan;
+/// # impl NodeKind for Fan {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Fan", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[any_input("input", "")], outputs: &[output_like("copies", "input", "").named_by("names")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// # enum Other {}
+/// const COPIES: OutputFamily<Fan, Linear> = OutputFamily::named("copies");
+///
+/// fn clear(io: &mut Io<'_, Other>) {
+///     io.write_member(COPIES, 0).fill(0.0);
+/// }
+/// ```
+pub struct OutputFamily<K, F> {
+    first: usize,
     types: Types<(K, F)>,
 }
 
@@ -406,18 +460,39 @@ impl<K: NodeKind, F: FrameKind> Output<K, F> {
     /// If no output has this name, or its frames are not those of the handle.
     pub const fn named(name: &str) -> Self {
         let spec = const { &K::SPEC };
-        let mut index = 0;
-        while index < spec.outputs.len() {
-            if same(spec.outputs[index].name, name) {
-                assert!(
-                    F::KINDS.include(spec.resolved(spec.outputs[index].kind)),
-                    "the frames of this output are of another kind"
-                );
-                return Self::at(index);
-            }
-            index += 1;
+        let index = spec.output_index(name, F::KINDS);
+        assert!(
+            matches!(spec.outputs[index].count, OutputCount::One),
+            "this output is a family: its handle is an `OutputFamily`"
+        );
+        Self::at(index)
+    }
+}
+
+impl<K, F> OutputFamily<K, F> {
+    pub(crate) const fn first(self) -> usize {
+        self.first
+    }
+}
+
+impl<K: NodeKind, F: FrameKind> OutputFamily<K, F> {
+    /// The handle of the family of outputs that `K` declares under this name. In a constant everything that does not fit
+    /// its declaration is a compile error.
+    ///
+    /// # Panics
+    /// If no family has this name, or its frames are not those of the handle.
+    pub const fn named(name: &str) -> Self {
+        let spec = const { &K::SPEC };
+        let first = spec.output_index(name, F::KINDS);
+        assert!(
+            matches!(spec.outputs[first].count, OutputCount::NamedBy(_)),
+            "this is one output: its handle is an `Output`"
+        );
+        assert!(first + 1 == spec.outputs.len(), "a family of outputs comes last");
+        Self {
+            first,
+            types: PhantomData,
         }
-        panic!("no output has this name")
     }
 }
 
@@ -436,6 +511,22 @@ impl NodeSpec {
     pub fn any_outputs(&self) -> impl Iterator<Item = (&OutputSpec, Output<Scripted, AnyKind>)> {
         let outputs = self.outputs.iter().enumerate();
         outputs.map(|(index, port)| (port, Output::at(index)))
+    }
+
+    /// The place of the output of this name, whose frames have to be of these kinds.
+    const fn output_index(&self, name: &str, kinds: Kinds) -> usize {
+        let mut index = 0;
+        while index < self.outputs.len() {
+            if same(self.outputs[index].name, name) {
+                assert!(
+                    kinds.include(self.resolved(self.outputs[index].kind)),
+                    "the frames of this output are of another kind"
+                );
+                return index;
+            }
+            index += 1;
+        }
+        panic!("no output has this name")
     }
 
     const fn input_index(&self, name: &str) -> Option<usize> {
@@ -526,6 +617,20 @@ impl<K, F, M> Copy for Input<K, F, M> {}
 impl<K, F, M> fmt::Debug for Input<K, F, M> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Input({})", self.index)
+    }
+}
+
+impl<K, F> Clone for OutputFamily<K, F> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<K, F> Copy for OutputFamily<K, F> {}
+
+impl<K, F> fmt::Debug for OutputFamily<K, F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "OutputFamily({}..)", self.first)
     }
 }
 

@@ -16,7 +16,7 @@ pub struct NodeSpec {
     pub source: &'static str,
     /// Inputs; one that takes any number of connections comes last.
     pub inputs: &'static [InputSpec],
-    /// Outputs.
+    /// Outputs; one whose settings name its members comes last.
     pub outputs: &'static [OutputSpec],
     /// Example of its use, one line of RON.
     pub example: &'static str,
@@ -50,6 +50,8 @@ pub struct OutputSpec {
     pub quantity: QuantityRule,
     /// What reports take it for, beyond its quantity.
     pub role: OutputRole,
+    /// How many outputs it stands for.
+    pub count: OutputCount,
     /// What it is.
     pub doc: &'static str,
 }
@@ -64,7 +66,59 @@ pub enum OutputRole {
     FrictionCoefficient,
 }
 
+/// How many outputs of a node a specification stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum OutputCount {
+    /// One, of its name.
+    #[default]
+    One,
+    /// A family: any number up to 64, of the names that [`NodeKind::members`](crate::node::NodeKind::members) takes from
+    /// this setting.
+    NamedBy(&'static str),
+}
+
+impl OutputCount {
+    /// The setting that names the members of a family.
+    pub const fn named_by(self) -> Option<&'static str> {
+        match self {
+            Self::One => None,
+            Self::NamedBy(setting) => Some(setting),
+        }
+    }
+}
+
+impl NodeSpec {
+    /// The place of the family of outputs, if there is one.
+    pub const fn family(&self) -> Option<usize> {
+        let mut index = 0;
+        while index < self.outputs.len() {
+            if let OutputCount::NamedBy(_) = self.outputs[index].count {
+                assert!(index + 1 == self.outputs.len(), "a family of outputs comes last");
+                return Some(index);
+            }
+            index += 1;
+        }
+        None
+    }
+
+    /// The specification of an output of a node of this kind, by its place among the node's: the members of a family
+    /// follow one another at its place.
+    pub fn output(&self, output: usize) -> Option<&'static OutputSpec> {
+        match self.family() {
+            Some(family) => self.outputs.get(output.min(family)),
+            None => self.outputs.get(output),
+        }
+    }
+}
+
 impl OutputSpec {
+    /// Makes it a family whose members this setting names.
+    #[must_use]
+    pub const fn named_by(mut self, setting: &'static str) -> Self {
+        self.count = OutputCount::NamedBy(setting);
+        self
+    }
+
     /// The same with a role.
     #[must_use]
     pub const fn with_role(mut self, role: OutputRole) -> Self {
@@ -199,6 +253,7 @@ pub const fn output(name: &'static str, kind: Kind, quantity: Quantity, doc: &'s
         kind: KindRule::Is(kind),
         quantity: QuantityRule::Is(quantity),
         role: OutputRole::Plain,
+        count: OutputCount::One,
         doc,
     }
 }
@@ -210,6 +265,7 @@ pub const fn output_like(name: &'static str, like: &'static str, doc: &'static s
         kind: KindRule::Same(like),
         quantity: QuantityRule::Same(like),
         role: OutputRole::Plain,
+        count: OutputCount::One,
         doc,
     }
 }

@@ -74,8 +74,11 @@ pub fn node_from_example(
     };
     match entry.build {
         build @ (Build::Processor(_) | Build::Scripted(_)) => {
-            let (finish, Connected { times, names }) =
-                example.read(|fields, reading| build.read_processor(fields, reading))?;
+            let ((finish, members), Connected { times, names }) = example.read(|fields, reading| {
+                let members = entry.members(fields, reading)?;
+                Some((build.read_processor(fields, reading)?, members))
+            })?;
+            let members = members.map_err(|error| error.to_string())?;
             let ports = spec.inputs.iter().zip(&times);
             let connected = ports.flat_map(|(port, times)| {
                 let kind = (*times > 0).then(|| kind_of(spec, port.kind, linear));
@@ -89,7 +92,7 @@ pub fn node_from_example(
                 .and_then(|(_, finish)| finish(&cx))
                 .map_err(|error| error.to_string())?;
             Ok(ExampleNode::Processor(Bench::around(
-                processor, spec, &cx, &connected,
+                processor, spec, members, &cx, &connected,
             )))
         }
         Build::Actuator(build) => {

@@ -5,8 +5,8 @@ use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, Device
 use haptograph_engine::frame::{Kind, KindSpec, Level, Linear};
 use haptograph_engine::node::{
     ActuatorKind, BuildContext, BuildError, Built, FileContext, FileKind, FileSink, Flow, FrameWriter, Input,
-    InputSpec, Io, KindRule, Limit, Named, NodeEntry, NodeKind, NodeSpec, OutputRole, OutputSpec, Presence,
-    Processor, QuantityRule, Stream, Tick, any_input, input, output, output_like,
+    InputSpec, Io, KindRule, Limit, Named, NodeEntry, NodeKind, NodeSpec, OutputCount, OutputRole,
+    OutputSpec, Presence, Processor, QuantityRule, Stream, Tick, any_input, input, output, output_like,
 };
 use haptograph_engine::registry::Registry;
 use haptograph_engine::{choices, settings};
@@ -32,6 +32,7 @@ pub fn registry() -> Registry {
         .add(NodeEntry::processor::<Gain>())
         .add(NodeEntry::processor::<Sum>())
         .add(NodeEntry::processor::<Mix>())
+        .add(NodeEntry::processor::<Fan>())
         .add(NodeEntry::processor::<Multiply>())
         .add(NodeEntry::processor::<Derivative>())
         .add(NodeEntry::processor::<Filter>())
@@ -119,6 +120,7 @@ impl NodeKind for Sine {
             kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Setting("quantity"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The tone.",
         }],
     );
@@ -209,6 +211,49 @@ impl NodeKind for Mix {
     }
 }
 
+settings! {
+    /// Names of copies.
+    pub struct FanSettings {
+        /// Of the copies.
+        names: Vec<String>;
+        /// How many there have to be, or any number.
+        count: Option<u32> = None;
+    }
+}
+/// Copies its input to outputs that it names.
+struct Fan;
+
+impl NodeKind for Fan {
+    type Settings = FanSettings;
+    const SPEC: NodeSpec = spec(
+        "Fan",
+        "Copies its input.",
+        &[any_input("input", "What is copied.")],
+        &[
+            output(
+                "count",
+                Kind::SCALAR,
+                Quantity::NUMBER,
+                "How many copies there are.",
+            ),
+            output_like("copies", "input", "A copy.").named_by("names"),
+        ],
+    );
+    fn members(settings: &FanSettings) -> Result<Vec<String>, BuildError> {
+        let found = settings.names.len();
+        match settings.count.filter(|count| *count as usize != found) {
+            Some(count) => Err(BuildError::at(
+                "count",
+                format!("{found} copies are named, not {count}"),
+            )),
+            None => Ok(settings.names.clone()),
+        }
+    }
+    fn build(_: FanSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Silent))
+    }
+}
+
 silent!(
     Multiply,
     haptograph_engine::settings::NoSettings,
@@ -227,6 +272,7 @@ silent!(
             kind: KindRule::Same("a"),
             quantity: QuantityRule::Product("a", "b"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The product.",
         }],
     )
@@ -244,6 +290,7 @@ silent!(
             kind: KindRule::Same("input"),
             quantity: QuantityRule::PerSecond("input"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "Its change.",
         }],
     )

@@ -4,7 +4,7 @@ use haptograph_engine::formula::{Formula, is_free, names as used_names};
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
     BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Named, NodeKind, NodeSpec, Output,
-    OutputRole, OutputSpec, Presence, Processor, QuantityRule, Tick,
+    OutputCount, OutputRole, OutputSpec, Presence, Processor, QuantityRule, Tick,
 };
 
 /// Default names of the inputs.
@@ -51,6 +51,7 @@ impl NodeKind for Expression {
             kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Setting("quantity"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The value of the formula, of the quantity that `quantity` names.",
         }],
         example: r#""ridges": Expression(inputs: {"texture": "texture.acceleration", "hum": "hum.output"}, formula: "0.5 * texture + clamp(hum, -2, 2)", quantity: "acceleration")"#,

@@ -198,7 +198,7 @@ fn node_box(node: &Node) -> NodeBox {
         connected: i.connected,
     });
     let outputs = node.outputs.iter().map(|o| Port {
-        name: o.name.to_owned(),
+        name: o.name.to_string(),
         connected: true,
     });
     NodeBox {

@@ -10,7 +10,7 @@ use haptograph_signal::files;
 use std::path::{Path, PathBuf};
 
 /// Places of the fields of a node or device.
-pub(super) struct Places {
+pub(in crate::graph) struct Places {
     owner: Span,
     fields: Vec<(String, Span)>,
     /// Structures in fields, alone or in a list.
@@ -56,7 +56,7 @@ fn spans(fields: &[(Name, Value)]) -> Vec<(String, Span)> {
 }
 
 impl Places {
-    pub(super) fn of(fields: &Fields) -> Self {
+    pub(in crate::graph) fn of(fields: &Fields) -> Self {
         let written = fields.remaining();
         let structures = written.iter().flat_map(|(name, value)| structures(name, value));
         Self {
@@ -79,7 +79,11 @@ impl Places {
         self
     }
 
-    pub(super) fn or_report<T>(&self, cx: &mut Context<'_>, built: Result<T, BuildError>) -> Option<T> {
+    pub(in crate::graph) fn or_report<T>(
+        &self,
+        cx: &mut Context<'_>,
+        built: Result<T, BuildError>,
+    ) -> Option<T> {
         match built {
             Ok(built) => Some(built),
             Err(error) => {
@@ -219,7 +223,7 @@ pub(in crate::graph) fn part_of_text(
 }
 
 /// Adds the place of use to diagnostics of values of parameters and settings.
-pub(super) fn explain(cx: &mut Context<'_>, from: usize, uses: &[(Span, Span)]) {
+pub(in crate::graph) fn explain(cx: &mut Context<'_>, from: usize, uses: &[(Span, Span)]) {
     for diagnostic in &mut cx.diagnostics[from..] {
         let Some(at) = diagnostic.primary.as_ref().map(|label| label.span) else {
             continue;

@@ -279,7 +279,7 @@ impl World {
 
     fn node(&mut self, clock: usize, work: Work) -> usize {
         let output = Output {
-            name: "out",
+            name: "out".into(),
             kind: Kind::SCALAR,
             quantity: Quantity::NUMBER,
         };
