@@ -19,6 +19,9 @@ mod custom_kind;
 #[allow(dead_code)]
 #[path = "../examples/custom_node.rs"]
 mod custom_node;
+#[allow(dead_code)]
+#[path = "../examples/named_ports.rs"]
+mod named_ports;
 #[path = "../examples/sample_recording.rs"]
 mod sample_recording;
 #[allow(dead_code)]
@@ -69,6 +72,7 @@ fn the_picture_in_the_readme_is_current() {
 fn registry() -> Registry {
     let mut registry = custom_node::registry();
     registry.add(NodeEntry::processor::<stateful_node::Bristle>());
+    registry.add(NodeEntry::processor::<named_ports::Grip>());
     registry
         .add_kind(custom_kind::Orientation::KIND)
         .add_bridge(BridgeEntry::of::<custom_kind::Slerp>())
@@ -81,7 +85,7 @@ fn registry() -> Registry {
 #[test]
 fn the_program_in_the_book_is_the_example_and_has_every_command() {
     let page = fs::read_to_string(root().join("docs/writing-a-node.md")).unwrap();
-    let shown = ["custom_node", "stateful_node", "custom_kind"]
+    let shown = ["custom_node", "stateful_node", "custom_kind", "named_ports"]
         .map(|name| [("rust", format!("{name}.rs")), ("ron", format!("{name}.ron"))]);
     for (language, file) in shown.into_iter().flatten() {
         let text = fs::read_to_string(root().join("examples").join(&file)).unwrap();
@@ -165,6 +169,59 @@ fn the_kind_of_frames_in_the_book_is_turned_and_not_averaged() {
         assert!(!wrong.status.success() && said.contains(code), "{said}");
         assert!(said.contains("Slerp(...)"), "{said}");
     }
+}
+
+/// The node of the page whose ports the graph names: the shares add up to one, and a share of no finger is refused.
+#[test]
+fn the_node_with_named_ports_in_the_book_shares_what_it_adds() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = PathBuf::from(env!("CARGO_BIN_EXE_haptograph"));
+    let program = program.with_file_name("examples").join("named_ports");
+    let text = fs::read_to_string(root().join("examples/named_ports.ron")).unwrap();
+    let done = |text: &str, block: &str| {
+        let graph = folder.path().join("grip.ron");
+        fs::write(&graph, text).unwrap();
+        let mut command = Command::new(&program);
+        command.args([
+            "run",
+            graph.to_str().unwrap(),
+            "--for",
+            "2",
+            "--block",
+            block,
+            "--out",
+            block,
+        ]);
+        command.current_dir(folder.path()).output().unwrap()
+    };
+    let rows = |block: &str| {
+        let done = done(&text, block);
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        fs::read_to_string(folder.path().join(block).join("grip.csv")).unwrap()
+    };
+    let all = rows("64");
+    assert_eq!(all, rows("7"));
+    let numbers = |row: &str| -> Option<Vec<f64>> { row.split(',').map(|cell| cell.parse().ok()).collect() };
+    let rows: Vec<Vec<f64>> = all.lines().filter_map(numbers).collect();
+    assert_eq!(rows.len(), 2000);
+    for row in &rows {
+        let [_, whole_n, index, thumb] = row[..] else {
+            panic!("{row:?}")
+        };
+        assert!(
+            (index + thumb - 1.0).abs() < 1e-6 && (thumb * whole_n - 3.0).abs() < 1e-5,
+            "{row:?}"
+        );
+    }
+    let wrong = done(
+        &text.replace("[\"index\", \"thumb\"]", "[\"index\", \"ring\"]"),
+        "8",
+    );
+    let said = String::from_utf8_lossy(&wrong.stderr);
+    assert!(
+        !wrong.status.success() && said.contains("E0304") && said.contains("E0203"),
+        "{said}"
+    );
 }
 
 /// The bristle of the page: its force is a loop, and the same however time is cut into blocks.

@@ -1,7 +1,7 @@
 //! Inputs and outputs of a processor: typed slices with the frames of a tick.
 
 use crate::frame::{AnyWidth, FrameKind, Kinds, Record};
-use crate::node::{Input, Mode, Output, Outputs};
+use crate::node::{Input, Mode, Output, OutputFamily, Outputs};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::hint::black_box;
 use std::marker::PhantomData;
@@ -211,6 +211,38 @@ impl<'a, K> Io<'a, K> {
     #[inline]
     pub fn write<F: FrameKind>(&mut self, output: Output<K, F>) -> F::FramesMut<'_> {
         self.ports.write::<F>(output.index())
+    }
+
+    /// Number of members of the family of outputs.
+    #[inline]
+    pub fn members<F: FrameKind>(&self, family: OutputFamily<K, F>) -> usize {
+        self.ports.outputs.len().saturating_sub(family.first())
+    }
+
+    /// Components of one frame of the members of the family, at least 1.
+    #[inline]
+    pub fn member_width<F: AnyWidth>(&self, family: OutputFamily<K, F>) -> usize {
+        let first = self.ports.outputs.get(family.first());
+        first.map_or(1, |placing| placing.width as usize)
+    }
+
+    /// The frames of a member of the family of outputs, counted from 0 in the order of
+    /// [`NodeKind::members`](crate::node::NodeKind::members), to be filled completely.
+    ///
+    /// # Panics
+    /// If the family has no such member.
+    #[inline]
+    pub fn write_member<F: FrameKind>(
+        &mut self,
+        family: OutputFamily<K, F>,
+        member: usize,
+    ) -> F::FramesMut<'_> {
+        let members = self.members(family);
+        assert!(
+            member < members,
+            "there are {members} members, and no member {member}"
+        );
+        self.ports.write::<F>(family.first() + member)
     }
 
     /// The frames of several outputs, a tuple of different handles in any order, each to be filled completely:

@@ -24,18 +24,27 @@ pub use crate::settings::{LiveId, SettingId};
 pub use entry::NodeEntry;
 pub(crate) use entry::{Advised, Build, Finish, Measured, Read};
 pub use fallback::{Fallback, next_change};
-pub use port::{Held, Input, Many, Mode, OneSignal, Optional, Output, Outputs, Sampled};
+pub use port::{
+    Held, Input, Many, Mode, Named, OneSignal, Optional, Output, OutputFamily, Outputs, Sampled, Several,
+};
 pub(crate) use processor::AnyProcessor;
 #[cfg(test)]
 pub(crate) use processor::Of;
 pub use processor::{AfterData, Built, DataEnd, Latency, Law, Processor, Tick};
 pub use spec::{
-    Flow, InputSpec, KindRule, NodeSpec, OutputRole, OutputSpec, Presence, QuantityRule, any_input, input,
-    output, output_like,
+    Flow, InputSpec, KindRule, NodeSpec, OutputCount, OutputRole, OutputSpec, Presence, QuantityRule,
+    any_input, input, output, output_like,
 };
 
 /// The longest block, in driver frames.
 pub const MAX_BLOCK: usize = 1024;
+
+/// The most connections in a map.
+pub(crate) const MAX_NAMED: usize = 1024;
+/// The most members of a family of outputs.
+pub(crate) const MAX_MEMBERS: usize = 64;
+/// The most characters in the name of a connection, or of an output that a setting names.
+pub(crate) const MAX_NAME: usize = 64;
 
 /// Context in which a node is built.
 #[derive(Debug, Clone)]
@@ -51,6 +60,8 @@ pub struct BuildContext {
     /// Kind of each input, `None` for an unconnected one, in the order of the spec, the connections of a `Many` input one
     /// after the other.
     pub(crate) inputs: Vec<Option<Kind>>,
+    /// Names of the connections of a `Named` input; empty without names.
+    pub(crate) names: Vec<String>,
 }
 
 impl BuildContext {
@@ -73,6 +84,7 @@ impl BuildContext {
             max_frames: MAX_BLOCK,
             seed: 1,
             inputs: Vec::new(),
+            names: Vec::new(),
         }
     }
 
@@ -80,6 +92,13 @@ impl BuildContext {
     #[must_use]
     pub fn connected(mut self, inputs: &[Option<Kind>]) -> Self {
         self.inputs = inputs.to_vec();
+        self
+    }
+
+    /// Names the connections of the [`Named`] input, in their order.
+    #[must_use]
+    pub fn named(mut self, names: &[&str]) -> Self {
+        self.names = names.iter().map(|name| (*name).to_owned()).collect();
         self
     }
 
@@ -99,8 +118,15 @@ impl BuildContext {
     }
 
     /// How many connections this input has.
-    pub fn connections<K, F: FrameKind>(&self, input: Input<K, F, Many>) -> usize {
+    pub fn connections<K, F: FrameKind, M: Several>(&self, input: Input<K, F, M>) -> usize {
         self.inputs.len().saturating_sub(input.index())
+    }
+
+    /// The names of the connections of this input, in their order; empty if the graph lists them without names. No two
+    /// are equal; each has 1 to 64 characters, none of them `.`, `/` or a control character.
+    pub fn names<K, F: FrameKind>(&self, input: Input<K, F, Named>) -> &[String] {
+        let _ = input;
+        &self.names
     }
 }
 
@@ -108,7 +134,7 @@ impl BuildContext {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct BuildError {
-    /// The setting at fault; `None` for the whole node.
+    /// The setting or input at fault; `None` for the whole node.
     pub field: Option<&'static str>,
     /// What is wrong.
     pub message: String,
@@ -118,6 +144,8 @@ pub struct BuildError {
     pub part: Option<(usize, usize)>,
     /// The setting of the node that `field` is inside of, a structure or a list of structures, and the place in the list.
     pub inside: Option<(&'static str, usize)>,
+    /// The connection at fault of the input that `field` names, counted from 0.
+    pub connection: Option<u32>,
 }
 
 impl BuildError {
@@ -129,10 +157,11 @@ impl BuildError {
             help: None,
             part: None,
             inside: None,
+            connection: None,
         }
     }
 
-    /// An error about one setting.
+    /// An error about one setting, or one input.
     pub fn at(field: &'static str, message: impl Into<String>) -> Self {
         Self {
             field: Some(field),
@@ -154,6 +183,13 @@ impl BuildError {
         self
     }
 
+    /// Points at a connection of the input, counted from 0: at its name, if it has one.
+    #[must_use]
+    pub fn connection(mut self, connection: usize) -> Self {
+        self.connection = u32::try_from(connection).ok();
+        self
+    }
+
     /// Adds what to do.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
@@ -168,6 +204,16 @@ pub trait NodeKind: Sized + 'static {
     type Settings: Settings;
     /// Ports and documentation.
     const SPEC: NodeSpec;
+    /// The names of the members of its family of outputs, in their order, if its last output is a family
+    /// ([`OutputSpec::named_by`]); it depends on the settings alone. The engine refuses names that are repeated, those of
+    /// other outputs, those with `.` or `/` in them, and more than 64.
+    ///
+    /// # Errors
+    /// [`BuildError`] if the settings do not fit each other; then nothing is built.
+    fn members(settings: &Self::Settings) -> Result<Vec<String>, BuildError> {
+        let _ = settings;
+        Ok(Vec::new())
+    }
     /// Builds the processor. May read files, allocate and block.
     ///
     /// # Errors

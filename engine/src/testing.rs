@@ -41,7 +41,7 @@ use crate::frame::{FrameKind, Kind};
 use crate::io::{Extent, Form, LINE, Memory, Placing, ResolvedInput, Wires};
 use crate::node::{
     AnyProcessor, BuildContext, BuildError, DataEnd, Flow, InputSpec, KindRule, Latency, NodeKind, NodeSpec,
-    Output, OutputSpec, Presence, SettingId, Tick,
+    Output, SettingId, Tick,
 };
 use crate::plan::MAX_BLOCK;
 use haptograph_signal::time::Rate;
@@ -56,13 +56,13 @@ pub struct Bench {
     tick: Tick,
     wires: Wires,
     memory: Memory,
-    outputs: &'static [OutputSpec],
+    outputs: Vec<String>,
 }
 
 impl Bench {
     /// Builds a node at a whole rate in hertz, its random stream seeded with 1.
     ///
-    /// `inputs` has the kind of each connection in the order of the spec, those of a `Many` port last; inputs left
+    /// `inputs` has the kind of each connection in the order of the spec, those of a port that takes several last; inputs left
     /// out at the end are not connected.
     ///
     /// # Errors
@@ -76,14 +76,7 @@ impl Bench {
         inputs: &[Kind],
     ) -> Result<Self, BuildError> {
         let connected: Vec<Option<Kind>> = inputs.iter().copied().map(Some).collect();
-        let cx = context(&K::SPEC, rate_hz, &connected);
-        let processor = K::build(settings, &cx)?;
-        Ok(Self::around(
-            processor.into_processor(),
-            &K::SPEC,
-            &cx,
-            &connected,
-        ))
+        Self::built::<K>(settings, &context(&K::SPEC, rate_hz, &connected), &connected)
     }
 
     /// As [`new`](Self::new), with `None` for inputs that are not connected.
@@ -95,17 +88,44 @@ impl Bench {
         rate_hz: f64,
         inputs: &[Option<Kind>],
     ) -> Result<Self, BuildError> {
-        let cx = context(&K::SPEC, rate_hz, inputs);
-        let processor = K::build(settings, &cx)?;
-        Ok(Self::around(processor.into_processor(), &K::SPEC, &cx, inputs))
+        Self::built::<K>(settings, &context(&K::SPEC, rate_hz, inputs), inputs)
+    }
+
+    /// As [`new`](Self::new), with names of the connections of the [`Named`](crate::node::Named) input, in their order.
+    ///
+    /// # Errors
+    /// [`BuildError`] as the node reports it.
+    pub fn with_names<K: NodeKind>(
+        settings: K::Settings,
+        rate_hz: f64,
+        inputs: &[Kind],
+        names: &[&str],
+    ) -> Result<Self, BuildError> {
+        let connected: Vec<Option<Kind>> = inputs.iter().copied().map(Some).collect();
+        let cx = context(&K::SPEC, rate_hz, &connected).named(names);
+        Self::built::<K>(settings, &cx, &connected)
+    }
+
+    fn built<K: NodeKind>(
+        settings: K::Settings,
+        cx: &BuildContext,
+        inputs: &[Option<Kind>],
+    ) -> Result<Self, BuildError> {
+        let members = K::members(&settings)?;
+        let processor = K::build(settings, cx)?.into_processor();
+        Ok(Self::around(processor, &K::SPEC, members, cx, inputs))
     }
 
     fn around(
         processor: Box<dyn AnyProcessor>,
         spec: &NodeSpec,
+        members: Vec<String>,
         cx: &BuildContext,
         inputs: &[Option<Kind>],
     ) -> Self {
+        let plain = spec.outputs.get(..spec.family().unwrap_or(spec.outputs.len()));
+        let plain = plain.unwrap_or_default().iter().map(|port| port.name.to_owned());
+        let names: Vec<String> = plain.chain(members).collect();
         let ports = ports(spec, cx.inputs.len());
         let width_of = |slot: usize| cx.inputs[slot].map_or(0, Kind::width);
         let mut at = 0;
@@ -134,7 +154,8 @@ impl Bench {
             start += (MAX_FRAMES * width) as u32;
             placing
         };
-        let widths = spec.outputs.iter().map(|port| match port.kind {
+        let declared = (0..names.len()).filter_map(|output| spec.output(output));
+        let widths = declared.map(|port| match port.kind {
             KindRule::Is(kind) => kind.width(),
             KindRule::Same(name) => {
                 let at = ports.iter().position(|input| input.name == name);
@@ -161,7 +182,7 @@ impl Bench {
                 outputs,
             },
             memory: Memory::new(out.end() as usize),
-            outputs: spec.outputs,
+            outputs: names,
         }
     }
 
@@ -221,10 +242,15 @@ impl Bench {
     /// # Panics
     /// If the node has no output of this name.
     pub fn components(&self, output: &str) -> &[f64] {
-        match self.outputs.iter().position(|port| port.name == output) {
+        match self.outputs.iter().position(|name| name == output) {
             Some(index) => self.at(index),
             None => panic!("there is no output `{output}`"),
         }
+    }
+
+    /// The names of the outputs, members of a family included, in the order of what [`run`](Self::run) returns.
+    pub fn outputs(&self) -> &[String] {
+        &self.outputs
     }
 
     fn at(&self, output: usize) -> &[f64] {
@@ -311,7 +337,7 @@ impl Bench {
     }
 }
 
-/// The port of each connection: a `Many` port as often as it is connected.
+/// The port of each connection: one that takes several as often as it is connected.
 fn ports(spec: &NodeSpec, connections: usize) -> Vec<&InputSpec> {
     (0..connections)
         .filter_map(|i| spec.inputs.get(i).or(spec.inputs.last()))
@@ -319,7 +345,7 @@ fn ports(spec: &NodeSpec, connections: usize) -> Vec<&InputSpec> {
 }
 
 fn context(spec: &NodeSpec, rate_hz: f64, inputs: &[Option<Kind>]) -> BuildContext {
-    let single = spec.inputs.iter().filter(|port| port.presence != Presence::Many);
+    let single = spec.inputs.iter().filter(|port| !port.presence.is_several());
     let connections = inputs.len().max(single.count());
     let kind = |i: usize| inputs.get(i).copied().flatten();
     bare_context(rate_hz).connected(&(0..connections).map(kind).collect::<Vec<_>>())

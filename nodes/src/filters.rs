@@ -1,6 +1,7 @@
 //! Linear filters, applied to each component separately.
 
 pub mod classical;
+pub mod crossover;
 pub mod section;
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};

@@ -146,7 +146,8 @@ fn plain_blocks(all: &mut Registry) {
         .add(NodeEntry::processor::<filters::classical::Bessel>())
         .add(NodeEntry::processor::<filters::classical::DoublePole>())
         .add(NodeEntry::processor::<filters::section::Biquad>())
-        .add(NodeEntry::processor::<filters::section::SecondOrderSection>());
+        .add(NodeEntry::processor::<filters::section::SecondOrderSection>())
+        .add(NodeEntry::processor::<filters::crossover::Crossover>());
 }
 
 #[cfg(feature = "touch")]

@@ -11,7 +11,7 @@ pub mod waves;
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
-    AfterData, BuildContext, DataEnd, KindRule, OutputRole, OutputSpec, QuantityRule,
+    AfterData, BuildContext, DataEnd, KindRule, OutputCount, OutputRole, OutputSpec, QuantityRule,
 };
 
 haptograph_engine::choices! {
@@ -53,6 +53,7 @@ const fn made(doc: &'static str) -> OutputSpec {
         kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Setting("quantity"),
         role: OutputRole::Plain,
+        count: OutputCount::One,
         doc,
     }
 }

@@ -118,10 +118,7 @@ pub fn friction(graph: &Graph) -> Option<Friction> {
 
 /// True if an output is declared as a coefficient of friction. Its quantity is a plain number and does not show this.
 fn is_friction_coefficient(node: &Node, output: usize) -> bool {
-    let Some(port) = node.outputs.get(output) else {
-        return false;
-    };
-    let declared = node.entry.spec.outputs.iter().find(|spec| spec.name == port.name);
+    let declared = node.output_spec(output);
     declared.is_some_and(|spec| spec.role == OutputRole::FrictionCoefficient)
 }
 

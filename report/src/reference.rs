@@ -292,17 +292,18 @@ fn body_of_node(entry: &NodeEntry) -> String {
             Presence::Required => "",
             Presence::Optional => ", optional",
             Presence::Many => ", a list",
+            Presence::Named => ", a map from names or a list",
         };
         notes += if port.flow == Flow::Held { ", held" } else { "" };
         (port.name, notes, port.doc)
     });
     ports(&mut text, "Inputs", inputs);
     let outputs = spec.outputs.iter().map(|port| {
-        (
-            port.name,
-            format!("{}, {}", kind_rule(port.kind), quantity_rule(port.quantity)),
-            port.doc,
-        )
+        let mut notes = format!("{}, {}", kind_rule(port.kind), quantity_rule(port.quantity));
+        if let Some(setting) = port.count.named_by() {
+            notes += &format!(", one for each of `{setting}`");
+        }
+        (port.name, notes, port.doc)
     });
     ports(&mut text, "Outputs", outputs);
     settings(&mut text, &entry.settings());

@@ -98,13 +98,15 @@ fn kinds(registry: &Registry, takes: Takes<'_>) -> Value {
             json!({
                 "name": port.name, "kind": reference::kind_rule(port.kind),
                 "quantity": reference::quantity_rule(port.quantity), "doc": port.doc,
-                "required": port.presence != Presence::Optional, "list": port.presence == Presence::Many,
+                "required": port.presence != Presence::Optional, "list": port.presence.is_several(),
+                "named": port.presence == Presence::Named,
             })
         });
         let outputs = spec.outputs.iter().map(|port| {
             json!({
                 "name": port.name, "kind": reference::kind_rule(port.kind),
                 "quantity": reference::quantity_rule(port.quantity), "doc": port.doc,
+                "named_by": port.count.named_by(),
             })
         });
         json!({

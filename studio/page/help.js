@@ -102,6 +102,13 @@ function nodesOf({ hello }, text) {
     return new Map(kinds.filter(([, kind]) => kind && kind.group !== "devices"));
 }
 
+// The names that a setting of a node lists in the text.
+function namesIn(text, node, setting) {
+    const begin = text.search(new RegExp(`"${node.replace(/\W/g, "\\$&")}"\\s*:\\s*[A-Z]\\w*\\(`));
+    const list = text.slice(begin).match(new RegExp(`\\b${setting}\\s*:\\s*\\[([^\\]]*)\\]`))?.[1] ?? "";
+    return [...list.matchAll(/"([^"\\\n]+)"/g)].map(([, name]) => name);
+}
+
 // The outputs of the running graph, and of the nodes that only the text has.
 function portsOf(studio, text) {
     const running = studio.graph.ports.map(({ name, unit, rate_hz }) => [
@@ -109,7 +116,12 @@ function portsOf(studio, text) {
         [unit, `${rate_hz} Hz`].filter(Boolean).join(", "),
     ]);
     const written = [...nodesOf(studio, text)].flatMap(([node, { name: kind, outputs }]) =>
-        outputs.map(({ name, unit }) => [`${node}.${name}`, [unit, kind].filter(Boolean).join(", ")]),
+        outputs.flatMap(({ name, unit, named_by }) =>
+            (named_by ? namesIn(text, node, named_by) : [name]).map((port) => [
+                `${node}.${port}`,
+                [unit, kind].filter(Boolean).join(", "),
+            ]),
+        ),
     );
     return [...new Map([...written, ...running])].map(([name, detail]) => ({ name, detail }));
 }
@@ -118,7 +130,7 @@ function keys(studio, place) {
     const structure = structureAt(studio, place);
     if (!structure) return [];
     const own = [
-        ...structure.inputs.map((item) => [item, "input"]),
+        ...structure.inputs.map((item) => [item, item.named ? "inputs by name" : "input"]),
         ...structure.settings.map((item) => [
             item,
             [item.required ? "required" : null, item.unit].filter(Boolean).join(", ") || "setting",
@@ -260,7 +272,10 @@ function portTip(studio, text, word) {
     const dot = word.lastIndexOf(".");
     const kind = nodes.get(word);
     const owner = nodes.get(word.slice(0, dot)) ?? (kind?.outputs.length === 1 ? kind : null);
-    const output = owner?.outputs.find(({ name }) => name === word.slice(dot + 1)) ?? (dot < 0 ? owner?.outputs[0] : null);
+    const output =
+        owner?.outputs.find(({ name }) => name === word.slice(dot + 1)) ??
+        owner?.outputs.find(({ named_by }) => named_by) ??
+        (dot < 0 ? owner?.outputs[0] : null);
     const port = studio.graph?.ports.find(({ name, node }) => name === word || (node === word && output));
     if (port) {
         const facts = [port.unit, `${port.rate_hz} Hz`].filter(Boolean).join(", ");

@@ -9,7 +9,7 @@ use super::scope::{self, Port};
 use super::stage::{Host, Stage};
 use super::wire::{MAX_N, VERSION};
 use haptograph_engine::graph::{Graph, NodeId};
-use haptograph_engine::node::{InputSpec, NodeEntry, OutputSpec, QuantityRule};
+use haptograph_engine::node::{InputSpec, NodeEntry, OutputSpec, Presence, QuantityRule};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::{Part, SettingSpec};
 use haptograph_report::{drawing, swatch};
@@ -61,10 +61,18 @@ pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
 
 fn node(entry: &NodeEntry) -> Value {
     let spec = entry.spec;
-    let input =
-        |port: &InputSpec| json!({ "name": port.name, "doc": port.doc, "unit": unit_by(port.quantity) });
-    let output =
-        |port: &OutputSpec| json!({ "name": port.name, "doc": port.doc, "unit": unit_by(port.quantity) });
+    let input = |port: &InputSpec| {
+        json!({
+            "name": port.name, "doc": port.doc, "unit": unit_by(port.quantity),
+            "named": port.presence == Presence::Named,
+        })
+    };
+    let output = |port: &OutputSpec| {
+        json!({
+            "name": port.name, "doc": port.doc, "unit": unit_by(port.quantity),
+            "named_by": port.count.named_by(),
+        })
+    };
     let rules = spec.inputs.iter().map(|port| port.quantity);
     let rules = rules.chain(spec.outputs.iter().map(|port| port.quantity));
     let quantities: Vec<&str> = rules

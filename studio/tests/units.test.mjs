@@ -200,6 +200,14 @@ const writing = {
                 outputs: [{ name: "delivered", doc: "What the limits let through.", unit: "A" }],
                 settings: [limit],
             },
+            {
+                name: "Bands",
+                group: "filters",
+                doc: "Adds and splits.",
+                inputs: [{ name: "parts", doc: "What is added.", unit: "", named: true }],
+                outputs: [{ name: "bands", doc: "A band.", unit: "A", named_by: "names" }],
+                settings: [],
+            },
             { name: "Tablet", group: "devices", doc: "A tablet.", inputs: [], outputs: [], settings: [stroke] },
         ],
         bridges: [{ name: "Hold", gives: "the latest frame" }],
@@ -239,7 +247,12 @@ test("the editor completes what can stand at a place, with units, and nothing el
     assert.deepEqual(nodes('"b": Sink(), "a": Sink(current: "|"'), { "tone.value": "48000 Hz", "b.delivered": "A, Sink", "a.delivered": "A, Sink" });
     assert.deepEqual(nodes('"a": Sink(current: |'), { Hold: "the latest frame", Param: "gain" });
     assert.deepEqual(nodes('"a": Sink(gain: Param("|"'), { gain: "0.5" });
-    assert.deepEqual(Object.keys(nodes('"a": |')), ["Sine", "Sink"]);
+    assert.deepEqual(Object.keys(nodes('"a": |')), ["Sine", "Sink", "Bands"]);
+    // Connections with names, to outputs that a setting names.
+    assert.deepEqual(nodes('"a": Bands(|'), { parts: "inputs by name", clock: nodes('"a": Sine(|').clock });
+    const split = '"b": Bands(names: ["low", "high"]), "a": Bands(parts: {"x": ';
+    assert.deepEqual(nodes(`${split}"|"`), { "tone.value": "48000 Hz", "b.low": "A, Bands", "b.high": "A, Bands" });
+    assert.deepEqual(nodes(`${split}"tone", "|"`), {});
     assert.deepEqual(nodes('"|"'), {});
     const device = 'Graph(endpoints: { "simulated": { "p": ';
     assert.deepEqual(Object.keys(offered(`${device}|`)), ["Tablet"]);

@@ -9,8 +9,8 @@ use haptograph::engine::document::Document;
 use haptograph::engine::frame::Kind;
 use haptograph::engine::graph::{CheckOptions, Graph, check};
 use haptograph::engine::node::{
-    BuildError, Flow, InputSpec, KindRule, NodeEntry, NodeSpec, OutputRole, OutputSpec, Presence,
-    QuantityRule, ScriptBuild, ScriptedKind, raised,
+    BuildError, Flow, InputSpec, KindRule, NodeEntry, NodeSpec, OutputCount, OutputRole, OutputSpec,
+    Presence, QuantityRule, ScriptBuild, ScriptedKind, raised,
 };
 use haptograph::engine::settings::{Fields, Reading, SettingSpec};
 use haptograph::signal::quantity::Quantity;
@@ -94,6 +94,7 @@ fn output((name, quantity, kind, _, doc): GivenPort) -> Result<OutputSpec, Failu
         kind: KindRule::Is(kind_of(&name, &kind)?),
         quantity: QuantityRule::Is(quantity_of(&name, &quantity)?),
         role: OutputRole::Plain,
+        count: OutputCount::One,
         doc: doc.leak(),
         name: name.leak(),
     })

@@ -204,6 +204,18 @@ impl Part {
         self
     }
 
+    /// Connects an input whose connections have names.
+    #[must_use]
+    pub fn named_wires<'n, W: Into<Wire>>(
+        mut self,
+        input: &str,
+        wires: impl IntoIterator<Item = (&'n str, W)>,
+    ) -> Self {
+        let wires = wires.into_iter().map(|(name, wire)| (name, wire.into().0));
+        self.fields.push((input.to_owned(), Value::map(wires)));
+        self
+    }
+
     fn written(&self) -> Value {
         let fields = self.fields.iter();
         Value::structure(fields.map(|(name, value)| (name.as_str(), value.clone()))).named(&self.kind)
@@ -300,7 +312,8 @@ mod tests {
             )
             .set("settings", inner(Some(0)))
             .wire("input", hold("a.b"))
-            .wires("inputs", ["a".into(), ring("a", 12.5), delay("b", 3)]);
+            .wires("inputs", ["a".into(), ring("a", 12.5), delay("b", 3)])
+            .named_wires("named", [("one", "a".into()), ("the other", hold("b"))]);
         Builder::new("An \"about\"\nof two lines.")
             .seed(u64::MAX)
             .driver("audio", 44_100.1)

@@ -517,21 +517,23 @@ impl Loader {
 }
 
 fn check_names(entries: &[(Name, Value)], what: &str, findings: &mut Vec<Diagnostic>) {
-    for (name, _) in entries {
-        let bad = |c: char| matches!(c, '.' | '/') || c.is_control();
-        if !name.text.trim().is_empty() && !name.text.contains(bad) {
-            continue;
-        }
-        let message = match name.text.trim() {
-            "" => format!("a {what} needs a name"),
-            text => format!("`{}` cannot be the name of a {what}", text.escape_debug()),
-        };
-        findings.push(
-            Diagnostic::error("E0211", name.span, message)
-                .label("not a name")
-                .help(
-                    "`.` separates node and port, `/` the parts of a path; use letters, digits, `_` or `-`",
-                ),
-        );
+    findings.extend(entries.iter().filter_map(|(name, _)| refused_name(name, what)));
+}
+
+/// The error of a name that cannot be written in a connection, if it is one.
+pub(crate) fn refused_name(name: &Name, what: &str) -> Option<Diagnostic> {
+    let bad = |c: char| matches!(c, '.' | '/') || c.is_control();
+    if !name.text.trim().is_empty() && !name.text.contains(bad) {
+        return None;
     }
+    let article = if what.starts_with('o') { "an" } else { "a" };
+    let message = match name.text.trim() {
+        "" => format!("{article} {what} needs a name"),
+        text => format!("`{}` cannot be the name of {article} {what}", text.escape_debug()),
+    };
+    Some(
+        Diagnostic::error("E0211", name.span, message)
+            .label("not a name")
+            .help("`.` separates node and port, `/` the parts of a path; use letters, digits, `_` or `-`"),
+    )
 }

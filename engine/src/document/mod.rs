@@ -14,6 +14,8 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use value::{Name, Value};
 
+pub(crate) use load::refused_name;
+
 pub use builder::{Builder, Part, Wire, Written, average, delay, hold, linear, resample, ring, through};
 
 /// A parsed graph file with the files that it includes.

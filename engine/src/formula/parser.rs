@@ -263,15 +263,27 @@ impl<'t> Parser<'t> {
             .map(|(known, _)| *known)
             .max_by_key(|known| known.len());
         let help = match longer.or_else(|| closest(near.as_deref().unwrap_or(name), known)) {
-            Some(near) => format!("did you mean `{near}`?"),
+            Some(near) if is_called || self.inputs.is_empty() => format!("did you mean `{near}`?"),
+            Some(near) => format!("did you mean `{near}`? The inputs are {}", self.listed()),
             None if is_called => format!(
                 "the functions are {}",
                 FUNCTIONS.map(|(known, _)| known).join(", ")
             ),
             None if self.inputs.is_empty() => "there are functions, `pi` and `e`".to_owned(),
-            None => format!("the inputs are {}", self.inputs.join(", ")),
+            None => format!("the inputs are {}", self.listed()),
         };
         self.wrong(format!("there is no `{name}`; {help}"))
+    }
+
+    /// The names of the inputs, the first ones of many.
+    fn listed(&self) -> String {
+        const SHOWN: usize = 12;
+        let others = self.inputs.len().saturating_sub(SHOWN);
+        let first = &self.inputs[..self.inputs.len() - others];
+        match others {
+            0 => first.join(", "),
+            _ => format!("{} and {others} more", first.join(", ")),
+        }
     }
 
     fn call(&mut self, name: &str, function: Function) -> Result<(), FormulaError> {

@@ -14,8 +14,7 @@ use crate::frame::Kind;
 use crate::node::{Build, BuildContext, FileContext, MAX_BLOCK, Stream};
 use crate::settings::{Expected, SettingRole, SettingSpec, written};
 pub(super) use assemble::assemble;
-pub(super) use findings::part_of_text;
-use findings::{Places, explain};
+pub(super) use findings::{Places, explain, part_of_text};
 use haptograph_signal::noise::stream_seed;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -252,12 +251,14 @@ fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<Bui
         Some(wire) => draft.nodes[wire.from].outputs[wire.output].kind.map(Some),
         None => Some(None),
     });
+    let names = target.inputs.iter().filter_map(|slot| slot.name.as_ref());
     Some(BuildContext {
         path: target.path.clone(),
         rate: clocks.list[target.clock?].rate,
         max_frames: max_frames(clocks, target.clock?),
         seed: stream_seed(seed, &target.path),
         inputs: kinds.collect::<Option<_>>()?,
+        names: names.map(|name| name.text.clone()).collect(),
     })
 }
 
@@ -314,6 +315,7 @@ fn body(cx: &mut Context<'_>, clocks: &Clocks, device: &DraftDevice, seed: u64) 
                 max_frames: max_frames(clocks, clock),
                 seed: stream_seed(seed, &format!("endpoints/{}", device.name)),
                 inputs: Vec::new(),
+                names: Vec::new(),
             };
             places.or_report(cx, finish(&context)).map(|mut built| {
                 built.body.connect(&device.senses, &device.drives);

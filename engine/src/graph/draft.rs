@@ -2,10 +2,10 @@
 
 use super::Bridge;
 use crate::diagnostic::{Diagnostic, MAX_SHOWN, Severity, Sources, Span};
-use crate::document::value::Value;
+use crate::document::value::{Name, Value};
 use crate::document::{Document, folder};
 use crate::frame::Kind;
-use crate::node::{NodeEntry, Presence};
+use crate::node::NodeEntry;
 use crate::registry::Registry;
 use crate::settings::{Fields, Reading};
 use haptograph_signal::quantity::Quantity;
@@ -80,7 +80,11 @@ pub(super) struct DraftNode {
     /// Values of parameters and settings: (place of the value, place of its use).
     pub uses: Vec<(Span, Span)>,
     pub inputs: Vec<Slot>,
+    /// Types of the outputs; the members of the family of outputs follow one another in the place of it.
     pub outputs: Vec<Type>,
+    /// Names of the members of the family; `None` after an error of the settings that name them. Then one output stands
+    /// for all of them.
+    pub members: Option<Vec<String>>,
     pub clock: Option<usize>,
     /// Index of its device in the selected endpoints.
     pub device: Option<usize>,
@@ -97,10 +101,12 @@ pub(super) struct Type {
     pub quantity: Option<Quantity>,
 }
 
-/// An input of the processor; each connection of a `Many` port is one.
+/// An input of the processor; each connection of a port that takes several is one.
 pub(super) struct Slot {
     /// Index of the input in the spec.
     pub port: usize,
+    /// Name of the connection in a map.
+    pub name: Option<Name>,
     pub wire: Option<Wire>,
     /// True if an error of it was reported.
     pub broken: bool,
@@ -151,10 +157,26 @@ pub(super) enum Target {
 impl DraftNode {
     /// Name of an output in messages: `tone.out`.
     pub fn output_name(&self, output: usize) -> String {
-        match self.entry.spec.outputs.get(output) {
-            Some(port) => format!("{}.{}", self.path, port.name),
+        match self.port_name(output) {
+            Some(port) => format!("{}.{port}", self.path),
             None => self.path.clone(),
         }
+    }
+
+    /// Name of an output in the graph file.
+    pub fn port_name(&self, output: usize) -> Option<&str> {
+        let spec = self.entry.spec;
+        match (spec.family(), &self.members) {
+            (Some(family), Some(members)) if output >= family => {
+                members.get(output - family).map(String::as_str)
+            }
+            _ => spec.output(output).map(|port| port.name),
+        }
+    }
+
+    /// Names of the outputs in the graph file.
+    pub fn port_names(&self) -> impl Iterator<Item = &str> {
+        (0..self.outputs.len()).filter_map(|output| self.port_name(output))
     }
 
     /// True if an input of it has a reported error.
@@ -176,9 +198,9 @@ impl DraftNode {
             .filter(move |slot| spec.inputs[slot.port].name == name)
     }
 
-    /// True if the slot is a connection of a list.
+    /// True if the slot is a connection of a list or map.
     pub fn is_many(&self, slot: &Slot) -> bool {
-        self.entry.spec.inputs[slot.port].presence == Presence::Many
+        self.entry.spec.inputs[slot.port].presence.is_several()
     }
 }
 

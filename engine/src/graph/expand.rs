@@ -1,6 +1,8 @@
 //! Expansion of templates into nodes.
 
+use super::build::explain;
 use super::draft::{Context, Draft, DraftNode, Scope, Target};
+use super::members;
 use super::values::{Parameters, Place, suggest};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
 use crate::document::library;
@@ -189,6 +191,12 @@ impl Expansion<'_> {
             cx.reading(|reading| (alias.rewrite)(&mut fields, reading));
         }
         let is_left_out = self.is_left_out(cx, scope, &mut fields);
+        let before = cx.diagnostics.len();
+        let (members, broken) = members::of(cx, &entry, &fields);
+        let outputs = match (entry.spec.family(), &members) {
+            (Some(family), Some(members)) => family + members.len(),
+            _ => entry.spec.outputs.len(),
+        };
         let path = format!("{}{}", self.draft.scopes[scope].prefix, name.text);
         self.draft.nodes.push(DraftNode {
             path,
@@ -198,13 +206,23 @@ impl Expansion<'_> {
             scope,
             uses,
             inputs: Vec::new(),
-            outputs: vec![Default::default(); entry.spec.outputs.len()],
+            outputs: vec![Default::default(); outputs],
+            members,
             clock: None,
             device: None,
             is_left_out,
-            broken: false,
+            broken,
         });
-        Target::Node(self.draft.nodes.len() - 1)
+        let node = self.draft.nodes.len() - 1;
+        // What is left out is not checked.
+        if is_left_out {
+            cx.diagnostics.truncate(before);
+        }
+        explain(cx, before, &self.draft.nodes[node].uses);
+        for i in before..cx.diagnostics.len() {
+            cx.diagnostics[i] = self.draft.in_use(node, cx.diagnostics[i].clone(), cx);
+        }
+        Target::Node(node)
     }
 
     /// The fields of a node with parameters and settings put in.
@@ -273,7 +291,8 @@ impl Expansion<'_> {
         for input in &declared.inputs {
             let given = fields.take(&input.text);
             if given.is_none() && !fields.is_reported(&input.text) {
-                fields.miss(&input.text, missing_input(kind, &input.text, input.span));
+                let missing = missing_input(kind, &input.text, Presence::Required, input.span);
+                fields.miss(&input.text, missing);
             }
             scope.inputs.insert(input.text.clone(), given);
         }
@@ -319,7 +338,8 @@ pub(super) fn refuse_unknown_set(cx: &mut Context<'_>, set: &str, span: Span) {
 }
 
 /// Error of a required input that is not connected.
-pub(super) fn missing_input(kind: &Name, input: &str, declared: Span) -> Diagnostic {
+pub(super) fn missing_input(kind: &Name, input: &str, presence: Presence, declared: Span) -> Diagnostic {
+    let (open, close) = presence.brackets();
     Diagnostic::error(
         "E0401",
         kind.span,
@@ -327,7 +347,7 @@ pub(super) fn missing_input(kind: &Name, input: &str, declared: Span) -> Diagnos
     )
     .label(format!("`{input}` is missing"))
     .also(declared, "declared here")
-    .help(format!("connect it: `{input}: \"node.output\"`"))
+    .help(format!("connect it: `{input}: {open}\"node.output\"{close}`"))
 }
 
 /// Name and fields of `Kind(field: value)`; reports any other value.
@@ -357,10 +377,7 @@ pub(super) fn parts<'v>(
                 if let (Some(input), Shape::String(node), Some(diagnostic)) =
                     (first, &at.shape, cx.diagnostics.get_mut(before))
                 {
-                    let (open, close) = match input.presence {
-                        Presence::Many => ("[", "]"),
-                        _ => ("", ""),
-                    };
+                    let (open, close) = input.presence.brackets();
                     let help = format!("inputs are named: `{}: {open}\"{node}\"{close}`", input.name);
                     diagnostic.help.push(help);
                 }

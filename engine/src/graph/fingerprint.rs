@@ -68,7 +68,7 @@ impl Fingerprint {
     }
 }
 
-/// Hash of a node's kind, non-live settings, rate and the kinds of frames of its inputs.
+/// Hash of a node's kind, non-live settings, rate, and the names and kinds of frames of its inputs.
 pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
     let target = &draft.nodes[node];
     let settings = target.entry.settings().into_iter();
@@ -85,6 +85,10 @@ pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: us
             .into_iter()
             .for_each(|clock| state.rate(clocks.list[clock].rate));
         for slot in &target.inputs {
+            // Only a map has names: what was a list before there were maps keeps its hash.
+            if let Some(name) = &slot.name {
+                state.text(&name.text);
+            }
             let wire = slot.wire.as_ref();
             let carried = wire.and_then(|wire| draft.nodes[wire.from].outputs[wire.output].kind);
             state.text(carried.map_or("", |kind| kind.spec().name));
@@ -222,7 +226,7 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
             &graph.nodes[edge.target()],
             edge.weight(),
         );
-        let (output, input) = (from.outputs[edge.output].name, to.inputs[edge.input].name);
+        let (output, input) = (&from.outputs[edge.output].name, to.inputs[edge.input].name);
         let name = format!("connection {}.{output} to {}.{input}", from.path, to.path);
         let hash = Fingerprint::of(|state| {
             state.number(edge.output as u64);

@@ -11,8 +11,10 @@ mod devices;
 mod draft;
 mod expand;
 pub(crate) mod fingerprint;
+mod given;
 mod latency;
 mod left_out;
+mod members;
 mod memory;
 mod nodes;
 mod reach;
@@ -35,12 +37,15 @@ use crate::bridges::BridgeEntry;
 use crate::device::{Channel, Device, DeviceEntry, DeviceKind};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
-use crate::node::{AfterData, AnyProcessor, DataEnd, FileProgress, FileSink, Limit, NodeEntry, Stream};
+use crate::node::{
+    AfterData, AnyProcessor, DataEnd, FileProgress, FileSink, Limit, NodeEntry, OutputSpec, Stream,
+};
 use crate::settings::{SettingId, SettingSpec};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::DiGraph;
 use std::any::Any;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -110,9 +115,9 @@ pub struct Node {
     pub entry: NodeEntry,
     /// The clock, as an index; `None` for file sinks, whose inputs keep their own.
     pub clock: Option<usize>,
-    /// Inputs in the order of the spec; the connections of a `Many` port follow one another at its place.
+    /// Inputs in the order of the spec; the connections of a port that takes several follow one another at its place.
     pub inputs: Vec<Input>,
-    /// Outputs in the order of the spec.
+    /// Outputs in the order of the spec; the members of a family follow one another at its place.
     pub outputs: Vec<Output>,
     pub(crate) work: Work,
     /// Place of its declaration.
@@ -134,6 +139,8 @@ pub struct Node {
 pub struct Input {
     /// Name of the port.
     pub name: &'static str,
+    /// Name that the graph gives the connection, at a port whose connections have names.
+    pub label: Option<String>,
     /// Kind of its frames; the port's kind if it is not connected.
     pub kind: Kind,
     /// Quantity of the components.
@@ -144,11 +151,18 @@ pub struct Input {
     pub held: bool,
 }
 
+impl Input {
+    /// The name that tells it from the other inputs, as far as the graph gives one: of the connection, or of the port.
+    pub fn shown(&self) -> &str {
+        self.label.as_deref().unwrap_or(self.name)
+    }
+}
+
 /// An output of a node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Output {
     /// Name of the port.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Shape of its frames.
     pub kind: Kind,
     /// Quantity of the components.
@@ -443,6 +457,11 @@ impl GraphDevice {
 }
 
 impl Node {
+    /// The declaration of an output, that of the family for a member of it.
+    pub fn output_spec(&self, output: usize) -> Option<&'static OutputSpec> {
+        self.entry.spec.output(output)
+    }
+
     /// The device that a source reads or an actuator sink drives, as an index of [`Graph::devices`].
     pub fn device(&self) -> Option<usize> {
         self.work.source_device().or_else(|| self.work.sink_device())

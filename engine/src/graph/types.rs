@@ -113,7 +113,10 @@ fn infer(draft: &mut Draft, named: &Named) {
     let mut queue: VecDeque<usize> = (0..draft.nodes.len()).collect();
     while let Some(node) = queue.pop_front() {
         let mut changed = false;
-        for (output, port) in draft.nodes[node].entry.spec.outputs.iter().enumerate() {
+        for output in 0..draft.nodes[node].outputs.len() {
+            let Some(port) = draft.nodes[node].entry.spec.output(output) else {
+                continue;
+            };
             let known = draft.nodes[node].outputs[output];
             let found = Type {
                 kind: known.kind.or_else(|| kind_of(draft, node, port.kind)),
@@ -330,7 +333,7 @@ fn stated_by<'d>(draft: &'d Draft, wire: &'d Wire) -> Option<(&'d DraftNode, &'s
     // No chain is longer than the graph; one that closes on itself ends here too.
     for _ in 0..draft.nodes.len() {
         let source = draft.nodes.get(wire.from)?;
-        let passed_on = match source.entry.spec.outputs[wire.output].quantity {
+        let passed_on = match source.entry.spec.output(wire.output)?.quantity {
             QuantityRule::Setting(setting) => return Some((source, setting)),
             QuantityRule::Same(input) => input,
             _ => return None,

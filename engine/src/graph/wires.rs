@@ -2,6 +2,7 @@
 
 use super::draft::{Context, Draft, Slot, Target, Wire};
 use super::expand::missing_input;
+use super::given::{self, Given};
 use super::values::{in_order, suggest};
 use super::{Bridge, NodeId, TemplateOutput};
 use crate::diagnostic::{Diagnostic, Span};
@@ -24,56 +25,33 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
         let spec = draft.nodes[node].entry.spec;
         for (port, input) in spec.inputs.iter().enumerate() {
             let given = draft.nodes[node].fields.take(input.name);
-            let written: Vec<Option<Value>> = match (given, input.presence) {
-                (
-                    Some(Value {
-                        shape: Shape::List(values),
-                        ..
-                    }),
-                    Presence::Many,
-                ) if !values.is_empty() => values.into_iter().map(Some).collect(),
-                (Some(value), Presence::Many) if matches!(value.shape, Shape::List(_)) => {
-                    let message = format!(
-                        "input `{}` of `{}` is connected to nothing",
-                        input.name, spec.name
-                    );
-                    let diagnostic = Diagnostic::error("E0401", value.span, message)
-                        .label("at least one connection is needed");
-                    let diagnostic = draft.in_use(node, diagnostic, cx);
-                    cx.report(diagnostic);
-                    vec![None]
-                }
-                (Some(value), _) => match &value.shape {
-                    Shape::List(values) => {
-                        report_doubled(cx, draft, node, input.name, &value, values.len());
-                        vec![None]
-                    }
-                    _ => vec![Some(value)],
-                },
-                (None, Presence::Optional) => {
+            let given = match given {
+                Some(value) => given::connections(cx, draft, node, input, value),
+                None if input.presence == Presence::Optional => {
                     draft.nodes[node].inputs.push(Slot {
                         port,
+                        name: None,
                         wire: None,
                         broken: false,
                     });
                     continue;
                 }
-                (None, _) => {
+                None => {
                     if !draft.nodes[node].fields.is_reported(input.name) {
                         let fields = &draft.nodes[node].fields;
                         let kind = Name {
                             span: fields.span,
                             text: spec.name.to_owned(),
                         };
-                        let mut diagnostic = missing_input(&kind, input.name, kind.span);
+                        let mut diagnostic = missing_input(&kind, input.name, input.presence, kind.span);
                         diagnostic.secondary.clear();
                         draft.nodes[node].fields.miss(input.name, diagnostic);
                     }
-                    vec![None]
+                    vec![Given::default()]
                 }
             };
             let scope = draft.nodes[node].scope;
-            for value in written {
+            for Given { name, value } in given {
                 let before = cx.diagnostics.len();
                 let wire = value
                     .as_ref()
@@ -92,7 +70,12 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
                     found.help = vec![format!("did you mean `{}: {number}`?", setting.name)];
                 }
                 let broken = wire.is_none();
-                draft.nodes[node].inputs.push(Slot { port, wire, broken });
+                draft.nodes[node].inputs.push(Slot {
+                    port,
+                    name,
+                    wire,
+                    broken,
+                });
             }
         }
     }
@@ -120,37 +103,6 @@ pub(super) fn template_outputs(cx: &mut Context<'_>, draft: &Draft) -> Vec<Templ
     // Outputs that lead nowhere and that nothing reads are no findings.
     cx.diagnostics.truncate(before);
     found
-}
-
-fn report_doubled(
-    cx: &mut Context<'_>,
-    draft: &Draft,
-    node: usize,
-    input: &str,
-    value: &Value,
-    given: usize,
-) {
-    let kind = draft.nodes[node].entry.spec.name;
-    let message = format!("input `{input}` of `{kind}` takes one connection, found a list of {given}");
-    let diagnostic = Diagnostic::error("E0402", value.span, message).label("one connection is expected here");
-    let mixers = cx.registry.nodes().iter().filter(|entry| {
-        entry
-            .spec
-            .inputs
-            .iter()
-            .any(|input| input.presence == Presence::Many)
-            && !entry.is_file()
-    });
-    let mixers: Vec<&str> = mixers.map(|entry| entry.spec.name).collect();
-    let diagnostic = match mixers.is_empty() {
-        true => diagnostic.help("remove all but one"),
-        false => diagnostic.help(format!(
-            "combine them first, for example with `{}`",
-            mixers.join("` or `")
-        )),
-    };
-    let diagnostic = draft.in_use(node, diagnostic, cx);
-    cx.report(diagnostic);
 }
 
 /// Resolves a connection to an output; `None` after a reported error.
@@ -254,9 +206,13 @@ fn named(
     };
     match draft.scopes[scope].names.get(node) {
         Some(Target::Node(from)) => {
-            let spec = draft.nodes[*from].entry.spec;
-            let names: Vec<&str> = spec.outputs.iter().map(|output| output.name).collect();
-            let output = choose(cx, span, node, spec.name, port, &names)?;
+            let source = &draft.nodes[*from];
+            let names: Vec<&str> = source.port_names().collect();
+            let output = match (&source.members, source.entry.spec.family()) {
+                // Any name may be that of a member: the error of the settings is reported.
+                (None, Some(family)) => (names.iter().position(|name| Some(*name) == port)).unwrap_or(family),
+                _ => choose(cx, span, node, source.entry.spec.name, port, &names)?,
+            };
             Some(Wire {
                 from: *from,
                 output,

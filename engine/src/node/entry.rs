@@ -14,7 +14,12 @@ pub struct NodeEntry {
     pub spec: &'static NodeSpec,
     settings: fn() -> Vec<SettingSpec>,
     pub(crate) build: Build,
+    /// The members of the family of outputs, if there is one.
+    members: Option<Members>,
 }
+
+/// Takes the settings and names the members of a family of outputs; `None` after a reported error of a setting.
+type Members = fn(&mut Fields, &mut Reading<'_>) -> Option<Result<Vec<String>, BuildError>>;
 
 /// How a registered node is built from its fields. Each variant reports errors and returns `None`.
 #[derive(Clone, Copy)]
@@ -58,9 +63,12 @@ pub(crate) type Finish<Context, T> = Box<dyn FnOnce(&Context) -> Result<T, Build
 impl NodeEntry {
     /// Erases the types of a node that processes.
     pub fn processor<K: NodeKind>() -> Self {
+        let family = const { K::SPEC.family() };
+        let members: Members = |fields, reading| Some(K::members(&K::Settings::take_from(fields, reading)?));
         Self {
             spec: &const { K::SPEC },
             settings: K::Settings::specs,
+            members: family.map(|_| members),
             build: Build::Processor(|fields, reading| {
                 let settings = K::Settings::take_from(fields, reading)?;
                 Some(Box::new(|cx| {
@@ -78,9 +86,10 @@ impl NodeEntry {
     /// A node that processes and is described while the program runs. It is slow, and no live run takes it.
     pub fn scripted(kind: &'static dyn ScriptedKind) -> Self {
         Self {
-            spec: kind.spec(),
+            spec: without_family(kind.spec()),
             settings: Vec::new,
             build: Build::Scripted(kind),
+            members: None,
         }
     }
 
@@ -93,6 +102,7 @@ impl NodeEntry {
                 "an actuator sink has a setting that is marked `[limit]`"
             );
         }
+        const { without_family(&K::SPEC) };
         Self {
             spec: &const { K::SPEC },
             settings: K::Settings::specs,
@@ -100,11 +110,13 @@ impl NodeEntry {
                 let settings = K::Settings::take_from(fields, reading)?;
                 Some(Box::new(move |()| K::limit(&settings)))
             }),
+            members: None,
         }
     }
 
     /// Erases the types of a sink that writes a file.
     pub fn file<K: FileKind>() -> Self {
+        const { without_family(&K::SPEC) };
         Self {
             spec: &const { K::SPEC },
             settings: K::Settings::specs,
@@ -112,24 +124,39 @@ impl NodeEntry {
                 let settings = K::Settings::take_from(fields, reading)?;
                 Some(Box::new(|cx| K::build(settings, cx)))
             }),
+            members: None,
         }
     }
 
     /// Makes the entry of a source that reads a device.
     pub const fn source(spec: &'static NodeSpec) -> Self {
         Self {
-            spec,
+            spec: without_family(spec),
             settings: Vec::new,
             build: Build::Source(|_, _| true),
+            members: None,
         }
     }
 
     /// Makes the entry of a source that reads a device and has settings, such as the quantity it reads.
     pub fn source_with<S: Settings>(spec: &'static NodeSpec) -> Self {
         Self {
-            spec,
+            spec: without_family(spec),
             settings: S::specs,
             build: Build::Source(|fields, reading| S::take_from(fields, reading).is_some()),
+            members: None,
+        }
+    }
+
+    /// The names of the members of its family of outputs, none without a family; `None` if a setting cannot be read.
+    pub(crate) fn members(
+        &self,
+        fields: &Fields,
+        reading: &mut Reading<'_>,
+    ) -> Option<Result<Vec<String>, BuildError>> {
+        match self.members {
+            Some(members) => members(&mut fields.clone(), reading),
+            None => Some(Ok(Vec::new())),
         }
     }
 
@@ -173,6 +200,15 @@ impl NodeEntry {
     pub fn is_file(&self) -> bool {
         matches!(self.build, Build::File(_))
     }
+}
+
+/// Only what processes has a family of outputs.
+const fn without_family(spec: &'static NodeSpec) -> &'static NodeSpec {
+    assert!(
+        spec.family().is_none(),
+        "only a node that processes has a family of outputs"
+    );
+    spec
 }
 
 impl std::fmt::Debug for NodeEntry {

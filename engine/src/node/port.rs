@@ -2,7 +2,7 @@
 //! processor cannot read or write a port that its kind does not declare.
 
 use super::NodeKind;
-use super::spec::{Flow, InputSpec, KindRule, NodeSpec, OutputSpec, Presence};
+use super::spec::{Flow, InputSpec, KindRule, NodeSpec, OutputCount, OutputSpec, Presence};
 use crate::frame::{AnyKind, FrameKind, Kinds};
 use crate::io::{Connections, Ports, Runs};
 use crate::scripted::Scripted;
@@ -11,7 +11,7 @@ use std::fmt;
 use std::marker::PhantomData;
 
 /// Handle of an input of the node kind `K` whose frames are of the kind `F`, read as `M` says: a frame a tick
-/// ([`Sampled`], the default), [`Held`], [`Optional`] or [`Many`]. [`Io::read`](crate::node::Io::read) takes it.
+/// ([`Sampled`], the default), [`Held`], [`Optional`], [`Many`] or [`Named`]. [`Io::read`](crate::node::Io::read) takes it.
 ///
 /// [`named`](Self::named) looks it up. In a constant everything that does not fit the declaration is a compile error:
 ///
@@ -108,6 +108,36 @@ use std::marker::PhantomData;
 /// const VELOCITY: Input<Viscous, Vector, Held> = Input::named("velocity");
 /// ```
 ///
+/// An input whose connections have names, read as one whose connections have none:
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # struct Mix;
+/// # impl NodeKind for Mix {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Mix", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[any_input("terms", "").named()], outputs: &[output_like("sum", "terms", "")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const TERMS: Input<Mix, Linear, Many> = Input::named("terms");
+/// ```
+///
+/// Names of connections that have none:
+/// ```compile_fail,E0308
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # struct Mix;
+/// # impl NodeKind for Mix {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Mix", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[InputSpec { presence: Presence::Many, ..any_input("terms", "") }], outputs: &[output_like("sum", "terms", "")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const TERMS: Input<Mix, Linear, Many> = Input::named("terms");
+///
+/// fn names(cx: &BuildContext) -> &[String] {
+///     cx.names(TERMS)
+/// }
+/// ```
+///
 /// A port of another node:
 /// ```compile_fail,E0308
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
@@ -175,6 +205,60 @@ pub struct Output<K, F> {
     types: Types<(K, F)>,
 }
 
+/// Handle of the family of outputs of the node kind `K`, whose members' frames are of the kind `F`.
+/// [`Io::write_member`](crate::node::Io::write_member) takes it.
+///
+/// [`named`](Self::named) looks the family up by its name in the declaration. As a single output:
+///
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # struct Fan;
+/// # impl NodeKind for Fan {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Fan", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[any_input("input", "")], outputs: &[output_like("copies", "input", "").named_by("names")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const COPIES: Output<Fan, Linear> = Output::named("copies");
+/// ```
+///
+/// Frames of another width:
+///
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # struct Fan;
+/// # impl NodeKind for Fan {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Fan", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[any_input("input", "")], outputs: &[output_like("copies", "input", "").named_by("names")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// const COPIES: OutputFamily<Fan, Scalar> = OutputFamily::named("copies");
+/// ```
+///
+/// A family of another node:
+///
+/// ```compile_fail,E0308
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// # struct Fan;
+/// # impl NodeKind for Fan {
+/// #     type Settings = NoSettings;
+/// #     const SPEC: NodeSpec = NodeSpec { name: "Fan", group: "", doc: "", source: "", example: "",
+/// #         inputs: &[any_input("input", "")], outputs: &[output_like("copies", "input", "").named_by("names")] };
+/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # }
+/// # enum Other {}
+/// const COPIES: OutputFamily<Fan, Linear> = OutputFamily::named("copies");
+///
+/// fn clear(io: &mut Io<'_, Other>) {
+///     io.write_member(COPIES, 0).fill(0.0);
+/// }
+/// ```
+pub struct OutputFamily<K, F> {
+    first: usize,
+    types: Types<(K, F)>,
+}
+
 /// Types that a handle carries.
 type Types<T> = PhantomData<fn() -> T>;
 
@@ -194,7 +278,12 @@ pub struct Optional<M = Sampled>(PhantomData<M>);
 #[derive(Debug, Clone, Copy)]
 pub enum Many {}
 
-/// How an input is read: [`Sampled`], [`Held`], [`Optional`] or [`Many`].
+/// An input of one or more connections that may have names: `io.read` gives [`Connections`], and
+/// [`BuildContext::names`](crate::node::BuildContext::names) their names.
+#[derive(Debug, Clone, Copy)]
+pub enum Named {}
+
+/// How an input is read: [`Sampled`], [`Held`], [`Optional`], [`Many`] or [`Named`].
 pub trait Mode: sealed::Sealed + Sized + 'static {
     /// What [`Io::read`](crate::node::Io::read) gives.
     type Read<'a, F: FrameKind>;
@@ -209,16 +298,22 @@ pub trait Mode: sealed::Sealed + Sized + 'static {
 /// A mode of one signal: [`Sampled`] or [`Held`].
 pub trait OneSignal: Mode {}
 
+/// A mode of any number of signals: [`Many`] or [`Named`].
+pub trait Several: Mode {}
+
 mod sealed {
     pub trait Sealed {}
     impl Sealed for super::Sampled {}
     impl Sealed for super::Held {}
     impl<M: super::OneSignal> Sealed for super::Optional<M> {}
     impl Sealed for super::Many {}
+    impl Sealed for super::Named {}
 }
 
 impl OneSignal for Sampled {}
 impl OneSignal for Held {}
+impl Several for Many {}
+impl Several for Named {}
 
 impl Mode for Sampled {
     type Read<'a, F: FrameKind> = F::Frames<'a>;
@@ -256,6 +351,17 @@ impl<M: OneSignal> Mode for Optional<M> {
 impl Mode for Many {
     type Read<'a, F: FrameKind> = Connections<'a, F>;
     const PRESENCE: Presence = Presence::Many;
+    const FLOW: Flow = Flow::Sampled;
+
+    #[inline]
+    fn read<'a, F: FrameKind>(ports: &Ports<'a>, input: usize) -> Connections<'a, F> {
+        ports.connections(input)
+    }
+}
+
+impl Mode for Named {
+    type Read<'a, F: FrameKind> = Connections<'a, F>;
+    const PRESENCE: Presence = Presence::Named;
     const FLOW: Flow = Flow::Sampled;
 
     #[inline]
@@ -306,6 +412,10 @@ impl<K: NodeKind, F: FrameKind, M: Mode> Input<K, F, M> {
                 matches!(M::PRESENCE, Presence::Many),
                 "this input has any number of connections: its handle is an `Input<_, _, Many>`"
             ),
+            Presence::Named => assert!(
+                matches!(M::PRESENCE, Presence::Named),
+                "the connections of this input may have names: its handle is an `Input<_, _, Named>`"
+            ),
         }
         match port.flow {
             Flow::Sampled => assert!(
@@ -320,7 +430,7 @@ impl<K: NodeKind, F: FrameKind, M: Mode> Input<K, F, M> {
         let mut before = 0;
         while before < index {
             assert!(
-                !matches!(spec.inputs[before].presence, Presence::Many),
+                !spec.inputs[before].presence.is_several(),
                 "an input of any number of connections comes last"
             );
             before += 1;
@@ -350,18 +460,39 @@ impl<K: NodeKind, F: FrameKind> Output<K, F> {
     /// If no output has this name, or its frames are not those of the handle.
     pub const fn named(name: &str) -> Self {
         let spec = const { &K::SPEC };
-        let mut index = 0;
-        while index < spec.outputs.len() {
-            if same(spec.outputs[index].name, name) {
-                assert!(
-                    F::KINDS.include(spec.resolved(spec.outputs[index].kind)),
-                    "the frames of this output are of another kind"
-                );
-                return Self::at(index);
-            }
-            index += 1;
+        let index = spec.output_index(name, F::KINDS);
+        assert!(
+            matches!(spec.outputs[index].count, OutputCount::One),
+            "this output is a family: its handle is an `OutputFamily`"
+        );
+        Self::at(index)
+    }
+}
+
+impl<K, F> OutputFamily<K, F> {
+    pub(crate) const fn first(self) -> usize {
+        self.first
+    }
+}
+
+impl<K: NodeKind, F: FrameKind> OutputFamily<K, F> {
+    /// The handle of the family of outputs that `K` declares under this name. In a constant everything that does not fit
+    /// its declaration is a compile error.
+    ///
+    /// # Panics
+    /// If no family has this name, or its frames are not those of the handle.
+    pub const fn named(name: &str) -> Self {
+        let spec = const { &K::SPEC };
+        let first = spec.output_index(name, F::KINDS);
+        assert!(
+            matches!(spec.outputs[first].count, OutputCount::NamedBy(_)),
+            "this is one output: its handle is an `Output`"
+        );
+        assert!(first + 1 == spec.outputs.len(), "a family of outputs comes last");
+        Self {
+            first,
+            types: PhantomData,
         }
-        panic!("no output has this name")
     }
 }
 
@@ -369,7 +500,7 @@ impl NodeSpec {
     /// The inputs with their handles, for a processor whose ports are known only when the program runs
     /// ([`ScriptedKind`](super::ScriptedKind)). Held inputs and those of many connections are left out.
     pub fn any_inputs(&self) -> impl Iterator<Item = (&InputSpec, Input<Scripted, AnyKind, Optional>)> {
-        let one = |port: &InputSpec| port.presence != Presence::Many && port.flow == Flow::Sampled;
+        let one = |port: &InputSpec| !port.presence.is_several() && port.flow == Flow::Sampled;
         let inputs = self.inputs.iter().enumerate();
         inputs
             .filter(move |(_, port)| one(port))
@@ -380,6 +511,22 @@ impl NodeSpec {
     pub fn any_outputs(&self) -> impl Iterator<Item = (&OutputSpec, Output<Scripted, AnyKind>)> {
         let outputs = self.outputs.iter().enumerate();
         outputs.map(|(index, port)| (port, Output::at(index)))
+    }
+
+    /// The place of the output of this name, whose frames have to be of these kinds.
+    const fn output_index(&self, name: &str, kinds: Kinds) -> usize {
+        let mut index = 0;
+        while index < self.outputs.len() {
+            if same(self.outputs[index].name, name) {
+                assert!(
+                    kinds.include(self.resolved(self.outputs[index].kind)),
+                    "the frames of this output are of another kind"
+                );
+                return index;
+            }
+            index += 1;
+        }
+        panic!("no output has this name")
     }
 
     const fn input_index(&self, name: &str) -> Option<usize> {
@@ -470,6 +617,20 @@ impl<K, F, M> Copy for Input<K, F, M> {}
 impl<K, F, M> fmt::Debug for Input<K, F, M> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Input({})", self.index)
+    }
+}
+
+impl<K, F> Clone for OutputFamily<K, F> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<K, F> Copy for OutputFamily<K, F> {}
+
+impl<K, F> fmt::Debug for OutputFamily<K, F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "OutputFamily({}..)", self.first)
     }
 }
 

@@ -14,9 +14,9 @@ pub struct NodeSpec {
     pub doc: &'static str,
     /// Reference: a section or equation of the thesis, or a paper; empty for plain blocks.
     pub source: &'static str,
-    /// Inputs; a [`Presence::Many`] port comes last.
+    /// Inputs; one that takes any number of connections comes last.
     pub inputs: &'static [InputSpec],
-    /// Outputs.
+    /// Outputs; one whose settings name its members comes last.
     pub outputs: &'static [OutputSpec],
     /// Example of its use, one line of RON.
     pub example: &'static str,
@@ -50,6 +50,8 @@ pub struct OutputSpec {
     pub quantity: QuantityRule,
     /// What reports take it for, beyond its quantity.
     pub role: OutputRole,
+    /// How many outputs it stands for.
+    pub count: OutputCount,
     /// What it is.
     pub doc: &'static str,
 }
@@ -64,7 +66,59 @@ pub enum OutputRole {
     FrictionCoefficient,
 }
 
+/// How many outputs of a node a specification stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum OutputCount {
+    /// One, of its name.
+    #[default]
+    One,
+    /// A family: any number up to 64, of the names that [`NodeKind::members`](crate::node::NodeKind::members) takes from
+    /// this setting.
+    NamedBy(&'static str),
+}
+
+impl OutputCount {
+    /// The setting that names the members of a family.
+    pub const fn named_by(self) -> Option<&'static str> {
+        match self {
+            Self::One => None,
+            Self::NamedBy(setting) => Some(setting),
+        }
+    }
+}
+
+impl NodeSpec {
+    /// The place of the family of outputs, if there is one.
+    pub const fn family(&self) -> Option<usize> {
+        let mut index = 0;
+        while index < self.outputs.len() {
+            if let OutputCount::NamedBy(_) = self.outputs[index].count {
+                assert!(index + 1 == self.outputs.len(), "a family of outputs comes last");
+                return Some(index);
+            }
+            index += 1;
+        }
+        None
+    }
+
+    /// The specification of an output of a node of this kind, by its place among the node's: the members of a family
+    /// follow one another at its place.
+    pub fn output(&self, output: usize) -> Option<&'static OutputSpec> {
+        match self.family() {
+            Some(family) => self.outputs.get(output.min(family)),
+            None => self.outputs.get(output),
+        }
+    }
+}
+
 impl OutputSpec {
+    /// Makes it a family whose members this setting names.
+    #[must_use]
+    pub const fn named_by(mut self, setting: &'static str) -> Self {
+        self.count = OutputCount::NamedBy(setting);
+        self
+    }
+
     /// The same with a role.
     #[must_use]
     pub const fn with_role(mut self, role: OutputRole) -> Self {
@@ -91,6 +145,24 @@ pub enum Presence {
     Optional,
     /// It takes a list of at least one connection.
     Many,
+    /// It takes at least one connection: a list, or a map from names to connections. The node sees the names.
+    Named,
+}
+
+impl Presence {
+    /// True if the input takes any number of connections.
+    pub const fn is_several(self) -> bool {
+        matches!(self, Self::Many | Self::Named)
+    }
+
+    /// What stands before and after a connection in a graph file.
+    pub(crate) const fn brackets(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Required | Self::Optional => ("", ""),
+            Self::Many => ("[", "]"),
+            Self::Named => ("{\"name\": ", "}"),
+        }
+    }
 }
 
 /// Which kind of frames a port carries.
@@ -153,6 +225,13 @@ impl InputSpec {
         self.presence = Presence::Optional;
         self
     }
+
+    /// Makes the input take any number of connections, with or without names.
+    #[must_use]
+    pub const fn named(mut self) -> Self {
+        self.presence = Presence::Named;
+        self
+    }
 }
 
 /// A required input that takes frames of any linear kind and quantity.
@@ -174,6 +253,7 @@ pub const fn output(name: &'static str, kind: Kind, quantity: Quantity, doc: &'s
         kind: KindRule::Is(kind),
         quantity: QuantityRule::Is(quantity),
         role: OutputRole::Plain,
+        count: OutputCount::One,
         doc,
     }
 }
@@ -185,6 +265,7 @@ pub const fn output_like(name: &'static str, like: &'static str, doc: &'static s
         kind: KindRule::Same(like),
         quantity: QuantityRule::Same(like),
         role: OutputRole::Plain,
+        count: OutputCount::One,
         doc,
     }
 }

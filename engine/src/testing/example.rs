@@ -74,20 +74,25 @@ pub fn node_from_example(
     };
     match entry.build {
         build @ (Build::Processor(_) | Build::Scripted(_)) => {
-            let (finish, times) = example.read(|fields, reading| build.read_processor(fields, reading))?;
+            let ((finish, members), Connected { times, names }) = example.read(|fields, reading| {
+                let members = entry.members(fields, reading)?;
+                Some((build.read_processor(fields, reading)?, members))
+            })?;
+            let members = members.map_err(|error| error.to_string())?;
             let ports = spec.inputs.iter().zip(&times);
             let connected = ports.flat_map(|(port, times)| {
                 let kind = (*times > 0).then(|| kind_of(spec, port.kind, linear));
-                let least = usize::from(port.presence != Presence::Many);
+                let least = usize::from(!port.presence.is_several());
                 std::iter::repeat_n(kind, (*times).max(least))
             });
             let connected: Vec<Option<Kind>> = connected.collect();
-            let cx = context(spec, rate_hz, &connected);
+            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            let cx = context(spec, rate_hz, &connected).named(&names);
             let (processor, _) = finish(&cx)
                 .and_then(|(_, finish)| finish(&cx))
                 .map_err(|error| error.to_string())?;
             Ok(ExampleNode::Processor(Bench::around(
-                processor, spec, &cx, &connected,
+                processor, spec, members, &cx, &connected,
             )))
         }
         Build::Actuator(build) => {
@@ -96,7 +101,7 @@ pub fn node_from_example(
             Ok(ExampleNode::Actuator(gain, limit))
         }
         Build::File(build) => {
-            let (finish, times) = example.read(build)?;
+            let (finish, Connected { times, .. }) = example.read(build)?;
             let stream = |(number, kind)| Stream {
                 name: format!("bench.{number}"),
                 kind,
@@ -163,12 +168,21 @@ struct Example<'a> {
     folder: &'a Path,
 }
 
+/// The connections of an example.
+#[derive(Default)]
+struct Connected {
+    /// How often each input is connected.
+    times: Vec<usize>,
+    /// Names of connections.
+    names: Vec<String>,
+}
+
 impl Example<'_> {
-    /// Reads its settings with `build`, everything left over being an error; and how often each input is connected.
+    /// Reads its settings with `build`, everything left over being an error; and its connections.
     fn read<T>(
         &self,
         build: impl FnOnce(&mut Fields, &mut Reading<'_>) -> Option<T>,
-    ) -> Result<(T, Vec<usize>), String> {
+    ) -> Result<(T, Connected), String> {
         let mut sources = Sources::default();
         let mut list = Vec::new();
         let mut parse = |text: &str| {
@@ -194,11 +208,15 @@ impl Example<'_> {
         };
         let mut fields = Fields::new(self.kind.to_owned(), written.span, entries, &mut reading);
         let _ = (fields.take("clock"), fields.take("endpoint"));
-        let mut times = Vec::new();
+        let mut connected = Connected::default();
         for port in self.inputs {
             let given = fields.take(port.name).map(|value| value.shape);
-            times.push(match (port.presence, given) {
-                (Presence::Many, Some(Shape::List(list))) => list.len(),
+            connected.times.push(match (port.presence, given) {
+                (Presence::Many | Presence::Named, Some(Shape::List(list))) => list.len(),
+                (Presence::Named, Some(Shape::Map(pairs))) => {
+                    connected.names = pairs.iter().filter_map(|(key, _)| text_of(key)).collect();
+                    pairs.len()
+                }
                 (Presence::Optional, Some(value)) if is_none(&value) => 0,
                 (Presence::Optional, _) | (_, Some(_)) => 1,
                 (_, None) => return Err(format!("the example leaves `{}` out", port.name)),
@@ -207,7 +225,7 @@ impl Example<'_> {
         let built = build(&mut fields, &mut reading);
         fields.finish(&mut reading);
         match built {
-            Some(built) if list.is_empty() => Ok((built, times)),
+            Some(built) if list.is_empty() => Ok((built, connected)),
             _ => Err(Diagnostics { sources, list }.to_string()),
         }
     }
@@ -216,6 +234,13 @@ impl Example<'_> {
 /// True if an input is left unconnected: `reset: None`.
 fn is_none(value: &Shape) -> bool {
     matches!(value, Shape::Tagged(tagged) if tagged.name.as_ref().is_some_and(|name| name.text == "None"))
+}
+
+fn text_of(key: &Value) -> Option<String> {
+    match &key.shape {
+        Shape::String(text) => Some(text.clone()),
+        _ => None,
+    }
 }
 
 /// The fields of `{"name": Kind(...)}`.

@@ -2,11 +2,11 @@
 #![allow(dead_code)]
 
 use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, DeviceSpec};
-use haptograph_engine::frame::{Kind, KindSpec, Level};
+use haptograph_engine::frame::{Kind, KindSpec, Level, Linear};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Built, FileContext, FileKind, FileSink, Flow, FrameWriter,
-    InputSpec, Io, KindRule, Limit, NodeEntry, NodeKind, NodeSpec, OutputRole, OutputSpec, Presence,
-    Processor, QuantityRule, Stream, Tick, any_input, input, output, output_like,
+    ActuatorKind, BuildContext, BuildError, Built, FileContext, FileKind, FileSink, Flow, FrameWriter, Input,
+    InputSpec, Io, KindRule, Limit, Named, NodeEntry, NodeKind, NodeSpec, OutputCount, OutputRole,
+    OutputSpec, Presence, Processor, QuantityRule, Stream, Tick, any_input, input, output, output_like,
 };
 use haptograph_engine::registry::Registry;
 use haptograph_engine::{choices, settings};
@@ -31,6 +31,8 @@ pub fn registry() -> Registry {
         .add(NodeEntry::processor::<Sine>())
         .add(NodeEntry::processor::<Gain>())
         .add(NodeEntry::processor::<Sum>())
+        .add(NodeEntry::processor::<Mix>())
+        .add(NodeEntry::processor::<Fan>())
         .add(NodeEntry::processor::<Multiply>())
         .add(NodeEntry::processor::<Derivative>())
         .add(NodeEntry::processor::<Filter>())
@@ -118,6 +120,7 @@ impl NodeKind for Sine {
             kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Setting("quantity"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The tone.",
         }],
     );
@@ -180,6 +183,77 @@ silent!(
     )
 );
 
+/// Adds under names, which are written in small letters.
+struct Mix;
+const MIXED: Input<Mix, Linear, Named> = Input::named("terms");
+
+impl NodeKind for Mix {
+    type Settings = haptograph_engine::settings::NoSettings;
+    const SPEC: NodeSpec = spec(
+        "Mix",
+        "Adds under names.",
+        &[any_input("terms", "The terms.").named()],
+        &[output_like("output", "terms", "The sum.")],
+    );
+    fn build(_: Self::Settings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        let mut names = cx.names(MIXED).iter();
+        match names.position(|name| name.contains(char::is_uppercase)) {
+            Some(place) => {
+                Err(BuildError::at("terms", "a term is written in small letters").connection(place))
+            }
+            None => Ok(Built::new(Silent)),
+        }
+    }
+    fn advice(_: &Self::Settings, cx: &BuildContext) -> Vec<BuildError> {
+        let alone = cx.connections(MIXED) == 1;
+        let doubt = || BuildError::at("terms", "a sum of one").connection(0);
+        alone.then(doubt).into_iter().collect()
+    }
+}
+
+settings! {
+    /// Names of copies.
+    pub struct FanSettings {
+        /// Of the copies.
+        names: Vec<String>;
+        /// How many there have to be, or any number.
+        count: Option<u32> = None;
+    }
+}
+/// Copies its input to outputs that it names.
+struct Fan;
+
+impl NodeKind for Fan {
+    type Settings = FanSettings;
+    const SPEC: NodeSpec = spec(
+        "Fan",
+        "Copies its input.",
+        &[any_input("input", "What is copied.")],
+        &[
+            output(
+                "count",
+                Kind::SCALAR,
+                Quantity::NUMBER,
+                "How many copies there are.",
+            ),
+            output_like("copies", "input", "A copy.").named_by("names"),
+        ],
+    );
+    fn members(settings: &FanSettings) -> Result<Vec<String>, BuildError> {
+        let found = settings.names.len();
+        match settings.count.filter(|count| *count as usize != found) {
+            Some(count) => Err(BuildError::at(
+                "count",
+                format!("{found} copies are named, not {count}"),
+            )),
+            None => Ok(settings.names.clone()),
+        }
+    }
+    fn build(_: FanSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Silent))
+    }
+}
+
 silent!(
     Multiply,
     haptograph_engine::settings::NoSettings,
@@ -198,6 +272,7 @@ silent!(
             kind: KindRule::Same("a"),
             quantity: QuantityRule::Product("a", "b"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The product.",
         }],
     )
@@ -215,6 +290,7 @@ silent!(
             kind: KindRule::Same("input"),
             quantity: QuantityRule::PerSecond("input"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "Its change.",
         }],
     )

@@ -3,7 +3,7 @@
 use haptograph_engine::frame::{Event, Kind, Linear, Record};
 use haptograph_engine::node::{
     BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, Latency, LiveId, NodeKind, NodeSpec,
-    Optional, Output, OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
+    Optional, Output, OutputCount, OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
 
@@ -27,6 +27,7 @@ impl NodeKind for Derivative {
             kind: KindRule::Same("input"),
             quantity: QuantityRule::PerSecond("input"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "Its derivative.",
         }],
         example: r#""velocity": Derivative(input: "stylus.position")"#,
@@ -117,6 +118,7 @@ impl NodeKind for Integrator {
             kind: KindRule::Same("input"),
             quantity: QuantityRule::TimesSeconds("input"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The integral up to this frame.",
         }],
         example: r#""distance": Integrator(input: "speed.speed")"#,

@@ -3,8 +3,8 @@
 use crate::csv_table::{self, at_file, si_of_column};
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
-    OutputSpec, Processor, QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputCount,
+    OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 use haptograph_signal::csv::CsvError;
 use haptograph_signal::units;
@@ -77,6 +77,7 @@ impl NodeKind for Curve {
             kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Setting("quantity"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The value there, y, of the quantity that `quantity` names.",
         }],
         example: r#""louder when pressed": Curve(input: "stylus.force", points: [[0, 0], [0.5, 0.2], [2, 1]], between: Smooth)"#,

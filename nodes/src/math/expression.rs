@@ -1,10 +1,10 @@
 //! A node that computes a formula.
 
-use haptograph_engine::formula::{Formula, is_free};
+use haptograph_engine::formula::{Formula, is_free, names as used_names};
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Many, NodeKind, NodeSpec, Output,
-    OutputRole, OutputSpec, Presence, Processor, QuantityRule, Tick,
+    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Named, NodeKind, NodeSpec, Output,
+    OutputCount, OutputRole, OutputSpec, Presence, Processor, QuantityRule, Tick,
 };
 
 /// Default names of the inputs.
@@ -15,8 +15,8 @@ haptograph_engine::settings! {
     pub struct ExpressionSettings {
         /// The formula, in SI units: `"0.4 * a * sin(2*pi * b / 0.002)"`.
         formula: String;
-        /// Names of the inputs in the formula, in the order of `inputs`; by default `a`, `b`, `c`, `d`, `f`,
-        /// `g`, `h`, `k`.
+        /// Names of the inputs in the formula where `inputs` is a list, in its order; by default `a`, `b`, `c`, `d`,
+        /// `f`, `g`, `h`, `k`.
         names: Vec<String> = vec![];
         /// Quantity of the output, by name.
         quantity: String = "number".into();
@@ -43,21 +43,22 @@ impl NodeKind for Expression {
             kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Any,
             flow: Flow::Sampled,
-            presence: Presence::Many,
-            doc: "Scalars of any quantity, in the order of `names`.",
+            presence: Presence::Named,
+            doc: "Scalars of any quantity, by their names in the formula.",
         }],
         outputs: &[OutputSpec {
             name: "output",
             kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Setting("quantity"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The value of the formula, of the quantity that `quantity` names.",
         }],
-        example: r#""ridges": Expression(inputs: ["texture.acceleration", "hum.output"], names: ["texture", "hum"], formula: "0.5 * texture + clamp(hum, -2, 2)", quantity: "acceleration")"#,
+        example: r#""ridges": Expression(inputs: {"texture": "texture.acceleration", "hum": "hum.output"}, formula: "0.5 * texture + clamp(hum, -2, 2)", quantity: "acceleration")"#,
     };
 
     fn build(settings: ExpressionSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let names = names(&settings.names, cx.connections(Self::INPUTS))?;
+        let names = names(&settings, cx)?;
         let formula = Formula::parse(&settings.formula, &names).map_err(|error| {
             let (first, end) = error.characters(&settings.formula);
             BuildError::at("formula", error.message).part(first, end)
@@ -69,6 +70,18 @@ impl NodeKind for Expression {
         }))
     }
 
+    fn advice(settings: &ExpressionSettings, cx: &BuildContext) -> Vec<BuildError> {
+        let used = used_names(&settings.formula);
+        let named = cx.names(Self::INPUTS).iter().enumerate();
+        let unused = named.filter(|(_, name)| used.binary_search(&name.as_str()).is_err());
+        let advice = unused.map(|(place, name)| {
+            BuildError::at("inputs", format!("the formula does not use `{name}`"))
+                .connection(place)
+                .help("remove the connection, or use it in the formula")
+        });
+        advice.collect()
+    }
+
     fn memory_bytes(settings: &ExpressionSettings, cx: &BuildContext) -> u64 {
         // The formula has more characters than intermediate values.
         size_of::<f64>() as u64 * settings.formula.len() as u64 * cx.max_frames as u64
@@ -76,17 +89,25 @@ impl NodeKind for Expression {
 }
 
 impl Expression {
-    const INPUTS: Input<Self, Scalar, Many> = Input::named("inputs");
+    const INPUTS: Input<Self, Scalar, Named> = Input::named("inputs");
     const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
+const NAMING: &str = "use letters, digits and `_`; no function, constant or `t`";
+
 /// The name of each input.
-fn names(given: &[String], inputs: usize) -> Result<Vec<&str>, BuildError> {
+fn names<'a>(settings: &'a ExpressionSettings, cx: &'a BuildContext) -> Result<Vec<&'a str>, BuildError> {
+    let (given, inputs) = (&settings.names, cx.connections(Expression::INPUTS));
+    let named = cx.names(Expression::INPUTS);
+    if !named.is_empty() {
+        return named_in_map(named, given);
+    }
     if given.is_empty() {
         let names = LETTERS.get(..inputs).map(<[&str]>::to_vec);
         return names.ok_or_else(|| {
-            let message = format!("{inputs} inputs need `names`");
-            BuildError::at("names", message).help("give a name for each, in the order of `inputs`")
+            let message = format!("{inputs} inputs need names");
+            BuildError::at("inputs", message)
+                .help("write a map from names: `inputs: {\"name\": \"node.output\"}`")
         });
     }
     if given.len() != inputs {
@@ -96,11 +117,23 @@ fn names(given: &[String], inputs: usize) -> Result<Vec<&str>, BuildError> {
     for (i, name) in given.iter().enumerate() {
         if !is_free(name) || given[..i].contains(name) {
             let message = format!("`{name}` is not a valid name of an input");
-            let help = "use each name once: letters, digits and `_`; no function, constant or `t`";
-            return Err(BuildError::at("names", message).help(help));
+            return Err(BuildError::at("names", message).help(format!("use each name once; {NAMING}")));
         }
     }
     Ok(given.iter().map(String::as_str).collect())
+}
+
+/// The names of a map, which the engine has found to be different.
+fn named_in_map<'a>(named: &'a [String], given: &[String]) -> Result<Vec<&'a str>, BuildError> {
+    if !given.is_empty() {
+        let message = "`names` has no effect: the connections of `inputs` have names";
+        return Err(BuildError::at("names", message).help("remove `names`"));
+    }
+    if let Some(place) = named.iter().position(|name| !is_free(name)) {
+        let message = format!("`{}` is not a valid name of an input", named[place]);
+        return Err(BuildError::at("inputs", message).connection(place).help(NAMING));
+    }
+    Ok(named.iter().map(String::as_str).collect())
 }
 
 #[derive(Debug, Clone)]
@@ -156,6 +189,41 @@ mod tests {
         }
         assert_eq!(field("a + z", &[]), Some("formula"));
         assert_eq!(field("pi + x + y", &["x", "y"]), None);
+    }
+
+    #[test]
+    fn a_formula_of_connections_with_names() {
+        let build = |formula: &str, given: &[&str], names: &[&str]| {
+            let kinds = vec![Kind::SCALAR; names.len()];
+            Bench::with_names::<Expression>(settings(formula, given), 10.0, &kinds, names)
+        };
+        let mut bench = build("x - 2 * hum", &[], &["x", "hum"]).unwrap();
+        assert_eq!(bench.run(&[&[1.0], &[3.0]]), [[-5.0]]);
+        let wrong = |formula: &str, given: &[&str], names: &[&str]| {
+            let refused = build(formula, given, names).err().unwrap();
+            (refused.field, refused.connection, refused.part)
+        };
+        assert_eq!(wrong("x", &[], &["x", "sin"]), (Some("inputs"), Some(1), None));
+        assert_eq!(wrong("x", &["x"], &["x"]), (Some("names"), None, None));
+        assert_eq!(wrong("x + a", &[], &["x"]), (Some("formula"), None, Some((4, 5))));
+    }
+
+    #[test]
+    fn a_connection_that_the_formula_does_not_use_is_doubtful_in_a_map() {
+        let cx = |names: &[&str]| {
+            let rate = haptograph_signal::time::Rate::from_hz(10).unwrap();
+            let cx = BuildContext::new("ridges", rate).connected(&[Some(Kind::SCALAR); 3]);
+            cx.named(names)
+        };
+        let doubts = |names: &[&str], given: &[&str]| {
+            let advice = Expression::advice(&settings("x + sin(y)", given), &cx(names));
+            advice
+                .into_iter()
+                .map(|doubt| (doubt.field, doubt.connection))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(doubts(&["x", "z", "y"], &[]), [(Some("inputs"), Some(1))]);
+        assert_eq!(doubts(&[], &["x", "z", "y"]), []);
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
-    OutputSpec, Processor, QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputCount,
+    OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
 
@@ -34,6 +34,7 @@ impl NodeKind for Multiply {
             kind: KindRule::Same("input"),
             quantity: QuantityRule::Product("input", "by"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The product, of the product's quantity.",
         }],
         example: r#""power": Multiply(input: "stylus.force", by: "speed.speed")"#,
@@ -93,6 +94,7 @@ impl NodeKind for Divide {
             kind: KindRule::Same("input"),
             quantity: QuantityRule::Quotient("input", "by"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The quotient, of the quotient's quantity.",
         }],
         example: r#""mu": Divide(input: "friction.magnitude", by: "normal.magnitude")"#,

@@ -3,7 +3,7 @@
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
     BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Law, NodeKind, NodeSpec, Output,
-    OutputRole, OutputSpec, Presence, Processor, QuantityRule, Tick, any_input, output_like,
+    OutputCount, OutputRole, OutputSpec, Presence, Processor, QuantityRule, Tick, any_input, output_like,
 };
 use haptograph_engine::settings::NoSettings;
 
@@ -76,6 +76,7 @@ impl NodeKind for Calibrate {
             kind: KindRule::Same("input"),
             quantity: QuantityRule::Setting("to"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The signal times the factor, of the quantity that `to` names.",
         }],
         example: r#""drive": Calibrate(input: "texture.acceleration", from: "acceleration", to: "current", factor: 0.02)"#,

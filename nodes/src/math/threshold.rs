@@ -3,7 +3,7 @@
 use haptograph_engine::frame::{Event, Kind, Record, Scalar};
 use haptograph_engine::node::{
     BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, LiveId, NodeKind, NodeSpec, Output,
-    OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
+    OutputCount, OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 
 haptograph_engine::settings! {
@@ -36,6 +36,7 @@ impl NodeKind for Threshold {
             kind: KindRule::Is(Kind::EVENT),
             quantity: QuantityRule::Same("input"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "Event with the signal's value.",
         }],
         example: r#""pressed": Threshold(input: "stylus.force", rises_to: 0.5, falls_to: 0.3)"#,

@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Scalar, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputRole,
-    OutputSpec, Processor, QuantityRule, Tick, any_input, input, output,
+    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputCount,
+    OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input, input, output,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
@@ -23,6 +23,7 @@ const fn scalar_of(name: &'static str, like: &'static str, doc: &'static str) ->
         kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Same(like),
         role: OutputRole::Plain,
+        count: OutputCount::One,
         doc,
     }
 }
@@ -82,6 +83,7 @@ impl NodeKind for Dot {
             kind: KindRule::Is(Kind::SCALAR),
             quantity: QuantityRule::Product("a", "b"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "a . b",
         }],
         example: r#""power": Dot(a: "arm.force", b: "arm.velocity")"#,
@@ -127,6 +129,7 @@ impl NodeKind for Cross {
             kind: KindRule::Is(Kind::VECTOR),
             quantity: QuantityRule::Product("a", "b"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "a x b",
         }],
         example: r#""torque": Cross(a: "arm.position", b: "arm.force")"#,
@@ -226,6 +229,7 @@ impl NodeKind for Pack {
             kind: KindRule::Is(Kind::VECTOR),
             quantity: QuantityRule::Same("x"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The vector.",
         }],
         example: r#""path": Pack(x: "east.output", y: "north.output", z: "up.output")"#,

@@ -13,7 +13,7 @@ use super::link::{Link, Reader};
 use haptograph_engine::device::{Channel, Device};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
-    BuildContext, BuildError, KindRule, NodeSpec, OutputRole, OutputSpec, QuantityRule,
+    BuildContext, BuildError, KindRule, NodeSpec, OutputCount, OutputRole, OutputSpec, QuantityRule,
 };
 use haptograph_engine::run::AgeMeter;
 use haptograph_engine::silence::{LiveInput, OnSilence};
@@ -43,6 +43,7 @@ pub const LIVE_INPUT: NodeSpec = NodeSpec {
         kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Setting("quantity"),
         role: OutputRole::Plain,
+        count: OutputCount::One,
         doc: "The number, in the SI unit of `quantity`; it holds while the input is silent.",
     }],
     example: r#""pitch": LiveInput(clock: "control", endpoint: "pitch", quantity: "frequency")"#,

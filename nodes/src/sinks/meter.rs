@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, KindRule, LiveId, NodeKind, NodeSpec, Output, OutputRole,
-    OutputSpec, Processor, QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Built, Input, Io, KindRule, LiveId, NodeKind, NodeSpec, Output, OutputCount,
+    OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
 };
 
 haptograph_engine::settings! {
@@ -61,6 +61,7 @@ const fn level(name: &'static str, doc: &'static str) -> OutputSpec {
         kind: KindRule::Is(Kind::SCALAR),
         quantity: QuantityRule::Same("input"),
         role: OutputRole::Plain,
+        count: OutputCount::One,
         doc,
     }
 }

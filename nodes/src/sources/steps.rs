@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::{Kind, Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Io, KindRule, LiveId, NodeKind, NodeSpec, Output, OutputRole,
-    OutputSpec, Processor, QuantityRule, Tick,
+    BuildContext, BuildError, Built, Io, KindRule, LiveId, NodeKind, NodeSpec, Output, OutputCount,
+    OutputRole, OutputSpec, Processor, QuantityRule, Tick,
 };
 
 use super::{made, tick_at};
@@ -88,6 +88,7 @@ impl NodeKind for ConstantVector {
             kind: KindRule::Is(Kind::VECTOR),
             quantity: QuantityRule::Setting("quantity"),
             role: OutputRole::Plain,
+            count: OutputCount::One,
             doc: "The value.",
         }],
         example: r#""weight": ConstantVector(clock: "servo", value: [0.0, 0.0, -0.5], quantity: "force")"#,

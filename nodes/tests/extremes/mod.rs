@@ -136,7 +136,7 @@ fn variants(settings: Vec<SettingSpec>, rate_hz: f64) -> Vec<String> {
 }
 
 /// Runs a processor: what it puts out is numbers.
-fn process(mut bench: Bench, spec: &NodeSpec) -> Result<(), String> {
+fn process(mut bench: Bench) -> Result<(), String> {
     let kinds: Vec<Kind> = bench.kinds().iter().flatten().copied().collect();
     let inputs = kinds
         .iter()
@@ -146,7 +146,7 @@ fn process(mut bench: Bench, spec: &NodeSpec) -> Result<(), String> {
     let outputs = bench.run_frames(FRAMES, &slices(&inputs), &[MAX_FRAMES, 1, 64]);
     for (output, lanes) in outputs.iter().enumerate() {
         if let Some(at) = lanes.iter().position(|y| !y.is_finite()) {
-            return Err(format!("{} is {} at {at}", spec.outputs[output].name, lanes[at]));
+            return Err(format!("{} is {} at {at}", bench.outputs()[output], lanes[at]));
         }
     }
     Ok(())
@@ -270,7 +270,7 @@ impl Tried {
             self.refused += usize::from(built.iter().all(Result::is_err));
             for built in built.into_iter().flatten() {
                 let result = match built {
-                    ExampleNode::Processor(bench) => process(bench, entry.spec),
+                    ExampleNode::Processor(bench) => process(bench),
                     ExampleNode::Actuator(gain, limit) => deliver(gain, &limit, rate_hz),
                     ExampleNode::File(sink, streams) => write(entry.spec, &*sink, &streams, folder),
                     ExampleNode::Source => Ok(()),

@@ -194,11 +194,11 @@ fn node_box(node: &Node) -> NodeBox {
         Role::Process
     };
     let inputs = node.inputs.iter().map(|i| Port {
-        name: i.name.to_owned(),
+        name: i.shown().to_owned(),
         connected: i.connected,
     });
     let outputs = node.outputs.iter().map(|o| Port {
-        name: o.name.to_owned(),
+        name: o.name.to_string(),
         connected: true,
     });
     NodeBox {

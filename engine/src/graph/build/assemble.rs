@@ -8,7 +8,7 @@ use crate::graph::clocks::Clocks;
 use crate::graph::devices::Devices;
 use crate::graph::draft::{Context, Draft, DraftNode, Slot, Type};
 use crate::graph::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint, wires};
-use crate::node::{Flow, KindRule, OutputSpec, QuantityRule, SettingId};
+use crate::node::{Flow, KindRule, QuantityRule, SettingId};
 use crate::settings::SettingRole;
 use haptograph_signal::quantity::Quantity;
 use petgraph::graph::{DiGraph, NodeIndex};
@@ -167,6 +167,7 @@ fn input(draft: &Draft, node: &DraftNode, slot: &Slot) -> Input {
         .unwrap_or_default();
     Input {
         name: port.name,
+        label: slot.name.as_ref().map(|name| name.text.clone()),
         kind: carried.kind.unwrap_or(match port.kind {
             KindRule::Is(kind) => kind,
             _ => Kind::SCALAR,
@@ -181,13 +182,17 @@ fn input(draft: &Draft, node: &DraftNode, slot: &Slot) -> Input {
 }
 
 fn outputs(node: &DraftNode) -> Option<Vec<Output>> {
-    let ports = node.entry.spec.outputs.iter().zip(&node.outputs);
-    let output = |(port, carried): (&OutputSpec, &Type)| {
+    let family = node.entry.spec.family();
+    let output = |(place, carried): (usize, &Type)| {
+        let name = match family.is_some_and(|family| place >= family) {
+            true => node.port_name(place)?.to_owned().into(),
+            false => node.entry.spec.output(place)?.name.into(),
+        };
         Some(Output {
-            name: port.name,
+            name,
             kind: carried.kind?,
             quantity: carried.quantity?,
         })
     };
-    ports.map(output).collect()
+    node.outputs.iter().enumerate().map(output).collect()
 }

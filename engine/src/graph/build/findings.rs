@@ -10,11 +10,13 @@ use haptograph_signal::files;
 use std::path::{Path, PathBuf};
 
 /// Places of the fields of a node or device.
-pub(super) struct Places {
+pub(in crate::graph) struct Places {
     owner: Span,
     fields: Vec<(String, Span)>,
     /// Structures in fields, alone or in a list.
     structures: Vec<Structure>,
+    /// The input of each connection, and the place of its name, or of itself.
+    connections: Vec<(&'static str, Span)>,
 }
 
 struct Structure {
@@ -54,27 +56,34 @@ fn spans(fields: &[(Name, Value)]) -> Vec<(String, Span)> {
 }
 
 impl Places {
-    pub(super) fn of(fields: &Fields) -> Self {
+    pub(in crate::graph) fn of(fields: &Fields) -> Self {
         let written = fields.remaining();
         let structures = written.iter().flat_map(|(name, value)| structures(name, value));
         Self {
             owner: fields.span,
             fields: spans(written),
             structures: structures.collect(),
+            connections: Vec::new(),
         }
     }
 
     /// Inputs are where their first connection is.
     pub(super) fn and_inputs(mut self, node: &DraftNode) -> Self {
-        let wires = node.wires().map(|(slot, wire)| {
-            let port = &node.entry.spec.inputs[node.inputs[slot].port];
-            (port.name.to_owned(), wire.span)
-        });
-        self.fields.extend(wires);
+        for (slot, wire) in node.wires() {
+            let slot = &node.inputs[slot];
+            let port = node.entry.spec.inputs[slot.port].name;
+            self.fields.push((port.to_owned(), wire.span));
+            let span = slot.name.as_ref().map_or(wire.span, |name| name.span);
+            self.connections.push((port, span));
+        }
         self
     }
 
-    pub(super) fn or_report<T>(&self, cx: &mut Context<'_>, built: Result<T, BuildError>) -> Option<T> {
+    pub(in crate::graph) fn or_report<T>(
+        &self,
+        cx: &mut Context<'_>,
+        built: Result<T, BuildError>,
+    ) -> Option<T> {
         match built {
             Ok(built) => Some(built),
             Err(error) => {
@@ -113,8 +122,15 @@ impl Places {
         });
         let written = fields.iter().find(|(name, _)| Some(name.as_str()) == error.field);
         let span = written.map_or(owner, |(_, span)| *span);
+        let connection = error.connection.and_then(|connection| {
+            let of_input = self
+                .connections
+                .iter()
+                .filter(|(input, _)| Some(*input) == error.field);
+            of_input.map(|(_, span)| *span).nth(connection as usize)
+        });
         let part = error.part.and_then(|part| part_of_text(sources, span, part));
-        let mut diagnostic = make(part.unwrap_or(span), error.message);
+        let mut diagnostic = make(part.or(connection).unwrap_or(span), error.message);
         if let (Some(field), None) = (error.field, written) {
             diagnostic = diagnostic.label(format!("by the default of `{field}`"));
         }
@@ -207,7 +223,7 @@ pub(in crate::graph) fn part_of_text(
 }
 
 /// Adds the place of use to diagnostics of values of parameters and settings.
-pub(super) fn explain(cx: &mut Context<'_>, from: usize, uses: &[(Span, Span)]) {
+pub(in crate::graph) fn explain(cx: &mut Context<'_>, from: usize, uses: &[(Span, Span)]) {
     for diagnostic in &mut cx.diagnostics[from..] {
         let Some(at) = diagnostic.primary.as_ref().map(|label| label.span) else {
             continue;

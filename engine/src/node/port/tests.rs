@@ -276,3 +276,108 @@ fn an_output_is_not_written_twice_at_once() {
     let mut bench = Bench::new::<Twice>(NoSettings {}, 1000.0, &[]).unwrap();
     bench.run_source(1);
 }
+
+crate::settings! {
+    /// Factors of an [`Each`].
+    struct EachSettings {
+        /// One for each output.
+        factors: Vec<f64> = vec![];
+    }
+}
+
+/// As many outputs as factors, behind one that is always there.
+struct Each;
+
+impl NodeKind for Each {
+    type Settings = EachSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Each",
+        group: "toys",
+        doc: "Has an output for each factor.",
+        source: "",
+        inputs: &[any_input("terms", "What is added and multiplied.").named()],
+        outputs: &[
+            output(
+                "count",
+                Kind::SCALAR,
+                Quantity::NUMBER,
+                "How many products there are.",
+            ),
+            output_like("products", "terms", "A product.").named_by("factors"),
+        ],
+        example: "",
+    };
+
+    fn members(settings: &EachSettings) -> Result<Vec<String>, BuildError> {
+        Ok(settings
+            .factors
+            .iter()
+            .map(|factor| format!("by {factor}"))
+            .collect())
+    }
+
+    fn build(settings: EachSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        assert_eq!((cx.names(FACTORED).len(), cx.connections(FACTORED)), (2, 2));
+        Ok(Built::new(Factors(settings.factors)))
+    }
+}
+
+const FACTORED: Input<Each, Linear, Named> = Input::named("terms");
+const COUNT: Output<Each, Scalar> = Output::named("count");
+const PRODUCTS: OutputFamily<Each, Linear> = OutputFamily::named("products");
+
+#[derive(Clone)]
+struct Factors(Vec<f64>);
+
+impl Processor<Each> for Factors {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Each>) {
+        let terms = io.read(FACTORED);
+        let members = io.members(PRODUCTS);
+        assert_eq!(members, self.0.len());
+        assert!(members == 0 || io.member_width(PRODUCTS) == io.width(FACTORED));
+        io.write(COUNT).fill(members as f64);
+        for (member, factor) in self.0.iter().enumerate() {
+            let product = io.write_member(PRODUCTS, member);
+            product.fill(0.0);
+            for term in terms.iter() {
+                product.iter_mut().zip(term).for_each(|(y, x)| *y += factor * x);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_family_of_outputs_is_as_large_as_the_settings_say() {
+    let bench = |factors: &[f64]| {
+        let settings = EachSettings {
+            factors: factors.to_vec(),
+        };
+        Bench::with_names::<Each>(settings, 10.0, &[Kind::VECTOR; 2], &["a", "b"]).unwrap()
+    };
+    let (x, y) = ([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [10.0; 6]);
+    let mut two = bench(&[1.0, -2.0]);
+    assert_eq!(two.outputs(), ["count", "by 1", "by -2"]);
+    let [count, once, twice] = two.run_in_blocks(&[&x, &y], &[1]).try_into().unwrap();
+    assert_eq!(count, [2.0; 2]);
+    assert_eq!(once, [11.0, 12.0, 13.0, 14.0, 15.0, 16.0]);
+    assert_eq!(twice, once.iter().map(|y| -2.0 * y).collect::<Vec<_>>());
+    assert_eq!(two.components("by -2"), &twice[3..]);
+    assert_eq!(bench(&[]).run(&[&x, &y]), [[0.0; 2]]);
+}
+
+#[test]
+#[should_panic(expected = "no member 1")]
+fn a_member_that_does_not_exist_is_not_written() {
+    let mut memory = [0.0; 1];
+    let placing = [crate::io::Placing { start: 0, width: 1 }; 2];
+    let ports = Ports {
+        frames: 1,
+        offset: 0,
+        inputs: &[],
+        outputs: &placing,
+        before: &[],
+        out: &mut memory,
+        behind: &[],
+    };
+    Io::<Each>::new(ports).write_member(PRODUCTS, 1);
+}

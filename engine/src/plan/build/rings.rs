@@ -78,10 +78,14 @@ impl Builder<'_> {
     }
 }
 
-/// `drive.force`; for an input with several connections also the number of the connection: `mix.inputs 2`.
+/// `drive.force`; for an input with several connections also the name or number of the connection: `mix.inputs hum`,
+/// `mix.inputs 2`.
 fn input_name(node: &Node, input: usize) -> String {
-    let name = node.inputs[input].name;
-    let alike = |inputs: &[Input]| inputs.iter().filter(|other| other.name == name).count();
+    let Input { name, label, .. } = &node.inputs[input];
+    if let Some(label) = label {
+        return format!("{}.{name} {label}", node.path);
+    }
+    let alike = |inputs: &[Input]| inputs.iter().filter(|other| other.name == *name).count();
     match alike(&node.inputs) {
         1 => format!("{}.{name}", node.path),
         _ => format!("{}.{name} {}", node.path, alike(&node.inputs[..=input])),

@@ -279,7 +279,7 @@ impl World {
 
     fn node(&mut self, clock: usize, work: Work) -> usize {
         let output = Output {
-            name: "out",
+            name: "out".into(),
             kind: Kind::SCALAR,
             quantity: Quantity::NUMBER,
         };
@@ -316,6 +316,7 @@ impl World {
         let quantity = Quantity::NUMBER;
         self.nodes[to].inputs.push(Input {
             name: "in",
+            label: None,
             kind: Kind::SCALAR,
             quantity,
             connected: true,
@@ -500,6 +501,7 @@ pub fn with_processor(processor: impl Processor<Nothing>) -> (Graph, NodeIndex, 
     world.nodes[sink].live.push((SettingId::at(0), 0.1));
     let input = Input {
         name: "in",
+        label: None,
         kind: Kind::SCALAR,
         quantity: Quantity::NUMBER,
         connected: true,

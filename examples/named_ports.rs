@@ -1,0 +1,103 @@
+//! A node kind whose inputs and outputs the graph names:
+//! `cargo run --release --example named_ports -- run examples/named_ports.ron`.
+
+use haptograph::engine::frame::{Kind, Scalar};
+use haptograph::engine::node::{
+    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Named, NodeEntry, NodeKind,
+    NodeSpec, Output, OutputFamily, Presence, Processor, QuantityRule, Tick, output,
+};
+use haptograph::engine::registry::Registry;
+use haptograph::signal::quantity::Quantity;
+use std::process::ExitCode;
+
+haptograph::engine::settings! {
+    /// Settings of [`Grip`].
+    pub struct GripSettings {
+        /// The fingers whose shares of the whole are outputs.
+        shares: Vec<String> = vec![];
+    }
+}
+
+/// Fingers around an object.
+pub struct Grip;
+
+impl NodeKind for Grip {
+    type Settings = GripSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Grip",
+        group: "mine",
+        doc: "Adds the forces of fingers, and gives the shares of some of them.",
+        source: "",
+        inputs: &[InputSpec {
+            name: "fingers",
+            kind: KindRule::Is(Kind::SCALAR),
+            quantity: QuantityRule::Is(Quantity::FORCE),
+            flow: Flow::Sampled,
+            presence: Presence::Named,
+            doc: "Force of each finger, N.",
+        }],
+        outputs: &[
+            output("whole", Kind::SCALAR, Quantity::FORCE, "Sum of the forces, N."),
+            output(
+                "shares",
+                Kind::SCALAR,
+                Quantity::NUMBER,
+                "Part of the whole; 0 without a force.",
+            )
+            .named_by("shares"),
+        ],
+        example: r#""grip": Grip(fingers: {"thumb": "a.output", "index": "b.output"}, shares: ["thumb"])"#,
+    };
+
+    fn members(settings: &GripSettings) -> Result<Vec<String>, BuildError> {
+        Ok(settings.shares.clone())
+    }
+
+    fn build(settings: GripSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
+        let fingers = cx.names(FINGERS);
+        let finger_of = |share: &String| {
+            let place = fingers.iter().position(|finger| finger == share);
+            place.ok_or_else(|| {
+                let wrong = BuildError::at("shares", format!("`{share}` is none of the fingers"));
+                wrong.help(format!("the fingers are {}", fingers.join(", ")))
+            })
+        };
+        let shares: Result<_, BuildError> = settings.shares.iter().map(finger_of).collect();
+        Ok(Built::new(Sum { shares: shares? }))
+    }
+}
+
+const FINGERS: Input<Grip, Scalar, Named> = Input::named("fingers");
+const WHOLE: Output<Grip, Scalar> = Output::named("whole");
+const SHARES: OutputFamily<Grip, Scalar> = OutputFamily::named("shares");
+
+#[derive(Clone)]
+struct Sum {
+    /// The finger of each share.
+    shares: Box<[usize]>,
+}
+
+impl Processor<Grip> for Sum {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_, Grip>) {
+        let fingers = io.read(FINGERS);
+        for frame in 0..tick.frames {
+            let whole_n: f64 = fingers.iter().map(|force_n| force_n[frame]).sum();
+            io.write(WHOLE)[frame] = whole_n;
+            for (member, finger) in self.shares.iter().enumerate() {
+                let share = fingers.nth_or_last(*finger)[frame] / whole_n;
+                io.write_member(SHARES, member)[frame] = if share.is_finite() { share } else { 0.0 };
+            }
+        }
+    }
+}
+
+/// The shipped kinds, and this program's.
+pub fn registry() -> Registry {
+    let mut registry = haptograph::nodes::registry();
+    registry.add(NodeEntry::processor::<Grip>());
+    registry
+}
+
+fn main() -> ExitCode {
+    haptograph::cli::main(&registry())
+}
