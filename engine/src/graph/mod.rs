@@ -347,6 +347,7 @@ impl Graph {
                     value: *value,
                     range: self.live_range(node, spec),
                     whole: spec.whole,
+                    si_per_unit: spec.si_per_unit,
                 })
             }));
         }

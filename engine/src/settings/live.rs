@@ -22,6 +22,8 @@ pub struct LiveSetting {
     pub range: Option<(f64, f64)>,
     /// True if the value is a whole number. Such a setting jumps to its new value.
     pub whole: bool,
+    /// SI per unit of the value and the range, which are as in graph files.
+    pub si_per_unit: f64,
 }
 
 impl LiveSetting {

@@ -1,12 +1,13 @@
 //! The types that settings can have.
 
-use super::{Expected, Part, Reading, Setting};
+use super::{Expected, Part, Reading, Scale, Setting};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Shape, Tagged, Value};
 use haptograph_signal::files::{self, Roots};
 use std::path::PathBuf;
 
 impl Setting for f64 {
+    const SCALE: Scale = Scale::Plain;
     fn expected() -> Expected {
         Expected::Number
     }
@@ -30,6 +31,7 @@ impl Setting for f64 {
 macro_rules! whole_number {
     ($($type:ty),*) => {$(
         impl Setting for $type {
+            const SCALE: Scale = Scale::Plain;
             fn expected() -> Expected {
                 Expected::Whole { most: <$type>::MAX as u64 }
             }
@@ -129,6 +131,7 @@ fn outside(span: Span, written: &str, roots: &Roots) -> Diagnostic {
 }
 
 impl<T: Setting> Setting for Option<T> {
+    const SCALE: Scale = T::SCALE;
     fn expected() -> Expected {
         Expected::Optional(Box::new(T::expected()))
     }
@@ -160,6 +163,7 @@ impl<T: Setting> Setting for Option<T> {
 }
 
 impl<T: Setting> Setting for Vec<T> {
+    const SCALE: Scale = T::SCALE;
     fn expected() -> Expected {
         Expected::List(Box::new(T::expected()))
     }
@@ -181,6 +185,7 @@ impl<T: Setting> Setting for Vec<T> {
 }
 
 impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
+    const SCALE: Scale = T::SCALE;
     fn expected() -> Expected {
         Expected::Array(N, Box::new(T::expected()))
     }
