@@ -209,7 +209,7 @@ fn every_live_setting_changes_what_its_node_puts_out() {
                     let run =
                         |bench: &mut Bench, at: usize| bench.run_frames(FRAMES, &slices(&inputs[at]), &[64]);
                     let before = [run(&mut kept, 0), run(&mut turned, 0)];
-                    turned.set(id, *value);
+                    turned.set(id, value * setting.si_per_unit);
                     let after = [run(&mut kept, 1), run(&mut turned, 1)];
                     !same(&before[0], &before[1]) || !same(&after[0], &after[1])
                 })
@@ -227,6 +227,59 @@ fn every_live_setting_changes_what_its_node_puts_out() {
         wrong.is_empty(),
         "a change of these is not seen, or seen and listed: {wrong:?}"
     );
+    assert!(tested > 60, "only {tested} were tested");
+}
+
+#[test]
+fn a_live_setting_means_the_same_whether_built_with_or_set() {
+    const FRAMES: usize = 500;
+    let folder = folder();
+    let (mut wrong, mut tested) = (Vec::new(), 0);
+    for entry in registry().nodes() {
+        if !is_processor(entry, folder.path()) {
+            continue;
+        }
+        for (id, setting) in entry.live_settings() {
+            let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
+            let value = if setting.whole { 3.0 } else { 0.37 };
+            let value = if (low..=high).contains(&value) { value } else { low };
+            let written = format!("{}: {value}", setting.name);
+            for settings in tries(entry) {
+                let settings = settings.trim_end_matches(", ");
+                if settings.contains(setting.name) {
+                    continue;
+                }
+                let build = |settings: &str| match node_from_example(
+                    entry,
+                    settings,
+                    folder.path(),
+                    SERVO_HZ,
+                    Kind::SCALAR,
+                ) {
+                    Ok(ExampleNode::Processor(bench)) => Some(bench),
+                    _ => None,
+                };
+                let (Some(mut set), Some(mut built)) = (
+                    build(settings),
+                    build(&format!("{settings}, {written}").trim_start_matches(", ")),
+                ) else {
+                    continue;
+                };
+                set.set(id, value * setting.si_per_unit);
+                let mut rng = Xoshiro256PlusPlus::seed_from_u64(33);
+                let kinds = set.kinds().iter();
+                let inputs: Vec<Vec<f64>> = kinds
+                    .map(|kind| kind.map_or_else(Vec::new, |kind| signal(kind, FRAMES, false, &mut rng)))
+                    .collect();
+                let run = |bench: &mut Bench| bench.run_frames(FRAMES, &slices(&inputs), &[64]);
+                if !same(&run(&mut set), &run(&mut built)) {
+                    wrong.push(format!("{}.{} with `{settings}`", entry.spec.name, setting.name));
+                }
+                tested += 1;
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "not the same: {wrong:#?}");
     assert!(tested > 60, "only {tested} were tested");
 }
 
@@ -523,7 +576,7 @@ fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
             for (seed, value) in (1..).zip([high, low, 0.5 * (low + high), high, low.midpoint(1.0)]) {
                 let inputs = inputs(&bench, 200, false, seed);
                 bench.load(&slices(&inputs), 200);
-                let set = allocations(|| bench.set(id, value));
+                let set = allocations(|| bench.set(id, value * setting.si_per_unit));
                 assert_eq!(set, 0, "{}.{}", entry.spec.name, setting.name);
                 bench.step();
                 for output in entry.spec.outputs {

@@ -100,7 +100,8 @@ pub trait Processor<K: 'static>: Clone + Send + Sync + 'static {
     /// Computes `tick.frames` frames of every output.
     fn process(&mut self, tick: &Tick, io: &mut Io<'_, K>);
 
-    /// Sets a live setting to a finite value within its range. Real-time code like `process`.
+    /// Sets a live setting to a finite value within its range, in SI: for `radius_mm: Millimetres` that is
+    /// `radius_mm.si()`. Real-time code like `process`.
     ///
     /// The engine calls it with the handles of the settings that are declared `[live]`, and at each frame of a ramp.
     fn set(&mut self, setting: LiveId<K>, value: f64) {

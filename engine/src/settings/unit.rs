@@ -49,7 +49,9 @@ pub const fn check_unit<T: Setting>(name: &str) {
             "the unit at the end of this setting's name is not that of its type"
         ),
         (Scale::Unit { .. }, None) => {
-            panic!("the name of this setting has to end with the unit of its type, as `radius_mm: Millimetres` does")
+            panic!(
+                "the name of this setting has to end with the unit of its type, as `radius_mm: Millimetres` does"
+            )
         }
         (Scale::Plain, Some((_, si))) => assert!(
             si == 1.0,
