@@ -16,7 +16,7 @@ pub use expected::{Expected, Form};
 pub use fields::{Fields, fields_of};
 #[doc(hidden)]
 pub use live::any;
-pub use live::{DeclaredField, LiveId, LiveSetting, SettingId, TypedId};
+pub use live::{DeclaredField, LiveId, LiveSetting, MAX_LIVE_ITEMS, SettingId, TypedId};
 pub(crate) use live::{count_live, has_limit, same};
 pub use spelling::closest;
 pub use unit::{Scale, check_unit};
@@ -41,9 +41,10 @@ pub struct SettingSpec {
     pub si_per_unit: f64,
     /// Default in RON; `None` if the setting is required.
     pub default: Option<String>,
-    /// Smallest and largest value.
+    /// Smallest and largest value, of each number of a list.
     pub range: Option<(f64, f64)>,
-    /// True if the setting can change while the graph runs.
+    /// True if the setting can change while the graph runs; of a list, each number, if there are at most
+    /// [`MAX_LIVE_ITEMS`].
     pub live: bool,
     /// True if the value is a whole number. Such a setting jumps to a new value.
     pub whole: bool,
@@ -133,9 +134,9 @@ pub trait Setting: Sized {
     fn parts() -> Vec<Part> {
         Vec::new()
     }
-    /// The value as a number, for the check of the range.
-    fn number(&self) -> Option<f64> {
-        None
+    /// Its numbers, for the check of the range.
+    fn numbers(&self) -> Vec<f64> {
+        Vec::new()
     }
 }
 

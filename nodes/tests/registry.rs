@@ -7,8 +7,8 @@ mod extremes;
 mod realtime;
 
 use haptograph_engine::frame::{Kind, OneKind};
-use haptograph_engine::node::{NodeEntry, Presence};
-use haptograph_engine::settings::SettingSpec;
+use haptograph_engine::node::{NodeEntry, Presence, SettingId};
+use haptograph_engine::settings::{Expected, SettingSpec};
 use haptograph_engine::testing::{Bench, ExampleNode, MAX_FRAMES, device_from_example, node_from_example};
 use haptograph_nodes::contact::Contact;
 use haptograph_nodes::registry;
@@ -73,13 +73,19 @@ const OTHERS: [Quantity; 5] = [
 
 /// Settings of processors that are a frequency, a gain or a level and do not change while a graph runs: (kind, setting,
 /// why).
-const NOT_LIVE: [(&str, &str, &str); 21] = [
-    ("ConstantVector", "value", LIST),
-    ("Mixer", "gains", LIST),
-    ("Curve", "points", LIST),
-    ("SecondOrderSection", "b", LIST),
-    ("SecondOrderSection", "a", LIST),
-    ("WavOverPosition", "axis", LIST),
+const NOT_LIVE: [(&str, &str, &str); 19] = [
+    (
+        "Curve",
+        "points",
+        "pairs whose x has to rise: a change of one number at a time passes through curves that are refused",
+    ),
+    ("SecondOrderSection", "b", COEFFICIENTS),
+    ("SecondOrderSection", "a", COEFFICIENTS),
+    (
+        "WavOverPosition",
+        "axis",
+        "a direction, neither a gain nor a level: its length does not count",
+    ),
     (
         "Integrator",
         "start",
@@ -112,7 +118,8 @@ const NOT_LIVE: [(&str, &str, &str); 21] = [
     ("ForceSensorModel", "most_torque_n_mm", SENSOR),
     ("ForceSensorModel", "noise_steps", SENSOR),
 ];
-const LIST: &str = "a list; a live setting is one number";
+const COEFFICIENTS: &str = "they belong together: a change of one at a time passes through other filters, unstable ones too; \
+                            `Biquad` has live frequencies";
 const SENSOR: &str = "a constant of a simulated sensor; with another it would be another sensor";
 
 #[test]
@@ -177,7 +184,7 @@ fn every_live_setting_changes_what_its_node_puts_out() {
         if !is_processor(entry, folder.path()) {
             continue;
         }
-        for (id, setting) in entry.live_settings() {
+        for (id, setting) in live_numbers(entry) {
             let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
             let high = match setting.below_nyquist {
                 true => high.min(0.4 * SERVO_HZ),
@@ -243,7 +250,11 @@ fn a_live_setting_means_the_same_whether_built_with_or_set() {
             let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
             let value = if setting.whole { 3.0 } else { 0.37 };
             let value = if (low..=high).contains(&value) { value } else { low };
-            let written = format!("{}: {value}", setting.name);
+            let handles = handles(id, &setting);
+            let written = match handles[0].item() {
+                None => format!("{}: {value}", setting.name),
+                Some(_) => format!("{}: {:?}", setting.name, vec![value; handles.len()]),
+            };
             for settings in tries(entry) {
                 let settings = settings.trim_end_matches(", ");
                 if settings.contains(setting.name) {
@@ -265,7 +276,9 @@ fn a_live_setting_means_the_same_whether_built_with_or_set() {
                 ) else {
                     continue;
                 };
-                set.set(id, value * setting.si_per_unit);
+                for id in &handles {
+                    set.set(*id, value * setting.si_per_unit);
+                }
                 let mut rng = Xoshiro256PlusPlus::seed_from_u64(33);
                 let kinds = set.kinds().iter();
                 let inputs: Vec<Vec<f64>> = kinds
@@ -281,6 +294,23 @@ fn a_live_setting_means_the_same_whether_built_with_or_set() {
     }
     assert!(wrong.is_empty(), "not the same: {wrong:#?}");
     assert!(tested > 60, "only {tested} were tested");
+}
+
+/// The handles of the numbers of a live setting: of a list those of its first two or, of a fixed length, of all.
+fn handles(id: SettingId, setting: &SettingSpec) -> Vec<SettingId> {
+    match setting.expected {
+        Expected::List(_) => (0..2).map(|item| id.with_item(item)).collect(),
+        Expected::Array(count, _) => (0..count).map(|item| id.with_item(item)).collect(),
+        _ => vec![id],
+    }
+}
+
+/// The live numbers of a kind.
+fn live_numbers(entry: &NodeEntry) -> impl Iterator<Item = (SettingId, SettingSpec)> {
+    entry.live_settings().flat_map(|(id, setting)| {
+        let handles = handles(id, &setting);
+        handles.into_iter().map(move |id| (id, setting.clone()))
+    })
 }
 
 /// A folder with the files that examples name.
@@ -564,7 +594,7 @@ fn nothing_is_allocated_while_running() {
 fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
     let mut tested = 0;
     each_processor(|entry, build| {
-        for (id, setting) in entry.live_settings() {
+        for (id, setting) in live_numbers(entry) {
             let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
             // As the engine has it: below half the rate of the slowest bench.
             let high = if setting.below_nyquist {

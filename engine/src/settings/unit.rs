@@ -99,8 +99,8 @@ macro_rules! unit_settings {
             fn value(&self) -> $crate::document::value::Value {
                 $crate::settings::Setting::value(&self.0)
             }
-            fn number(&self) -> Option<f64> {
-                Some(self.0)
+            fn numbers(&self) -> Vec<f64> {
+                vec![self.0]
             }
         }
     )*};

@@ -23,8 +23,8 @@ impl Setting for f64 {
     fn value(&self) -> Value {
         Shape::Number(*self, format!("{self:?}")).into()
     }
-    fn number(&self) -> Option<f64> {
-        Some(*self)
+    fn numbers(&self) -> Vec<f64> {
+        vec![*self]
     }
 }
 
@@ -47,8 +47,8 @@ macro_rules! whole_number {
             fn value(&self) -> Value {
                 Shape::Number(*self as f64, self.to_string()).into()
             }
-            fn number(&self) -> Option<f64> {
-                Some(*self as f64)
+            fn numbers(&self) -> Vec<f64> {
+                vec![*self as f64]
             }
         }
     )*};
@@ -157,8 +157,8 @@ impl<T: Setting> Setting for Option<T> {
     fn value(&self) -> Value {
         self.as_ref().map_or_else(|| Value::name("None"), T::value)
     }
-    fn number(&self) -> Option<f64> {
-        self.as_ref().and_then(T::number)
+    fn numbers(&self) -> Vec<f64> {
+        self.as_ref().map_or_else(Vec::new, T::numbers)
     }
 }
 
@@ -181,6 +181,9 @@ impl<T: Setting> Setting for Vec<T> {
     }
     fn value(&self) -> Value {
         Shape::List(self.iter().map(T::value).collect()).into()
+    }
+    fn numbers(&self) -> Vec<f64> {
+        self.iter().flat_map(T::numbers).collect()
     }
 }
 
@@ -220,5 +223,8 @@ impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
     }
     fn value(&self) -> Value {
         Shape::List(self.iter().map(T::value).collect()).into()
+    }
+    fn numbers(&self) -> Vec<f64> {
+        self.iter().flat_map(T::numbers).collect()
     }
 }
