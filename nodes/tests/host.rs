@@ -11,7 +11,7 @@ use haptograph_engine::graph::{CheckOptions, Graph, Hosted, NodeId, check};
 use haptograph_engine::host::{Full, HostError, PlayOptions, Player, Scalar, Vector, Wrench};
 use haptograph_engine::node::LiveId;
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::{Change, ControlError, Run};
+use haptograph_engine::run::{Change, ControlError, Run, Session};
 use haptograph_engine::settings::MAX_LIVE_ITEMS;
 use haptograph_nodes::filters::classical::BandPass;
 use realtime::allocations;
@@ -430,6 +430,53 @@ fn a_gain_that_is_turned_has_the_same_samples_whatever_the_block() {
     for block in [1, 2, 32] {
         assert!(samples(block) == whole, "blocks of {block}");
     }
+}
+
+#[test]
+fn a_live_setting_is_set_in_the_unit_of_its_name_and_means_the_same_as_when_it_is_written() {
+    let graph = |constant_mm_s: f64| {
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 1000) }}, nodes: {{
+                "v": Constant(clock: "servo", value: 0.1, quantity: "speed"),
+                "n": Constant(clock: "servo", value: 1, quantity: "force"),
+                "felt": Responsiveness(speed: "v", force: "n", condition: Force, constant_mm_s: {constant_mm_s}),
+            }})"#
+        );
+        let document = Document::parse("felt.ron", &text).expect("it is a graph");
+        check(&document, &haptograph_nodes::registry(), &CheckOptions::default()).expect("it is sound")
+    };
+    let (before, after) = (graph(130.0), graph(31.7));
+    let last = |graph: &Graph, change: &mut dyn FnMut(&mut Session)| {
+        let options = PlayOptions::default().probe("felt.speed");
+        let (mut player, mut session) = Player::open(graph, &options).expect("plays");
+        let mut probe = player.probe::<Scalar>("felt.speed").expect("a probe");
+        player.process(10);
+        change(&mut session);
+        player.process(90);
+        let mut frames = [0.0; 100];
+        assert_eq!(probe.read(&mut frames), 100);
+        player.finish(session);
+        frames[99].to_bits()
+    };
+    let written = last(&after, &mut |_| {});
+    assert_eq!(written, (31.7 * 1e-3_f64).to_bits());
+    let set = last(&before, &mut |session| {
+        session
+            .set_by_name("felt.constant_mm_s", 31.7)
+            .expect("it is live");
+        let live = session
+            .settings()
+            .find(|live| live.name() == "felt.constant_mm_s");
+        assert_eq!(
+            live.map(|live| (live.value, live.si_per_unit)),
+            Some((31.7, 1e-3))
+        );
+    });
+    let reloaded = last(&before, &mut |session| {
+        let changed = session.change_without_files(&after).expect("it is swapped");
+        assert_eq!(changed.change, Change::Settings(1));
+    });
+    assert_eq!([set, reloaded], [written; 2]);
 }
 
 /// A mixer of a sine and a constant vector's x.
