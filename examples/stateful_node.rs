@@ -42,7 +42,7 @@ impl NodeKind for Bristle {
     };
 
     fn build(settings: BristleSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        if settings.stiffness_n_per_mm == 0.0 && settings.slips_at_n > 0.0 {
+        if settings.stiffness_n_per_mm.si() == 0.0 && settings.slips_at_n > 0.0 {
             let wrong = BuildError::at("stiffness_n_per_mm", "a bristle without stiffness never slips");
             return Err(wrong.help("give it a stiffness above 0, or take the node away"));
         }
