@@ -8,6 +8,7 @@ use haptograph::engine::node::{
 };
 use haptograph::engine::registry::Registry;
 use haptograph::signal::quantity::Quantity;
+use haptograph::signal::units::Millimetres;
 use std::f64::consts::TAU;
 use std::process::ExitCode;
 
@@ -15,7 +16,7 @@ haptograph::engine::settings! {
     /// Settings of [`Detents`].
     pub struct DetentsSettings {
         /// From one rest position to the next, mm.
-        pitch_mm: f64 = 2.0, in 0.01..=1000.0;
+        pitch_mm: Millimetres = Millimetres(2.0), in 0.01..=1000.0;
         /// The strongest pull, N.
         strength_n: f64 = 0.5, in 0.0..=10.0;
     }
@@ -43,7 +44,7 @@ impl NodeKind for Detents {
 
     fn build(settings: DetentsSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Pull {
-            radians_per_m: TAU / (settings.pitch_mm * 1e-3),
+            radians_per_m: TAU / settings.pitch_mm.si(),
             strength_n: settings.strength_n,
         }))
     }

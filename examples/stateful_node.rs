@@ -8,13 +8,14 @@ use haptograph::engine::node::{
 };
 use haptograph::engine::registry::Registry;
 use haptograph::signal::quantity::Quantity;
+use haptograph::signal::units::NewtonsPerMillimetre;
 use std::process::ExitCode;
 
 haptograph::engine::settings! {
     /// Settings of [`Bristle`].
     pub struct BristleSettings {
         /// Of the bristle while it sticks, N/mm.
-        stiffness_n_per_mm: f64 = 0.5, in 0.0..=100.0;
+        stiffness_n_per_mm: NewtonsPerMillimetre = NewtonsPerMillimetre(0.5), in 0.0..=100.0;
         /// The pull at which its foot slips, N.
         [live] slips_at_n: f64 = 0.6, in 0.0..=10.0;
     }
@@ -41,12 +42,12 @@ impl NodeKind for Bristle {
     };
 
     fn build(settings: BristleSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        if settings.stiffness_n_per_mm == 0.0 && settings.slips_at_n > 0.0 {
+        if settings.stiffness_n_per_mm.si() == 0.0 && settings.slips_at_n > 0.0 {
             let wrong = BuildError::at("stiffness_n_per_mm", "a bristle without stiffness never slips");
             return Err(wrong.help("give it a stiffness above 0, or take the node away"));
         }
         Ok(Built::new(Spring {
-            stiffness_n_per_m: settings.stiffness_n_per_mm * 1e3,
+            stiffness_n_per_m: settings.stiffness_n_per_mm.si(),
             slips_at_n: settings.slips_at_n,
             foot_m: None,
         }))

@@ -8,6 +8,7 @@ mod fields;
 mod live;
 mod rewrite;
 mod spelling;
+mod unit;
 mod values;
 
 pub(crate) use expected::written;
@@ -15,13 +16,14 @@ pub use expected::{Expected, Form};
 pub use fields::{Fields, fields_of};
 #[doc(hidden)]
 pub use live::any;
-pub use live::{DeclaredField, LiveId, LiveSetting, SettingId, TypedId};
+pub use live::{DeclaredField, LiveId, LiveSetting, MAX_LIVE_ITEMS, SettingId, TypedId};
 pub(crate) use live::{count_live, has_limit, same};
 pub use spelling::closest;
+pub use unit::{Scale, check_unit};
 
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Shape, Tagged, Value};
-use haptograph_signal::units::{self, Unit};
+use haptograph_signal::units::Unit;
 use std::path::{Path, PathBuf};
 
 /// Specification of a setting.
@@ -33,13 +35,16 @@ pub struct SettingSpec {
     pub doc: String,
     /// The values that the setting accepts.
     pub expected: Expected,
-    /// The unit of its numbers, from its name, with the scale to SI.
+    /// The unit of its numbers, of its type or, for a plain number, from its name.
     pub unit: Option<Unit>,
+    /// SI per unit of its numbers, by which the engine multiplies what a live setting is set to; 1 for a plain number.
+    pub si_per_unit: f64,
     /// Default in RON; `None` if the setting is required.
     pub default: Option<String>,
-    /// Smallest and largest value.
+    /// Smallest and largest value, of each number of a list.
     pub range: Option<(f64, f64)>,
-    /// True if the setting can change while the graph runs.
+    /// True if the setting can change while the graph runs; of a list, each number, if there are at most
+    /// [`MAX_LIVE_ITEMS`].
     pub live: bool,
     /// True if the value is a whole number. Such a setting jumps to a new value.
     pub whole: bool,
@@ -82,7 +87,8 @@ impl SettingSpec {
             below_nyquist: false,
             role: SettingRole::Plain,
             parts: T::parts(),
-            unit: units::of_name(name).filter(|_| expected.is_numeric()),
+            unit: T::SCALE.unit(name).filter(|_| expected.is_numeric()),
+            si_per_unit: T::SCALE.si_per_unit(),
             expected,
         }
     }
@@ -112,6 +118,8 @@ pub trait Settings: Sized + 'static {
 
 /// A type that a setting can have.
 pub trait Setting: Sized {
+    /// What its numbers are in SI.
+    const SCALE: Scale = Scale::Other;
     /// The values that the type accepts.
     fn expected() -> Expected;
     /// Reads a value. `None` after at least one reported diagnostic.
@@ -126,9 +134,9 @@ pub trait Setting: Sized {
     fn parts() -> Vec<Part> {
         Vec::new()
     }
-    /// The value as a number, for the check of the range.
-    fn number(&self) -> Option<f64> {
-        None
+    /// Its numbers, for the check of the range.
+    fn numbers(&self) -> Vec<f64> {
+        Vec::new()
     }
 }
 

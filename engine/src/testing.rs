@@ -315,7 +315,7 @@ impl Bench {
         &self.kinds
     }
 
-    /// Sets a live setting, as [`Processor::set`](crate::node::Processor::set) gets it.
+    /// Sets a live setting, as [`Processor::set`](crate::node::Processor::set) gets it: in SI.
     pub fn set(&mut self, setting: impl Into<SettingId>, value: f64) {
         self.processor.set(setting.into(), value);
     }

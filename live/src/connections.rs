@@ -1,8 +1,6 @@
 //! The backends of a run, together.
 
-use crate::backend::{
-    Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Lives, Role, backends,
-};
+use crate::backend::{Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Role, backends};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::RingReport;
@@ -149,7 +147,11 @@ impl Connections {
     /// # Errors
     /// [`BackendError`] if one cannot be started, or a clock has none.
     #[cfg(any(test, feature = "supervisor"))]
-    pub(crate) fn drive(&mut self, graph: &Graph, mut lives: Lives) -> Result<(), BackendError> {
+    pub(crate) fn drive(
+        &mut self,
+        graph: &Graph,
+        mut lives: crate::backend::Lives,
+    ) -> Result<(), BackendError> {
         for member in self.backends.iter_mut().filter(|member| member.entry.drives) {
             let before: Vec<usize> = lives.iter().map(|(clock, _)| *clock).collect();
             member.backend.drive(graph, &mut lives)?;
@@ -232,10 +234,10 @@ impl Connections {
     /// # Errors
     /// [`BackendError::Lost`] if a driver's thread panicked.
     #[cfg(any(test, feature = "supervisor"))]
-    pub(crate) fn close(&mut self) -> Result<Lives, BackendError> {
+    pub(crate) fn close(&mut self) -> Result<crate::backend::Lives, BackendError> {
         // All of them, whatever happened to one.
         let closed: Vec<_> = self.all_mut().map(|backend| backend.close()).collect();
-        let mut lives = Lives::new();
+        let mut lives = crate::backend::Lives::new();
         for ended in closed {
             lives.extend(ended?);
         }

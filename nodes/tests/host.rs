@@ -4,13 +4,15 @@
 
 mod realtime;
 
+use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Builder, Document, LoadOptions, Part, hold};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::{CheckOptions, Graph, Hosted, NodeId, check};
 use haptograph_engine::host::{Full, HostError, PlayOptions, Player, Scalar, Vector, Wrench};
 use haptograph_engine::node::LiveId;
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::{ControlError, Run};
+use haptograph_engine::run::{Change, ControlError, Run, Session};
+use haptograph_engine::settings::MAX_LIVE_ITEMS;
 use haptograph_nodes::filters::classical::BandPass;
 use realtime::allocations;
 use std::path::Path;
@@ -428,4 +430,157 @@ fn a_gain_that_is_turned_has_the_same_samples_whatever_the_block() {
     for block in [1, 2, 32] {
         assert!(samples(block) == whole, "blocks of {block}");
     }
+}
+
+#[test]
+fn a_live_setting_is_set_in_the_unit_of_its_name_and_means_the_same_as_when_it_is_written() {
+    let graph = |constant_mm_s: f64| {
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 1000) }}, nodes: {{
+                "v": Constant(clock: "servo", value: 0.1, quantity: "speed"),
+                "n": Constant(clock: "servo", value: 1, quantity: "force"),
+                "felt": Responsiveness(speed: "v", force: "n", condition: Force, constant_mm_s: {constant_mm_s}),
+            }})"#
+        );
+        let document = Document::parse("felt.ron", &text).expect("it is a graph");
+        check(&document, &haptograph_nodes::registry(), &CheckOptions::default()).expect("it is sound")
+    };
+    let (before, after) = (graph(130.0), graph(31.7));
+    let last = |graph: &Graph, change: &mut dyn FnMut(&mut Session)| {
+        let options = PlayOptions::default().probe("felt.speed");
+        let (mut player, mut session) = Player::open(graph, &options).expect("plays");
+        let mut probe = player.probe::<Scalar>("felt.speed").expect("a probe");
+        player.process(10);
+        change(&mut session);
+        player.process(90);
+        let mut frames = [0.0; 100];
+        assert_eq!(probe.read(&mut frames), 100);
+        player.finish(session);
+        frames[99].to_bits()
+    };
+    let written = last(&after, &mut |_| {});
+    assert_eq!(written, (31.7 * 1e-3_f64).to_bits());
+    let set = last(&before, &mut |session| {
+        session
+            .set_by_name("felt.constant_mm_s", 31.7)
+            .expect("it is live");
+        let live = session
+            .settings()
+            .find(|live| live.name() == "felt.constant_mm_s");
+        assert_eq!(
+            live.map(|live| (live.value, live.si_per_unit)),
+            Some((31.7, 1e-3))
+        );
+    });
+    let reloaded = last(&before, &mut |session| {
+        let changed = session.change_without_files(&after).expect("it is swapped");
+        assert_eq!(changed.change, Change::Settings(1));
+    });
+    assert_eq!([set, reloaded], [written; 2]);
+}
+
+/// A mixer of a sine and a constant vector's x.
+fn mixer(gains: &str, more: &str) -> Result<Graph, Diagnostics> {
+    let text = format!(
+        r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 1000) }}, nodes: {{
+            "tone": Sine(clock: "servo", frequency_hz: 30),
+            "wind": ConstantVector(clock: "servo", value: [1, 2, 3]),
+            "x": Components(input: "wind"),
+            "mix": Mixer(inputs: ["tone", "x.x"{more}], gains: {gains}),
+        }})"#
+    );
+    let document = Document::parse("mix.ron", &text)?;
+    check(&document, &haptograph_nodes::registry(), &CheckOptions::default())
+}
+
+#[test]
+fn the_numbers_of_a_live_list_are_set_one_by_one() {
+    let graph = mixer("[1, 0.5]", "").expect("it is sound");
+    let names: Vec<String> = graph.live_settings().iter().map(|live| live.name()).collect();
+    for name in ["mix.gains[0]", "mix.gains[1]", "mix.master", "wind.value[2]"] {
+        assert!(names.iter().any(|known| known == name), "{name}: {names:?}");
+    }
+    let samples = |block: usize| {
+        let options = PlayOptions::default().probe("mix");
+        let (mut player, mut session) = Player::open(&graph, &options).expect("plays");
+        let mut probe = player.probe::<Scalar>("mix").expect("a probe");
+        let mut heard = Vec::new();
+        let mut play = |player: &mut Player| {
+            let mut frames = [0.0; 128];
+            (0..128 / block).for_each(|_| player.process(block));
+            assert_eq!(probe.read(&mut frames), 128);
+            heard.extend(frames);
+        };
+        play(&mut player);
+        session.set_by_name("mix.gains[0]", 0.0).expect("it is live");
+        session.set_by_name("mix.gains[1]", 2.0).expect("it is live");
+        session.set_by_name("wind.value[0]", 10.0).expect("it is live");
+        play(&mut player);
+        for unknown in [
+            "mix.gains",
+            "mix.gains[2]",
+            "mix.gains[-1]",
+            "mix.gains[]",
+            "wind.value[3]",
+        ] {
+            let refused = session.set_by_name(unknown, 1.0);
+            assert_eq!(refused, Err(ControlError::NotLive), "{unknown}");
+        }
+        player.finish(session);
+        heard
+    };
+    let whole = samples(128);
+    assert_eq!((whole[0], whole[255]), (0.5, 20.0));
+    // It ramps within 20 ms.
+    let rising = whole[128..148]
+        .windows(2)
+        .filter(|pair| pair[0] != pair[1])
+        .count();
+    assert!(rising > 10 && whole[148..].iter().all(|y| *y == 20.0), "{rising}");
+    let bits = |samples: &[f64]| -> Vec<u64> { samples.iter().map(|x| x.to_bits()).collect() };
+    for block in [1, 2, 32] {
+        assert!(bits(&samples(block)) == bits(&whole), "blocks of {block}");
+    }
+}
+
+#[test]
+fn another_number_in_a_list_is_set_in_place_and_another_length_is_another_node() {
+    let graph = mixer("[1, 0.5]", "").expect("it is sound");
+    let changes = |after: &Graph| {
+        let (mut player, mut session) = Player::open(&graph, &PlayOptions::default()).expect("plays");
+        player.process(100);
+        let change = session.change_without_files(after).expect("it is swapped").change;
+        player.process(100);
+        let set = session.settings().find(|live| live.name() == "mix.gains[1]");
+        let value = set.map(|live| live.value);
+        player.finish(session);
+        (change, value)
+    };
+    let turned = mixer("[1, 0.25]", "").expect("it is sound");
+    assert_eq!(changes(&turned), (Change::Settings(1), Some(0.25)));
+    let longer = mixer("[1, 0.25, 1]", ", \"x.y\"").expect("it is sound");
+    let (change, value) = changes(&longer);
+    assert!(!matches!(change, Change::Settings(_)), "{change:?}");
+    assert_eq!(value, Some(0.25));
+    assert_ne!(fingerprint(&graph), fingerprint(&longer));
+    assert_eq!(fingerprint(&graph), fingerprint(&turned));
+}
+
+fn fingerprint(graph: &Graph) -> u64 {
+    let mix = graph.nodes().iter().find(|node| node.path == "mix");
+    mix.expect("the mixer").fingerprint
+}
+
+#[test]
+fn a_list_of_many_numbers_is_not_live() {
+    let names = |count: usize| {
+        let more = ", \"x.x\"".repeat(count - 2);
+        let graph = mixer(&format!("{:?}", vec![0.5; count]), &more).expect("it is sound");
+        let live = graph.live_settings();
+        live.iter().filter(|live| live.field == "gains").count()
+    };
+    assert_eq!(
+        [names(MAX_LIVE_ITEMS), names(MAX_LIVE_ITEMS + 1)],
+        [MAX_LIVE_ITEMS, 0]
+    );
 }

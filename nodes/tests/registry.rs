@@ -7,8 +7,8 @@ mod extremes;
 mod realtime;
 
 use haptograph_engine::frame::{Kind, OneKind};
-use haptograph_engine::node::{NodeEntry, Presence};
-use haptograph_engine::settings::SettingSpec;
+use haptograph_engine::node::{NodeEntry, Presence, SettingId};
+use haptograph_engine::settings::{Expected, SettingSpec};
 use haptograph_engine::testing::{Bench, ExampleNode, MAX_FRAMES, device_from_example, node_from_example};
 use haptograph_nodes::contact::Contact;
 use haptograph_nodes::registry;
@@ -73,14 +73,24 @@ const OTHERS: [Quantity; 5] = [
 
 /// Settings of processors that are a frequency, a gain or a level and do not change while a graph runs: (kind, setting,
 /// why).
-const NOT_LIVE: [(&str, &str, &str); 22] = [
-    ("Crossover", "at_hz", LIST),
-    ("ConstantVector", "value", LIST),
-    ("Mixer", "gains", LIST),
-    ("Curve", "points", LIST),
-    ("SecondOrderSection", "b", LIST),
-    ("SecondOrderSection", "a", LIST),
-    ("WavOverPosition", "axis", LIST),
+const NOT_LIVE: [(&str, &str, &str); 20] = [
+    (
+        "Crossover",
+        "at_hz",
+        "frequencies that have to ascend: a change of one at a time passes through lists that are refused",
+    ),
+    (
+        "Curve",
+        "points",
+        "pairs whose x has to rise: a change of one number at a time passes through curves that are refused",
+    ),
+    ("SecondOrderSection", "b", COEFFICIENTS),
+    ("SecondOrderSection", "a", COEFFICIENTS),
+    (
+        "WavOverPosition",
+        "axis",
+        "a direction, neither a gain nor a level: its length does not count",
+    ),
     (
         "Integrator",
         "start",
@@ -113,7 +123,8 @@ const NOT_LIVE: [(&str, &str, &str); 22] = [
     ("ForceSensorModel", "most_torque_n_mm", SENSOR),
     ("ForceSensorModel", "noise_steps", SENSOR),
 ];
-const LIST: &str = "a list; a live setting is one number";
+const COEFFICIENTS: &str = "they belong together: a change of one at a time passes through other filters, unstable ones too; \
+                            `Biquad` has live frequencies";
 const SENSOR: &str = "a constant of a simulated sensor; with another it would be another sensor";
 
 #[test]
@@ -178,7 +189,7 @@ fn every_live_setting_changes_what_its_node_puts_out() {
         if !is_processor(entry, folder.path()) {
             continue;
         }
-        for (id, setting) in entry.live_settings() {
+        for (id, setting) in live_numbers(entry) {
             let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
             let high = match setting.below_nyquist {
                 true => high.min(0.4 * SERVO_HZ),
@@ -210,7 +221,7 @@ fn every_live_setting_changes_what_its_node_puts_out() {
                     let run =
                         |bench: &mut Bench, at: usize| bench.run_frames(FRAMES, &slices(&inputs[at]), &[64]);
                     let before = [run(&mut kept, 0), run(&mut turned, 0)];
-                    turned.set(id, *value);
+                    turned.set(id, value * setting.si_per_unit);
                     let after = [run(&mut kept, 1), run(&mut turned, 1)];
                     !same(&before[0], &before[1]) || !same(&after[0], &after[1])
                 })
@@ -229,6 +240,100 @@ fn every_live_setting_changes_what_its_node_puts_out() {
         "a change of these is not seen, or seen and listed: {wrong:?}"
     );
     assert!(tested > 60, "only {tested} were tested");
+}
+
+/// Live settings with another effect when the node is built: (kind, setting, why).
+const OTHERWISE_WHEN_BUILT: [(&str, &str, &str); 1] = [(
+    "DynamicCompensator",
+    "corner_hz",
+    "`most_a_per_m_s2` bounds it when it is built",
+)];
+
+#[test]
+fn a_live_setting_means_the_same_whether_built_with_or_set() {
+    const FRAMES: usize = 500;
+    let folder = folder();
+    let (mut wrong, mut tested) = (Vec::new(), 0);
+    for entry in registry().nodes() {
+        if !is_processor(entry, folder.path()) {
+            continue;
+        }
+        for (id, setting) in entry.live_settings() {
+            let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
+            let value = if setting.whole { 3.0 } else { 0.37 };
+            let value = if (low..=high).contains(&value) { value } else { low };
+            let handles = handles(id, &setting);
+            let written = match handles[0].item() {
+                None => format!("{}: {value}", setting.name),
+                Some(_) => format!("{}: {:?}", setting.name, vec![value; handles.len()]),
+            };
+            let build = |settings: &str| {
+                let made = node_from_example(entry, settings, folder.path(), SERVO_HZ, Kind::SCALAR);
+                match made {
+                    Ok(ExampleNode::Processor(bench)) => Some(bench),
+                    _ => None,
+                }
+            };
+            let tries = tries(entry);
+            // Where an input stands in for the setting, the node is built with that until the input has a value.
+            let first = usize::from(build(&tries[1]).is_some());
+            for settings in &tries[first..] {
+                let settings = settings.trim_end_matches(", ");
+                if settings.contains(setting.name) {
+                    continue;
+                }
+                let (Some(mut set), Some(mut built)) = (
+                    build(settings),
+                    build(format!("{settings}, {written}").trim_start_matches(", ")),
+                ) else {
+                    continue;
+                };
+                for id in &handles {
+                    set.set(*id, value * setting.si_per_unit);
+                }
+                let mut rng = Xoshiro256PlusPlus::seed_from_u64(33);
+                let kinds = set.kinds().iter();
+                let inputs: Vec<Vec<f64>> = kinds
+                    .map(|kind| kind.map_or_else(Vec::new, |kind| signal(kind, FRAMES, false, &mut rng)))
+                    .collect();
+                let run = |bench: &mut Bench| bench.run_frames(FRAMES, &slices(&inputs), &[64]);
+                let excepted = OTHERWISE_WHEN_BUILT
+                    .iter()
+                    .any(|(kind, name, _)| (*kind, *name) == (entry.spec.name, setting.name));
+                let (set, built) = (run(&mut set), run(&mut built));
+                if !excepted && !close(&set, &built) {
+                    let flat = |outputs: &[Vec<f64>]| outputs.concat();
+                    let (set, built) = (flat(&set), flat(&built));
+                    let at = set.iter().zip(&built).position(|(a, b)| a != b);
+                    let pair = at.map(|at| (at, set[at], built[at]));
+                    wrong.push(format!(
+                        "{}.{} = {value} with `{settings}`: {pair:?}",
+                        entry.spec.name, setting.name
+                    ));
+                }
+                tested += 1;
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "not the same: {wrong:#?}");
+    assert!(tested > 60, "only {tested} were tested");
+}
+
+/// The handles of the numbers of a live setting: of a list those of its first two or, of a fixed length, of all.
+fn handles(id: SettingId, setting: &SettingSpec) -> Vec<SettingId> {
+    match setting.expected {
+        Expected::List(_) => (0..2).map(|item| id.with_item(item)).collect(),
+        Expected::Array(count, _) => (0..count).map(|item| id.with_item(item)).collect(),
+        _ => vec![id],
+    }
+}
+
+/// The live numbers of a kind.
+fn live_numbers(entry: &NodeEntry) -> impl Iterator<Item = (SettingId, SettingSpec)> {
+    entry.live_settings().flat_map(|(id, setting)| {
+        let handles = handles(id, &setting);
+        handles.into_iter().map(move |id| (id, setting.clone()))
+    })
 }
 
 /// A folder with the files that examples name.
@@ -508,11 +613,19 @@ fn nothing_is_allocated_while_running() {
     });
 }
 
+/// Equal but for rounding.
+fn close(a: &[Vec<f64>], b: &[Vec<f64>]) -> bool {
+    let near = |(a, b): (&f64, &f64)| {
+        a == b || (a - b).abs() <= 1e-9 * a.abs().max(b.abs()).max(1e-3) || (a.is_nan() && b.is_nan())
+    };
+    a.len() == b.len() && a.iter().flatten().zip(b.iter().flatten()).all(near)
+}
+
 #[test]
 fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
     let mut tested = 0;
     each_processor(|entry, build| {
-        for (id, setting) in entry.live_settings() {
+        for (id, setting) in live_numbers(entry) {
             let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
             // As the engine has it: below half the rate of the slowest bench.
             let high = if setting.below_nyquist {
@@ -524,7 +637,7 @@ fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
             for (seed, value) in (1..).zip([high, low, 0.5 * (low + high), high, low.midpoint(1.0)]) {
                 let inputs = inputs(&bench, 200, false, seed);
                 bench.load(&slices(&inputs), 200);
-                let set = allocations(|| bench.set(id, value));
+                let set = allocations(|| bench.set(id, value * setting.si_per_unit));
                 assert_eq!(set, 0, "{}.{}", entry.spec.name, setting.name);
                 bench.step();
                 for output in bench.outputs() {

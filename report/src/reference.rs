@@ -4,7 +4,7 @@ use haptograph_engine::device::{Channel, DeviceEntry};
 use haptograph_engine::document::library::{LibraryTemplate, templates};
 use haptograph_engine::node::{Flow, KindRule, NodeEntry, Presence, QuantityRule};
 use haptograph_engine::registry::Registry;
-use haptograph_engine::settings::SettingSpec;
+use haptograph_engine::settings::{Expected, MAX_LIVE_ITEMS, SettingSpec};
 use std::fmt::Write as _;
 
 /// Selection of kinds.
@@ -363,10 +363,13 @@ fn fields(text: &mut String, list: &[SettingSpec], depth: usize) {
         let range = setting.range.map_or_else(String::new, |(low, high)| {
             format!(", {} to {}", shortly(low), shortly(high))
         });
-        let live = if setting.live {
-            ", can be changed while running"
-        } else {
-            ""
+        let live = match (setting.live, &setting.expected) {
+            (false, _) => "".to_owned(),
+            (true, Expected::List(_)) => {
+                format!(", each of at most {MAX_LIVE_ITEMS} can be changed while running")
+            }
+            (true, Expected::Array(..)) => ", each can be changed while running".to_owned(),
+            (true, _) => ", can be changed while running".to_owned(),
         };
         let unit = setting.unit.as_ref();
         let unit = unit.map_or_else(String::new, |unit| format!(", in {}", unit.symbol));

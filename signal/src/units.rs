@@ -82,6 +82,156 @@ const UNITS: &[Row] = &[
     ),
 ];
 
+/// The unit at the end of a setting's name, in constants too: the length of its suffix, and SI per unit. The dividend of a
+/// quotient may be anything that is counted, as in `counts_per_mm`, whose suffix is `_per_mm`.
+pub const fn at_end_of(name: &str) -> Option<(usize, f64)> {
+    const PER: &[u8] = b"_per";
+    let name = name.as_bytes();
+    let Some(unit) = longest(name, name.len(), false) else {
+        return None;
+    };
+    let before = name.len() - unit.suffix.len();
+    if !ends_with(name, before, PER, false) {
+        return Some((unit.suffix.len(), unit.si));
+    }
+    let quotient = PER.len() + unit.suffix.len();
+    match longest(name, before - PER.len(), true) {
+        Some(dividend) => Some((dividend.suffix.len() + quotient, dividend.si / unit.si)),
+        None => Some((quotient, 1.0 / unit.si)),
+    }
+}
+
+/// The unit with the longest suffix at the end of the first `end` bytes of a name; the last of several.
+const fn longest(name: &[u8], end: usize, may_be_all: bool) -> Option<&'static Row> {
+    let (mut found, mut at) = (None::<&Row>, 0);
+    while at < UNITS.len() {
+        let row = &UNITS[at];
+        let is_longer = match found {
+            Some(found) => row.suffix.len() >= found.suffix.len(),
+            None => true,
+        };
+        if is_longer && ends_with(name, end, row.suffix.as_bytes(), may_be_all) {
+            found = Some(row);
+        }
+        at += 1;
+    }
+    found
+}
+
+/// True if the first `end` bytes of a name end with a suffix, or are all of it without its underscore.
+const fn ends_with(name: &[u8], end: usize, suffix: &[u8], may_be_all: bool) -> bool {
+    let mut left = suffix.len();
+    while left > 0 {
+        left -= 1;
+        let behind = suffix.len() - left;
+        if behind > end {
+            return may_be_all && left == 0;
+        }
+        if name[end - behind] != suffix[left] {
+            return false;
+        }
+    }
+    true
+}
+
+/// SI per unit of a suffix, for the types of [`unit_types!`](crate::unit_types!).
+///
+/// # Panics
+/// If the table of units does not have the suffix or its parts; in a constant that is a compile error.
+#[doc(hidden)]
+pub const fn si_of_suffix(suffix: &str) -> f64 {
+    match at_end_of(suffix) {
+        Some((length, si)) if length == suffix.len() => si,
+        _ => panic!("no unit has this suffix"),
+    }
+}
+
+/// Declares the types of units by the suffixes of names. Symbol, quantity and factor are those of the table of units.
+///
+/// ```
+/// haptograph_signal::unit_types! {
+///     /// Millivolts per newton.
+///     pub struct MillivoltsPerNewton("_mv_per_n");
+/// }
+/// assert_eq!(MillivoltsPerNewton(2.0).si(), 0.002);
+/// ```
+/// A suffix that the table does not have does not compile:
+///
+/// ```compile_fail,E0080
+/// haptograph_signal::unit_types! {
+///     /// Furlongs.
+///     pub struct Furlongs("_furlong");
+/// }
+/// assert_eq!(Furlongs(1.0).si(), 201.168);
+/// ```
+#[macro_export]
+macro_rules! unit_types {
+    ($($(#[doc = $doc:expr])* $vis:vis struct $name:ident($suffix:literal);)*) => {$(
+        $(#[doc = $doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default)]
+        $vis struct $name(pub f64);
+
+        impl $name {
+            /// End of the names of settings in this unit.
+            pub const SUFFIX: &'static str = $suffix;
+            /// SI per unit.
+            pub const SI_PER_UNIT: f64 = $crate::units::si_of_suffix($suffix);
+
+            /// The value in SI.
+            pub const fn si(self) -> f64 {
+                self.0 * Self::SI_PER_UNIT
+            }
+
+            /// A value in SI, in this unit.
+            pub const fn of_si(si: f64) -> Self {
+                Self(si * (1.0 / Self::SI_PER_UNIT))
+            }
+        }
+    )*};
+}
+
+unit_types! {
+    /// Millimetres.
+    pub struct Millimetres("_mm");
+    /// Centimetres.
+    pub struct Centimetres("_cm");
+    /// Micrometres.
+    pub struct Micrometres("_um");
+    /// Grams.
+    pub struct Grams("_g");
+    /// Milliseconds.
+    pub struct Milliseconds("_ms");
+    /// Milliamperes.
+    pub struct Milliamperes("_ma");
+    /// Degrees.
+    pub struct Degrees("_deg");
+    /// Millimetres per second.
+    pub struct MillimetresPerSecond("_mm_s");
+    /// Millimetres per second squared.
+    pub struct MillimetresPerSecondSquared("_mm_s2");
+    /// Millinewtons.
+    pub struct Millinewtons("_mn");
+    /// Newton millimetres.
+    pub struct NewtonMillimetres("_n_mm");
+    /// Millivolts.
+    pub struct Millivolts("_mv");
+    /// Kilohertz.
+    pub struct Kilohertz("_khz");
+    /// Newtons per millimetre.
+    pub struct NewtonsPerMillimetre("_n_per_mm");
+    /// Seconds per millimetre.
+    pub struct SecondsPerMillimetre("_s_per_mm");
+    /// A count per millimetre.
+    pub struct PerMillimetre("_per_mm");
+}
+
+impl Degrees {
+    /// The angle in turns.
+    pub const fn turns(self) -> f64 {
+        self.0 / 360.0
+    }
+}
+
 /// Units that no factor converts: the ends of their names, and their symbols.
 const WITHOUT_A_FACTOR: [(&str, &str); 2] = [("_db", "dB"), ("_c", "°C")];
 
@@ -271,6 +421,40 @@ mod tests {
         assert_eq!(between("speed_m_s", "speed_mm_s"), Some(1e3));
         assert_eq!(between("low_khz", "high_hz"), None);
         assert_eq!(between("width_mm", "width_ms"), None);
+    }
+
+    #[test]
+    fn a_type_gives_the_bits_of_its_factor() {
+        for x in [0.1, 30.0, 25.4, 1.0 / 3.0, 8191.7] {
+            assert_eq!(Millimetres(x).si().to_bits(), (x * 1e-3).to_bits());
+            assert_eq!(Degrees(x).si().to_bits(), x.to_radians().to_bits());
+            assert_eq!(NewtonsPerMillimetre(x).si().to_bits(), (x * 1e3).to_bits());
+            assert_eq!(SecondsPerMillimetre(x).si().to_bits(), (x * 1e3).to_bits());
+            assert_eq!(PerMillimetre(x).si().to_bits(), (x * 1e3).to_bits());
+            assert_eq!(Grams::of_si(x).0.to_bits(), (x * 1e3).to_bits());
+            assert_eq!(NewtonsPerMillimetre::of_si(x).0.to_bits(), (x * 1e-3).to_bits());
+            assert_eq!(Degrees(x).turns().to_bits(), (x / 360.0).to_bits());
+        }
+    }
+
+    #[test]
+    fn the_end_of_a_name_in_a_constant_is_that_at_run_time() {
+        let scaled = UNITS.iter().map(|unit| format!("x{}", unit.suffix));
+        let more = ["slope_s_per_mm", "m_s2_per_v", "most_a_per_m_s2", "slew_a_per_s"];
+        for name in scaled.chain(more.map(str::to_owned)) {
+            let scale = of_name(&name).and_then(|unit| unit.scale);
+            assert_eq!(
+                at_end_of(&name).map(|(_, si)| si),
+                scale.map(|(_, si)| si),
+                "{name}"
+            );
+        }
+        assert_eq!(at_end_of("counts_per_mm"), Some(("_per_mm".len(), 1e3)));
+        assert_eq!(at_end_of("slope_s_per_mm"), Some(("_s_per_mm".len(), 1e3)));
+        for name in ["level", "mm", "", "per_mm"] {
+            let known = at_end_of(name).is_some();
+            assert_eq!(known, name == "per_mm", "{name}");
+        }
     }
 
     #[test]

@@ -9,6 +9,7 @@ use crate::nodes::actuators::identify::{Identified, Known, Sweep, identify};
 use crate::nodes::simulated::haptuator::TwoMassSettings;
 use crate::report::identification;
 use crate::report::page::Simulation;
+use crate::signal::units::{Grams, NewtonsPerMillimetre};
 use crate::surfaces::recording::load_sweep;
 use clap::ArgGroup;
 use serde_json::{Value, json};
@@ -154,11 +155,11 @@ fn as_json(found: &Identified, simulated: bool) -> String {
     let parameters = found.parameters.map(TwoMassSettings::from).map(|p| {
         json!({
             "force_n_per_a": p.force_n_per_a,
-            "magnet_g": p.magnet_g,
-            "suspension_n_per_mm": p.suspension_n_per_mm,
+            "magnet_g": p.magnet_g.0,
+            "suspension_n_per_mm": p.suspension_n_per_mm.0,
             "suspension_n_s_per_m": p.suspension_n_s_per_m,
-            "body_g": p.body_g,
-            "hand_n_per_mm": p.hand_n_per_mm,
+            "body_g": p.body_g.0,
+            "hand_n_per_mm": p.hand_n_per_mm.0,
             "hand_n_s_per_m": p.hand_n_s_per_m,
         })
     });
@@ -181,11 +182,11 @@ fn rounded(p: TwoMassSettings) -> TwoMassSettings {
     };
     TwoMassSettings {
         force_n_per_a: round(p.force_n_per_a),
-        magnet_g: round(p.magnet_g),
-        suspension_n_per_mm: round(p.suspension_n_per_mm),
+        magnet_g: Grams(round(p.magnet_g.0)),
+        suspension_n_per_mm: NewtonsPerMillimetre(round(p.suspension_n_per_mm.0)),
         suspension_n_s_per_m: round(p.suspension_n_s_per_m),
-        body_g: round(p.body_g),
-        hand_n_per_mm: round(p.hand_n_per_mm),
+        body_g: Grams(round(p.body_g.0)),
+        hand_n_per_mm: NewtonsPerMillimetre(round(p.hand_n_per_mm.0)),
         hand_n_s_per_m: round(p.hand_n_s_per_m),
     }
 }

@@ -211,7 +211,7 @@ fn settings(stage: &Stage) -> Vec<Value> {
         let spec = specs.iter().find(|spec| spec.name == live.field);
         let unit = symbol(spec.and_then(|spec| spec.unit.as_ref()));
         json!({
-            "name": live.name(), "node": live.path, "field": live.field, "value": live.value,
+            "name": live.name(), "node": live.path, "field": live.label(), "value": live.value,
             "unit": unit, "doc": spec.map_or("", |spec| spec.doc.as_str()),
             "min": live.range.map(|range| range.0), "max": live.range.map(|range| range.1), "whole": live.whole,
         })

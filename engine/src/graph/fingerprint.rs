@@ -6,6 +6,7 @@
 use super::clocks::Clocks;
 use super::devices::DraftDevice;
 use super::draft::{Context, Draft};
+use super::live::{self, LiveValue};
 use super::{Bridge, Graph, Work};
 use crate::document::folder;
 use crate::document::value::{Body, Shape, Tagged, Value};
@@ -18,7 +19,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Version of the content and the algorithm of fingerprints.
-pub(crate) const VERSION: u64 = 2;
+pub(crate) const VERSION: u64 = 3;
 /// Name of the entry of [`of_graph`] that has the version.
 pub(crate) const VERSION_NAME: &str = "version of these fingerprints";
 
@@ -68,17 +69,25 @@ impl Fingerprint {
     }
 }
 
-/// Hash of a node's kind, non-live settings, rate, and the names and kinds of frames of its inputs.
+/// Hash of a node's kind, non-live settings, the lengths of live lists, rate, and the names and kinds of frames of its inputs.
 pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
     let target = &draft.nodes[node];
-    let settings = target.entry.settings().into_iter();
-    let live: Vec<&str> = settings
-        .filter(|setting| setting.live)
-        .map(|setting| setting.name)
-        .collect();
+    let (mut live, mut lengths) = (Vec::new(), Vec::new());
+    for setting in target.entry.settings().iter().filter(|setting| setting.live) {
+        match live::value(&target.fields, setting) {
+            Some(LiveValue::Items(items)) => lengths.push((setting.name, items.len())),
+            None if is_list(&target.fields, setting.name) => continue,
+            Some(LiveValue::Number(_)) | None => {}
+        }
+        live.push(setting.name);
+    }
     Fingerprint::of(|state| {
         state.text(target.entry.spec.name);
         state.number(fields(cx, &target.fields, &live));
+        for (name, length) in lengths {
+            state.text(name);
+            state.number(length as u64);
+        }
         state.maybe(target.clock.map(|_| 1));
         target
             .clock
@@ -94,6 +103,17 @@ pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: us
             state.text(carried.map_or("", |kind| kind.spec().name));
             state.number(carried.map_or(0, |kind| kind.width() as u64));
         }
+    })
+}
+
+/// True if a setting is given as a list.
+fn is_list(fields: &Fields, name: &str) -> bool {
+    let given = fields.given(name);
+    given.is_some_and(|value| {
+        matches!(
+            value.shape,
+            Shape::List(_) | Shape::Tagged(Tagged { name: None, .. })
+        )
     })
 }
 
@@ -211,6 +231,10 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
             state.maybe(node.clock.map(|clock| clock as u64));
             for (setting, value) in &node.live {
                 state.number(setting.index() as u64);
+                setting
+                    .item()
+                    .into_iter()
+                    .for_each(|item| state.number(item as u64));
                 state.number(value.to_bits());
             }
         });
@@ -258,7 +282,7 @@ mod tests {
     /// From the definition, worked out apart from this program: another result needs another version.
     #[test]
     fn fingerprints_do_not_change_from_one_program_to_the_next() {
-        assert_eq!(VERSION, 2);
+        assert_eq!(VERSION, 3);
         let some = Fingerprint::of(|state| {
             state.text("Gain");
             state.number(7);

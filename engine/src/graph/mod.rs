@@ -14,6 +14,7 @@ pub(crate) mod fingerprint;
 mod given;
 mod latency;
 mod left_out;
+mod live;
 mod members;
 mod memory;
 mod nodes;
@@ -126,7 +127,7 @@ pub struct Node {
     pub simulated: bool,
     /// Hash of its kind, rate, connections and non-live settings. Equal for nodes that differ in their path only.
     pub fingerprint: u64,
-    /// Live settings: index in the list of settings, and value.
+    /// Live settings, each number of a list by itself: handle, and value as in the graph file.
     pub live: Vec<(SettingId, f64)>,
     /// The settings that the graph gives it, as written there.
     pub written: Vec<(String, String)>,
@@ -360,7 +361,8 @@ impl Graph {
                     field: spec.name,
                     value: *value,
                     range: self.live_range(node, spec),
-                    whole: spec.whole,
+                    whole: spec.expected.has_whole_numbers(),
+                    si_per_unit: spec.si_per_unit,
                 })
             }));
         }

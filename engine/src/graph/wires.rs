@@ -10,6 +10,7 @@ use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::Presence;
 use crate::registry::RESERVED;
 use crate::settings::{Fields, Reading, Setting, closest};
+use haptograph_signal::units::Milliseconds;
 
 /// Largest delay in frames: 100 s at 10 kHz, 0.5 GB for the widest frames.
 const MAX_DELAY_FRAMES: f64 = 1e6;
@@ -497,13 +498,13 @@ fn ringed(
             reading,
         );
         let range = Some((0.0, MAX_RING_LATENCY_MS));
-        let latency_ms = fields.setting::<f64>("latency_ms", None, range, reading);
+        let latency_ms = fields.setting::<Milliseconds>("latency_ms", None, range, reading);
         fields.finish(reading);
         (from, latency_ms)
     });
     let wire = resolve(cx, draft, scope, &from?, depth + 1)?;
     let bridge = Bridge::Ring {
-        latency_s: latency_ms? * 1e-3,
+        latency_s: latency_ms?.si(),
     };
     bridged(cx, draft, wire, bridge, form.span, value.span, scope)
 }

@@ -5,6 +5,7 @@ use crate::device::{Channel, Device, DeviceKind, DeviceSpec};
 use crate::node::{BuildContext, BuildError};
 use crate::silence::{InputCell, InputState, LiveInput, OnSilence};
 use haptograph_signal::time::Rate;
+use haptograph_signal::units::Milliseconds;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -17,7 +18,7 @@ crate::settings! {
     /// An endpoint whose inputs the calling program writes and whose outputs it reads.
     pub struct HostSettings {
         /// Time without a new value after which the endpoint counts as silent, ms.
-        timeout_ms: f64 = 100.0, in 1.0..=1e9;
+        timeout_ms: Milliseconds = Milliseconds(100.0), in 1.0..=1e9;
         /// Effect of its silence on the actuators that depend on it.
         on_silence: OnSilence = OnSilence::Zero;
     }
@@ -43,7 +44,7 @@ impl DeviceKind for Host {
         let input = LiveInput {
             cell: Arc::new(InputCell::default()),
             holds: settings.on_silence == OnSilence::Hold,
-            timeout_s: settings.timeout_ms * 1e-3,
+            timeout_s: settings.timeout_ms.si(),
         };
         Ok(Box::new(HostEndpoint {
             rate: cx.rate,

@@ -100,11 +100,18 @@ pub trait Processor<K: 'static>: Clone + Send + Sync + 'static {
     /// Computes `tick.frames` frames of every output.
     fn process(&mut self, tick: &Tick, io: &mut Io<'_, K>);
 
-    /// Sets a live setting to a finite value within its range. Real-time code like `process`.
+    /// Sets a live setting to a finite value within its range, in SI: for `radius_mm: Millimetres` that is
+    /// `radius_mm.si()`. Real-time code like `process`.
     ///
     /// The engine calls it with the handles of the settings that are declared `[live]`, and at each frame of a ramp.
     fn set(&mut self, setting: LiveId<K>, value: f64) {
         let _ = (setting, value);
+    }
+
+    /// Sets one number of a live setting that is a list, as [`set`](Self::set) does. The length of the list does not change:
+    /// another length is another node.
+    fn set_item(&mut self, setting: LiveId<K>, item: usize, value: f64) {
+        let _ = (setting, item, value);
     }
 
     /// Copies the state into the processor that replaces this one in a new plan, if that has the same type. Both may run
@@ -257,7 +264,10 @@ impl<K: 'static, P: Processor<K>> AnyProcessor for Of<K, P> {
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
-        self.processor.set(LiveId::at(setting), value);
+        match setting.item() {
+            None => self.processor.set(LiveId::at(setting), value),
+            Some(item) => self.processor.set_item(LiveId::at(setting), item, value),
+        }
     }
 
     fn copy_state_into(&self, new: &mut dyn AnyProcessor) {

@@ -171,12 +171,11 @@ impl Control {
         }
         let mut settings = plan.live.clone();
         let mut changes = Vec::new();
-        let name = |live: &LiveSetting| (live.path.clone(), live.field);
         // The value set last, and the value in the old file.
         let both = self.settings.iter().zip(&self.plan.live);
-        let known: HashMap<_, _> = both.map(|(was, written)| (name(was), (was, written))).collect();
+        let known: HashMap<_, _> = both.map(|(was, written)| (was.name(), (was, written))).collect();
         for (place, live) in settings.iter_mut().enumerate() {
-            let Some((was, written)) = known.get(&name(live)) else {
+            let Some((was, written)) = known.get(&live.name()) else {
                 continue;
             };
             let by_file = written.value.to_bits() != live.value.to_bits();

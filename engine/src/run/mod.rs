@@ -215,17 +215,17 @@ impl Run {
         &self.state.memory.all()[range_of(tap.place.start, tap.place.width, window)]
     }
 
-    /// Sets a live setting by its index in the plan's list.
+    /// Sets a live setting by its index in the plan's list. The processor gets the value in SI.
     fn set_live(&mut self, place: usize, value: f64) {
         let (Some(live), Some(works)) = (self.plan.live.get(place), self.plan.live_works.get(place)) else {
             return;
         };
         for work in works {
-            self.state.set(*work, live.setting, value);
+            self.state.set(*work, live.setting, value * live.si_per_unit);
         }
     }
 
-    /// Sets a live setting of a node.
+    /// Sets a live setting of a node, in SI.
     pub fn set(&mut self, node: NodeId, setting: SettingId, value: f64) {
         for step in self.plan.steps.iter().filter(|step| step.node == node) {
             self.state.set(step.work, setting, value);

@@ -13,6 +13,42 @@
 ///     }
 /// }
 /// ```
+/// A number whose unit is not SI is declared with the type of its unit, at the end of its name too; `si()` is its value
+/// for the processor. Numbers in SI (`_hz`, `_s`, `_n`) are plain: there is nothing to convert, and so nothing to forget.
+///
+/// ```
+/// use haptograph_signal::units::Millimetres;
+///
+/// haptograph_engine::settings! {
+///     /// Settings of a grating.
+///     pub struct GratingSettings {
+///         /// From one ridge to the next.
+///         pitch_mm: Millimetres = Millimetres(2.0), in 0.01..=1000.0;
+///     }
+/// }
+/// let pitch_m = GratingSettings { pitch_mm: Millimetres(2.0) }.pitch_mm.si();
+/// assert_eq!(pitch_m, 0.002);
+/// ```
+/// A plain number in another unit does not compile, nor does a name with another unit than that of its type:
+///
+/// ```compile_fail,E0080
+/// haptograph_engine::settings! {
+///     /// Settings of a grating.
+///     pub struct GratingSettings {
+///         /// From one ridge to the next.
+///         pitch_mm: f64 = 2.0;
+///     }
+/// }
+/// ```
+/// ```compile_fail,E0080
+/// haptograph_engine::settings! {
+///     /// Settings of a grating.
+///     pub struct GratingSettings {
+///         /// From one ridge to the next.
+///         pitch: haptograph_signal::units::Millimetres;
+///     }
+/// }
+/// ```
 /// A field without `= default` is required. `[live]` marks a setting that may change while the graph runs, whose handle
 /// is `LiveId::<LowPass>::named("cutoff_hz")` (see [`LiveId`](crate::settings::LiveId)), and `[live, below_nyquist]`
 /// a frequency that has to stay below half of the node's rate when it does. `[limit]` marks the limit of an actuator
@@ -50,6 +86,8 @@ macro_rules! settings {
         $(#[doc = $summary])*
         #[derive(Debug, Clone, PartialEq)]
         $vis struct $name { $($(#[doc = $doc])* pub $field: $type,)* }
+
+        $(const _: () = $crate::settings::check_unit::<$type>(stringify!($field));)*
 
         impl $crate::settings::Settings for $name {
             const FIELDS: &'static [$crate::settings::DeclaredField] = &[$($crate::settings::DeclaredField {
@@ -123,11 +161,13 @@ macro_rules! settings {
 /// Declares an enum that a setting chooses from: bare names, or names with settings of their own.
 ///
 /// ```
+/// use haptograph_signal::units::Millimetres;
+///
 /// haptograph_engine::settings! {
 ///     /// A circle.
 ///     pub struct CircleSettings {
 ///         /// Its radius.
-///         radius_mm: f64 = 30.0;
+///         radius_mm: Millimetres = Millimetres(30.0);
 ///     }
 /// }
 /// haptograph_engine::choices! {

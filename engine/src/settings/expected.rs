@@ -83,6 +83,15 @@ impl Expected {
         }
     }
 
+    /// True if the numbers of a list, or the only one, are whole.
+    pub fn has_whole_numbers(&self) -> bool {
+        match self {
+            Self::Whole { .. } => true,
+            Self::Optional(inner) | Self::List(inner) | Self::Array(_, inner) => inner.has_whole_numbers(),
+            _ => false,
+        }
+    }
+
     /// The description for messages, with the bounds of the type.
     pub(super) fn in_message(&self) -> Cow<'_, str> {
         match self {

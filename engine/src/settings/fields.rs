@@ -182,8 +182,11 @@ impl Fields {
         let read = T::read(&value, reading);
         reading.setting = outer;
         let read = read?;
-        if let (Some((low, high)), Some(number)) = (range, read.number())
-            && !(low..=high).contains(&number)
+        if let Some((low, high)) = range
+            && let Some(number) = read
+                .numbers()
+                .into_iter()
+                .find(|number| !(low..=high).contains(number))
         {
             let message = format!("`{name}` is out of range: {number}");
             let label = format!("choose a value from {low} to {high}");

@@ -22,16 +22,27 @@ pub struct LiveSetting {
     pub range: Option<(f64, f64)>,
     /// True if the value is a whole number. Such a setting jumps to its new value.
     pub whole: bool,
+    /// SI per unit of the value and the range, which are as in graph files.
+    pub si_per_unit: f64,
 }
 
 impl LiveSetting {
-    /// Path and field: `out.gain`.
+    /// Path and field: `out.gain`, `mix.gains[1]`.
     pub fn name(&self) -> String {
-        format!("{}.{}", self.path, self.field)
+        format!("{}.{}", self.path, self.label())
+    }
+
+    /// The field, with the place in the list if the setting is one: `gains[1]`.
+    pub fn label(&self) -> String {
+        match self.setting.item {
+            None => self.field.to_owned(),
+            Some(item) => format!("{}[{item}]", self.field),
+        }
     }
 
     pub(crate) fn is_same_as(&self, other: &Self) -> bool {
-        self.path == other.path && self.field == other.field
+        let key = |live: &Self| (live.field, live.setting.item);
+        self.path == other.path && key(self) == key(other)
     }
 }
 
@@ -46,10 +57,16 @@ pub struct DeclaredField {
     pub is_limit: bool,
 }
 
-/// A live setting of a node whose kind is known at run time only: its place in the list of settings. Programs that set
-/// values get it with a [`LiveSetting`].
+/// The most numbers of a list that is a live setting. With more of them the setting is not live.
+pub const MAX_LIVE_ITEMS: usize = 64;
+
+/// A live number of a node whose kind is known at run time only: the place of the setting in the list of settings and, if it
+/// is a list, that of the number in it. Programs that set values get it with a [`LiveSetting`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct SettingId(usize);
+pub struct SettingId {
+    index: usize,
+    item: Option<usize>,
+}
 
 /// Handle of a live setting of the node kind `K`, by which [`Processor::set`](crate::node::Processor::set) gets its new
 /// values.
@@ -176,8 +193,18 @@ impl<K: NodeKind> LiveId<K> {
     /// If no setting has this name, or the setting is not live.
     pub const fn named(name: &str) -> Self {
         Self {
-            index: SettingId::of::<K::Settings>(name).0,
+            index: SettingId::of::<K::Settings>(name).index,
             kind: PhantomData,
+        }
+    }
+}
+
+impl<K> LiveId<K> {
+    /// One number of the setting, which is a list.
+    pub const fn item(self, item: usize) -> SettingId {
+        SettingId {
+            index: self.index,
+            item: Some(item),
         }
     }
 }
@@ -186,7 +213,7 @@ impl<K> LiveId<K> {
     /// The handle of a setting of the list of `K`.
     pub(crate) const fn at(setting: SettingId) -> Self {
         Self {
-            index: setting.0,
+            index: setting.index,
             kind: PhantomData,
         }
     }
@@ -194,7 +221,7 @@ impl<K> LiveId<K> {
 
 impl<K> From<LiveId<K>> for SettingId {
     fn from(setting: LiveId<K>) -> Self {
-        Self(setting.index)
+        Self::at(setting.index)
     }
 }
 
@@ -212,7 +239,7 @@ impl SettingId {
                     field.is_live,
                     "this setting is not live: its declaration needs `[live]`"
                 );
-                return Self(index);
+                return Self::at(index);
             }
             index += 1;
         }
@@ -221,12 +248,26 @@ impl SettingId {
 
     /// The setting with this index in the list of settings.
     pub(crate) const fn at(index: usize) -> Self {
-        Self(index)
+        Self { index, item: None }
+    }
+
+    /// This number of the setting, which is a list.
+    #[must_use]
+    pub const fn with_item(self, item: usize) -> Self {
+        Self {
+            item: Some(item),
+            ..self
+        }
     }
 
     /// Index in the list of settings.
     pub(crate) const fn index(self) -> usize {
-        self.0
+        self.index
+    }
+
+    /// Place in the list, if the setting is one.
+    pub const fn item(self) -> Option<usize> {
+        self.item
     }
 }
 

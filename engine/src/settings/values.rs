@@ -1,12 +1,13 @@
 //! The types that settings can have.
 
-use super::{Expected, Part, Reading, Setting};
+use super::{Expected, Part, Reading, Scale, Setting};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Shape, Tagged, Value};
 use haptograph_signal::files::{self, Roots};
 use std::path::PathBuf;
 
 impl Setting for f64 {
+    const SCALE: Scale = Scale::Plain;
     fn expected() -> Expected {
         Expected::Number
     }
@@ -22,14 +23,15 @@ impl Setting for f64 {
     fn value(&self) -> Value {
         Shape::Number(*self, format!("{self:?}")).into()
     }
-    fn number(&self) -> Option<f64> {
-        Some(*self)
+    fn numbers(&self) -> Vec<f64> {
+        vec![*self]
     }
 }
 
 macro_rules! whole_number {
     ($($type:ty),*) => {$(
         impl Setting for $type {
+            const SCALE: Scale = Scale::Plain;
             fn expected() -> Expected {
                 Expected::Whole { most: <$type>::MAX as u64 }
             }
@@ -45,8 +47,8 @@ macro_rules! whole_number {
             fn value(&self) -> Value {
                 Shape::Number(*self as f64, self.to_string()).into()
             }
-            fn number(&self) -> Option<f64> {
-                Some(*self as f64)
+            fn numbers(&self) -> Vec<f64> {
+                vec![*self as f64]
             }
         }
     )*};
@@ -129,6 +131,7 @@ fn outside(span: Span, written: &str, roots: &Roots) -> Diagnostic {
 }
 
 impl<T: Setting> Setting for Option<T> {
+    const SCALE: Scale = T::SCALE;
     fn expected() -> Expected {
         Expected::Optional(Box::new(T::expected()))
     }
@@ -154,12 +157,13 @@ impl<T: Setting> Setting for Option<T> {
     fn value(&self) -> Value {
         self.as_ref().map_or_else(|| Value::name("None"), T::value)
     }
-    fn number(&self) -> Option<f64> {
-        self.as_ref().and_then(T::number)
+    fn numbers(&self) -> Vec<f64> {
+        self.as_ref().map_or_else(Vec::new, T::numbers)
     }
 }
 
 impl<T: Setting> Setting for Vec<T> {
+    const SCALE: Scale = T::SCALE;
     fn expected() -> Expected {
         Expected::List(Box::new(T::expected()))
     }
@@ -178,9 +182,13 @@ impl<T: Setting> Setting for Vec<T> {
     fn value(&self) -> Value {
         Shape::List(self.iter().map(T::value).collect()).into()
     }
+    fn numbers(&self) -> Vec<f64> {
+        self.iter().flat_map(T::numbers).collect()
+    }
 }
 
 impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
+    const SCALE: Scale = T::SCALE;
     fn expected() -> Expected {
         Expected::Array(N, Box::new(T::expected()))
     }
@@ -215,5 +223,8 @@ impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
     }
     fn value(&self) -> Value {
         Shape::List(self.iter().map(T::value).collect()).into()
+    }
+    fn numbers(&self) -> Vec<f64> {
+        self.iter().flat_map(T::numbers).collect()
     }
 }

@@ -11,6 +11,7 @@ use haptograph_engine::node::{
 use haptograph_engine::registry::Registry;
 use haptograph_engine::{choices, settings};
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::Millimetres;
 use std::path::{Path, PathBuf};
 
 /// A kind that the engine does not have.
@@ -526,7 +527,7 @@ settings! {
     /// A stroke.
     pub struct TabletSettings {
         /// The radius.
-        radius_mm: f64 = 30.0, in 1.0..=200.0;
+        radius_mm: Millimetres = Millimetres(30.0), in 1.0..=200.0;
     }
 }
 struct Tablet;

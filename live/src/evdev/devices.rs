@@ -6,6 +6,7 @@ use crate::numbers::{cell, packets};
 use haptograph_engine::graph::{Graph, GraphDevice};
 use haptograph_nodes::network::link::Link;
 use haptograph_nodes::network::{EvdevDevice, Remote};
+use haptograph_signal::units::PerMillimetre;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -17,7 +18,7 @@ use std::thread::JoinHandle;
 pub(super) struct Input {
     pub link: Arc<Link>,
     pub path: PathBuf,
-    pub counts_per_mm: Option<f64>,
+    pub counts_per_mm: Option<PerMillimetre>,
     pub pressed_n: f64,
 }
 

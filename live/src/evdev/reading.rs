@@ -3,6 +3,7 @@
 use super::devices::Input;
 use evdev::{AbsInfo, AbsoluteAxisCode, EventSummary, KeyCode, RelativeAxisCode};
 use haptograph_nodes::network::link::SENSED;
+use haptograph_signal::units::PerMillimetre;
 use std::io::{Error, ErrorKind, Result};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -15,7 +16,7 @@ use std::time::Duration;
 struct Axis {
     min: f64,
     max: f64,
-    counts_per_mm: Option<f64>,
+    counts_per_mm: Option<PerMillimetre>,
 }
 
 /// Capabilities that a device reports.
@@ -60,7 +61,7 @@ impl Tip {
                 .map_or(0.0, |place| 0.5 * (place[axis].min + place[axis].max))
         };
         Some(Self {
-            counts_per_m: [1e3 * counts_per_mm(0)?, 1e3 * counts_per_mm(1)?],
+            counts_per_m: [counts_per_mm(0)?.si(), counts_per_mm(1)?.si()],
             origin: [middle(0), middle(1)],
             pressure: has.pressure.filter(|axis| axis.max > axis.min),
             pressed_n: input.pressed_n,
@@ -171,7 +172,7 @@ fn axis(info: &AbsInfo) -> Axis {
     Axis {
         min: f64::from(info.minimum()),
         max: f64::from(info.maximum()),
-        counts_per_mm: (info.resolution() > 0).then(|| f64::from(info.resolution())),
+        counts_per_mm: (info.resolution() > 0).then(|| PerMillimetre(f64::from(info.resolution()))),
     }
 }
 
@@ -263,6 +264,7 @@ mod tests {
     }
 
     fn input(counts_per_mm: Option<f64>) -> Input {
+        let counts_per_mm = counts_per_mm.map(PerMillimetre);
         Input {
             link: Arc::default(),
             path: PathBuf::from("none"),
@@ -271,7 +273,7 @@ mod tests {
         }
     }
 
-    const fn axis(max: f64, counts_per_mm: Option<f64>) -> Axis {
+    const fn axis(max: f64, counts_per_mm: Option<PerMillimetre>) -> Axis {
         Axis {
             min: 0.0,
             max,
@@ -279,10 +281,12 @@ mod tests {
         }
     }
 
+    const SCALE: Option<PerMillimetre> = Some(PerMillimetre(100.0));
+
     #[test]
     fn a_tablet_is_placed_from_its_middle_in_metres_and_presses_in_newtons() {
         let has = Capabilities {
-            place: Some([axis(20_000.0, Some(100.0)), axis(10_000.0, Some(100.0))]),
+            place: Some([axis(20_000.0, SCALE), axis(10_000.0, SCALE)]),
             pressure: Some(axis(1023.0, None)),
         };
         let mut tip = Tip::new(&input(None), &has).unwrap();

@@ -1,5 +1,5 @@
 //! Sets settings of a running graph by Open Sound Control: `/out/gain 0.5` is the setting `gain` of the node `out`,
-//! `/gain 0.5` the graph's parameter `gain`.
+//! `/mix/gains/1 0.5` the number `gains[1]` of the node `mix`, `/gain 0.5` the graph's parameter `gain`.
 
 use super::packet::decode;
 use crate::SettingValue;
@@ -110,6 +110,10 @@ fn setting(message: &OscMessage) -> Option<SetRequest> {
         return None;
     }
     let name = match address.rsplit_once('/') {
+        Some((list, item)) if item.bytes().all(|letter| letter.is_ascii_digit()) => {
+            let (path, field) = list.rsplit_once('/')?;
+            format!("{path}.{field}[{item}]")
+        }
         Some((path, field)) => format!("{path}.{field}"),
         None => address.to_owned(),
     };
@@ -160,6 +164,12 @@ mod tests {
                 OscType::Double(0.1 + 0.2),
                 "out.gain",
                 (0.1 + 0.2).into(),
+            ),
+            (
+                "/hand/mix/gains/1",
+                OscType::Int(2),
+                "hand/mix.gains[1]",
+                SettingValue::Number(2.0),
             ),
             (
                 "/texture/filter/gain",
@@ -223,6 +233,7 @@ mod tests {
         for packet in [
             message("/out//gain", vec![OscType::Int(1)]),
             message("/", vec![OscType::Int(1)]),
+            message("/gains/1", vec![OscType::Int(1)]),
             message("/gain", vec![]),
             message("/gain", vec![OscType::Int(1), OscType::Int(2)]),
             message("/gain", vec![OscType::Nil]),

@@ -120,6 +120,7 @@ mod tests {
     use haptograph_engine::silence::OnSilence;
     use haptograph_nodes::soundcard::{CardFormat, SoundcardAccelerometer, SoundcardAccelerometerSettings};
     use haptograph_signal::time::Rate;
+    use haptograph_signal::units::Milliseconds;
     use std::f64::consts::TAU;
 
     const RATE_HZ: f64 = 48_000.0;
@@ -135,7 +136,7 @@ mod tests {
             rate_hz: Some(48_000),
             buffer_frames: FRAMES as u32,
             format: CardFormat::Best,
-            latency_ms: Some(1e3 * LATENCY_S),
+            latency_ms: Some(Milliseconds::of_si(LATENCY_S)),
             on_silence: OnSilence::Zero,
         }
     }
@@ -353,7 +354,7 @@ mod tests {
     #[test]
     fn a_latency_that_cannot_be_kept_is_refused() {
         let hasty = SoundcardAccelerometerSettings {
-            latency_ms: Some(2.0),
+            latency_ms: Some(Milliseconds(2.0)),
             ..settings()
         };
         let Err(error) = SoundcardAccelerometer::build(hasty, &at(48_000)) else {

@@ -10,6 +10,7 @@ use haptograph_engine::node::{
     OutputRole, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::MillimetresPerSecond;
 use std::path::PathBuf;
 
 haptograph_engine::settings! {
@@ -28,7 +29,7 @@ haptograph_engine::settings! {
         /// Normal force below which friction is not measured, N.
         [live] least_load_n: f64 = BrakeSettings::default().least_normal_n, in 0.0..=100.0;
         /// Speed below which friction is not measured, mm/s.
-        [live] least_speed_mm_s: f64 = BrakeSettings::default().least_speed_m_s * 1e3, in 0.0..=10_000.0;
+        [live] least_speed_mm_s: MillimetresPerSecond = MillimetresPerSecond::of_si(BrakeSettings::default().least_speed_m_s), in 0.0..=10_000.0;
         /// The pen's experimental line: plunger force by normal force per coefficient of friction (Eq. 5.5.12).
         [live] line_slope: f64 = Solenoid::THESIS.line_slope, in 1e-3..=1000.0;
         /// The line at a coefficient of zero (Eq. 5.5.12).
@@ -49,7 +50,7 @@ impl BrakeControllerSettings {
             trim_per_s: self.trim_per_s,
             most_trim: self.most_trim,
             least_normal_n: self.least_load_n,
-            least_speed_m_s: self.least_speed_mm_s * 1e-3,
+            least_speed_m_s: self.least_speed_mm_s.si(),
             solenoid: Solenoid {
                 line_slope: self.line_slope,
                 line_offset: self.line_offset,
@@ -218,7 +219,7 @@ impl Processor<BrakeController> for Braking {
             BrakeController::MOST_TRIM => brake.most_trim = value,
             BrakeController::MOST_CURRENT_A => brake.most_current_a = value,
             BrakeController::LEAST_LOAD_N => brake.least_normal_n = value,
-            BrakeController::LEAST_SPEED_MM_S => brake.least_speed_m_s = value * 1e-3,
+            BrakeController::LEAST_SPEED_MM_S => brake.least_speed_m_s = value,
             BrakeController::LINE_SLOPE => brake.solenoid.line_slope = value,
             BrakeController::LINE_OFFSET => brake.solenoid.line_offset = value,
             BrakeController::FORCE_N_PER_A2 => brake.solenoid.force_n_per_a2 = value,
@@ -294,7 +295,7 @@ mod tests {
             most_trim,
             most_current_a,
             least_load_n: least_normal_n,
-            least_speed_mm_s: least_speed_m_s * 1e3,
+            least_speed_mm_s: MillimetresPerSecond::of_si(least_speed_m_s),
             line_slope: solenoid.line_slope,
             line_offset: solenoid.line_offset,
             force_n_per_a2: solenoid.force_n_per_a2,

@@ -9,12 +9,13 @@ use haptograph_engine::node::{
     Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::NewtonsPerMillimetre;
 
 haptograph_engine::settings! {
     /// Settings of [`NormalForce`].
     pub struct NormalForceSettings {
         /// Stiffness of the surface, N/mm: 0.25 in 4.3, 0.5 in A.3.2.
-        [live] stiffness_n_per_mm: f64 = 0.25, in 0.0..=1000.0;
+        [live] stiffness_n_per_mm: NewtonsPerMillimetre = NewtonsPerMillimetre(0.25), in 0.0..=1000.0;
         /// Damping of the motion along the normal, N s/m; needs `velocity`.
         [live] damping_n_s_per_m: f64 = 0.0, in 0.0..=1000.0;
         /// Viscous damping of the device itself, N s/m, which keeps the loop passive. None: no check.
@@ -74,7 +75,7 @@ impl NodeKind for NormalForce {
             "this wall is not passive at {rate_hz} Hz: the device needs a damping above {:.3} N s/m, but it has {device_n_s_per_m}",
             verdict.needed_n_s_per_m
         );
-        let most = verdict.most_stiffness_n_per_m * 1e-3;
+        let most = NewtonsPerMillimetre::of_si(verdict.most_stiffness_n_per_m).0;
         let help = format!("a stiffness below {most:.3} N/mm is passive; a hand on the device adds damping");
         vec![BuildError::at("stiffness_n_per_mm", message).help(help)]
     }
@@ -91,7 +92,7 @@ impl NormalForce {
 
 fn wall(settings: &NormalForceSettings) -> Wall {
     Wall {
-        stiffness_n_per_m: settings.stiffness_n_per_mm * 1e3,
+        stiffness_n_per_m: settings.stiffness_n_per_mm.si(),
         damping_n_s_per_m: settings.damping_n_s_per_m,
     }
 }
@@ -115,7 +116,7 @@ impl Processor<NormalForce> for Pushing {
 
     fn set(&mut self, setting: LiveId<NormalForce>, value: f64) {
         match setting {
-            NormalForce::STIFFNESS_N_PER_MM => self.wall.stiffness_n_per_m = value * 1e3,
+            NormalForce::STIFFNESS_N_PER_MM => self.wall.stiffness_n_per_m = value,
             NormalForce::DAMPING_N_S_PER_M => self.wall.damping_n_s_per_m = value,
             _ => {}
         }
@@ -131,7 +132,7 @@ mod tests {
 
     fn settings(stiffness_n_per_mm: f64, damping_n_s_per_m: f64) -> NormalForceSettings {
         NormalForceSettings {
-            stiffness_n_per_mm,
+            stiffness_n_per_mm: NewtonsPerMillimetre(stiffness_n_per_mm),
             damping_n_s_per_m,
             device_damping_n_s_per_m: Some(0.2),
         }
@@ -150,7 +151,7 @@ mod tests {
             bench.run(&[&contact.to_components()]),
             vec![vec![0.0, 0.0, 1.0], vec![1.0]]
         );
-        bench.set(NormalForce::STIFFNESS_N_PER_MM, 0.5);
+        bench.set(NormalForce::STIFFNESS_N_PER_MM, 500.0);
         assert_eq!(bench.run(&[&contact.to_components()])[1], [2.0]);
         let free = Contact::default().to_components();
         assert_eq!(bench.run(&[&free]), vec![vec![0.0; 3], vec![0.0]]);

@@ -12,6 +12,7 @@ use haptograph_engine::node::{
 use haptograph_engine::settings::{Expected, NoSettings, Part, Reading, Setting};
 use haptograph_signal::files;
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::Millimetres;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -19,7 +20,7 @@ haptograph_engine::settings! {
     /// A half space.
     pub struct PlaneSettings {
         /// A point of its surface, mm.
-        origin_mm: [f64; 3] = [0.0, 0.0, 0.0];
+        origin_mm: [Millimetres; 3] = [Millimetres(0.0); 3];
         /// Outward direction, of any length.
         normal: [f64; 3] = [0.0, 0.0, 1.0];
     }
@@ -29,9 +30,9 @@ haptograph_engine::settings! {
     /// A sphere.
     pub struct SphereSettings {
         /// Centre, mm.
-        centre_mm: [f64; 3] = [0.0, 0.0, 0.0];
+        centre_mm: [Millimetres; 3] = [Millimetres(0.0); 3];
         /// Diameter, mm.
-        diameter_mm: f64 = 100.0, in 0.001..=100_000.0;
+        diameter_mm: Millimetres = Millimetres(100.0), in 0.001..=100_000.0;
     }
 }
 
@@ -39,9 +40,9 @@ haptograph_engine::settings! {
     /// A box with edges along the axes.
     pub struct BoxSettings {
         /// Centre, mm.
-        centre_mm: [f64; 3] = [0.0, 0.0, 0.0];
+        centre_mm: [Millimetres; 3] = [Millimetres(0.0); 3];
         /// Extents along x, y and z, mm.
-        size_mm: [f64; 3];
+        size_mm: [Millimetres; 3];
     }
 }
 
@@ -51,9 +52,9 @@ haptograph_engine::settings! {
         /// STL or OBJ file, relative to the graph file.
         file: PathBuf;
         /// Millimetres of one unit of the file.
-        unit_mm: f64 = 1.0, in 1e-9..=1e9;
+        unit_mm: Millimetres = Millimetres(1.0), in 1e-9..=1e9;
         /// A point in free space on the side that the tool feels, mm; none: above the mesh.
-        start_mm: Option<[f64; 3]> = None;
+        start_mm: Option<[Millimetres; 3]> = None;
     }
 }
 
@@ -102,8 +103,8 @@ impl Setting for Solids {
     }
 }
 
-pub(crate) fn metres(mm: [f64; 3]) -> Vec3 {
-    mm.map(|x| x * 1e-3)
+pub(crate) fn metres(mm: [Millimetres; 3]) -> Vec3 {
+    mm.map(Millimetres::si)
 }
 
 impl Solid {
@@ -115,7 +116,7 @@ impl Solid {
             },
             Self::Sphere(sphere) => SolidShape::Sphere {
                 centre_m: metres(sphere.centre_mm),
-                diameter_m: sphere.diameter_mm * 1e-3,
+                diameter_m: sphere.diameter_mm.si(),
             },
             Self::Box(cuboid) => SolidShape::Box {
                 centre_m: metres(cuboid.centre_mm),
@@ -134,7 +135,7 @@ impl Solid {
 }
 
 /// A mesh from the file that the setting `file` names.
-pub(crate) fn load_mesh(file: &Path, unit_mm: f64) -> Result<TriangleMesh, BuildError> {
+pub(crate) fn load_mesh(file: &Path, unit: Millimetres) -> Result<TriangleMesh, BuildError> {
     let Some(format) = MeshFormat::of(file) else {
         let message = format!("{} has neither the extension .stl nor .obj", file.display());
         return Err(BuildError::at("file", message).help("export the mesh as STL or OBJ"));
@@ -142,7 +143,7 @@ pub(crate) fn load_mesh(file: &Path, unit_mm: f64) -> Result<TriangleMesh, Build
     let failed =
         |error: &dyn std::error::Error| BuildError::at("file", format!("{}: {error}", file.display()));
     let bytes = files::read(file, files::MAX_MESH_BYTES).map_err(|error| failed(&error))?;
-    TriangleMesh::from_bytes(&bytes, format, unit_mm * 1e-3).map_err(|error| failed(&error))
+    TriangleMesh::from_bytes(&bytes, format, unit.si()).map_err(|error| failed(&error))
 }
 
 haptograph_engine::settings! {
@@ -151,7 +152,7 @@ haptograph_engine::settings! {
         /// The shape, or a list of shapes: Plane, Sphere, Box, Room or Mesh with their settings.
         solids: Solids;
         /// Diameter of the ball at the tool's tip, mm.
-        proxy_diameter_mm: f64 = 3.2, in 0.0..=1000.0;
+        proxy_diameter_mm: Millimetres = Millimetres(3.2), in 0.0..=1000.0;
     }
 }
 
@@ -192,7 +193,7 @@ impl NodeKind for ContactNode {
     };
 
     fn build(settings: ContactSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let (Solids(solids), proxy_diameter_m) = (settings.solids, settings.proxy_diameter_mm * 1e-3);
+        let (Solids(solids), proxy_diameter_m) = (settings.solids, settings.proxy_diameter_mm.si());
         if solids.is_empty() {
             return Err(BuildError::at("solids", "`solids` is empty").help("list at least one shape"));
         }
@@ -337,16 +338,15 @@ mod tests {
     fn bench(solids: Vec<Solid>, proxy_diameter_mm: f64) -> Result<Bench, BuildError> {
         let settings = ContactSettings {
             solids: Solids(solids),
-            proxy_diameter_mm,
+            proxy_diameter_mm: Millimetres(proxy_diameter_mm),
         };
         Bench::new::<ContactNode>(settings, 1000.0, &[Kind::VECTOR])
     }
 
     fn sphere(diameter_mm: f64) -> Solid {
-        let centre_mm = [0.0; 3];
         Solid::Sphere(SphereSettings {
-            centre_mm,
-            diameter_mm,
+            centre_mm: [Millimetres(0.0); 3],
+            diameter_mm: Millimetres(diameter_mm),
         })
     }
 
@@ -367,8 +367,8 @@ mod tests {
     #[test]
     fn a_scene_says_which_solid_is_touched() {
         let room = BoxSettings {
-            centre_mm: [0.0; 3],
-            size_mm: [100.0; 3],
+            centre_mm: [Millimetres(0.0); 3],
+            size_mm: [Millimetres(100.0); 3],
         };
         let mut bench = bench(vec![Solid::Room(room), sphere(20.0)], 0.0).unwrap();
         let out = bench.run(&[&[0.0, 0.0, 0.052, 0.0, 0.0, 0.03, 0.0, 0.0, 0.009]]);
@@ -380,12 +380,12 @@ mod tests {
     #[test]
     fn shapes_that_cannot_be_touched_are_refused_at_their_field() {
         let plane = PlaneSettings {
-            origin_mm: [0.0; 3],
+            origin_mm: [Millimetres(0.0); 3],
             normal: [0.0; 3],
         };
         let mesh = MeshSettings {
             file: "tool.step".into(),
-            unit_mm: 1.0,
+            unit_mm: Millimetres(1.0),
             start_mm: None,
         };
         for (wrong, field) in [(Solid::Plane(plane), "normal"), (Solid::Mesh(mesh), "file")] {

@@ -4,6 +4,7 @@
 use super::mesh::TriangleMesh;
 use super::nodes::load_mesh;
 use haptograph_engine::node::BuildError;
+use haptograph_signal::units::Millimetres;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -25,7 +26,7 @@ haptograph_engine::settings! {
     /// A cube.
     pub struct CubeSettings {
         /// Length of its edges, mm.
-        edge_mm: f64 = 25.4, in 0.1..=10_000.0;
+        edge_mm: Millimetres = Millimetres(25.4), in 0.1..=10_000.0;
     }
 }
 
@@ -33,9 +34,9 @@ haptograph_engine::settings! {
     /// A cylinder.
     pub struct CylinderSettings {
         /// Diameter, mm.
-        diameter_mm: f64 = 25.4, in 0.1..=10_000.0;
+        diameter_mm: Millimetres = Millimetres(25.4), in 0.1..=10_000.0;
         /// Height, mm.
-        height_mm: f64 = 25.4, in 0.1..=10_000.0;
+        height_mm: Millimetres = Millimetres(25.4), in 0.1..=10_000.0;
         /// Number of flat strips of its mantle.
         strips: u32 = 96, in 3..=10_000;
     }
@@ -45,7 +46,7 @@ haptograph_engine::settings! {
     /// A ball.
     pub struct BallSettings {
         /// Diameter, mm.
-        diameter_mm: f64 = 25.4, in 0.1..=10_000.0;
+        diameter_mm: Millimetres = Millimetres(25.4), in 0.1..=10_000.0;
     }
 }
 
@@ -55,7 +56,7 @@ haptograph_engine::settings! {
         /// STL or OBJ file, relative to the graph file.
         file: PathBuf;
         /// Millimetres of one unit of the file.
-        unit_mm: f64 = 1.0, in 1e-9..=1e9;
+        unit_mm: Millimetres = Millimetres(1.0), in 1e-9..=1e9;
     }
 }
 
@@ -68,12 +69,12 @@ const BALL_SPLITS: u32 = 5;
 /// [`BuildError`] if its mesh cannot be read or made.
 pub fn on_sensor(object: &Object, height_m: f64) -> Result<Arc<TriangleMesh>, BuildError> {
     let made = match object {
-        Object::Cube(cube) => TriangleMesh::cuboid([cube.edge_mm * 1e-3; 3]),
+        Object::Cube(cube) => TriangleMesh::cuboid([cube.edge_mm.si(); 3]),
         Object::Cylinder(cylinder) => {
-            let (radius_m, height_m) = (0.5e-3 * cylinder.diameter_mm, 1e-3 * cylinder.height_mm);
+            let (radius_m, height_m) = (0.5 * cylinder.diameter_mm.si(), cylinder.height_mm.si());
             TriangleMesh::cylinder(radius_m, height_m, cylinder.strips)
         }
-        Object::Ball(ball) => TriangleMesh::sphere(0.5e-3 * ball.diameter_mm, BALL_SPLITS),
+        Object::Ball(ball) => TriangleMesh::sphere(0.5 * ball.diameter_mm.si(), BALL_SPLITS),
         Object::Solid(solid) => Ok(load_mesh(&solid.file, solid.unit_mm).map_err(|error| BuildError {
             field: Some("object"),
             ..error

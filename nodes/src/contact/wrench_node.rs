@@ -13,20 +13,21 @@ use haptograph_engine::node::{
     Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{Millimetres, NewtonMillimetres};
 
 haptograph_engine::settings! {
     /// Settings of [`ContactFromWrench`].
     pub struct ContactFromWrenchSettings {
         /// The convex object: Cube, Cylinder, Ball, or the Solid of a file.
-        object: Object = Object::Cube(CubeSettings { edge_mm: 25.4 });
+        object: Object = Object::Cube(CubeSettings { edge_mm: Millimetres(25.4) });
         /// Height of its lowest point over the sensor's origin, mm.
-        height_mm: f64 = 8.0, in -1000.0..=1000.0;
+        height_mm: Millimetres = Millimetres(8.0), in -1000.0..=1000.0;
         /// Force at which contact begins, N.
         [live] threshold_n: f64 = WrenchSettings::default().threshold_n, in 1e-6..=1000.0;
         /// Resolution of the measured force, N, for the uncertainty.
         [live] force_step_n: f64 = WrenchSettings::default().force_step_n, in 0.0..=1000.0;
         /// Resolution of the measured torque, N mm, for the uncertainty.
-        [live] torque_step_n_mm: f64 = WrenchSettings::default().torque_step_n_m * 1e3, in 0.0..=1e6;
+        [live] torque_step_n_mm: NewtonMillimetres = NewtonMillimetres::of_si(WrenchSettings::default().torque_step_n_m), in 0.0..=1e6;
     }
 }
 
@@ -93,11 +94,11 @@ impl NodeKind for ContactFromWrench {
     };
 
     fn build(settings: ContactFromWrenchSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let object = on_sensor(&settings.object, settings.height_mm * 1e-3)?;
+        let object = on_sensor(&settings.object, settings.height_mm.si())?;
         let measured = WrenchSettings {
             threshold_n: settings.threshold_n,
             force_step_n: settings.force_step_n,
-            torque_step_n_m: settings.torque_step_n_mm * 1e-3,
+            torque_step_n_m: settings.torque_step_n_mm.si(),
         };
         let locator = WrenchLocator::new(object, measured).map_err(|error| {
             BuildError::at("object", error.to_string()).help("give a convex object, or its convex hull")
@@ -162,7 +163,7 @@ impl Processor<ContactFromWrench> for Locating {
         match setting {
             ContactFromWrench::THRESHOLD_N => measured.threshold_n = value,
             ContactFromWrench::FORCE_STEP_N => measured.force_step_n = value,
-            ContactFromWrench::TORQUE_STEP_N_MM => measured.torque_step_n_m = value * 1e-3,
+            ContactFromWrench::TORQUE_STEP_N_MM => measured.torque_step_n_m = value,
             _ => {}
         }
     }
@@ -309,11 +310,13 @@ mod tests {
     #[test]
     fn a_press_on_the_cube_is_found_where_it_is() {
         let settings = ContactFromWrenchSettings {
-            object: Object::Cube(CubeSettings { edge_mm: 25.4 }),
-            height_mm: 8.0,
+            object: Object::Cube(CubeSettings {
+                edge_mm: Millimetres(25.4),
+            }),
+            height_mm: Millimetres(8.0),
             threshold_n: 0.08,
             force_step_n: 1.0 / 160.0,
-            torque_step_n_mm: 1.0 / 32.0,
+            torque_step_n_mm: NewtonMillimetres(1.0 / 32.0),
         };
         let mut bench = Bench::new::<ContactFromWrench>(settings, 1000.0, &[Kind::WRENCH]).unwrap();
         let (point, force) = ([0.004, -0.003, 0.0334], [0.2, 0.1, -1.0]);
@@ -420,11 +423,14 @@ mod tests {
                     endsolid open\n";
         std::fs::write(&file, open).unwrap();
         let settings = ContactFromWrenchSettings {
-            object: Object::Solid(super::super::object::SolidSettings { file, unit_mm: 1.0 }),
-            height_mm: 0.0,
+            object: Object::Solid(super::super::object::SolidSettings {
+                file,
+                unit_mm: Millimetres(1.0),
+            }),
+            height_mm: Millimetres(0.0),
             threshold_n: 0.08,
             force_step_n: 0.01,
-            torque_step_n_mm: 0.01,
+            torque_step_n_mm: NewtonMillimetres(0.01),
         };
         let refused = Bench::new::<ContactFromWrench>(settings, 1000.0, &[Kind::WRENCH]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("object"));

@@ -10,6 +10,7 @@ use haptograph_engine::node::{
     Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{Millimetres, SecondsPerMillimetre};
 use std::path::{Path, PathBuf};
 
 const CONTACT: InputSpec = input("contact", Contact::KIND, Quantity::NUMBER, "The contact.");
@@ -54,7 +55,7 @@ haptograph_engine::settings! {
         /// Coefficient of friction; replaces the surface's.
         [live] mu: Option<f64> = None, in 0.0..=10.0;
         /// Largest stretch for a coefficient of friction of 1, mm.
-        stretch_mm: f64 = 4.0, in 0.001..=1000.0;
+        stretch_mm: Millimetres = Millimetres(4.0), in 0.001..=1000.0;
         /// Effect of a growing load on the stretch.
         under_load: UnderGrowingLoad = UnderGrowingLoad::Passive;
     }
@@ -78,7 +79,7 @@ impl NodeKind for DahlFriction {
 
     fn build(settings: DahlFrictionSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let law = DahlSettings {
-            stretch_m: settings.stretch_mm * 1e-3,
+            stretch_m: settings.stretch_mm.si(),
             under_load: match settings.under_load {
                 UnderGrowingLoad::Passive => UnderLoad::Passive,
                 UnderGrowingLoad::AsPrinted => UnderLoad::AsPrinted,
@@ -132,7 +133,7 @@ haptograph_engine::settings! {
         /// Coefficient of friction; replaces the surface's.
         [live] mu: Option<f64> = None, in 0.0..=10.0;
         /// Slope of the viscous region by normal force, s/mm.
-        [live] slope_s_per_mm: f64 = 0.004, in 1e-9..=1e3;
+        [live] slope_s_per_mm: SecondsPerMillimetre = SecondsPerMillimetre(0.004), in 1e-9..=1e3;
     }
 }
 
@@ -163,7 +164,7 @@ impl NodeKind for ViscousCoulombFriction {
     fn build(settings: ViscousCoulombSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Dragging {
             law: ViscousCoulomb {
-                slope_s_per_m: settings.slope_s_per_mm * 1e3,
+                slope_s_per_m: settings.slope_s_per_mm.si(),
             },
             mu: coefficient(settings.mu, settings.surface.as_deref())?,
         }))
@@ -204,7 +205,7 @@ impl Processor<ViscousCoulombFriction> for Dragging {
     fn set(&mut self, setting: LiveId<ViscousCoulombFriction>, value: f64) {
         match setting {
             ViscousCoulombFriction::MU => self.mu = value,
-            ViscousCoulombFriction::SLOPE_S_PER_MM => self.law.slope_s_per_m = value * 1e3,
+            ViscousCoulombFriction::SLOPE_S_PER_MM => self.law.slope_s_per_m = value,
             _ => {}
         }
     }
@@ -240,7 +241,7 @@ mod tests {
         let settings = DahlFrictionSettings {
             surface: Some(tile()),
             mu: None,
-            stretch_mm: 4.0,
+            stretch_mm: Millimetres(4.0),
             under_load: UnderGrowingLoad::Passive,
         };
         let mut dahl = Bench::new::<DahlFriction>(settings, 1000.0, &[Contact::KIND, Kind::SCALAR]).unwrap();
@@ -255,7 +256,7 @@ mod tests {
         let settings = ViscousCoulombSettings {
             surface: None,
             mu: Some(0.3),
-            slope_s_per_mm: 0.004,
+            slope_s_per_mm: SecondsPerMillimetre(0.004),
         };
         let kinds = [Contact::KIND, Kind::SCALAR, Kind::VECTOR];
         let mut viscous = Bench::new::<ViscousCoulombFriction>(settings, 1000.0, &kinds).unwrap();
@@ -267,7 +268,7 @@ mod tests {
         let settings = ViscousCoulombSettings {
             surface: None,
             mu: None,
-            slope_s_per_mm: 0.004,
+            slope_s_per_mm: SecondsPerMillimetre(0.004),
         };
         let kinds = [Contact::KIND, Kind::SCALAR, Kind::VECTOR];
         let refused = Bench::new::<ViscousCoulombFriction>(settings, 1000.0, &kinds).err();

@@ -113,7 +113,7 @@ haptograph_engine::settings! {
     /// Settings of [`Mixer`].
     pub struct MixerSettings {
         /// A gain for each input, in the order of `inputs`.
-        gains: Vec<f64>;
+        [live] gains: Vec<f64>;
         /// Gain of the whole mix.
         [live] master: f64 = 1.0, in -1e9..=1e9;
     }
@@ -156,6 +156,7 @@ impl NodeKind for Mixer {
 impl Mixer {
     const INPUTS: Input<Self, Linear, Many> = Input::named("inputs");
     const OUTPUT: Output<Self, Linear> = Output::named("output");
+    const GAINS: LiveId<Self> = LiveId::named("gains");
     const MASTER: LiveId<Self> = LiveId::named("master");
 }
 
@@ -191,6 +192,14 @@ impl Processor<Mixer> for Mixing {
     fn set(&mut self, setting: LiveId<Mixer>, value: f64) {
         if setting == Mixer::MASTER {
             self.master = value;
+        }
+    }
+
+    fn set_item(&mut self, setting: LiveId<Mixer>, item: usize, value: f64) {
+        if setting == Mixer::GAINS
+            && let Some(gain) = self.gains.get_mut(item)
+        {
+            *gain = value;
         }
     }
 }

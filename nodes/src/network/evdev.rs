@@ -4,6 +4,7 @@ use super::remote::{Remote, SENSES, Watch};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::silence::OnSilence;
+use haptograph_signal::units::{MillimetresPerSecond, PerMillimetre};
 use std::time::Duration;
 
 haptograph_engine::settings! {
@@ -12,11 +13,11 @@ haptograph_engine::settings! {
         /// The event device, for example a link in /dev/input/by-id.
         path: String;
         /// Counts per millimetre: required for a mouse (1000 dpi are 39.4) and for a tablet that does not report it.
-        counts_per_mm: Option<f64> = None, in 0.01..=100_000.0;
+        counts_per_mm: Option<PerMillimetre> = None, in 0.01..=100_000.0;
         /// Normal force at full pressure, N. A device without pressure has it while a button is held or a finger is down.
         pressed_n: f64 = 1.0, in 0.0..=100.0;
         /// Speed above which a movement of the tip counts as a jump, mm/s.
-        fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
+        fastest_mm_s: MillimetresPerSecond = MillimetresPerSecond(5000.0), in 1.0..=1e6;
         /// Effect on dependent actuators while the device is gone, for example unplugged.
         on_silence: OnSilence = OnSilence::Zero;
     }
@@ -48,7 +49,7 @@ impl DeviceKind for EvdevDevice {
         }
         let watch = Watch {
             timeout: TIMEOUT,
-            fastest_m_s: settings.fastest_mm_s * 1e-3,
+            fastest_m_s: settings.fastest_mm_s.si(),
             holds: settings.on_silence == OnSilence::Hold,
         };
         Ok(Box::new(Remote::new(watch, cx)))

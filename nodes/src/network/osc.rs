@@ -4,6 +4,7 @@ use super::remote::{DRIVES, Remote, SENSES, Watch, address};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::silence::OnSilence;
+use haptograph_signal::units::{MillimetresPerSecond, Milliseconds};
 use std::net::SocketAddr;
 use std::time::Duration;
 
@@ -22,11 +23,11 @@ haptograph_engine::settings! {
         /// Rate at which commands are sent, Hz.
         send_rate_hz: f64 = 50.0, in 0.1..=200.0;
         /// Silence after which the device counts as gone, ms. Many programs send only changes.
-        timeout_ms: f64 = 1000.0, in 1.0..=10_000.0;
+        timeout_ms: Milliseconds = Milliseconds(1000.0), in 1.0..=10_000.0;
         /// Effect of silence on dependent actuators. The device's own actuators are at zero meanwhile.
         on_silence: OnSilence = OnSilence::Zero;
         /// Speed above which a movement of the tip counts as a jump, mm/s.
-        fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
+        fastest_mm_s: MillimetresPerSecond = MillimetresPerSecond(5000.0), in 1.0..=1e6;
     }
 }
 
@@ -61,7 +62,7 @@ impl DeviceKind for OscDevice {
         settings.listen()?;
         let watch = Watch {
             timeout: settings.timeout(),
-            fastest_m_s: settings.fastest_mm_s * 1e-3,
+            fastest_m_s: settings.fastest_mm_s.si(),
             holds: settings.on_silence == OnSilence::Hold,
         };
         Ok(Box::new(Remote::new(watch, cx)))
@@ -90,6 +91,6 @@ impl OscDeviceSettings {
 
     /// Silence after which the device counts as gone.
     pub fn timeout(&self) -> Duration {
-        Duration::from_secs_f64(self.timeout_ms * 1e-3)
+        Duration::from_secs_f64(self.timeout_ms.si())
     }
 }

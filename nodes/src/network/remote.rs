@@ -9,6 +9,7 @@ use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::run::AgeMeter;
 use haptograph_engine::silence::{InputState, LiveInput, OnSilence};
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{MillimetresPerSecond, Milliseconds};
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -28,11 +29,11 @@ haptograph_engine::settings! {
         /// Only address and port to accept packets from; none: the first sender, until it is silent.
         only: Option<String> = None;
         /// Silence after which the device counts as gone, ms.
-        timeout_ms: f64 = 20.0, in 1.0..=10_000.0;
+        timeout_ms: Milliseconds = Milliseconds(20.0), in 1.0..=10_000.0;
         /// Effect of silence on dependent actuators. The device's own actuators are at zero meanwhile.
         on_silence: OnSilence = OnSilence::Zero;
         /// Speed above which a movement of the tip counts as a jump, mm/s.
-        fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
+        fastest_mm_s: MillimetresPerSecond = MillimetresPerSecond(5000.0), in 1.0..=1e6;
         /// Time over which the zero of force and torque is averaged, s, from the first packet on. Until the zero is known they
         /// read zero. It is taken only while they are steady (`zero_steady_n`) and the force is small (`zero_within_n`), and once
         /// per run: an edit keeps it. 0: the device subtracts its own zero.
@@ -125,7 +126,7 @@ impl DeviceKind for UdpDevice {
         settings.only()?;
         let watch = Watch {
             timeout: settings.timeout(),
-            fastest_m_s: settings.fastest_mm_s * 1e-3,
+            fastest_m_s: settings.fastest_mm_s.si(),
             holds: settings.on_silence == OnSilence::Hold,
         };
         let zero = ZeroSettings {
@@ -160,7 +161,7 @@ impl UdpDeviceSettings {
 
     /// Silence after which the device counts as gone.
     pub fn timeout(&self) -> Duration {
-        Duration::from_secs_f64(self.timeout_ms * 1e-3)
+        Duration::from_secs_f64(self.timeout_ms.si())
     }
 }
 

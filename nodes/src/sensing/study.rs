@@ -7,6 +7,7 @@ use haptograph_engine::node::{
     Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::MillimetresPerSecond;
 
 const SPEED: InputSpec = input(
     "speed",
@@ -36,11 +37,11 @@ haptograph_engine::settings! {
         /// The inputs that the texture responds to.
         condition: Condition = Condition::ForceAndSpeed;
         /// Constant speed if it does not respond to speed, mm/s.
-        [live] constant_mm_s: f64 = 130.0, in 0.0..=10_000.0;
+        [live] constant_mm_s: MillimetresPerSecond = MillimetresPerSecond(130.0), in 0.0..=10_000.0;
         /// Constant force if it does not respond to force, N.
         [live] constant_n: f64 = 1.2, in 0.0..=1000.0;
         /// Speed below which the hand is at rest if the texture does not respond to speed, mm/s.
-        [live] rest_mm_s: f64 = 1.0, in 0.0..=10_000.0;
+        [live] rest_mm_s: MillimetresPerSecond = MillimetresPerSecond(1.0), in 0.0..=10_000.0;
     }
 }
 
@@ -64,7 +65,7 @@ impl NodeKind for Responsiveness {
     };
 
     fn build(settings: ResponsivenessSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let (constant_m_s, constant_n) = (settings.constant_mm_s * 1e-3, settings.constant_n);
+        let (constant_m_s, constant_n) = (settings.constant_mm_s.si(), settings.constant_n);
         let (speed_m_s, force_n) = match settings.condition {
             Condition::ForceAndSpeed => (None, None),
             Condition::Force => (Some(constant_m_s), None),
@@ -74,7 +75,7 @@ impl NodeKind for Responsiveness {
         Ok(Built::new(Responding {
             speed_m_s,
             force_n,
-            rest_m_s: settings.rest_mm_s * 1e-3,
+            rest_m_s: settings.rest_mm_s.si(),
         }))
     }
 }
@@ -118,9 +119,9 @@ impl Processor<Responsiveness> for Responding {
     fn set(&mut self, setting: LiveId<Responsiveness>, value: f64) {
         // Inputs that it responds to do not change.
         match setting {
-            Responsiveness::CONSTANT_MM_S => self.speed_m_s = self.speed_m_s.map(|_| value * 1e-3),
+            Responsiveness::CONSTANT_MM_S => self.speed_m_s = self.speed_m_s.map(|_| value),
             Responsiveness::CONSTANT_N => self.force_n = self.force_n.map(|_| value),
-            Responsiveness::REST_MM_S => self.rest_m_s = value * 1e-3,
+            Responsiveness::REST_MM_S => self.rest_m_s = value,
             _ => {}
         }
     }
@@ -208,11 +209,11 @@ haptograph_engine::settings! {
     /// Settings of [`QuadrantDwell`].
     pub struct QuadrantDwellSettings {
         /// Speed between slow and fast, mm/s.
-        [live] centre_mm_s: f64 = 130.0, in 0.0..=10_000.0;
+        [live] centre_mm_s: MillimetresPerSecond = MillimetresPerSecond(130.0), in 0.0..=10_000.0;
         /// Force between light and hard, N.
         [live] centre_n: f64 = 1.2, in 0.0..=1000.0;
         /// Speed below which the hand is at rest and no time counts, mm/s.
-        [live] rest_mm_s: f64 = 1.0, in 0.0..=10_000.0;
+        [live] rest_mm_s: MillimetresPerSecond = MillimetresPerSecond(1.0), in 0.0..=10_000.0;
     }
 }
 
@@ -242,9 +243,9 @@ impl NodeKind for QuadrantDwell {
 
     fn build(settings: QuadrantDwellSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Dwelling {
-            centre_m_s: settings.centre_mm_s * 1e-3,
+            centre_m_s: settings.centre_mm_s.si(),
             centre_n: settings.centre_n,
-            rest_m_s: settings.rest_mm_s * 1e-3,
+            rest_m_s: settings.rest_mm_s.si(),
             period_s: cx.rate.period_s(),
             ticks: [0; 4],
         }))
@@ -299,9 +300,9 @@ impl Processor<QuadrantDwell> for Dwelling {
 
     fn set(&mut self, setting: LiveId<QuadrantDwell>, value: f64) {
         match setting {
-            QuadrantDwell::CENTRE_MM_S => self.centre_m_s = value * 1e-3,
+            QuadrantDwell::CENTRE_MM_S => self.centre_m_s = value,
             QuadrantDwell::CENTRE_N => self.centre_n = value,
-            QuadrantDwell::REST_MM_S => self.rest_m_s = value * 1e-3,
+            QuadrantDwell::REST_MM_S => self.rest_m_s = value,
             _ => {}
         }
     }
@@ -323,9 +324,9 @@ mod tests {
         let run = |condition| {
             let settings = ResponsivenessSettings {
                 condition,
-                constant_mm_s: 130.0,
+                constant_mm_s: MillimetresPerSecond(130.0),
                 constant_n: 1.2,
-                rest_mm_s: 1.0,
+                rest_mm_s: MillimetresPerSecond(1.0),
             };
             let mut bench = Bench::new::<Responsiveness>(settings, 1000.0, &BOTH).unwrap();
             // Sliding; creeping below 1 mm/s; in the air.
@@ -354,9 +355,9 @@ mod tests {
     #[test]
     fn time_is_counted_in_the_quadrant_of_the_hand_and_not_at_rest() {
         let settings = QuadrantDwellSettings {
-            centre_mm_s: 130.0,
+            centre_mm_s: MillimetresPerSecond(130.0),
             centre_n: 1.2,
-            rest_mm_s: 1.0,
+            rest_mm_s: MillimetresPerSecond(1.0),
         };
         let mut bench = Bench::new::<QuadrantDwell>(settings, 1000.0, &BOTH).unwrap();
         let out = bench.run(&[&[0.1, 0.2, 0.2, 0.1, 0.0, 0.2], &[1.0, 1.0, 2.0, 2.0, 2.0, 0.0]]);

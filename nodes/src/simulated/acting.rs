@@ -4,6 +4,7 @@ use super::drawing::{CirclesSettings, Drawing, DrawingSettings};
 use super::hand::Grip;
 use super::script::Action;
 use haptograph_engine::node::BuildError;
+use haptograph_signal::units::{Grams, Millimetres, MillimetresPerSecond, NewtonsPerMillimetre};
 
 haptograph_engine::choices! {
     /// An action of a simulated hand.
@@ -31,7 +32,7 @@ haptograph_engine::settings! {
     /// Drawing.
     pub struct DrawSettings {
         /// The stroke: Still, Circles, ZigZag, Writing, Wander, or the Path of a file.
-        stroke: Drawing = Drawing::Circles(CirclesSettings { radius_mm: 20.0, period_s: 1.2 });
+        stroke: Drawing = Drawing::Circles(CirclesSettings { radius_mm: Millimetres(20.0), period_s: 1.2 });
         /// Duration, s.
         duration_s: f64 = 5.0, in 0.001..=100_000.0;
         /// Mean normal force, N; a path has its own.
@@ -51,9 +52,9 @@ haptograph_engine::settings! {
         /// Number of taps.
         count: u32 = 5, in 1..=10_000;
         /// Slowest speed at contact, mm/s.
-        slowest_mm_s: f64 = 60.0, in 0.1..=10_000.0;
+        slowest_mm_s: MillimetresPerSecond = MillimetresPerSecond(60.0), in 0.1..=10_000.0;
         /// Fastest speed at contact, mm/s.
-        fastest_mm_s: f64 = 250.0, in 0.1..=10_000.0;
+        fastest_mm_s: MillimetresPerSecond = MillimetresPerSecond(250.0), in 0.1..=10_000.0;
         /// Time from tap to tap, s.
         interval_s: f64 = 0.6, in 0.01..=1000.0;
         /// Force at the bottom of a tap, N.
@@ -75,13 +76,13 @@ haptograph_engine::settings! {
     /// The grip of a simulated hand. The numbers are ours, within the range of models of a pen grip.
     pub struct GripSettings {
         /// Mass that moves with the tip, g.
-        mass_g: f64 = Grip::TYPICAL.mass_kg * 1e3, in 0.1..=10_000.0;
+        mass_g: Grams = Grams::of_si(Grip::TYPICAL.mass_kg), in 0.1..=10_000.0;
         /// Stiffness towards the intended path, N/mm.
-        stiffness_n_per_mm: f64 = Grip::TYPICAL.stiffness_n_per_m * 1e-3, in 1e-6..=1000.0;
+        stiffness_n_per_mm: NewtonsPerMillimetre = NewtonsPerMillimetre::of_si(Grip::TYPICAL.stiffness_n_per_m), in 1e-6..=1000.0;
         /// Damping towards the intended path, N s/m.
         damping_n_s_per_m: f64 = Grip::TYPICAL.damping_n_s_per_m, in 1e-6..=10_000.0;
         /// Standard deviation of the tremor along each axis, mm.
-        tremor_mm: f64 = Grip::TYPICAL.tremor_m * 1e3, in 0.0..=10.0;
+        tremor_mm: Millimetres = Millimetres::of_si(Grip::TYPICAL.tremor_m), in 0.0..=10.0;
     }
 }
 
@@ -89,20 +90,20 @@ impl GripSettings {
     /// A typical grip.
     pub fn typical() -> Self {
         Self {
-            mass_g: Grip::TYPICAL.mass_kg * 1e3,
-            stiffness_n_per_mm: Grip::TYPICAL.stiffness_n_per_m * 1e-3,
+            mass_g: Grams::of_si(Grip::TYPICAL.mass_kg),
+            stiffness_n_per_mm: NewtonsPerMillimetre::of_si(Grip::TYPICAL.stiffness_n_per_m),
             damping_n_s_per_m: Grip::TYPICAL.damping_n_s_per_m,
-            tremor_mm: Grip::TYPICAL.tremor_m * 1e3,
+            tremor_mm: Millimetres::of_si(Grip::TYPICAL.tremor_m),
         }
     }
 
     /// The grip in SI.
     pub fn to_grip(&self) -> Grip {
         Grip {
-            mass_kg: self.mass_g * 1e-3,
-            stiffness_n_per_m: self.stiffness_n_per_mm * 1e3,
+            mass_kg: self.mass_g.si(),
+            stiffness_n_per_m: self.stiffness_n_per_mm.si(),
             damping_n_s_per_m: self.damping_n_s_per_m,
-            tremor_m: self.tremor_mm * 1e-3,
+            tremor_m: self.tremor_mm.si(),
         }
     }
 }
@@ -111,7 +112,7 @@ impl GripSettings {
 pub fn a_bit_of_everything() -> Vec<Doing> {
     let draw = DrawSettings {
         stroke: Drawing::Circles(CirclesSettings {
-            radius_mm: 20.0,
+            radius_mm: Millimetres(20.0),
             period_s: 1.2,
         }),
         duration_s: 5.0,
@@ -122,8 +123,8 @@ pub fn a_bit_of_everything() -> Vec<Doing> {
     };
     let taps = TapsSettings {
         count: 4,
-        slowest_mm_s: 60.0,
-        fastest_mm_s: 250.0,
+        slowest_mm_s: MillimetresPerSecond(60.0),
+        fastest_mm_s: MillimetresPerSecond(250.0),
         interval_s: 0.6,
         force_n: 0.8,
     };
@@ -165,8 +166,8 @@ fn action(doing: &Doing) -> Result<Action, BuildError> {
         }
         Doing::Taps(taps) => Action::Taps {
             count: taps.count,
-            slowest_m_s: taps.slowest_mm_s * 1e-3,
-            fastest_m_s: taps.fastest_mm_s * 1e-3,
+            slowest_m_s: taps.slowest_mm_s.si(),
+            fastest_m_s: taps.fastest_mm_s.si(),
             interval_s: taps.interval_s,
             force_n: taps.force_n,
         },

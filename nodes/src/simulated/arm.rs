@@ -13,6 +13,7 @@ use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{Grams, Millimetres, NewtonsPerMillimetre};
 use std::any::Any;
 use std::sync::Arc;
 
@@ -36,23 +37,23 @@ haptograph_engine::settings! {
     /// Settings of [`SimulatedOmni`].
     pub struct SimulatedOmniSettings {
         /// The scene that the graph renders. The hand aims at its first shape, from above.
-        scene: Vec<Solid> = vec![Solid::Sphere(SphereSettings { centre_mm: [0.0; 3], diameter_mm: 100.0 })];
+        scene: Vec<Solid> = vec![Solid::Sphere(SphereSettings { centre_mm: [Millimetres(0.0); 3], diameter_mm: Millimetres(100.0) })];
         /// Diameter of the ball at the tool's tip, mm.
-        proxy_diameter_mm: f64 = 3.2, in 0.0..=1000.0;
+        proxy_diameter_mm: Millimetres = Millimetres(3.2), in 0.0..=1000.0;
         /// Stiffness of the rendered surface that the hand expects, N/mm; the hand aims as deep as its force can press.
-        gives_n_per_mm: Option<f64> = None, in 1e-6..=1000.0;
+        gives_n_per_mm: Option<NewtonsPerMillimetre> = None, in 1e-6..=1000.0;
         /// Actions of the hand, in a loop: Hover, Draw, Taps, Press.
         does: Vec<Doing> = a_bit_of_everything();
         /// Height of the lifted tip, mm.
-        hover_mm: f64 = 10.0, in 0.01..=1000.0;
+        hover_mm: Millimetres = Millimetres(10.0), in 0.01..=1000.0;
         /// The grip of the hand.
         grip: GripSettings = GripSettings::typical();
         /// Step of the position along each axis, mm.
-        step_mm: f64 = OmniSettings::default().step_m * 1e3, in 1e-6..=10.0;
+        step_mm: Millimetres = Millimetres::of_si(OmniSettings::default().step_m), in 1e-6..=10.0;
         /// Largest force of the motors, N.
         peak_n: f64 = OmniSettings::default().peak_n, in 0.001..=1000.0;
         /// Apparent mass of the arm at its tip, g.
-        mass_g: f64 = OmniSettings::default().load.mass_kg * 1e3, in 0.0..=100_000.0;
+        mass_g: Grams = Grams::of_si(OmniSettings::default().load.mass_kg), in 0.0..=100_000.0;
         /// Back-drive friction at the tip, N.
         friction_n: f64 = OmniSettings::default().load.dry_friction_n, in 0.0..=100.0;
         /// Viscous damping of the arm at its tip, N s/m.
@@ -109,23 +110,25 @@ impl DeviceKind for SimulatedOmni {
             .help(format!("put its nodes on a clock of {OMNI_RATE_HZ} Hz")));
         }
         let arm = OmniSettings {
-            step_m: settings.step_mm * 1e-3,
+            step_m: settings.step_mm.si(),
             peak_n: settings.peak_n,
             load: Load {
-                mass_kg: settings.mass_g * 1e-3,
+                mass_kg: settings.mass_g.si(),
                 dry_friction_n: settings.friction_n,
                 damping_n_s_per_m: settings.damping_n_s_per_m,
             },
         };
         let touchable = Touchable {
-            ground: ground(&settings.scene, settings.proxy_diameter_mm * 1e-3)?,
-            gives_n_per_m: settings.gives_n_per_mm.map_or(f64::INFINITY, |gives| gives * 1e3),
+            ground: ground(&settings.scene, settings.proxy_diameter_mm.si())?,
+            gives_n_per_m: settings
+                .gives_n_per_mm
+                .map_or(f64::INFINITY, NewtonsPerMillimetre::si),
             across_m: across_m(&settings.scene),
         };
         let script = ScriptSettings {
             ground: touchable.ground.clone(),
             actions: actions(&settings.does)?,
-            hover_m: settings.hover_mm * 1e-3,
+            hover_m: settings.hover_mm.si(),
             gives_n_per_m: touchable.gives_n_per_m,
         };
         let omni = Omni::new(arm, settings.grip.to_grip(), &script, cx.seed);
@@ -145,12 +148,14 @@ pub(super) fn touchable(device: &dyn Any) -> Option<&Touchable> {
 
 /// Width of the first shape of a scene, seen from above.
 fn across_m(scene: &[Solid]) -> f64 {
-    let across_mm = match scene.first() {
-        Some(Solid::Sphere(sphere)) => sphere.diameter_mm,
-        Some(Solid::Box(cuboid) | Solid::Room(cuboid)) => cuboid.size_mm[0].min(cuboid.size_mm[1]),
+    match scene.first() {
+        Some(Solid::Sphere(sphere)) => sphere.diameter_mm.si(),
+        Some(Solid::Box(cuboid) | Solid::Room(cuboid)) => {
+            let [x_m, y_m, _] = metres(cuboid.size_mm);
+            x_m.min(y_m)
+        }
         _ => f64::INFINITY,
-    };
-    across_mm * 1e-3
+    }
 }
 
 /// The surface that the centre of the ball at a tool's tip follows on the first shape of a scene.
@@ -171,7 +176,7 @@ fn ground(scene: &[Solid], proxy_diameter_m: f64) -> Result<Ground, BuildError> 
         }
         Solid::Sphere(sphere) => Ground::Sphere {
             centre_m: metres(sphere.centre_mm),
-            radius_m: 0.5e-3 * sphere.diameter_mm + radius_m,
+            radius_m: 0.5 * sphere.diameter_mm.si() + radius_m,
             up,
         },
         Solid::Box(cuboid) => {
@@ -180,7 +185,7 @@ fn ground(scene: &[Solid], proxy_diameter_m: f64) -> Result<Ground, BuildError> 
             Ground::solid(Arc::new(mesh.map_err(failed)?))
         }
         Solid::Room(room) => {
-            let floor_m = radius_m - 0.5e-3 * room.size_mm[2];
+            let floor_m = radius_m - 0.5 * room.size_mm[2].si();
             Ground::Plane {
                 origin_m: add_scaled(metres(room.centre_mm), up, floor_m),
                 normal: up,

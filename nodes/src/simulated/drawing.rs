@@ -3,6 +3,7 @@
 use super::stroke::{StrokeSettings, StrokeShape, Trajectory};
 use haptograph_engine::node::BuildError;
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
+use haptograph_signal::units::Millimetres;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -28,7 +29,7 @@ haptograph_engine::settings! {
     /// Circles.
     pub struct CirclesSettings {
         /// Radius, mm.
-        radius_mm: f64 = 30.0, in 0.001..=10_000.0;
+        radius_mm: Millimetres = Millimetres(30.0), in 0.001..=10_000.0;
         /// Time of one circle, s.
         period_s: f64 = 1.2, in 0.01..=10_000.0;
     }
@@ -38,9 +39,9 @@ haptograph_engine::settings! {
     /// A zig-zag.
     pub struct ZigZagSettings {
         /// Extent along x, mm.
-        width_mm: f64 = 80.0, in 0.001..=10_000.0;
+        width_mm: Millimetres = Millimetres(80.0), in 0.001..=10_000.0;
         /// Extent along y, mm.
-        height_mm: f64 = 40.0, in 0.0..=10_000.0;
+        height_mm: Millimetres = Millimetres(40.0), in 0.0..=10_000.0;
         /// Time of one to-and-fro, s.
         period_s: f64 = 1.0, in 0.01..=10_000.0;
     }
@@ -50,9 +51,9 @@ haptograph_engine::settings! {
     /// Handwriting.
     pub struct WritingSettings {
         /// Height of the letters, mm.
-        letter_mm: f64 = 6.0, in 0.001..=10_000.0;
+        letter_mm: Millimetres = Millimetres(6.0), in 0.001..=10_000.0;
         /// Length of a line, mm.
-        line_mm: f64 = 100.0, in 0.001..=10_000.0;
+        line_mm: Millimetres = Millimetres(100.0), in 0.001..=10_000.0;
     }
 }
 
@@ -60,7 +61,7 @@ haptograph_engine::settings! {
     /// Exploration.
     pub struct WanderSettings {
         /// Side of the square that holds two thirds of it, mm.
-        side_mm: f64 = 60.0, in 0.001..=10_000.0;
+        side_mm: Millimetres = Millimetres(60.0), in 0.001..=10_000.0;
         /// Fastest oscillation, Hz.
         fastest_hz: f64 = 1.5, in 0.01..=20.0;
     }
@@ -79,7 +80,7 @@ haptograph_engine::settings! {
     /// A stroke with force and variation.
     pub struct DrawingSettings {
         /// The stroke: Still, Circles, ZigZag, Writing, Wander, or the Path of a file.
-        stroke: Drawing = Drawing::Circles(CirclesSettings { radius_mm: 30.0, period_s: 1.2 });
+        stroke: Drawing = Drawing::Circles(CirclesSettings { radius_mm: Millimetres(30.0), period_s: 1.2 });
         /// Mean normal force, N; a path has its own.
         force_n: f64 = 1.0, in 0.0..=50.0;
         /// Standard deviation of the force as a fraction of its mean.
@@ -111,20 +112,20 @@ fn shape(stroke: &Drawing) -> Result<StrokeShape, BuildError> {
     Ok(match stroke {
         Drawing::Still => StrokeShape::Still,
         Drawing::Circles(circles) => StrokeShape::Circles {
-            radius_m: circles.radius_mm * 1e-3,
+            radius_m: circles.radius_mm.si(),
             period_s: circles.period_s,
         },
         Drawing::ZigZag(zig_zag) => StrokeShape::ZigZag {
-            width_m: zig_zag.width_mm * 1e-3,
-            height_m: zig_zag.height_mm * 1e-3,
+            width_m: zig_zag.width_mm.si(),
+            height_m: zig_zag.height_mm.si(),
             period_s: zig_zag.period_s,
         },
         Drawing::Writing(writing) => StrokeShape::Writing {
-            letter_m: writing.letter_mm * 1e-3,
-            line_m: writing.line_mm * 1e-3,
+            letter_m: writing.letter_mm.si(),
+            line_m: writing.line_mm.si(),
         },
         Drawing::Wander(wander) => StrokeShape::Wander {
-            side_m: wander.side_mm * 1e-3,
+            side_m: wander.side_mm.si(),
             fastest_hz: wander.fastest_hz,
         },
         Drawing::Path(PathSettings { file }) => {

@@ -6,6 +6,7 @@ use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
 use haptograph_engine::settings::{DeclaredField, Fields, Reading, SettingSpec, Settings};
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{Grams, NewtonsPerMillimetre};
 
 /// Reads the accelerometer of a tool.
 pub const ACCELEROMETER: NodeSpec = NodeSpec {
@@ -30,15 +31,15 @@ haptograph_engine::settings! {
         /// Force per current, N/A.
         force_n_per_a: f64 = TwoMass::PLACEHOLDER.force_n_per_a, in 1e-6..=1e6;
         /// Mass of the magnet, g.
-        magnet_g: f64 = TwoMass::PLACEHOLDER.magnet_kg * 1e3, in 1e-6..=1e6;
+        magnet_g: Grams = Grams::of_si(TwoMass::PLACEHOLDER.magnet_kg), in 1e-6..=1e6;
         /// Stiffness of the magnet's suspension, N/mm.
-        suspension_n_per_mm: f64 = TwoMass::PLACEHOLDER.suspension_n_per_m * 1e-3, in 1e-9..=1e6;
+        suspension_n_per_mm: NewtonsPerMillimetre = NewtonsPerMillimetre::of_si(TwoMass::PLACEHOLDER.suspension_n_per_m), in 1e-9..=1e6;
         /// Damping of the magnet's suspension, N s/m.
         suspension_n_s_per_m: f64 = TwoMass::PLACEHOLDER.suspension_n_s_per_m, in 1e-9..=1e6;
         /// Mass of the actuator's body, the tool and the part of the hand that moves with them, g.
-        body_g: f64 = TwoMass::PLACEHOLDER.body_kg * 1e3, in 1e-6..=1e6;
+        body_g: Grams = Grams::of_si(TwoMass::PLACEHOLDER.body_kg), in 1e-6..=1e6;
         /// Stiffness of the grip, N/mm.
-        hand_n_per_mm: f64 = TwoMass::PLACEHOLDER.hand_n_per_m * 1e-3, in 1e-9..=1e6;
+        hand_n_per_mm: NewtonsPerMillimetre = NewtonsPerMillimetre::of_si(TwoMass::PLACEHOLDER.hand_n_per_m), in 1e-9..=1e6;
         /// Damping of the grip, N s/m.
         hand_n_s_per_m: f64 = TwoMass::PLACEHOLDER.hand_n_s_per_m, in 1e-9..=1e6;
     }
@@ -54,11 +55,11 @@ impl TwoMassSettings {
     pub fn to_two_mass(&self) -> TwoMass {
         TwoMass {
             force_n_per_a: self.force_n_per_a,
-            magnet_kg: self.magnet_g * 1e-3,
-            suspension_n_per_m: self.suspension_n_per_mm * 1e3,
+            magnet_kg: self.magnet_g.si(),
+            suspension_n_per_m: self.suspension_n_per_mm.si(),
             suspension_n_s_per_m: self.suspension_n_s_per_m,
-            body_kg: self.body_g * 1e-3,
-            hand_n_per_m: self.hand_n_per_mm * 1e3,
+            body_kg: self.body_g.si(),
+            hand_n_per_m: self.hand_n_per_mm.si(),
             hand_n_s_per_m: self.hand_n_s_per_m,
         }
     }
@@ -68,11 +69,11 @@ impl From<TwoMass> for TwoMassSettings {
     fn from(model: TwoMass) -> Self {
         Self {
             force_n_per_a: model.force_n_per_a,
-            magnet_g: model.magnet_kg * 1e3,
-            suspension_n_per_mm: model.suspension_n_per_m * 1e-3,
+            magnet_g: Grams::of_si(model.magnet_kg),
+            suspension_n_per_mm: NewtonsPerMillimetre::of_si(model.suspension_n_per_m),
             suspension_n_s_per_m: model.suspension_n_s_per_m,
-            body_g: model.body_kg * 1e3,
-            hand_n_per_mm: model.hand_n_per_m * 1e-3,
+            body_g: Grams::of_si(model.body_kg),
+            hand_n_per_mm: NewtonsPerMillimetre::of_si(model.hand_n_per_m),
             hand_n_s_per_m: model.hand_n_s_per_m,
         }
     }

@@ -2,6 +2,7 @@
 //! (axis times angle, rad) and yaw, pitch and roll.
 
 use crate::vector::{Vec3, ZERO, add, add_scaled, cross, norm, scale};
+use haptograph_signal::units::Degrees;
 
 /// A vector turned by a unit quaternion.
 pub(crate) fn rotate([w, x, y, z]: [f64; 4], v: Vec3) -> Vec3 {
@@ -69,9 +70,9 @@ pub(crate) fn from_angles(angles: Vec3) -> [f64; 4] {
     ]
 }
 
-/// A rotation matrix by rows from axis times angle, degrees.
-pub fn rotation_of_deg(turn_deg: Vec3) -> [Vec3; 3] {
-    matrix(from_rotation_vector(turn_deg.map(f64::to_radians)))
+/// A rotation matrix by rows from axis times angle.
+pub fn rotation_of(turn: [Degrees; 3]) -> [Vec3; 3] {
+    matrix(from_rotation_vector(turn.map(Degrees::si)))
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{Grams, Millimetres};
 use std::any::Any;
 
 /// Reads a force/torque sensor.
@@ -82,15 +83,15 @@ haptograph_engine::settings! {
     /// Settings of [`SimulatedPenAndObject`].
     pub struct SimulatedPenAndObjectSettings {
         /// The convex object: Cube, Cylinder, Ball, or the Solid of a file.
-        object: Object = Object::Cube(CubeSettings { edge_mm: 25.4 });
+        object: Object = Object::Cube(CubeSettings { edge_mm: Millimetres(25.4) });
         /// Height of its lowest point over the sensor's origin, mm.
-        height_mm: f64 = 8.0, in -1000.0..=1000.0;
+        height_mm: Millimetres = Millimetres(8.0), in -1000.0..=1000.0;
         /// Mass of object and mount, g.
-        object_g: f64 = 35.0, in 0.0..=100_000.0;
+        object_g: Grams = Grams(35.0), in 0.0..=100_000.0;
         /// Actions of the hand, in a loop: Hover, Draw, Taps, Press.
         does: Vec<Doing> = exploration();
         /// Height of the lifted pen, mm.
-        hover_mm: f64 = 10.0, in 0.01..=1000.0;
+        hover_mm: Millimetres = Millimetres(10.0), in 0.01..=1000.0;
         /// The grip of the hand.
         grip: GripSettings = GripSettings::typical();
         /// Knocks on the table, if any.
@@ -106,7 +107,7 @@ haptograph_engine::settings! {
 fn exploration() -> Vec<Doing> {
     vec![Doing::Draw(DrawSettings {
         stroke: Drawing::Wander(WanderSettings {
-            side_mm: 12.0,
+            side_mm: Millimetres(12.0),
             fastest_hz: 1.5,
         }),
         duration_s: 10.0,
@@ -195,7 +196,7 @@ impl DeviceKind for SimulatedPenAndObject {
             ))
             .help(format!("put its nodes on a clock of {PEN_OBJECT_RATE_HZ} Hz")));
         }
-        let height_m = settings.height_mm * 1e-3;
+        let height_m = settings.height_mm.si();
         let stated = settings.haptuator.to_two_mass().checked();
         let haptuator = stated.map_err(|error| BuildError::at("haptuator", error.to_string()))?;
         let object = on_sensor(&settings.object, height_m)?;
@@ -209,7 +210,7 @@ impl DeviceKind for SimulatedPenAndObject {
             gives_n_per_m: f64::INFINITY,
         };
         let device = PenObjectSettings {
-            object_kg: settings.object_g * 1e-3,
+            object_kg: settings.object_g.si(),
             height_m,
             knocks: settings.knocks.map(|knocks| KnockSettings {
                 every_s: knocks.every_s,
@@ -217,7 +218,7 @@ impl DeviceKind for SimulatedPenAndObject {
                 ..KnockSettings::default()
             }),
             grip: settings.grip.to_grip(),
-            hover_m: settings.hover_mm * 1e-3,
+            hover_m: settings.hover_mm.si(),
             haptuator: haptuator.of_seed(settings.haptuator_tolerance, stream_seed(cx.seed, "haptuator")),
             ..PenObjectSettings::new(object, actions(&settings.does)?)
         };

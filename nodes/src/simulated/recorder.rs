@@ -3,7 +3,7 @@
 
 use super::habit::habit;
 use super::material::{Material, MaterialName};
-use super::orientation::{conjugate, rotate, rotation_of_deg, rotation_vector};
+use super::orientation::{conjugate, rotate, rotation_of, rotation_vector};
 use super::tool::{SUBSTEPS, SimulatedTool, TOOL_RATE_HZ, ToolGrip, ToolReading};
 use crate::sinks::recording::Motion;
 use crate::vector::{Vec3, add_scaled, cross, dot};
@@ -12,6 +12,7 @@ use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{Degrees, Millimetres};
 
 const POSITION: &str = "Position of the tracker's sensor, m.";
 const ORIENTATION: &str = "Rotation from the tool's frame to the world: axis times angle, rad.";
@@ -59,11 +60,11 @@ haptograph_engine::settings! {
         /// The person: each number has its own hand, posture and habits.
         person: u64 = 1;
         /// From the tracker's sensor to the tip, in the tool's frame (z up along the tool), mm.
-        tracker_to_tip_mm: [f64; 3] = [0.0, 0.0, -120.0];
+        tracker_to_tip_mm: [Millimetres; 3] = [0.0, 0.0, -120.0].map(Millimetres);
         /// From the force sensor to the tip, in the tool's frame, mm.
-        force_sensor_to_tip_mm: [f64; 3] = [0.0, 0.0, -30.0];
+        force_sensor_to_tip_mm: [Millimetres; 3] = [0.0, 0.0, -30.0].map(Millimetres);
         /// Rotation from the force sensor's frame to the tool's: axis times angle, degrees.
-        force_sensor_turn_deg: [f64; 3] = [0.0, 0.0, 45.0];
+        force_sensor_turn_deg: [Degrees; 3] = [0.0, 0.0, 45.0].map(Degrees);
     }
 }
 
@@ -123,9 +124,9 @@ impl DeviceKind for SimulatedRecordingTool {
         Ok(Box::new(Recorder {
             reading: tool.read(),
             tool,
-            tracker_to_tip_m: settings.tracker_to_tip_mm.map(|x| 1e-3 * x),
-            force_sensor_to_tip_m: settings.force_sensor_to_tip_mm.map(|x| 1e-3 * x),
-            force_sensor_to_tool: rotation_of_deg(settings.force_sensor_turn_deg),
+            tracker_to_tip_m: settings.tracker_to_tip_mm.map(Millimetres::si),
+            force_sensor_to_tip_m: settings.force_sensor_to_tip_mm.map(Millimetres::si),
+            force_sensor_to_tool: rotation_of(settings.force_sensor_turn_deg),
         }))
     }
 }

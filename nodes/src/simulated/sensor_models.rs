@@ -12,6 +12,7 @@ use haptograph_engine::node::{
     output,
 };
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{Degrees, Millimetres, NewtonMillimetres};
 
 haptograph_engine::settings! {
     /// Settings of [`AccelerometerModel`].
@@ -109,13 +110,13 @@ haptograph_engine::settings! {
     /// Settings of [`TrackerModel`].
     pub struct TrackerModelSettings {
         /// Step of the position, mm.
-        step_mm: f64 = 0.5, in 1e-9..=1000.0;
+        step_mm: Millimetres = Millimetres(0.5), in 1e-9..=1000.0;
         /// Step of yaw, pitch and roll, degrees.
-        step_deg: f64 = 0.1, in 1e-9..=90.0;
+        step_deg: Degrees = Degrees(0.1), in 1e-9..=90.0;
         /// The gesture. A testing machine makes the Press; its measurement of position is finer.
         motion: Motion = Motion::Drag;
         /// Step of the testing machine's position, mm.
-        machine_step_mm: f64 = 6e-5, in 1e-9..=1000.0;
+        machine_step_mm: Millimetres = Millimetres(6e-5), in 1e-9..=1000.0;
     }
 }
 
@@ -157,14 +158,14 @@ impl NodeKind for TrackerModel {
     };
 
     fn build(settings: TrackerModelSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let step_mm = if settings.motion == Motion::Press {
+        let step = if settings.motion == Motion::Press {
             settings.machine_step_mm
         } else {
             settings.step_mm
         };
         Ok(Built::new(Tracker(TrackerSettings {
-            step_m: 1e-3 * step_mm,
-            step_rad: settings.step_deg.to_radians(),
+            step_m: step.si(),
+            step_rad: settings.step_deg.si(),
         })))
     }
 }
@@ -202,11 +203,11 @@ haptograph_engine::settings! {
         /// Step of each force, N.
         force_step_n: f64 = 1.0 / 160.0, in 1e-9..=1000.0;
         /// Step of each torque, N mm.
-        torque_step_n_mm: f64 = 1.0 / 32.0, in 1e-9..=1000.0;
+        torque_step_n_mm: NewtonMillimetres = NewtonMillimetres(1.0 / 32.0), in 1e-9..=1000.0;
         /// Largest forces along x, y and z, N.
         most_force_n: [f64; 3] = [25.0, 25.0, 35.0];
         /// Largest torque about each axis, N mm.
-        most_torque_n_mm: f64 = 250.0, in 1e-9..=1e6;
+        most_torque_n_mm: NewtonMillimetres = NewtonMillimetres(250.0), in 1e-9..=1e6;
         /// Standard deviation of the noise in steps.
         noise_steps: f64 = 1.0, in 0.0..=1000.0;
     }
@@ -247,9 +248,9 @@ impl NodeKind for ForceSensorModel {
         }
         let settings = ForceSensorSettings {
             force_step_n: settings.force_step_n,
-            torque_step_n_m: 1e-3 * settings.torque_step_n_mm,
+            torque_step_n_m: settings.torque_step_n_mm.si(),
             most_force_n: settings.most_force_n,
-            most_torque_n_m: 1e-3 * settings.most_torque_n_mm,
+            most_torque_n_m: settings.most_torque_n_mm.si(),
             noise_steps: settings.noise_steps,
             cutoff_hz: None,
         };

@@ -2,12 +2,13 @@
 
 use super::visits::{Visited, Visits};
 use super::{inside_the_run, sync};
-use crate::simulated::orientation::{from_rotation_vector, rotation_of_deg};
+use crate::simulated::orientation::{from_rotation_vector, rotation_of};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
     BuildError, FileContext, FileKind, FileProgress, FileSink, FrameWriter, NodeSpec, Stream, input,
 };
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{Degrees, Millimetres};
 use haptograph_surfaces::recording::{Calibration, Gesture, Member, Pose, RawHead, RawTable, Spool, Wrench};
 use haptograph_surfaces::{Origin, Provenance};
 use std::collections::VecDeque;
@@ -59,9 +60,9 @@ haptograph_engine::settings! {
         /// Accelerometer voltage at rest, V.
         zero_v: f64 = 0.0, in -1000.0..=1000.0;
         /// From the tracker's sensor to the tip, in the tool's frame, mm.
-        tracker_to_tip_mm: [f64; 3] = [0.0; 3];
+        tracker_to_tip_mm: [Millimetres; 3] = [Millimetres(0.0); 3];
         /// Rotation from the force sensor's frame to the tool's: axis times angle, degrees.
-        force_sensor_turn_deg: [f64; 3] = [0.0; 3];
+        force_sensor_turn_deg: [Degrees; 3] = [Degrees(0.0); 3];
     }
 }
 
@@ -124,8 +125,8 @@ impl FileKind for RecordingSink {
         let calibration = Calibration {
             acceleration_m_s2_per_v: [settings.m_s2_per_v; 3],
             acceleration_zero_v: [settings.zero_v; 3],
-            force_sensor_to_tool: rotation_of_deg(settings.force_sensor_turn_deg),
-            tracker_to_tip_m: settings.tracker_to_tip_mm.map(|x| 1e-3 * x),
+            force_sensor_to_tool: rotation_of(settings.force_sensor_turn_deg),
+            tracker_to_tip_m: settings.tracker_to_tip_mm.map(Millimetres::si),
         };
         let simulated = cx.streams.iter().any(|stream| stream.simulated);
         let (origin, source) = if simulated {
@@ -366,8 +367,8 @@ mod tests {
             person: 2,
             m_s2_per_v: 100.0,
             zero_v: 1.5,
-            tracker_to_tip_mm: [0.0, 0.0, -120.0],
-            force_sensor_turn_deg: [0.0, 0.0, 90.0],
+            tracker_to_tip_mm: [0.0, 0.0, -120.0].map(Millimetres),
+            force_sensor_turn_deg: [0.0, 0.0, 90.0].map(Degrees),
         }
     }
 

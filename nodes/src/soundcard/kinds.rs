@@ -8,6 +8,7 @@ use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{ActuatorKind, BuildContext, BuildError, Limit, NodeSpec, input, output};
 use haptograph_engine::silence::OnSilence;
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::Milliseconds;
 
 /// Settings of an output: the actuator's value at full scale, and possibly an input.
 macro_rules! output_settings {
@@ -57,7 +58,7 @@ macro_rules! input_settings {
                 format: CardFormat = CardFormat::Best;
                 /// Target delay from the card's clock to the graph's, ms; none: three buffers plus what the
                 /// resampler between them needs.
-                latency_ms: Option<f64> = None, in 0.1..=10_000.0;
+                latency_ms: Option<Milliseconds> = None, in 0.1..=10_000.0;
                 /// Effect of its silence on the actuators that depend on it.
                 on_silence: OnSilence = OnSilence::Zero;
             }
@@ -67,7 +68,7 @@ macro_rules! input_settings {
             fn input(self, cx: &BuildContext) -> Result<CardInput, BuildError> {
                 let rate_hz = self.rate_hz;
                 let stream = (self.device, self.buffer_frames, self.format);
-                let latency_s = self.latency_ms.map(|ms| 1e-3 * ms);
+                let latency_s = self.latency_ms.map(Milliseconds::si);
                 let holds = self.on_silence == OnSilence::Hold;
                 CardInput::new(self.$full_scale, stream, self.channel, rate_hz, latency_s, holds, cx)
             }

@@ -11,6 +11,7 @@ use haptograph_engine::node::{
 };
 use haptograph_signal::files::MAX_RECORDING_BYTES;
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{Millimetres, MillimetresPerSecond};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -36,17 +37,17 @@ haptograph_engine::settings! {
         /// Quantity of the output, by name.
         quantity: String = "number".into();
         /// Length of the recording on the surface. Give this or `recorded_mm_s`.
-        length_mm: Option<f64> = None, in 1e-3..=1e6;
+        length_mm: Option<Millimetres> = None, in 1e-3..=1e6;
         /// Speed of the tool at which playback has the original rate. Give this or `length_mm`.
-        recorded_mm_s: Option<f64> = None, in 1e-3..=1e6;
+        recorded_mm_s: Option<MillimetresPerSecond> = None, in 1e-3..=1e6;
         /// Position of the first sample on the surface.
-        start_mm: f64 = 0.0, in -1e6..=1e6;
+        start_mm: Millimetres = Millimetres(0.0), in -1e6..=1e6;
         /// Direction of the recording on the surface, a vector of any length. It applies if the position is a vector.
         axis: [f64; 3] = [1.0, 0.0, 0.0];
         /// Output before the start and after the end of the recording.
         beyond: Beyond = Beyond::Repeat;
         /// Speed of full amplitude if `speed` is connected; the amplitude is zero at rest and rises up to this speed.
-        [live] full_at_mm_s: f64 = 10.0, in 1e-3..=1e6;
+        [live] full_at_mm_s: MillimetresPerSecond = MillimetresPerSecond(10.0), in 1e-3..=1e6;
     }
 }
 
@@ -102,8 +103,8 @@ impl NodeKind for WavOverPosition {
         let (samples, rate_hz) =
             read_at_any_rate(&settings.file, settings.channel, MAX_RECORDING_BYTES, refuse_long)?;
         let per_m = match (settings.length_mm, settings.recorded_mm_s) {
-            (Some(length_mm), None) => samples.len() as f64 / (length_mm * 1e-3),
-            (None, Some(recorded_mm_s)) => rate_hz / (recorded_mm_s * 1e-3),
+            (Some(length_mm), None) => samples.len() as f64 / length_mm.si(),
+            (None, Some(recorded_mm_s)) => rate_hz / recorded_mm_s.si(),
             (Some(_), Some(_)) => {
                 return Err(
                     BuildError::at("recorded_mm_s", "`length_mm` is given too").help("remove one of them")
@@ -117,10 +118,10 @@ impl NodeKind for WavOverPosition {
         Ok(Built::new(Scanning {
             recording: Arc::new(Recording::new(samples, settings.beyond == Beyond::Repeat)),
             per_m,
-            start_m: settings.start_mm * 1e-3,
+            start_m: settings.start_mm.si(),
             axis: (width == 3).then_some(axis),
             full_scale: settings.full_scale,
-            full_at_m_s: settings.full_at_mm_s * 1e-3,
+            full_at_m_s: settings.full_at_mm_s.si(),
             before: None,
         }))
     }
@@ -276,7 +277,7 @@ impl Processor<WavOverPosition> for Scanning {
     fn set(&mut self, setting: LiveId<WavOverPosition>, value: f64) {
         match setting {
             WavOverPosition::FULL_SCALE => self.full_scale = value,
-            WavOverPosition::FULL_AT_MM_S => self.full_at_m_s = value.max(1e-3) * 1e-3,
+            WavOverPosition::FULL_AT_MM_S => self.full_at_m_s = value,
             _ => {}
         }
     }
@@ -308,12 +309,12 @@ mod tests {
             channel: 0,
             full_scale: 2.0,
             quantity: "acceleration".into(),
-            length_mm: Some(100.0),
+            length_mm: Some(Millimetres(100.0)),
             recorded_mm_s: None,
-            start_mm: 10.0,
+            start_mm: Millimetres(10.0),
             axis: [0.0, 3.0, 0.0],
             beyond,
-            full_at_mm_s: 10.0,
+            full_at_mm_s: MillimetresPerSecond(10.0),
         }
     }
 
@@ -387,7 +388,7 @@ mod tests {
         };
         assert_eq!(refused(good.clone()), None);
         let both = WavOverPositionSettings {
-            recorded_mm_s: Some(100.0),
+            recorded_mm_s: Some(MillimetresPerSecond(100.0)),
             ..good.clone()
         };
         assert_eq!(refused(both), Some(Some("recorded_mm_s")));

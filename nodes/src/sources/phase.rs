@@ -6,12 +6,13 @@ use haptograph_engine::node::{
     Processor, Tick, any_input, input, output,
 };
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{Degrees, Milliseconds};
 
 haptograph_engine::settings! {
     /// Settings of [`Phase`].
     pub struct PhaseSettings {
         /// Phase at the start.
-        start_deg: f64 = 0.0, in -360.0..=360.0;
+        start_deg: Degrees = Degrees(0.0), in -360.0..=360.0;
     }
 }
 
@@ -43,7 +44,7 @@ impl NodeKind for Phase {
 
     fn build(settings: PhaseSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Turning {
-            turns: (settings.start_deg / 360.0).rem_euclid(1.0),
+            turns: (settings.start_deg.turns()).rem_euclid(1.0),
             tick_s: 1.0 / cx.rate.hz(),
         }))
     }
@@ -85,13 +86,13 @@ haptograph_engine::settings! {
     /// Settings of [`Adsr`].
     pub struct AdsrSettings {
         /// Time from 0 to 1, ms.
-        [live] attack_ms: f64 = 5.0, in 0.0..=1e6;
+        [live] attack_ms: Milliseconds = Milliseconds(5.0), in 0.0..=1e6;
         /// Time from 1 to 0, ms. The decay to a `sustain` of 0.5 takes half of it.
-        [live] decay_ms: f64 = 50.0, in 0.0..=1e6;
+        [live] decay_ms: Milliseconds = Milliseconds(50.0), in 0.0..=1e6;
         /// Level while the gate is open, 0 to 1.
         [live] sustain: f64 = 0.5, in 0.0..=1.0;
         /// Time from 1 to 0 after the gate has closed, ms.
-        [live] release_ms: f64 = 100.0, in 0.0..=1e6;
+        [live] release_ms: Milliseconds = Milliseconds(100.0), in 0.0..=1e6;
     }
 }
 
@@ -164,10 +165,10 @@ impl Envelope {
         };
         // The step of a segment of zero duration is infinite; the level is clamped.
         self.level = match self.stage {
-            Stage::Closed => (self.level - self.tick_ms / release_ms).max(0.0),
-            Stage::Rising => (self.level + self.tick_ms / attack_ms).min(1.0),
-            Stage::Settling if self.level > sustain => (self.level - self.tick_ms / decay_ms).max(sustain),
-            Stage::Settling => (self.level + self.tick_ms / decay_ms).min(sustain),
+            Stage::Closed => (self.level - self.tick_ms / release_ms.0).max(0.0),
+            Stage::Rising => (self.level + self.tick_ms / attack_ms.0).min(1.0),
+            Stage::Settling if self.level > sustain => (self.level - self.tick_ms / decay_ms.0).max(sustain),
+            Stage::Settling => (self.level + self.tick_ms / decay_ms.0).min(sustain),
         };
         self.level
     }
@@ -183,10 +184,10 @@ impl Processor<Adsr> for Envelope {
 
     fn set(&mut self, setting: LiveId<Adsr>, value: f64) {
         match setting {
-            Adsr::ATTACK_MS => self.settings.attack_ms = value,
-            Adsr::DECAY_MS => self.settings.decay_ms = value,
+            Adsr::ATTACK_MS => self.settings.attack_ms = Milliseconds::of_si(value),
+            Adsr::DECAY_MS => self.settings.decay_ms = Milliseconds::of_si(value),
             Adsr::SUSTAIN => self.settings.sustain = value,
-            Adsr::RELEASE_MS => self.settings.release_ms = value,
+            Adsr::RELEASE_MS => self.settings.release_ms = Milliseconds::of_si(value),
             _ => {}
         }
     }
@@ -203,7 +204,9 @@ mod tests {
 
     #[test]
     fn the_phase_of_a_rising_frequency_is_its_integral() {
-        let settings = PhaseSettings { start_deg: 90.0 };
+        let settings = PhaseSettings {
+            start_deg: Degrees(90.0),
+        };
         let mut bench = Bench::new::<Phase>(settings, 100.0, &[Kind::SCALAR]).unwrap();
         let sweep: Vec<f64> = (0..300).map(|i| f64::from(i) * 0.1).collect();
         let phase = bench.run(&[&sweep]).remove(0);
@@ -227,10 +230,10 @@ mod tests {
     #[test]
     fn an_envelope_rises_settles_stays_and_falls() {
         let settings = AdsrSettings {
-            attack_ms: 4.0,
-            decay_ms: 8.0,
+            attack_ms: Milliseconds(4.0),
+            decay_ms: Milliseconds(8.0),
             sustain: 0.75,
-            release_ms: 4.0,
+            release_ms: Milliseconds(4.0),
         };
         let gate: Vec<f64> = (0..14).map(|i| if i < 9 { 0.3 } else { 0.0 }).collect();
         let expected = [
@@ -242,20 +245,20 @@ mod tests {
     #[test]
     fn an_envelope_of_no_time_jumps_and_one_that_opens_again_goes_on() {
         let at_once = AdsrSettings {
-            attack_ms: 0.0,
-            decay_ms: 0.0,
+            attack_ms: Milliseconds(0.0),
+            decay_ms: Milliseconds(0.0),
             sustain: 1.0,
-            release_ms: 0.0,
+            release_ms: Milliseconds(0.0),
         };
         assert_eq!(
             envelope(at_once, &[1.0, 1.0, 0.0, f64::NAN]),
             [1.0, 1.0, 0.0, 0.0]
         );
         let slow = AdsrSettings {
-            attack_ms: 4.0,
-            decay_ms: 1.0,
+            attack_ms: Milliseconds(4.0),
+            decay_ms: Milliseconds(1.0),
             sustain: 1.0,
-            release_ms: 8.0,
+            release_ms: Milliseconds(8.0),
         };
         assert_eq!(envelope(slow, &[1.0, 1.0, 0.0, 1.0]), [0.25, 0.5, 0.375, 0.625]);
     }

@@ -66,7 +66,7 @@ haptograph_engine::settings! {
     /// Settings of [`ConstantVector`].
     pub struct ConstantVectorSettings {
         /// x, y and z, in the SI unit of `quantity`.
-        value: [f64; 3];
+        [live] value: [f64; 3];
         /// Quantity of the output, by name: `"force"`, `"length"`.
         quantity: String = "number".into();
     }
@@ -103,6 +103,7 @@ impl NodeKind for ConstantVector {
 
 impl ConstantVector {
     const OUTPUT: Output<Self, Vector> = Output::named("output");
+    const VALUE: LiveId<Self> = LiveId::named("value");
 }
 
 #[derive(Debug, Clone)]
@@ -113,6 +114,14 @@ struct SameVector {
 impl Processor<ConstantVector> for SameVector {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, ConstantVector>) {
         io.write(ConstantVector::OUTPUT).fill(self.value);
+    }
+
+    fn set_item(&mut self, setting: LiveId<ConstantVector>, item: usize, value: f64) {
+        if setting == ConstantVector::VALUE
+            && let Some(component) = self.value.get_mut(item)
+        {
+            *component = value;
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use std::f64::consts::TAU;
 
 use super::made;
 use crate::filters::frequency_input;
+use haptograph_signal::units::Degrees;
 
 haptograph_engine::settings! {
     /// Settings of [`Sine`].
@@ -17,7 +18,7 @@ haptograph_engine::settings! {
         /// Amplitude, in the SI unit of `quantity`.
         [live] amplitude: f64 = 1.0;
         /// Phase of the sine at the start.
-        phase_deg: f64 = 0.0;
+        phase_deg: Degrees = Degrees(0.0);
         /// Quantity of the output, by name.
         quantity: String = "number".into();
     }
@@ -53,7 +54,7 @@ impl NodeKind for Sine {
             turns_per_tick: frequency_hz / cx.rate.hz(),
             amplitude: settings.amplitude,
             anchor: 0,
-            anchor_turns: settings.phase_deg / 360.0,
+            anchor_turns: settings.phase_deg.turns(),
             next: 0,
             rate_hz: cx.rate.hz(),
             follows: FREQUENCY.is_connected(cx),
@@ -303,7 +304,7 @@ mod tests {
         let settings = SineSettings {
             frequency_hz: Some(frequency_hz),
             amplitude: 2.0,
-            phase_deg,
+            phase_deg: Degrees(phase_deg),
             quantity: "number".into(),
         };
         Bench::new::<Sine>(settings, 1000.0, &[]).unwrap()
@@ -362,7 +363,7 @@ mod tests {
         let settings = SineSettings {
             frequency_hz: Some(500.0),
             amplitude: 1.0,
-            phase_deg: 0.0,
+            phase_deg: Degrees(0.0),
             quantity: "number".into(),
         };
         let refused = Bench::new::<Sine>(settings, 1000.0, &[]).err();
@@ -374,7 +375,7 @@ mod tests {
         let settings = SineSettings {
             frequency_hz: None,
             amplitude: 2.0,
-            phase_deg: 0.0,
+            phase_deg: Degrees(0.0),
             quantity: "number".into(),
         };
         assert!(Bench::new::<Sine>(settings.clone(), 1000.0, &[]).is_err());

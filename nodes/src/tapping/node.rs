@@ -11,6 +11,7 @@ use haptograph_engine::node::{
     output,
 };
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::{Grams, MillimetresPerSecond, Milliseconds};
 use haptograph_surfaces::{Surface, SurfaceError, Taps};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -21,13 +22,13 @@ haptograph_engine::settings! {
         /// Surface file with the taps, relative to the graph file.
         surface: PathBuf;
         /// Effective mass of handle and hand, g; it converts acceleration to force.
-        [live] mass_g: f64 = EFFECTIVE_MASS_KG * 1e3, in 0.0..=10_000.0;
+        [live] mass_g: Grams = Grams::of_si(EFFECTIVE_MASS_KG), in 0.0..=10_000.0;
         /// Time in free space after which the next contact can be a tap, ms.
-        rearm_ms: f64 = OnsetSettings::default().rearm_s * 1e3, in 0.0..=10_000.0;
+        rearm_ms: Milliseconds = Milliseconds::of_si(OnsetSettings::default().rearm_s), in 0.0..=10_000.0;
         /// Lowest speed of a tap, mm/s.
-        [live] least_mm_s: f64 = OnsetSettings::default().least_m_s * 1e3, in 0.0..=10_000.0;
+        [live] least_mm_s: MillimetresPerSecond = MillimetresPerSecond::of_si(OnsetSettings::default().least_m_s), in 0.0..=10_000.0;
         /// Time before contact over which its speed is measured, ms.
-        window_ms: f64 = OnsetSettings::default().window_s * 1e3, in 0.0..=60.0;
+        window_ms: Milliseconds = Milliseconds::of_si(OnsetSettings::default().window_s), in 0.0..=60.0;
     }
 }
 
@@ -60,14 +61,14 @@ impl NodeKind for Tapping {
     fn build(settings: TappingSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let played = |taps: Taps| -> Result<Transient, SurfaceError> {
             let taps = taps.resampled(cx.rate.hz())?;
-            Ok(Transient::new(Arc::new(taps), settings.mass_g * 1e-3))
+            Ok(Transient::new(Arc::new(taps), settings.mass_g.si()))
         };
         let transient = load_surface(&settings.surface)?.taps.map(played).transpose();
         let transient = transient.map_err(|error| BuildError::at("surface", error.to_string()))?;
         let onset = OnsetSettings {
-            rearm_s: settings.rearm_ms * 1e-3,
-            least_m_s: settings.least_mm_s * 1e-3,
-            window_s: settings.window_ms * 1e-3,
+            rearm_s: settings.rearm_ms.si(),
+            least_m_s: settings.least_mm_s.si(),
+            window_s: settings.window_ms.si(),
         };
         Ok(Built::new(Striking {
             onset: Onset::new(&onset, cx.rate.hz()),
@@ -138,8 +139,8 @@ impl Processor<Tapping> for Striking {
 
     fn set(&mut self, setting: LiveId<Tapping>, value: f64) {
         match (setting, &mut self.transient) {
-            (Tapping::LEAST_MM_S, _) => self.onset.least_m_s = value * 1e-3,
-            (Tapping::MASS_G, Some(transient)) => transient.mass_kg = value * 1e-3,
+            (Tapping::LEAST_MM_S, _) => self.onset.least_m_s = value,
+            (Tapping::MASS_G, Some(transient)) => transient.mass_kg = value,
             _ => {}
         }
     }
@@ -162,10 +163,10 @@ mod tests {
     fn settings() -> TappingSettings {
         TappingSettings {
             surface: tile(),
-            mass_g: 50.0,
-            rearm_ms: 20.0,
-            least_mm_s: 10.0,
-            window_ms: 12.0,
+            mass_g: Grams(50.0),
+            rearm_ms: Milliseconds(20.0),
+            least_mm_s: MillimetresPerSecond(10.0),
+            window_ms: Milliseconds(12.0),
         }
     }
 

@@ -9,12 +9,13 @@ use haptograph_engine::node::{
     output,
 };
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::Grams;
 
 haptograph_engine::settings! {
     /// Settings of [`TextureForce`].
     pub struct TextureForceSettings {
         /// Effective mass of handle and hand, g; it converts acceleration to force.
-        [live] mass_g: f64 = EFFECTIVE_MASS_KG * 1e3, in 0.0..=10_000.0;
+        [live] mass_g: Grams = Grams::of_si(EFFECTIVE_MASS_KG), in 0.0..=10_000.0;
     }
 }
 
@@ -55,7 +56,7 @@ impl NodeKind for TextureForce {
 
     fn build(settings: TextureForceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Shaking {
-            mass_kg: settings.mass_g * 1e-3,
+            mass_kg: settings.mass_g.si(),
             across: [0.0; 3],
         }))
     }
@@ -96,7 +97,7 @@ impl Processor<TextureForce> for Shaking {
 
     fn set(&mut self, setting: LiveId<TextureForce>, value: f64) {
         if setting == TextureForce::MASS_G {
-            self.mass_kg = value * 1e-3;
+            self.mass_kg = value;
         }
     }
 
@@ -116,7 +117,7 @@ mod tests {
     fn the_shaking_is_across_normal_and_friction() {
         let kinds = [Kind::SCALAR, Contact::KIND, Kind::VECTOR];
         let mut bench =
-            Bench::new::<TextureForce>(TextureForceSettings { mass_g: 50.0 }, 1000.0, &kinds).unwrap();
+            Bench::new::<TextureForce>(TextureForceSettings { mass_g: Grams(50.0) }, 1000.0, &kinds).unwrap();
         let normal = [0.0, 0.6, 0.8];
         let touching = |touching| {
             Contact {

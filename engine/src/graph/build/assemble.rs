@@ -2,11 +2,11 @@
 
 use super::Built;
 use crate::diagnostic::Diagnostic;
-use crate::document::value::Shape;
 use crate::frame::Kind;
 use crate::graph::clocks::Clocks;
 use crate::graph::devices::Devices;
 use crate::graph::draft::{Context, Draft, DraftNode, Slot, Type};
+use crate::graph::live::{self, LiveValue};
 use crate::graph::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint, wires};
 use crate::node::{Flow, KindRule, QuantityRule, SettingId};
 use crate::settings::SettingRole;
@@ -132,20 +132,21 @@ fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice])
     )
 }
 
-/// The live settings of a node with their values or defaults.
+/// The live settings of a node with their values or defaults, each number of a list by itself.
 fn live_values(node: &DraftNode) -> Vec<(SettingId, f64)> {
-    let specs = node.entry.settings().into_iter().enumerate();
-    specs
-        .filter(|(_, spec)| spec.live)
-        .filter_map(|(place, spec)| {
-            let value = match node.fields.given(spec.name).map(|value| &value.shape) {
-                Some(Shape::Number(number, _)) => Some(*number),
-                Some(_) => None,
-                None => spec.default?.parse().ok(),
-            };
-            Some((SettingId::at(place), value?))
-        })
-        .collect()
+    let mut found = Vec::new();
+    for (place, spec) in node.entry.settings().iter().enumerate() {
+        let setting = SettingId::at(place);
+        match live::value(&node.fields, spec) {
+            Some(LiveValue::Number(number)) => found.push((setting, number)),
+            Some(LiveValue::Items(items)) => {
+                let items = items.into_iter().enumerate();
+                found.extend(items.map(|(item, number)| (setting.with_item(item), number)));
+            }
+            None => {}
+        }
+    }
+    found
 }
 
 /// The given settings with computed values; paths without their folders.

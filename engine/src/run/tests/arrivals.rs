@@ -33,6 +33,7 @@ fn settable(mut graph: Graph) -> Graph {
     for node in graph.nodes.node_weights_mut() {
         if let Work::Process(_) = node.work {
             node.live.push((SettingId::at(0), 0.7));
+            node.live.push((SettingId::at(0).with_item(1), 0.3));
         }
     }
     graph

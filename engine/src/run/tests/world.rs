@@ -45,6 +45,10 @@ impl Processor<Nothing> for Leaky {
         self.weight = weight;
     }
 
+    fn set_item(&mut self, _: LiveId<Nothing>, item: usize, value: f64) {
+        self.weight = value / (1.0 + item as f64);
+    }
+
     fn process(&mut self, tick: &Tick, io: &mut Io<'_, Nothing>) {
         let mut at: Vec<Vec<f64>> = Vec::new();
         for (input, held) in self.held.iter().enumerate() {

@@ -5,6 +5,7 @@ use crate::network::remote::address;
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::silence::OnSilence;
+use haptograph_signal::units::Milliseconds;
 use std::net::SocketAddr;
 use std::time::Duration;
 
@@ -23,7 +24,7 @@ haptograph_engine::settings! {
         /// and clamped beyond it.
         to: [f64; 2] = [0.0, 1.0];
         /// Silence after which the input counts as gone, ms.
-        timeout_ms: f64 = 1000.0, in 1.0..=10_000.0;
+        timeout_ms: Milliseconds = Milliseconds(1000.0), in 1.0..=10_000.0;
         /// Effect of silence on dependent actuators: `Hold` for senders that only send changes.
         on_silence: OnSilence = OnSilence::Zero;
     }
@@ -62,7 +63,7 @@ impl DeviceKind for OscInput {
             );
         }
         let mapping = Mapping::new(settings.from, settings.to)?;
-        let timeout = Duration::from_secs_f64(settings.timeout_ms * 1e-3);
+        let timeout = Duration::from_secs_f64(settings.timeout_ms.si());
         Ok(Box::new(NumberInput::new(
             mapping,
             timeout,

@@ -4,6 +4,7 @@ use super::{Mapping, NumberInput, VALUE};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::silence::OnSilence;
+use haptograph_signal::units::Milliseconds;
 use std::time::Duration;
 
 /// Standard rates of serial lines, bit/s.
@@ -24,7 +25,7 @@ haptograph_engine::settings! {
         /// clamped beyond it.
         to: [f64; 2] = [0.0, 1.0];
         /// Silence after which the input counts as gone, ms.
-        timeout_ms: f64 = 500.0, in 1.0..=10_000.0;
+        timeout_ms: Milliseconds = Milliseconds(500.0), in 1.0..=10_000.0;
         /// Effect of silence, for example after unplugging, on dependent actuators.
         on_silence: OnSilence = OnSilence::Zero;
     }
@@ -60,7 +61,7 @@ impl DeviceKind for SerialInput {
             return Err(BuildError::at("baud", message).help(format!("choose one of {rates}")));
         }
         let mapping = Mapping::new(settings.from, settings.to)?;
-        let timeout = Duration::from_secs_f64(settings.timeout_ms * 1e-3);
+        let timeout = Duration::from_secs_f64(settings.timeout_ms.si());
         Ok(Box::new(NumberInput::new(
             mapping,
             timeout,

@@ -14,9 +14,9 @@ fn settings(material: &str, motion: Motion, person: u64) -> SimulatedRecordingTo
         material: material.into(),
         motion,
         person,
-        tracker_to_tip_mm: [0.0, 0.0, -120.0],
-        force_sensor_to_tip_mm: [0.0, 0.0, -30.0],
-        force_sensor_turn_deg: [0.0, 0.0, 45.0],
+        tracker_to_tip_mm: [0.0, 0.0, -120.0].map(Millimetres),
+        force_sensor_to_tip_mm: [0.0, 0.0, -30.0].map(Millimetres),
+        force_sensor_turn_deg: [0.0, 0.0, 45.0].map(Degrees),
     }
 }
 
@@ -46,7 +46,7 @@ fn readings(settings: SimulatedRecordingToolSettings, seed: u64, seconds: f64) -
 
 #[test]
 fn the_calibration_leads_back_to_tip_and_world() {
-    let turn = rotation_of_deg([0.0, 0.0, 45.0]);
+    let turn = rotation_of([0.0, 0.0, 45.0].map(Degrees));
     let (mut normal_n, mut highest_m) = (0.0, 0.0_f64);
     let all = readings(settings("T1", Motion::Circle, 1), 1, 1.0);
     for lanes in &all {
