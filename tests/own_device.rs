@@ -54,9 +54,9 @@ fn the_device_goes_on_after_an_edit_that_was_refused() {
         "{events:?}"
     );
     sender.send(Request::new("level", "0.4")).unwrap();
-    let events = wait_for(&mut run, |event| matches!(event, Event::Changed(_)));
+    let events = wait_for(&mut run, |event| matches!(event, Event::Changed(..)));
     assert!(
-        events.iter().any(|event| matches!(event, Event::Changed(_))),
+        events.iter().any(|event| matches!(event, Event::Changed(..))),
         "{events:?}"
     );
     let accepted = |run: &mut Supervisor| {

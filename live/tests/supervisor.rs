@@ -72,7 +72,7 @@ fn a_setting_and_a_parameter_are_set_and_reported() {
     run.set("nonsense", 1);
     let sender = run.sender();
     sender.send(Request::new("level", "1.0")).unwrap();
-    let (ended, events) = ended(run, |event| matches!(event, Event::Changed(_)));
+    let (ended, events) = ended(run, |event| matches!(event, Event::Changed(..)));
     let is_set =
         |event: &Event| matches!(event, Event::Set(name, value) if name == "out.gain" && *value == 0.5);
     assert!(events.iter().any(is_set), "{events:?}");
@@ -212,7 +212,7 @@ fn a_handle_is_refused_once_and_follows_its_name_to_another_graph() {
     let other = r#""aaa": Gain(input: "one", gain: 0.5), "out": ActuatorSink(current: "aaa""#;
     let text = GRAPH.replace(r#""out": ActuatorSink(current: "one""#, other);
     fs::write(folder.path().join("g.ron"), text + " ").unwrap();
-    while !run.poll().iter().any(|event| matches!(event, Event::Changed(_))) {
+    while !run.poll().iter().any(|event| matches!(event, Event::Changed(..))) {
         run.wait();
     }
     handle.set(0.75).unwrap();
@@ -266,7 +266,7 @@ fn a_saved_file_is_swapped_in_unless_it_is_not_accepted() {
         let run = Supervisor::start(options, &registry(), None).unwrap();
         fs::write(folder.path().join("g.ron"), text + " ").unwrap();
         let (ended, events) = ended(run, |event| {
-            matches!(event, Event::Changed(_) | Event::Refused(_))
+            matches!(event, Event::Changed(..) | Event::Refused(_))
         });
         let refused = |event: &Event| matches!(event, Event::Refused(why) if why.contains("not wanted"));
         assert_eq!(events.iter().any(refused), !is_accepted, "{events:?}");
@@ -286,7 +286,7 @@ fn a_saved_file_that_gains_live_endpoints_moves_nothing_real() {
     let text = GRAPH.replace(r#"endpoints: { "simulated""#, live);
     fs::write(folder.path().join("g.ron"), text.replace("0.5 }", "0.25 }")).unwrap();
     let (ended, events) = ended(run, |event| {
-        matches!(event, Event::Changed(_) | Event::Set(..) | Event::Refused(_))
+        matches!(event, Event::Changed(..) | Event::Set(..) | Event::Refused(_))
     });
     assert!(
         !events.iter().any(|event| matches!(event, Event::Refused(_))),

@@ -290,10 +290,14 @@ fn beginnings(blocks: &[Block], links: &[Link], backward: &[bool], order: &[usiz
     for (link, _) in links.iter().zip(backward).filter(|(_, backward)| **backward) {
         (begins[link.from], begins[link.to]) = (false, false);
     }
+    let (mut sources, mut readers) = (vec![Vec::new(); blocks.len()], vec![Vec::new(); blocks.len()]);
+    for link in links {
+        sources[link.to].push(link.from);
+        readers[link.from].push(link.to);
+    }
     for block in order {
-        let read_elsewhere = |from: usize| links.iter().any(|link| link.from == from && link.to != *block);
-        let mut sources = links.iter().filter(|link| link.to == *block);
-        begins[*block] &= sources.all(|link| begins[link.from] && !read_elsewhere(link.from));
+        let is_alone = |from: &usize| readers[*from].iter().all(|reader| reader == block);
+        begins[*block] &= sources[*block].iter().all(|from| begins[*from] && is_alone(from));
     }
     begins
 }

@@ -58,7 +58,7 @@ fn a_saved_graph_takes_over_and_a_wrong_one_is_shown_and_left() {
         (saved.len(), &saved[0]["graph"]),
         (2, &serde_json::json!("changes/1"))
     );
-    assert_eq!(saved[0]["what"], "the graph changed");
+    assert_eq!(saved[0]["change"], "at-once");
     let kept = fs::read_to_string(out.join("changes/1/tone.ron")).unwrap();
     assert!(kept.contains("more.wav"), "{kept}");
 }

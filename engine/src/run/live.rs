@@ -354,23 +354,27 @@ impl Live {
                     }
                     self.ramps.start(ramp, &mut self.run);
                 }
-                Ok(Command::Swap(mut next)) if next.mode == SwapMode::InPlace => {
-                    next.take_over_in_place(&mut self.run);
-                    next.rings.take_over(&mut self.rings);
-                    self.retire(next);
-                }
-                Ok(Command::Swap(next)) => {
-                    if let Some(log) = &mut self.log {
-                        log.end();
-                    }
-                    if next.mode != SwapMode::CrossFade {
-                        self.run.fade_out(FADE_S);
-                    }
-                    self.next = Some(next);
-                }
+                Ok(Command::Swap(next)) => self.begin_swap(next),
                 Err(_) => break,
             }
         }
+    }
+
+    fn begin_swap(&mut self, mut next: Box<PlanSwap>) {
+        match next.mode {
+            SwapMode::InPlace => {
+                next.take_over_in_place(&mut self.run);
+                next.rings.take_over(&mut self.rings);
+                self.retire(next);
+                return;
+            }
+            SwapMode::CrossFade => {}
+            SwapMode::FadeThroughZero(_) => self.run.fade_out(FADE_S),
+        }
+        if let Some(log) = &mut self.log {
+            log.end();
+        }
+        self.next = Some(next);
     }
 
     /// Starts the pending swap or stops, when the present ramps and fades have ended.

@@ -132,7 +132,10 @@ impl PlanSwap {
 
     /// Transfers matching state at the time that the old plan has reached, and swaps the plans.
     pub(super) fn take_over(&mut self, running: &mut Run, hottest: &Hottest) {
-        let together = self.mode == SwapMode::CrossFade;
+        let together = match self.mode {
+            SwapMode::CrossFade => true,
+            SwapMode::InPlace | SwapMode::FadeThroughZero(_) => false,
+        };
         self.transfer_heat(running, hottest);
         let (old, new) = (&mut running.state, &mut self.run.state);
         for (from, to, transfer) in &self.processors {

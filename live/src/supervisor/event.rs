@@ -3,6 +3,7 @@
 use crate::SettingValue;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::graph::{Graph, GraphDevice};
+use haptograph_engine::run::Change;
 use std::fmt;
 
 /// A request to a running graph: another value of a parameter (`gain`) or of a live setting of a node (`out.gain`).
@@ -72,8 +73,8 @@ pub enum Event {
     Refused(String),
     /// Errors or warnings of a graph that was loaded.
     Findings(Diagnostics),
-    /// Another graph runs, or the same graph with other settings.
-    Changed(String),
+    /// Another graph runs, or the same graph with other settings: how it took over, and the message about it.
+    Changed(Change, String),
     /// The limit of an actuator has changed.
     Limit(String),
     /// The files of a saved graph could not be copied into the run's folder.
@@ -90,7 +91,7 @@ impl fmt::Display for Event {
             ),
             Self::Set(name, value) => write!(f, "{name} is {value}"),
             Self::Findings(findings) => findings.fmt(f),
-            Self::Refused(text) | Self::Changed(text) | Self::Limit(text) | Self::NotKept(text) => {
+            Self::Refused(text) | Self::Changed(_, text) | Self::Limit(text) | Self::NotKept(text) => {
                 f.write_str(text)
             }
         }

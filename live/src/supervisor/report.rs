@@ -180,6 +180,9 @@ pub struct SavedGraph {
     pub at_s: f64,
     /// Description of the change.
     pub what: String,
+    /// How the graph took over, as [`Change::code`](haptograph_engine::run::Change::code) names it.
+    #[serde(default)]
+    pub change: String,
     /// Live settings with new values, `NAME=VALUE`.
     pub set: Vec<String>,
     /// Folder of its files, in that of the run.

@@ -120,6 +120,7 @@ impl Supervisor {
         self.saved.push(SavedGraph {
             at_s: (self.start.elapsed().as_secs_f64() * 100.0).round() / 100.0,
             what: swapped.change.to_string(),
+            change: swapped.change.code().to_owned(),
             set: set.map(|(name, value)| format!("{name}={value}")).collect(),
             graph: place.to_string_lossy().into_owned(),
         });
@@ -167,7 +168,7 @@ impl Supervisor {
                 "set"
             };
             let text = describe(&changed, &set, by, loading.elapsed());
-            self.events.push(Event::Changed(text));
+            self.events.push(Event::Changed(changed.change, text));
         }
         let limits = ready.protected.changes(&self.protected);
         self.events.extend(limits.into_iter().map(Event::Limit));

@@ -73,6 +73,20 @@ impl std::fmt::Display for Change {
 }
 
 impl Change {
+    /// The name of the change in reports, which later versions keep.
+    pub fn code(self) -> &'static str {
+        match self {
+            Self::Settings(_) => "settings",
+            Self::CrossFade => "cross-fade",
+            Self::AtOnce => "at-once",
+            Self::FadeThroughZero(NoCrossFade::Drivers) => "through-zero:drivers",
+            Self::FadeThroughZero(NoCrossFade::Actuators) => "through-zero:actuators",
+            Self::FadeThroughZero(NoCrossFade::FastDevice) => "through-zero:fast-device",
+            Self::FadeThroughZero(NoCrossFade::Delays) => "through-zero:delays",
+            Self::FadeThroughZero(NoCrossFade::Load) => "through-zero:load",
+        }
+    }
+
     /// The change that a swap of this mode with this many changed settings makes; `drives`: either plan has actuators.
     pub(in super::super) fn of(mode: SwapMode, settings: usize, drives: bool) -> Self {
         match mode {
