@@ -6,12 +6,30 @@ mod sketch;
 mod text;
 
 use super::layout::{Block, Layout, Link, Route, Side, in_rows};
-use super::svg::{Rect, text_width};
+use super::svg::{Rect, escape, text_width};
 use super::theme;
 use haptograph_engine::graph::Graph;
 use sketch::{NodeBox, Role, Sketch};
 
-/// Draws `graph` as a standalone SVG file.
+/// Most boxes and wires of a drawing: nobody can read more, and the time to place them rises with their square.
+const MAX_BOXES: usize = 500;
+const MAX_WIRES: usize = 1000;
+
+/// Why `graph` is not drawn, if it has too many nodes or connections to be legible.
+pub fn too_large(graph: &Graph) -> Option<String> {
+    why_too_large(&Sketch::of(graph))
+}
+
+fn why_too_large(sketch: &Sketch) -> Option<String> {
+    let (boxes, wires) = (sketch.boxes.len(), sketch.wires.len());
+    (boxes > MAX_BOXES || wires > MAX_WIRES).then(|| {
+        format!(
+            "{boxes} boxes and {wires} connections are too many for a drawing; at most {MAX_BOXES} and {MAX_WIRES} are drawn"
+        )
+    })
+}
+
+/// Draws `graph` as a standalone SVG file; one that is [`too_large`] is a line that says so.
 pub fn standalone_svg(graph: &Graph, title: &str) -> String {
     draw(&Sketch::of(graph), title, &theme::css())
 }
@@ -32,6 +50,14 @@ pub fn mermaid(graph: &Graph, title: &str) -> String {
 }
 
 fn draw(sketch: &Sketch, title: &str, style: &str) -> String {
+    if let Some(why) = why_too_large(sketch) {
+        let width = text_width(&why, 12.0) + 20.0;
+        return format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} 24\" width=\"{width:.0}\" height=\"24\">\
+             <text x=\"10\" y=\"16\" font-size=\"12\" font-family=\"sans-serif\">{}</text></svg>\n",
+            escape(&why)
+        );
+    }
     let everything: Vec<usize> = (0..sketch.boxes.len()).collect();
     let scene = arrange(sketch, &everything, "");
     paint::paint(sketch, &scene, title, style)

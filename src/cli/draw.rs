@@ -28,18 +28,20 @@ pub struct Arguments {
 struct DrawingFile {
     path: PathBuf,
     draw: fn(&Graph, &str) -> String,
+    is_svg: bool,
 }
 
 fn drawing_file(text: &str) -> Result<DrawingFile, String> {
     let path = PathBuf::from(text);
     let end = path.extension().unwrap_or_default().to_ascii_lowercase();
+    let is_svg = end == "svg";
     let draw = match end.to_str() {
         Some("svg") => drawing::standalone_svg,
         Some("dot") => drawing::dot,
         Some("mmd") => drawing::mermaid,
         _ => return Err(no_such_drawing(&path)),
     };
-    Ok(DrawingFile { path, draw })
+    Ok(DrawingFile { path, draw, is_svg })
 }
 
 fn no_such_drawing(path: &Path) -> String {
@@ -55,7 +57,13 @@ fn no_such_drawing(path: &Path) -> String {
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(registry, None)?;
-    let Some(DrawingFile { path, draw }) = &arguments.output else {
+    let is_text = arguments.output.as_ref().is_some_and(|output| !output.is_svg);
+    if let (false, Some(why)) = (is_text, drawing::too_large(&graph)) {
+        return Err(Failure::Message(format!(
+            "{why}: write a .dot file, which Graphviz's `sfdp` can draw"
+        )));
+    }
+    let Some(DrawingFile { path, draw, .. }) = &arguments.output else {
         let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
         return match arguments.json {
             true => print_json(&json!({ "svg": picture })),

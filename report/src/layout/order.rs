@@ -4,8 +4,6 @@ use super::{Item, Segment};
 
 /// Rounds of sorting by barycentres; the best order is kept.
 const ROUNDS: usize = 16;
-/// Comparisons of all rounds, a quarter of a second: a graph of many links has fewer rounds, or none.
-const MAX_COMPARISONS: usize = 100_000_000;
 
 /// Items of every layer from top to bottom.
 pub(super) fn order(items: &[Item], segments: &[Segment]) -> Vec<Vec<usize>> {
@@ -14,18 +12,9 @@ pub(super) fn order(items: &[Item], segments: &[Segment]) -> Vec<Vec<usize>> {
     for (number, item) in items.iter().enumerate() {
         layers[item.layer].push(number);
     }
-    let mut ends = vec![0_usize; count];
-    for segment in segments {
-        ends[items[segment.from].layer] += 1;
-    }
-    let comparisons = ends.iter().map(|ends| ends.saturating_mul(*ends) + items.len());
-    let rounds = MAX_COMPARISONS / comparisons.fold(1, usize::saturating_add);
-    if rounds == 0 {
-        return layers;
-    }
     let sides = Sides::of(items, segments);
     let mut best = (sides.crossings(&layers), layers.clone());
-    for round in 0..rounds.min(ROUNDS) {
+    for round in 0..ROUNDS {
         if round % 2 == 0 {
             for layer in 1..count {
                 sides.sort(&mut layers, layer, Direction::Left);
