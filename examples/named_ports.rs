@@ -3,8 +3,8 @@
 
 use haptograph::engine::frame::{Kind, Scalar};
 use haptograph::engine::node::{
-    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Named, NodeEntry, NodeKind,
-    NodeSpec, Output, OutputFamily, Presence, Processor, QuantityRule, Tick, output,
+    BuildContext, BuildError, Built, Input, Io, Named, NodeEntry, NodeKind, NodeSpec, Output, OutputFamily,
+    Processor, Tick, input, output,
 };
 use haptograph::engine::registry::Registry;
 use haptograph::signal::quantity::Quantity;
@@ -28,14 +28,13 @@ impl NodeKind for Grip {
         group: "mine",
         doc: "Adds the forces of fingers, and gives the shares of some of them.",
         source: "",
-        inputs: &[InputSpec {
-            name: "fingers",
-            kind: KindRule::Is(Kind::SCALAR),
-            quantity: QuantityRule::Is(Quantity::FORCE),
-            flow: Flow::Sampled,
-            presence: Presence::Named,
-            doc: "Force of each finger, N.",
-        }],
+        inputs: &[input(
+            "fingers",
+            Kind::SCALAR,
+            Quantity::FORCE,
+            "Force of each finger, N.",
+        )
+        .named()],
         outputs: &[
             output("whole", Kind::SCALAR, Quantity::FORCE, "Sum of the forces, N."),
             output(
@@ -55,6 +54,10 @@ impl NodeKind for Grip {
 
     fn build(settings: GripSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let fingers = cx.names(FINGERS);
+        if fingers.is_empty() {
+            let wrong = BuildError::at("fingers", "the fingers need names");
+            return Err(wrong.help("write a map: {\"thumb\": \"a.output\", \"index\": \"b.output\"}"));
+        }
         let finger_of = |share: &String| {
             let place = fingers.iter().position(|finger| finger == share);
             place.ok_or_else(|| {

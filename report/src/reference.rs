@@ -366,7 +366,7 @@ fn fields(text: &mut String, list: &[SettingSpec], depth: usize) {
         let live = match (setting.live, &setting.expected) {
             (false, _) => "".to_owned(),
             (true, Expected::List(_)) => {
-                format!(", each of at most {MAX_LIVE_ITEMS} can be changed while running")
+                format!(", each can be changed while running if there are at most {MAX_LIVE_ITEMS}")
             }
             (true, Expected::Array(..)) => ", each can be changed while running".to_owned(),
             (true, _) => ", can be changed while running".to_owned(),

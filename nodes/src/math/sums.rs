@@ -113,7 +113,7 @@ haptograph_engine::settings! {
     /// Settings of [`Mixer`].
     pub struct MixerSettings {
         /// A gain for each input, in the order of `inputs`.
-        [live] gains: Vec<f64>;
+        [live] gains: Vec<f64>, in -1e9..=1e9;
         /// Gain of the whole mix.
         [live] master: f64 = 1.0, in -1e9..=1e9;
     }

@@ -281,6 +281,11 @@ fn mistaken(
         '=' => (Token::Colon, 1, "a field is written `name: value`"),
         ';' => (Token::Comma, 1, "separate with `,`"),
         '-' | '+' => (Token::Mistaken, 1, "a sign stands right before its number: `-2`"),
+        '\u{2212}' | '\u{2013}' => (
+            Token::Mistaken,
+            c.len_utf8(),
+            "write the minus sign of the keyboard: `-2`",
+        ),
         _ => (Token::Mistaken, c.len_utf8(), "remove it"),
     };
     let span = Span {
