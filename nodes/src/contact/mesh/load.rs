@@ -82,9 +82,14 @@ fn obj(bytes: &[u8]) -> Result<Soup, MeshError> {
     };
     let lines = || bytes.split_inclusive(|byte| *byte == b'\n');
     // A face is three bytes a corner, and much more in memory.
-    let triangles = |line: &[u8]| match line.trim_ascii_start().strip_prefix(b"f") {
-        Some(corners) => corners.split(u8::is_ascii_whitespace).count().saturating_sub(3),
-        None => 0,
+    let triangles = |line: &[u8]| {
+        let words = line
+            .split(u8::is_ascii_whitespace)
+            .filter(|word| !word.is_empty());
+        match line.trim_ascii_start() {
+            [b'f', b' ' | b'\t', ..] => words.count().saturating_sub(3),
+            _ => 0,
+        }
     };
     if lines().map(triangles).sum::<usize>() > MAX_TRIANGLES {
         return Err(MeshError::TooLarge);
