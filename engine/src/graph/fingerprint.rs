@@ -72,12 +72,15 @@ impl Fingerprint {
 /// Hash of a node's kind, non-live settings, the lengths of live lists, rate, and the names and kinds of frames of its inputs.
 pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
     let target = &draft.nodes[node];
-    let (mut live, mut lengths) = (Vec::new(), Vec::new());
+    let (mut live, mut lengths, mut unset) = (Vec::new(), Vec::new(), Vec::new());
     for setting in target.entry.settings().iter().filter(|setting| setting.live) {
         match live::value(&target.fields, setting) {
             Some(LiveValue::Items(items)) => lengths.push((setting.name, items.len())),
-            None if is_list(&target.fields, setting.name) => continue,
-            Some(LiveValue::Number(_)) | None => {}
+            Some(LiveValue::Number(_)) => {}
+            None => {
+                unset.push(setting.name);
+                continue;
+            }
         }
         live.push(setting.name);
     }
@@ -88,6 +91,7 @@ pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: us
             state.text(name);
             state.number(length as u64);
         }
+        unset.into_iter().for_each(|name| state.text(name));
         state.maybe(target.clock.map(|_| 1));
         target
             .clock
@@ -103,17 +107,6 @@ pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: us
             state.text(carried.map_or("", |kind| kind.spec().name));
             state.number(carried.map_or(0, |kind| kind.width() as u64));
         }
-    })
-}
-
-/// True if a setting is given as a list.
-fn is_list(fields: &Fields, name: &str) -> bool {
-    let given = fields.given(name);
-    given.is_some_and(|value| {
-        matches!(
-            value.shape,
-            Shape::List(_) | Shape::Tagged(Tagged { name: None, .. })
-        )
     })
 }
 

@@ -29,6 +29,10 @@ pub(super) fn value(fields: &Fields, spec: &SettingSpec) -> Option<LiveValue> {
 fn of(value: &Value) -> Option<LiveValue> {
     let items = match &value.shape {
         Shape::Number(number, _) => return Some(LiveValue::Number(*number)),
+        Shape::Tagged(Tagged {
+            name: Some(name),
+            body: Body::Tuple(inner),
+        }) if name.text == "Some" && inner.len() == 1 => return of(&inner[0]),
         Shape::List(items)
         | Shape::Tagged(Tagged {
             name: None,

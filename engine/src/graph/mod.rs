@@ -374,7 +374,10 @@ impl Graph {
         let clock = node.clock.filter(|_| spec.below_nyquist);
         let Some(clock) = clock else { return spec.range };
         let (low, high) = spec.range.unwrap_or((0.0, f64::MAX));
-        Some((low, high.min((0.5 * self.clocks[clock].rate.hz()).next_down())))
+        Some((
+            low,
+            high.min((0.5 * self.clocks[clock].rate.hz() / spec.si_per_unit).next_down()),
+        ))
     }
 
     /// Description from the file.
