@@ -255,6 +255,7 @@ impl<'a> RunSetup<'a> {
 /// The path of a file or folder that may not exist yet, the same for all ways to write it.
 fn place_of(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    // `..` behind a folder that does not exist leads nowhere, and no file can be written there.
     let mut ancestors = absolute.ancestors();
     let existing = ancestors.find_map(|folder| Some((folder, folder.canonicalize().ok()?)));
     match existing {

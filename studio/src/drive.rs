@@ -318,7 +318,6 @@ fn run(
         if behind > most {
             origin += Duration::from_secs_f64((behind - most) as f64 / rate_hz);
             behind = most;
-            player.live_mut().resume_after_stall();
         }
         let begun = Instant::now();
         // A real-time thread waits for no other: see `between_frames`.

@@ -45,8 +45,13 @@ impl Stage {
     /// Starts a run. Real actuators start as warm as their limits allow, since their temperature is unknown.
     pub fn start_as(&mut self, how: NextRun) -> Result<(), StageError> {
         if self.state == State::Running {
+            // It is falling to zero, more slowly than a page waits.
+            if self.is_stopping {
+                self.next_run = how;
+            }
             return Ok(());
         }
+        self.is_stopping = false;
         let begun = self.begin(how);
         if begun.is_err() {
             self.release();
@@ -153,6 +158,7 @@ impl Stage {
             return;
         };
         session.stop();
+        self.is_stopping = true;
         if drive.is_done_within(STOPPING) {
             self.end();
         }

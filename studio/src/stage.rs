@@ -118,6 +118,8 @@ pub struct Stage {
     pub replay: Option<Replay>,
     /// The run that follows this one.
     pub next_run: NextRun,
+    /// True from a stop until the next run begins.
+    pub is_stopping: bool,
     /// Time still to be run in a replay, s.
     pub pending_s: f64,
     /// Delays from the arrival of pointers to their ticks, s.
@@ -166,6 +168,7 @@ impl Stage {
             page_error: None,
             replay: None,
             next_run: NextRun::None,
+            is_stopping: false,
             pending_s: 0.0,
             latencies_s: Vec::new(),
             rate_hz: 1.0,

@@ -11,7 +11,8 @@
 //! The columns are: the frames run; 1 from the start of the fade-out of a stop; for each actuator downstream of live
 //! inputs, 1 if its gate is open and 0 if an input is silent; for each ring that it reads, the frames that arrived
 //! since the line before; for each ring that it writes, the frames that fitted. A last line with a 2 in the second
-//! column marks a change of graph, where the log ends. The live inputs have files of their own, see [`inputs`]. A
+//! column marks a change of graph, where the log ends. A line with a 3 there is of no callback: the outputs of all devices (0 in
+//! the first column), or those of one (counted from 1), began from zero after they had been given zeros. The live inputs have files of their own, see [`inputs`]. A
 //! second file of each driver has the setting changes:
 //!
 //! ```text
@@ -46,7 +47,7 @@ pub const ARRIVALS: &str = "arrivals";
 const RUNNING: f64 = 0.0;
 const FADING: f64 = 1.0;
 const REPLACED: f64 = 2.0;
-/// The outputs begin from zero again; a line of no callback.
+/// Outputs begin from zero again; a line of no callback.
 const RESUMED: f64 = 3.0;
 const SETTINGS_HEADER: &str = "frame,from,to,glide frames,setting";
 

@@ -168,9 +168,7 @@ impl Live {
         self.run.poll_rings();
         // WebAssembly has neither system devices nor a system clock.
         #[cfg(not(target_family = "wasm"))]
-        if self.run.poll_devices(std::time::Instant::now()) {
-            self.resume();
-        }
+        self.poll_devices(std::time::Instant::now());
         if self.frames == 0 {
             self.run.begin_devices();
             // Inputs heard before the first frame open their gates at once.
@@ -194,6 +192,19 @@ impl Live {
         }
         if let Some(log) = &mut self.log {
             log.note(&self.run, frames - left, self.stopping);
+        }
+    }
+
+    /// Polls the devices. The frames until the next poll use the data that have arrived by `now`.
+    #[cfg(not(target_family = "wasm"))]
+    fn poll_devices(&mut self, now: std::time::Instant) {
+        for device in 0..self.run.state.devices.len() {
+            if self.run.poll_device(device, now) {
+                self.run.restart_device(device, FADE_S);
+                if let Some(log) = &mut self.log {
+                    log.resume(device + 1);
+                }
+            }
         }
     }
 
@@ -313,16 +324,8 @@ impl Live {
         if self.state == LiveState::Running {
             self.run.restart_from_zero(FADE_S);
             if let Some(log) = &mut self.log {
-                log.resume();
+                log.resume(0);
             }
-        }
-    }
-
-    /// Fades in again after a stall in which real actuators had no output. Without any the samples stay those of a run
-    /// without the stall.
-    pub fn resume_after_stall(&mut self) {
-        if self.run.plan.actuators.iter().any(|actuator| !actuator.simulated) {
-            self.resume();
         }
     }
 
@@ -445,6 +448,19 @@ impl Run {
             };
         } else {
             self.fade_in(seconds);
+        }
+    }
+
+    /// Lets the actuators of a device rise from zero, and disarms them: its hardware was given zeros meanwhile.
+    pub(crate) fn restart_device(&mut self, device: usize, seconds: f64) {
+        let span = self.fade_span(seconds);
+        for (actuator, ..) in &self.plan.devices[device].driven_by {
+            let actuator = &mut self.state.actuators[*actuator];
+            actuator.limiter.begin_from(&[0.0; 6]);
+            actuator.gate.begin_from_zero(span);
+        }
+        if let Some(gate) = &mut self.state.devices[device].gate {
+            gate.close();
         }
     }
 

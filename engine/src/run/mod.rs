@@ -181,14 +181,12 @@ impl Run {
         }
     }
 
-    /// Polls its devices. The frames until the next poll use the data that have arrived by `now`. True if the hardware of one
-    /// was given zeros meanwhile.
+    /// Polls a device; true if its hardware was given zeros meanwhile.
     #[cfg(not(target_family = "wasm"))]
-    pub(crate) fn poll_devices(&mut self, now: Instant) -> bool {
-        self.devices_mut().fold(false, |is_interrupted, device| {
-            device.poll(now);
-            device.take_interruption() || is_interrupted
-        })
+    fn poll_device(&mut self, device: usize, now: Instant) -> bool {
+        let device = self.state.devices[device].device.as_mut();
+        device.poll(now);
+        device.take_interruption()
     }
 
     /// As [`advance`](Self::advance), but runs every step by itself and reports it to `observer`.

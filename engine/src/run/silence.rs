@@ -33,6 +33,11 @@ impl SilenceGate {
         }
     }
 
+    /// Begins at zero between two times, and opens if it is open.
+    pub fn begin_from_zero(&mut self, (begin, end): (u64, u64)) {
+        (self.from, self.begin, self.end) = (0.0, begin, end);
+    }
+
     #[inline]
     pub fn factor(self, time: u64) -> f64 {
         let to = f64::from(u8::from(self.is_open));

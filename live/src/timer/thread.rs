@@ -2,8 +2,8 @@
 //!
 //! Deadlines are computed from the start, so that they do not drift. The thread sleeps until shortly before a deadline
 //! and spins for the rest. After a stall of the machine the lost frames are counted and time continues from there: to
-//! catch up in a burst would run a force loop through many ticks with the same hand position. Real actuators then begin from
-//! zero: their devices may have stopped meanwhile.
+//! catch up in a burst would run a force loop through many ticks with the same hand position. A device that was
+//! given zeros meanwhile begins from zero.
 
 use haptograph_engine::run::{Live, Wake};
 use std::sync::mpsc::channel;
@@ -136,7 +136,6 @@ impl Timer {
                 // Skip the time of the stall.
                 start += late;
                 lost = (late.as_secs_f64() * self.wakes_hz) as u32;
-                live.resume_after_stall();
             }
             let frames = due.saturating_sub(done);
             live.callback(frames as usize, |_, _| {});

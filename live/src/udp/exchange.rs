@@ -201,6 +201,8 @@ impl<'a> Exchange<'a> {
 
     /// Takes the latest command; zeros from when the ticks that compute it have stopped until they begin from zero.
     fn update_command(&mut self) {
+        // Read first: a command that is read after an interruption has ended is of zeros, or newer.
+        let is_interrupted = self.config.link.is_interrupted();
         if let Some((version, driven)) = self.config.link.driven.look() {
             let (known, _) = self.driven_version;
             if version != known {
@@ -213,7 +215,7 @@ impl<'a> Exchange<'a> {
         if is_late && since.is_some() && self.driven != [0.0; DRIVEN] {
             self.config.link.interrupt();
         }
-        if is_late || self.config.link.is_interrupted() {
+        if is_late || is_interrupted {
             self.driven = [0.0; DRIVEN];
         }
     }

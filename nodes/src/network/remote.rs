@@ -18,6 +18,8 @@ use std::time::{Duration, Instant};
 const RAMP_S: f64 = 0.01;
 /// Index of force and torque in a state.
 const WRENCH: usize = 6;
+/// Time between two wake-ups beyond which the ticks have stalled, whatever silence the device waits for.
+const STALL: Duration = Duration::from_millis(20);
 /// Updates may arrive in bursts: extra time before a movement counts as a jump, s.
 const BUNCHING_S: f64 = 0.002;
 
@@ -310,11 +312,20 @@ impl Device for Remote {
     }
 
     fn poll(&mut self, now: Instant) {
+        let stalled = |before| now.saturating_duration_since(before) > self.watch.timeout.max(STALL);
+        if self.driven.iter().any(|driven| *driven != 0.0) && self.reader.woke.is_some_and(stalled) {
+            // The device's own watchdog has stopped it.
+            self.reader.link.interrupt();
+        }
         self.reader.woke = Some(now);
     }
 
     fn take_interruption(&mut self) -> bool {
-        self.reader.link.take_interruption()
+        let is_interrupted = self.reader.link.take_interruption();
+        if is_interrupted {
+            self.driven = [0.0; DRIVEN];
+        }
+        is_interrupted
     }
 
     fn ages(&self) -> Option<Arc<AgeMeter>> {
@@ -362,6 +373,22 @@ mod tests {
         let mut frame = [0.0];
         remote.read(3, &mut frame);
         frame[0]
+    }
+
+    #[test]
+    fn what_is_driven_begins_from_zero_after_a_stall_and_what_is_read_only_goes_on() {
+        let mut remote = remote(false);
+        let start = Instant::now();
+        let wakes_after = |remote: &mut Remote, ms: u64| {
+            remote.poll(start + Duration::from_millis(ms));
+            remote.take_interruption()
+        };
+        assert!(!wakes_after(&mut remote, 0) && !wakes_after(&mut remote, 100));
+        remote.write(1, &[0.5]);
+        assert!(!wakes_after(&mut remote, 110));
+        assert!(wakes_after(&mut remote, 140));
+        assert_eq!(remote.link().driven.look().unwrap().1, [0.0; DRIVEN]);
+        assert!(!wakes_after(&mut remote, 170), "nothing is driven");
     }
 
     #[test]

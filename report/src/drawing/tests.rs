@@ -262,9 +262,14 @@ fn every_wire_is_drawn_from_its_output_to_its_input() {
 
 #[test]
 fn a_graph_that_nobody_could_read_is_a_line_of_text() {
-    let lines: Vec<String> = (0..=MAX_BOXES).map(|n| format!("n{n} Gain audio - | in -> out")).collect();
+    let lines: Vec<String> = (0..=MAX_BOXES)
+        .map(|n| format!("n{n} Gain audio - | in -> out"))
+        .collect();
     let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
-    let (largest, larger) = (sketch(&["audio 48000"], &lines[1..], &[]), sketch(&["audio 48000"], &lines, &[]));
+    let (largest, larger) = (
+        sketch(&["audio 48000"], &lines[1..], &[]),
+        sketch(&["audio 48000"], &lines, &[]),
+    );
     assert!(why_too_large(&largest).is_none() && why_too_large(&larger).is_some());
     let picture = draw(&larger, "", "");
     assert!(picture.contains(&why_too_large(&larger).unwrap()) && picture.len() < 1000);

@@ -103,20 +103,20 @@ impl ArrivalLog {
 
     /// Logs a change of graph, which ends the log.
     pub fn end(&mut self) {
-        self.keep_event(REPLACED);
+        self.keep_event(REPLACED, 0);
         self.is_over = true;
     }
 
-    /// Logs that the outputs begin from zero again, before the next callback.
-    pub fn resume(&mut self) {
-        self.keep_event(RESUMED);
+    /// Logs that outputs begin from zero again, before the next callback: those of all devices (0), or of one, counted from 1.
+    pub fn resume(&mut self, device: usize) {
+        self.keep_event(RESUMED, device);
     }
 
-    fn keep_event(&mut self, state: f64) {
+    fn keep_event(&mut self, state: f64, device: usize) {
         if !self.is_over {
             self.row.clear();
             self.row.resize(self.columns, 0.0);
-            self.row[1] = state;
+            (self.row[0], self.row[1]) = (device as f64, state);
             self.keep_row();
         }
     }

@@ -30,6 +30,7 @@ struct Rows {
     lines: Lines,
     columns: usize,
     gates: usize,
+    devices: usize,
     /// Largest number of frames of a callback, of frames in all, and of lines.
     most: [f64; 3],
     /// Frames and lines so far.
@@ -52,6 +53,7 @@ impl Rows {
             lines: Lines::open(file(folder, driver), &header(plan))?,
             columns: columns(plan),
             gates: gated(plan).count(),
+            devices: plan.devices.len(),
             most: [
                 (LONGEST_S * rate_hz).max(1.0),
                 frames,
@@ -74,16 +76,19 @@ impl Rows {
         if row.len() != self.columns || text.split(',').count() != self.columns {
             return Err(self.lines.malformed(self.columns));
         }
-        self.frames += u64::from(row[0]);
         self.count += 1;
         let before = self.state;
         if f64::from(row[1]) != RESUMED {
+            self.frames += u64::from(row[0]);
             self.state = row[1];
         }
         let why = match f64::from(row[1]) {
             _ if f64::from(before) == REPLACED => "it follows the line of a change of graph",
             state if state > RESUMED => "its second number is not 0, 1, 2 or 3",
-            state if state == RESUMED && row[0] > 0 => "outputs begin from zero between two callbacks",
+            state if state == RESUMED => match row[0] as usize > self.devices {
+                true => "the driver has no such device",
+                false => return Ok(()),
+            },
             state if state < f64::from(before) => "the run continues after its fade-out",
             _ if row[2..].iter().take(self.gates).any(|open| *open > 1) => {
                 "the gate of an actuator is neither 0 nor 1"
@@ -244,7 +249,10 @@ impl Arrivals {
             return Ok(false);
         }
         if f64::from(state) == RESUMED {
-            run.restart_from_zero(FADE_S);
+            match (frames as usize).checked_sub(1) {
+                Some(device) => run.restart_device(device, FADE_S),
+                None => run.restart_from_zero(FADE_S),
+            }
             self.rows.next(&mut self.row)?;
             return Ok(true);
         }
