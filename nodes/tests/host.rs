@@ -584,3 +584,34 @@ fn a_list_of_many_numbers_is_not_live() {
         [MAX_LIVE_ITEMS, 0]
     );
 }
+
+#[test]
+fn an_optional_live_setting_is_set_in_place_however_it_is_written() {
+    let graph = |leak: &str| {
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 1000) }}, nodes: {{
+                "load": Constant(clock: "servo", value: 1, quantity: "force"),
+                "sum": Integrator(input: "load"{leak}),
+            }})"#
+        );
+        let document = Document::parse("sum.ron", &text).expect("RON");
+        check(&document, &haptograph_nodes::registry(), &CheckOptions::default()).expect("it is sound")
+    };
+    let change = |before: &str, after: &str| {
+        let (mut player, mut session) = Player::open(&graph(before), &PlayOptions::default()).expect("plays");
+        player.process(10);
+        let change = session
+            .change_without_files(&graph(after))
+            .expect("it is swapped")
+            .change;
+        player.finish(session);
+        change
+    };
+    let [bare, some, other] = [", leak_s: 10", ", leak_s: Some(10)", ", leak_s: Some(20)"];
+    assert_eq!(change(bare, some), Change::Settings(0));
+    assert_eq!(change(some, other), Change::Settings(1));
+    for none in ["", ", leak_s: None"] {
+        assert_eq!(change(none, some), Change::AtOnce);
+        assert_eq!(change(some, none), Change::AtOnce);
+    }
+}
