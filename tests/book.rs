@@ -10,7 +10,7 @@ use haptograph::engine::registry::Registry;
 use haptograph::engine::run::{FileSinks, Offline};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
 
 #[allow(dead_code)]
@@ -118,35 +118,51 @@ fn the_program_in_the_book_is_the_example_and_has_every_command() {
     assert!(does(&["nodes", "Detents"]).contains("pitch_mm"));
 }
 
+/// An example program of the book, with its graph.
+struct Program {
+    path: PathBuf,
+    text: String,
+    folder: tempfile::TempDir,
+}
+
+impl Program {
+    fn of(name: &str) -> Self {
+        let examples = PathBuf::from(env!("CARGO_BIN_EXE_haptograph")).with_file_name("examples");
+        Self {
+            path: examples.join(name),
+            text: fs::read_to_string(root().join(format!("examples/{name}.ron"))).unwrap(),
+            folder: tempfile::tempdir().unwrap(),
+        }
+    }
+
+    /// Runs a graph for two seconds in blocks of a length, into a folder of that name.
+    fn runs(&self, text: &str, block: &str) -> Output {
+        fs::write(self.folder.path().join("graph.ron"), text).unwrap();
+        let arguments = ["run", "graph.ron", "--for", "2", "--block", block, "--out", block];
+        let mut command = Command::new(&self.path);
+        command.args(arguments).current_dir(&self.folder);
+        command.output().unwrap()
+    }
+
+    /// The rows of a file of its graph, the same in blocks of both lengths.
+    fn rows(&self, file: &str, blocks: [&str; 2]) -> Vec<Vec<f64>> {
+        let [one, other] = blocks.map(|block| {
+            let done = self.runs(&self.text, block);
+            assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+            fs::read_to_string(self.folder.path().join(block).join(file)).unwrap()
+        });
+        assert_eq!(one, other);
+        let numbers = |row: &str| row.split(',').map(|cell| cell.parse().ok()).collect();
+        one.lines().filter_map(numbers).collect()
+    }
+}
+
 /// The kind, the bridge and the nodes of the page: the tool turns at a steady speed between what is seen of it, however time is cut into blocks,
 /// and without the bridge the check offers it.
 #[test]
 fn the_kind_of_frames_in_the_book_is_turned_and_not_averaged() {
-    let folder = tempfile::tempdir().unwrap();
-    let program = PathBuf::from(env!("CARGO_BIN_EXE_haptograph"));
-    let program = program.with_file_name("examples").join("custom_kind");
-    let text = fs::read_to_string(root().join("examples/custom_kind.ron")).unwrap();
-    let done = |text: &str, block: &str| {
-        let graph = folder.path().join("kind.ron");
-        fs::write(&graph, text).unwrap();
-        let graph = graph.to_str().unwrap();
-        let arguments = ["run", graph, "--for", "2", "--block", block, "--out", block];
-        let mut command = Command::new(&program);
-        command
-            .args(arguments)
-            .current_dir(folder.path())
-            .output()
-            .unwrap()
-    };
-    let rows = |block: &str| {
-        let done = done(&text, block);
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        fs::read_to_string(folder.path().join(block).join("tip.csv")).unwrap()
-    };
-    let all = rows("64");
-    assert_eq!(all, rows("1"));
-    let numbers = |row: &str| -> Option<Vec<f64>> { row.split(',').map(|cell| cell.parse().ok()).collect() };
-    let rows: Vec<Vec<f64>> = all.lines().filter_map(numbers).collect();
+    let program = Program::of("custom_kind");
+    let rows = program.rows("tip.csv", ["64", "1"]);
     assert_eq!(rows.len(), 2000);
     // Seen at k / 20 s, one such period late.
     let seen = |k: f64| 1.5 * (std::f64::consts::PI * (k / 20.0)).sin();
@@ -164,7 +180,8 @@ fn the_kind_of_frames_in_the_book_is_turned_and_not_averaged() {
         assert!((x.hypot(y) - 1.0).abs() < 1e-6 && z == 0.0, "{row:?}");
     }
     for (written, code) in [("\"tool\"", "E0405"), ("Linear(\"tool\")", "E0406")] {
-        let wrong = done(&text.replace("Slerp(\"tool\")", written), "8");
+        let text = program.text.replace("Slerp(\"tool\")", written);
+        let wrong = program.runs(&text, "8");
         let said = String::from_utf8_lossy(&wrong.stderr);
         assert!(!wrong.status.success() && said.contains(code), "{said}");
         assert!(said.contains("Slerp(...)"), "{said}");
@@ -174,35 +191,8 @@ fn the_kind_of_frames_in_the_book_is_turned_and_not_averaged() {
 /// The node of the page whose ports the graph names: the shares add up to one, and a share of no finger is refused.
 #[test]
 fn the_node_with_named_ports_in_the_book_shares_what_it_adds() {
-    let folder = tempfile::tempdir().unwrap();
-    let program = PathBuf::from(env!("CARGO_BIN_EXE_haptograph"));
-    let program = program.with_file_name("examples").join("named_ports");
-    let text = fs::read_to_string(root().join("examples/named_ports.ron")).unwrap();
-    let done = |text: &str, block: &str| {
-        let graph = folder.path().join("grip.ron");
-        fs::write(&graph, text).unwrap();
-        let mut command = Command::new(&program);
-        command.args([
-            "run",
-            graph.to_str().unwrap(),
-            "--for",
-            "2",
-            "--block",
-            block,
-            "--out",
-            block,
-        ]);
-        command.current_dir(folder.path()).output().unwrap()
-    };
-    let rows = |block: &str| {
-        let done = done(&text, block);
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        fs::read_to_string(folder.path().join(block).join("grip.csv")).unwrap()
-    };
-    let all = rows("64");
-    assert_eq!(all, rows("7"));
-    let numbers = |row: &str| -> Option<Vec<f64>> { row.split(',').map(|cell| cell.parse().ok()).collect() };
-    let rows: Vec<Vec<f64>> = all.lines().filter_map(numbers).collect();
+    let program = Program::of("named_ports");
+    let rows = program.rows("grip.csv", ["64", "7"]);
     assert_eq!(rows.len(), 2000);
     for row in &rows {
         let [_, whole_n, index, thumb] = row[..] else {
@@ -213,10 +203,10 @@ fn the_node_with_named_ports_in_the_book_shares_what_it_adds() {
             "{row:?}"
         );
     }
-    let wrong = done(
-        &text.replace("[\"index\", \"thumb\"]", "[\"index\", \"ring\"]"),
-        "8",
-    );
+    let text = program
+        .text
+        .replace("[\"index\", \"thumb\"]", "[\"index\", \"ring\"]");
+    let wrong = program.runs(&text, "8");
     let said = String::from_utf8_lossy(&wrong.stderr);
     assert!(
         !wrong.status.success() && said.contains("E0304") && said.contains("E0203"),

@@ -1,9 +1,8 @@
 //! `haptograph recover`: repairs the files of a crashed run.
 //!
-//! No file is removed and no sample is changed: headers of WAV files are corrected to the length of the data, of those that the
-//! command line names and of those of crashed runs,
-//! recordings are assembled from their parts, which are kept, and the folder gets its own name. A complete
-//! run that was killed during its move is moved to its place.
+//! No file is removed and no sample is changed. The headers of WAV files, of those that the command line names and of
+//! those of crashed runs, are corrected to the length of the data; recordings are assembled from their parts, which are
+//! kept; and the folder of a run gets its own name. A complete run that was killed during its move is moved to its place.
 
 use super::run::folder::{MARKER, PARTIAL, PROBES};
 use super::run::placing::{MovePlan, resume};

@@ -184,7 +184,7 @@ fn not_a_connection<T>(cx: &mut Context<'_>, value: &Value) -> Option<T> {
     } else if let Shape::Number(_, number) = &value.shape {
         diagnostic = diagnostic.help(match cx.registry.node("Constant") {
             Some(_) => format!(
-                "a signal that stays the same is a node: add `\"offset\": Constant(value: {number}, quantity: \"number\")`, with the quantity of this input, to `nodes`, and write `\"offset\"` here"
+                "a signal that stays the same is a node: add `\"offset\": Constant(value: {number}, quantity: \"...\")`, with the quantity of this input, to `nodes`, and write `\"offset\"` here"
             ),
             None => "a constant signal comes from a node of its own".to_owned(),
         });

@@ -44,7 +44,7 @@ impl NodeKind for Phase {
 
     fn build(settings: PhaseSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Turning {
-            turns: (settings.start_deg.turns()).rem_euclid(1.0),
+            turns: settings.start_deg.turns().rem_euclid(1.0),
             tick_s: 1.0 / cx.rate.hz(),
         }))
     }
