@@ -530,6 +530,24 @@ fn a_replay_knows_a_moved_graph_again_and_refuses_a_changed_one() {
 }
 
 #[test]
+fn a_file_that_no_setting_reads_is_no_part_of_a_graph() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = r#"Graph(format: 1, clocks: { "c": Driver(rate_hz: 1000) }, nodes: {
+        "pressed": Constant(clock: "c", value: 1, quantity: "force"),
+        "felt": CsvSink(inputs: ["pressed"], file: "felt.csv") })"#;
+    fs::write(folder.path().join("g.ron"), graph).unwrap();
+    succeed(
+        folder.path(),
+        &["run", "g.ron", "--live", "--for", "0.1", "--out", "live"],
+    );
+    fs::write(folder.path().join("force"), "notes").unwrap();
+    succeed(
+        folder.path(),
+        &["run", "g.ron", "--replay", "live", "--out", "again"],
+    );
+}
+
+#[test]
 fn a_run_ends_by_saying_what_to_look_at_and_what_to_listen_to() {
     let folder = tempfile::tempdir().unwrap();
     let graph = texturepad_graph();

@@ -16,7 +16,7 @@ use haptograph_signal::time::Rate;
 use petgraph::graph::NodeIndex;
 use petgraph::visit::EdgeRef;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Version of the content and the algorithm of fingerprints.
 pub(crate) const VERSION: u64 = 3;
@@ -70,7 +70,13 @@ impl Fingerprint {
 }
 
 /// Hash of a node's kind, non-live settings, the lengths of live lists, rate, and the names and kinds of frames of its inputs.
-pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
+/// The content of `files`, the paths that its settings name, counts.
+pub(super) fn of_node(
+    (cx, files): (&Context<'_>, &[PathBuf]),
+    draft: &Draft,
+    clocks: &Clocks,
+    node: usize,
+) -> u64 {
     let target = &draft.nodes[node];
     let (mut live, mut lengths, mut unset) = (Vec::new(), Vec::new(), Vec::new());
     for setting in target.entry.settings().iter().filter(|setting| setting.live) {
@@ -86,7 +92,7 @@ pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: us
     }
     Fingerprint::of(|state| {
         state.text(target.entry.spec.name);
-        state.number(fields(cx, &target.fields, &live));
+        state.number(fields((cx, files), &target.fields, &live));
         for (name, length) in lengths {
             state.text(name);
             state.number(length as u64);
@@ -110,11 +116,15 @@ pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: us
     })
 }
 
-/// Hash of a device's kind, settings and rate.
-pub(super) fn of_device(cx: &Context<'_>, clocks: &Clocks, device: &DraftDevice) -> u64 {
+/// Hash of a device's kind, settings and rate; the content of `files` as in [`of_node`].
+pub(super) fn of_device(
+    (cx, files): (&Context<'_>, &[PathBuf]),
+    clocks: &Clocks,
+    device: &DraftDevice,
+) -> u64 {
     Fingerprint::of(|state| {
         state.text(device.entry.spec.name);
-        state.number(fields(cx, &device.fields, &[]));
+        state.number(fields((cx, files), &device.fields, &[]));
         state.maybe(device.clock.map(|_| 1));
         device
             .clock
@@ -123,8 +133,11 @@ pub(super) fn of_device(cx: &Context<'_>, clocks: &Clocks, device: &DraftDevice)
     })
 }
 
+/// The context, and the paths that settings name.
+type Files<'a> = (&'a Context<'a>, &'a [PathBuf]);
+
 /// Hash of fields, independent of their order.
-fn fields(cx: &Context<'_>, fields: &Fields, but: &[&str]) -> u64 {
+fn fields(cx: Files<'_>, fields: &Fields, but: &[&str]) -> u64 {
     let counted = fields
         .remaining()
         .iter()
@@ -138,8 +151,8 @@ fn fields(cx: &Context<'_>, fields: &Fields, but: &[&str]) -> u64 {
     each.fold(0_u64, u64::wrapping_add)
 }
 
-/// Adds a value without its place; a string that names a file adds its contents.
-fn value(cx: &Context<'_>, given: &Value, state: &mut Fingerprint) {
+/// Adds a value without its place; one of the paths adds the contents of its file.
+fn value((cx, files): Files<'_>, given: &Value, state: &mut Fingerprint) {
     match &given.shape {
         Shape::Unit => state.number(0),
         Shape::Bool(flag) => {
@@ -153,18 +166,21 @@ fn value(cx: &Context<'_>, given: &Value, state: &mut Fingerprint) {
         Shape::String(text) => {
             state.number(3);
             state.text(text);
-            file(&folder(&cx.sources, given.span.source).join(text), state);
+            let path = folder(&cx.sources, given.span.source).join(text);
+            if files.contains(&path) {
+                file(&path, state);
+            }
         }
         Shape::List(values) => {
             state.number(4);
-            all(cx, values, state);
+            all((cx, files), values, state);
         }
         Shape::Map(pairs) => {
             state.number(5);
             state.number(pairs.len() as u64);
             for (key, inner) in pairs {
-                value(cx, key, state);
-                value(cx, inner, state);
+                value((cx, files), key, state);
+                value((cx, files), inner, state);
             }
         }
         Shape::Tagged(Tagged { name, body }) => {
@@ -174,14 +190,14 @@ fn value(cx: &Context<'_>, given: &Value, state: &mut Fingerprint) {
                 Body::Bare => state.number(0),
                 Body::Tuple(values) => {
                     state.number(1);
-                    all(cx, values, state);
+                    all((cx, files), values, state);
                 }
                 Body::Fields(fields) => {
                     state.number(2);
                     state.number(fields.len() as u64);
                     for (name, inner) in fields {
                         state.text(&name.text);
-                        value(cx, inner, state);
+                        value((cx, files), inner, state);
                     }
                 }
             }
@@ -189,7 +205,7 @@ fn value(cx: &Context<'_>, given: &Value, state: &mut Fingerprint) {
     }
 }
 
-fn all(cx: &Context<'_>, values: &[Value], state: &mut Fingerprint) {
+fn all(cx: Files<'_>, values: &[Value], state: &mut Fingerprint) {
     state.number(values.len() as u64);
     values.iter().for_each(|inner| value(cx, inner, state));
 }

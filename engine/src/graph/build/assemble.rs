@@ -38,7 +38,7 @@ pub(in crate::graph) fn assemble(
                 graph_devices.push(GraphDevice {
                     entry: device.entry,
                     clock,
-                    fingerprint: fingerprint::of_device(&cx, &clocks, &device),
+                    fingerprint: fingerprint::of_device((&cx, &cx.files), &clocks, &device),
                     name: device.name,
                     device: built.body,
                     settings: built.settings,
@@ -52,6 +52,7 @@ pub(in crate::graph) fn assemble(
     }
     for (i, (work, simulated)) in works.into_iter().zip(simulated).enumerate() {
         let node = &draft.nodes[i];
+        let files = files.get(i).map_or(&[][..], Vec::as_slice);
         let mut work = work?;
         if let Work::Source { device, .. } | Work::Actuator { device, .. } = &mut work {
             *device = kept.get(*device).copied()??;
@@ -68,10 +69,10 @@ pub(in crate::graph) fn assemble(
             work,
             span: node.name,
             simulated,
-            fingerprint: fingerprint::of_node(&cx, &draft, &clocks, i),
+            fingerprint: fingerprint::of_node((&cx, files), &draft, &clocks, i),
             live: live_values(node),
             written: written(node),
-            files: files.get(i).cloned().unwrap_or_default(),
+            files: files.to_vec(),
         });
     }
     for (to, node) in draft.nodes.iter().enumerate() {
