@@ -548,6 +548,38 @@ fn a_file_that_no_setting_reads_is_no_part_of_a_graph() {
 }
 
 #[test]
+fn check_refuses_what_a_live_run_refuses_before_it_reaches_a_device() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = |one: &str, other: &str| {
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "c": Driver(rate_hz: 48000) }}, nodes: {{
+                "one": Constant(clock: "c", value: 1, quantity: "current"),
+                "a": ActuatorSink(current: "one", endpoint: "a", limit: (peak_a: 1, continuous_a: 1)),
+                "b": ActuatorSink(current: "one", endpoint: "b", limit: (peak_a: 1, continuous_a: 1)) }},
+                endpoints: {{ "live": {{ "a": {one}, "b": {other} }} }})"#
+        );
+        fs::write(folder.path().join("g.ron"), text).unwrap();
+    };
+    let check = ["check", "g.ron", "--endpoints", "live"];
+    let card = |channel: u8| format!("Soundcard(amperes_full_scale: 1, channels: [{channel}])");
+    graph(&card(1), &card(2));
+    succeed(folder.path(), &check);
+    graph(&card(1), &card(1));
+    for arguments in [&check[..], &[&check[..], &["--json"]].concat()] {
+        let output = haptograph(folder.path(), arguments);
+        let told = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+        assert!(
+            output.status.code() == Some(1) && told.contains("both drive channel 1"),
+            "{told}"
+        );
+    }
+    let device = r#"UdpDevice(listen: "127.0.0.1:9750")"#;
+    graph(device, device);
+    let told = fail(folder.path(), &check, 1);
+    assert!(told.contains("both listen at 127.0.0.1:9750"), "{told}");
+}
+
+#[test]
 fn a_run_ends_by_saying_what_to_look_at_and_what_to_listen_to() {
     let folder = tempfile::tempdir().unwrap();
     let graph = texturepad_graph();

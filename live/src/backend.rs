@@ -305,6 +305,17 @@ pub enum BackendError {
     Lost,
 }
 
+/// Refuses a graph whose devices contradict each other, as a live run of it does before it reaches any.
+///
+/// # Errors
+/// [`BackendError`] if two actuators are on one channel of a soundcard, or two devices at one port.
+pub fn refuse_conflicts(graph: &Graph) -> Result<(), BackendError> {
+    crate::soundcard::card_requests(graph)?;
+    #[cfg(feature = "udp")]
+    crate::udp::refuse_conflicts(graph)?;
+    Ok(())
+}
+
 /// A backend of the table.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]

@@ -45,7 +45,7 @@ mod realtime;
 
 pub use backend::{
     BACKENDS, Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Lives, Role, State,
-    add_backend,
+    add_backend, refuse_conflicts,
 };
 pub use connections::Connections;
 pub use numbers::{NumberSource, Readers};

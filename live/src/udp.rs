@@ -12,6 +12,12 @@ use haptograph_nodes::network::{OscDevice, UdpDevice};
 #[cfg(feature = "osc")]
 pub(crate) use protocol::are_in_range;
 
+/// Refuses two devices at one port.
+#[cfg(feature = "udp")]
+pub(crate) fn refuse_conflicts(graph: &haptograph_engine::graph::Graph) -> Result<(), crate::BackendError> {
+    sockets::configs(graph).map(drop)
+}
+
 /// Longest wait of a thread before it checks for a stop or a new command.
 #[cfg(feature = "udp")]
 pub(crate) const WAIT: std::time::Duration = std::time::Duration::from_millis(5);

@@ -7,6 +7,7 @@ use super::{Failure, GraphArguments, print, print_json, warnings};
 use crate::engine::diagnostic::render;
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
+use crate::live;
 use serde_json::json;
 
 /// Check a graph and report every problem
@@ -31,10 +32,11 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let Some(graph) = sound else {
         return Err(Failure::Graph(findings));
     };
+    refuse_own_files(&graph, false).map_err(message)?;
+    live::refuse_conflicts(&graph).map_err(message)?;
     if arguments.json {
         return print_json(&json!({ "findings": findings_json(&findings) }));
     }
-    refuse_own_files(&graph, false).map_err(message)?;
     let colour = is_coloured(&std::io::stdout());
     let (nodes, wires) = (graph.nodes().len(), graph.nodes().connections().count());
     let clocks: Vec<String> = graph

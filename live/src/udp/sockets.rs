@@ -114,7 +114,7 @@ fn config(device: &GraphDevice) -> Option<Result<SocketConfig, BuildError>> {
 }
 
 /// The sockets that a graph needs: index and name of each device, and its settings.
-fn configs(graph: &Graph) -> Result<Vec<(usize, String, SocketConfig)>, BackendError> {
+pub(super) fn configs(graph: &Graph) -> Result<Vec<(usize, String, SocketConfig)>, BackendError> {
     let mut found: Vec<(usize, String, SocketConfig)> = Vec::new();
     for (index, device) in graph.devices().iter().enumerate() {
         let Some(config) = config(device) else { continue };
