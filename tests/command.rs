@@ -310,6 +310,14 @@ fn a_wrong_command_line_ends_with_2() {
     ] {
         fail(folder.path(), arguments, 2);
     }
+    for (address, help) in [
+        ("localhost", "`--osc localhost:9000`"),
+        (":9000", "`--osc 127.0.0.1:9000`"),
+        ("localhost:osc", "`--osc localhost:9000`"),
+    ] {
+        let told = fail(folder.path(), &["run", "x.ron", "--live", "--osc", address], 2);
+        assert!(told.contains(help), "{told}");
+    }
     let told = fail(folder.path(), &["draw", "x.ron", "-o", "x.png"], 2);
     assert!(told.contains("rsvg-convert x.svg -o x.png"), "{told}");
     assert!(told.contains(".dot") && told.contains(".mmd"), "{told}");

@@ -25,7 +25,7 @@ use crate::report::sound::Sound;
 use folder::RunFolder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use present::Present;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -47,7 +47,7 @@ pub struct Arguments {
     #[arg(long, requires = "live")]
     pub watch: bool,
     /// Also receive settings by Open Sound Control at this address: `/NODE/SETTING value`, `/PARAMETER value`
-    #[arg(long, value_name = "ADDRESS:PORT", requires = "live")]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = socket, requires = "live")]
     pub osc: Option<SocketAddr>,
     /// Start with cold actuators; without this flag real actuators start as warm as their limits allow
     #[arg(long, requires = "live")]
@@ -85,6 +85,21 @@ pub fn seconds(text: &str) -> Result<f64, String> {
         Ok(value) if value > 0.0 && value <= 1e7 => Ok(value),
         _ => Err("give a number of seconds above 0, at most 10000000".to_owned()),
     }
+}
+
+/// The address at which settings are received.
+fn socket(text: &str) -> Result<SocketAddr, String> {
+    let (host, port) = text.rsplit_once(':').unwrap_or((text, ""));
+    if port.parse::<u16>().is_err() || host.is_empty() {
+        let host = if host.is_empty() { "127.0.0.1" } else { host };
+        return Err(format!(
+            "it lacks an address or a port; haptograph listens there for settings: write `--osc {host}:9000`"
+        ));
+    }
+    let found = text.to_socket_addrs().map_err(|error| error.to_string())?;
+    // An IPv4 address first: that is where most senders send.
+    let first = found.min_by_key(SocketAddr::is_ipv6);
+    first.ok_or_else(|| "it has no address".to_owned())
 }
 
 /// Default duration of an offline run, s.
