@@ -535,6 +535,16 @@ fn a_replay_knows_a_moved_graph_again_and_refuses_a_changed_one() {
         fs::write(&path, right).unwrap();
     }
     succeed(folder.path(), &replay);
+    fs::write(folder.path().join("live/run.json"), "").unwrap();
+    let told = fail(folder.path(), &replay, 1);
+    assert!(told.contains("run.json is empty"), "{told}");
+    // What was refused leaves nothing.
+    let left = fs::read_dir(folder.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name());
+    let mut left: Vec<_> = left.collect();
+    left.sort();
+    assert_eq!(left, ["again", "live", "now", "then"]);
 }
 
 #[test]

@@ -102,10 +102,10 @@ impl RunFolder {
         Ok(path)
     }
 
-    /// Adds a file.
+    /// Adds a whole file or none.
     pub fn write(&self, name: &str, text: &str) -> Result<(), Failure> {
         let path = self.content.join(name);
-        fs::write(&path, text).map_err(|error| Failure::file("write", &path, &error))
+        files::write_atomically(&path, text.as_bytes()).map_err(|error| Failure::file("write", &path, &error))
     }
 
     /// Marks the run as complete: the next run completes an interrupted move.

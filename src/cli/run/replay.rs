@@ -40,11 +40,13 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
     })?;
     let mut setup = RunSetup::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
-    setup.completion.folder.begin();
     let bar = progress_bar(facts["seconds"].as_f64().unwrap_or(1.0));
     let start = Instant::now();
     let offline = Offline::new(setup.file_sinks, usize::from(arguments.block));
+    let run_folder = &mut setup.completion.folder;
     let outcome = offline.replay((folder, &bounds), &stop, &mut |done_s| {
+        // A log that is refused leaves nothing.
+        run_folder.begin();
         bar.set_position((done_s * 1e3) as u64)
     });
     let outcome = outcome.map_err(message)?;
@@ -79,6 +81,11 @@ fn facts(folder: &Path) -> Result<Value, Failure> {
             path.display()
         ))
     })?;
+    if text.trim().is_empty() {
+        let path = path.display();
+        let why = "is empty: a crash or a full disk cut that run short, and it cannot be replayed";
+        return Err(Failure::Message(format!("{path} {why}")));
+    }
     serde_json::from_str(&text).map_err(|error| Failure::Message(format!("{}: {error}", path.display())))
 }
 
