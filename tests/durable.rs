@@ -192,3 +192,38 @@ fn check_refuses_names_of_files_that_a_sink_does_not_write() {
         assert!(!sound, "{name}: {told}");
     }
 }
+
+/// Runs the program where no file may be longer than some blocks of 512 bytes or 1 KiB.
+#[cfg(unix)]
+fn limited(folder: &Path, blocks: u32, arguments: &str) -> Output {
+    let line = format!(
+        "ulimit -f {blocks}; exec {} {arguments}",
+        env!("CARGO_BIN_EXE_haptograph")
+    );
+    let mut command = Command::new("sh");
+    command
+        .args(["-c", &line])
+        .current_dir(folder)
+        .stdin(std::process::Stdio::null());
+    command.output().unwrap()
+}
+
+#[cfg(unix)]
+#[test]
+fn a_limit_of_the_size_of_files_is_a_full_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    let nodes = r#""s": Sine(clock: "c", frequency_hz: 5), "f": WavSink(input: "s", file: "x.wav")"#;
+    let graph =
+        format!(r#"Graph(format: 1, clocks: {{ "c": Driver(rate_hz: 48000) }}, nodes: {{ {nodes} }})"#);
+    fs::write(folder.path().join("g.ron"), graph).unwrap();
+    let live = limited(folder.path(), 300, "run g.ron --live --for 2 --out live");
+    let told = String::from_utf8_lossy(&live.stderr);
+    assert!(live.status.code().is_some() && told.contains("x.wav"), "{told}");
+    assert!(folder.path().join("live/run.json").is_file(), "{told}");
+    let offline = limited(folder.path(), 300, "run g.ron --for 10 --out offline");
+    let told = String::from_utf8_lossy(&offline.stderr);
+    assert!(
+        offline.status.code() == Some(1) && told.contains("x.wav"),
+        "{told}"
+    );
+}

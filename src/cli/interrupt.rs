@@ -1,4 +1,5 @@
-//! Ctrl-C: a command that polls [`flag`] ends in good order, any other command ends at once.
+//! Signals. Ctrl-C: a command that polls [`flag`] ends in good order, any other command ends at once. A limit of the size of
+//! files is an error of writing, as a full disk is.
 
 use super::{Failure, keys};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,9 +12,15 @@ pub const INTERRUPTED: u8 = 130;
 /// Stop flag of the running command, if it polls one.
 static STOP: Mutex<Option<Arc<AtomicBool>>> = Mutex::new(None);
 
-/// Installs the handler, so that ctrl-C ends the process with the exit code and not by the signal. Signals
-/// that the parent process ignores, for example under `nohup`, stay ignored.
+/// Installs the handlers, before any thread is started. Ctrl-C then ends the process with the exit code and not by the signal.
+/// Signals that the parent process ignores, for example under `nohup`, stay ignored.
 pub fn listen() {
+    #[cfg(unix)]
+    {
+        use nix::sys::signal::{SigSet, Signal};
+        // Blocked in this thread and those that it starts: a write beyond the limit fails.
+        let _ = SigSet::from(Signal::SIGXFSZ).thread_block();
+    }
     let _ = ctrlc::try_set_handler(interrupted);
 }
 
