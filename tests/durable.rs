@@ -227,3 +227,13 @@ fn a_limit_of_the_size_of_files_is_a_full_disk() {
         "{told}"
     );
 }
+
+#[cfg(unix)]
+#[test]
+fn a_graph_that_cannot_be_written_whole_is_not_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = limited(folder.path(), 0, "new g.ron");
+    let told = String::from_utf8_lossy(&made.stderr);
+    assert!(made.status.code() == Some(1) && told.contains("g.ron"), "{told}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}

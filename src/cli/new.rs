@@ -2,8 +2,8 @@
 
 use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
+use crate::signal::files;
 use serde_json::json;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Write a commented graph to start from
@@ -21,13 +21,11 @@ const STARTER: &str = include_str!("new/starter.ron");
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let path = &arguments.file;
-    let mut file = std::fs::File::create_new(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => {
-            Failure::Message(format!("{} exists already; give another name", path.display()))
-        }
-        _ => Failure::file("write", path, &error),
-    })?;
-    file.write_all(STARTER.as_bytes())
+    if path.symlink_metadata().is_ok() {
+        let message = format!("{} exists already; give another name", path.display());
+        return Err(Failure::Message(message));
+    }
+    files::write_atomically(path, STARTER.as_bytes())
         .map_err(|error| Failure::file("write", path, &error))?;
     if arguments.json {
         return print_json(&json!({ "written": [path] }));
