@@ -459,6 +459,34 @@ fn is_as_on_page(heard: &[f32], page: &[f32]) -> bool {
     heard.len() == page.len() && heard.iter().zip(page).all(is_near)
 }
 
+/// Time stands still for the run in a stall; what is recorded jumps there.
+#[cfg(unix)]
+#[test]
+fn a_stall_is_marked_where_it_stands_in_the_files() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tone.ron"), TONE).unwrap();
+    let mut run = Running::start(folder.path(), &["run", "tone.ron", "--live", "--out", "out"]);
+    run.wait_for_more_rows("seen.csv");
+    let signal = |name: &str| {
+        let id = run.child.id().to_string();
+        assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
+    };
+    signal("-STOP");
+    std::thread::sleep(Duration::from_millis(300));
+    signal("-CONT");
+    run.wait_for_more_rows("seen.csv");
+    let told = run.stop();
+    let facts = facts(&folder.path().join("out"));
+    let at_s: Vec<f64> = serde_json::from_value(facts["stalled_at_s"].clone()).unwrap();
+    let seconds = facts["seconds"].as_f64().unwrap();
+    assert_eq!(at_s.len() as u64, facts["stalls"].as_u64().unwrap());
+    assert!(
+        at_s.iter().all(|at_s| (0.0..seconds).contains(at_s)),
+        "{at_s:?} of {seconds} s"
+    );
+    assert!(told.contains(&format!("jump at {:.3} s", at_s[0])), "{told}");
+}
+
 /// Takes a minute of real time.
 #[test]
 #[ignore = "takes a minute"]

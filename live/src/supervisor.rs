@@ -301,7 +301,7 @@ impl Supervisor {
         // Computed after the files are complete, since it takes long for a large graph.
         let latencies = latency::measured(&self.graph, output_latency.as_ref());
         report.add_outcome(&self.graph, took_s, &outcome, &latencies);
-        warnings.extend(report::warnings_of(&outcome));
+        warnings.extend(report::warnings_of(&outcome, &report.timing.stalled_at_s));
         Ok(Ended {
             outcome,
             report,

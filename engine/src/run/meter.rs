@@ -18,6 +18,9 @@ pub struct Wake {
     pub overrun: bool,
 }
 
+/// Stalls of which the moment is kept.
+pub const MAX_STALLS: usize = 100;
+
 /// Timing counters of a live run.
 #[derive(Debug, Clone, Default)]
 pub struct Meters {
@@ -35,6 +38,8 @@ pub struct Meters {
     pub stalls: u64,
     /// Wake-ups lost in stalls.
     pub lost_wakes: u64,
+    /// Driver frames before each stall, of the first [`MAX_STALLS`]; none for several drivers together.
+    pub stalled_at: Vec<u64>,
     /// Reports lost because the report ring was full.
     pub unreported: u64,
 }
@@ -44,6 +49,9 @@ impl Meters {
     pub fn record(&mut self, wake: &Wake) {
         self.lateness.record(wake.late_ns);
         self.work.record(wake.work_ns);
+        if wake.lost > 0 && self.stalled_at.len() < MAX_STALLS {
+            self.stalled_at.push(self.frames);
+        }
         self.wakes += 1;
         self.frames += u64::from(wake.frames);
         self.overruns += u64::from(wake.overrun);

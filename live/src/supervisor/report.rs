@@ -242,6 +242,9 @@ pub struct TimingReport {
     pub stalls: u64,
     /// Wake-ups lost in stalls.
     pub lost_wakes: u64,
+    /// Times of the first 100 stalls in the run's files, s: time stood still there, so that recorded signals jump.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stalled_at_s: Vec<f64>,
 }
 
 impl RunReport {
@@ -293,12 +296,26 @@ impl RunReport {
         self.driver_frames = ended.outcome.driver_frames;
         self.took_s = (took_s * 1e4).round() / 1e4;
         self.timing = TimingReport::of(&ended.meters);
+        let timed = |(name, meters): &(String, Meters)| {
+            let clock = graph.clocks().iter().find(|clock| clock.name == *name);
+            let rate_hz = clock.map_or(f64::INFINITY, |clock| clock.rate.hz());
+            let stalled_at_s = meters.stalled_at.iter().map(|frames| *frames as f64 / rate_hz);
+            (
+                name.clone(),
+                TimingReport {
+                    stalled_at_s: stalled_at_s.collect(),
+                    ..TimingReport::of(meters)
+                },
+            )
+        };
+        let drivers: Vec<(String, TimingReport)> = ended.drivers.iter().map(timed).collect();
+        let stalls = drivers
+            .iter()
+            .flat_map(|(_, timing)| timing.stalled_at_s.iter().copied());
+        self.timing.stalled_at_s = stalls.collect();
         (self.lost_numbers, self.lost_callbacks) = (ended.lost_numbers, ended.lost_arrivals);
-        if let [_, _, ..] = ended.drivers[..] {
-            let each = ended.drivers.iter();
-            self.drivers = each
-                .map(|(name, meters)| (name.clone(), TimingReport::of(meters)))
-                .collect();
+        if let [_, _, ..] = drivers[..] {
+            self.drivers = drivers.into_iter().collect();
         }
         self.latencies_ms = latencies.iter().map(Measured::report).collect();
         if ended.panicked {
@@ -316,6 +333,7 @@ impl TimingReport {
             overruns: meters.overruns,
             stalls: meters.stalls,
             lost_wakes: meters.lost_wakes,
+            stalled_at_s: Vec::new(),
         }
     }
 }
@@ -360,8 +378,11 @@ pub(super) fn ms(ns: u64) -> f64 {
     (ns as f64 / 1e3).round() / 1e3
 }
 
-/// Warnings about an outcome.
-pub(super) fn warnings_of(ended: &LiveOutcome) -> Vec<String> {
+/// Stalls that a warning names.
+const NAMED_STALLS: usize = 5;
+
+/// Warnings about an outcome, whose machine stalled at some times, s.
+pub(super) fn warnings_of(ended: &LiveOutcome, stalled_at_s: &[f64]) -> Vec<String> {
     let Meters {
         overruns,
         stalls,
@@ -381,8 +402,20 @@ pub(super) fn warnings_of(ended: &LiveOutcome) -> Vec<String> {
         list.push(format!("{overruns} ticks took longer than their period"));
     }
     if stalls > 0 {
+        let at = stalled_at_s
+            .iter()
+            .take(NAMED_STALLS)
+            .map(|at_s| format!("{at_s:.3} s"));
+        let at: Vec<String> = at.collect();
+        let more = if stalled_at_s.len() > at.len() {
+            " and later"
+        } else {
+            ""
+        };
         list.push(format!(
-            "the machine stalled {stalls} times and lost {lost_wakes} wake-ups; the run continued from there"
+            "the machine stalled {stalls} times and lost {lost_wakes} wake-ups; the run continued from there, and recorded \
+             signals jump at {}{more}",
+            at.join(", ")
         ));
     }
     if ended.lost_numbers > 0 {

@@ -5,7 +5,7 @@ use crate::report::facts::Fact;
 use serde_json::Value;
 
 /// The fields of the report in the order of the page, with their names there.
-const NAMES: [(&str, &str); 26] = [
+const NAMES: [(&str, &str); 27] = [
     ("driver", "Driver"),
     ("xruns", "Xruns"),
     ("clipped_samples", "Samples beyond full scale"),
@@ -31,6 +31,10 @@ const NAMES: [(&str, &str); 26] = [
     ("overruns", "Overruns"),
     ("stalls", "Stalls of the machine"),
     ("lost_wakes", "Wake-ups lost in stalls"),
+    (
+        "stalled_at_s",
+        "Stalls in the files, where recorded signals jump (s)",
+    ),
     ("lost_numbers", "Values lost on the way to files"),
     ("lost_callbacks", "Callbacks missing from the replay record"),
     ("drivers", "Each driver"),
