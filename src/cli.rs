@@ -70,6 +70,10 @@ use terminal::is_coloured;
 /// }
 /// ```
 pub fn main(registry: &Registry) -> ExitCode {
+    #[cfg(unix)]
+    if crate::live::guard::is_guard() {
+        return crate::live::guard::serve().map_or(ExitCode::FAILURE, |()| ExitCode::SUCCESS);
+    }
     panic_hook::install();
     interrupt::listen();
     let matches = program()

@@ -9,6 +9,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+#[cfg(target_os = "linux")]
+#[path = "live/last_zeros.rs"]
+mod last_zeros;
 #[path = "live/reloads.rs"]
 mod reloads;
 #[path = "live/remote.rs"]

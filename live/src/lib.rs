@@ -22,6 +22,8 @@
 mod backend;
 mod connections;
 pub mod evdev;
+#[cfg(feature = "udp")]
+pub mod guard;
 pub mod midi;
 #[cfg_attr(not(feature = "osc"), allow(dead_code, reason = "only some backends use it"))]
 mod numbers;

@@ -13,7 +13,7 @@ mod packet;
 pub use control::{OscControl, SetRequest, parse_settings};
 #[cfg(feature = "osc")]
 pub(crate) use {
-    device::{Addresses, OscSender},
+    device::{Addresses, OscSender, send_driven},
     packet::{decode, each_message},
 };
 

@@ -1,7 +1,10 @@
 //! Signals. Ctrl-C: a command that polls [`flag`] ends in good order, any other command ends at once. A limit of the size of
-//! files is an error of writing, as a full disk is.
+//! files is an error of writing, as a full disk is. Before an abort devices are sent zeros.
 
+#[cfg(unix)]
+use super::eprint;
 use super::{Failure, keys};
+use crate::live::guard;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -20,6 +23,11 @@ pub fn listen() {
         use nix::sys::signal::{SigSet, Signal};
         // Blocked in this thread and those that it starts: a write beyond the limit fails.
         let _ = SigSet::from(Signal::SIGXFSZ).thread_block();
+        if let Err(error) = guard::install() {
+            eprint(&format!(
+                "note: no device is sent zeros if this program is killed ({error})\n"
+            ));
+        }
     }
     let _ = ctrlc::try_set_handler(interrupted);
 }
@@ -51,6 +59,7 @@ fn interrupted() {
         if first.get_or_insert_with(Instant::now).elapsed() < TWICE {
             return;
         }
+        guard::send_last_zeros();
     }
     keys::restore();
     std::process::exit(i32::from(INTERRUPTED));

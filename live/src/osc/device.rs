@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 pub(crate) struct Addresses {
     position: String,
     force: String,
-    send_to: Option<SocketAddr>,
+    pub(crate) send_to: Option<SocketAddr>,
     every: Duration,
 }
 
@@ -113,20 +113,25 @@ impl OscSender {
 
     /// Sends a command.
     pub fn send(&self, socket: &UdpSocket, driven: &[f64; DRIVEN]) {
-        let [x, y, z, current, brake] = driven.map(|value| OscType::Float(value as f32));
-        for (addr, args) in [
-            ("/force", vec![x, y, z]),
-            ("/current", vec![current]),
-            ("/brake", vec![brake]),
-        ] {
-            let message = OscMessage {
-                addr: addr.to_owned(),
-                args,
-            };
-            if let Ok(bytes) = rosc::encoder::encode(&OscPacket::Message(message)) {
-                // If nothing receives it, the next one replaces it.
-                let _ = socket.send_to(&bytes, self.to);
-            }
+        send_driven(socket, self.to, driven);
+    }
+}
+
+/// Sends a command to an address.
+pub(crate) fn send_driven(socket: &UdpSocket, to: SocketAddr, driven: &[f64; DRIVEN]) {
+    let [x, y, z, current, brake] = driven.map(|value| OscType::Float(value as f32));
+    for (addr, args) in [
+        ("/force", vec![x, y, z]),
+        ("/current", vec![current]),
+        ("/brake", vec![brake]),
+    ] {
+        let message = OscMessage {
+            addr: addr.to_owned(),
+            args,
+        };
+        if let Ok(bytes) = rosc::encoder::encode(&OscPacket::Message(message)) {
+            // If nothing receives it, the next one replaces it.
+            let _ = socket.send_to(&bytes, to);
         }
     }
 }

@@ -51,10 +51,15 @@ impl Drivers {
         self.connections.drivers()
     }
 
-    /// Scheduling requests that the system refused at the start, without repetition.
+    /// What the system refused at the start, without repetition.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
-        for note in self.all().flat_map(|driver| driver.refused) {
+        for note in self
+            .connections
+            .status()
+            .into_iter()
+            .flat_map(|known| known.refused)
+        {
             if !notes.contains(&note) {
                 notes.push(note);
             }

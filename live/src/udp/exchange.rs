@@ -2,6 +2,7 @@
 
 use super::WAIT;
 use super::protocol::{Command, PacketError, State};
+use crate::guard::{self, Guard, Target};
 #[cfg(feature = "osc")]
 use crate::osc::{Addresses, OscSender, decode, each_message};
 use haptograph_nodes::network::link::{Count, DRIVEN, Link, SENSED};
@@ -39,8 +40,17 @@ pub(super) enum Codec {
     Osc(Arc<Addresses>),
 }
 
-#[cfg(feature = "osc")]
 impl Codec {
+    /// Where a device gets its commands that sends from an address.
+    fn target(&self, device: Option<SocketAddr>) -> Option<Target> {
+        match self {
+            Self::Protocol => device.map(Target::Protocol),
+            #[cfg(feature = "osc")]
+            Self::Osc(addresses) => addresses.send_to.map(Target::Osc),
+        }
+    }
+
+    #[cfg(feature = "osc")]
     fn osc_sender(&self) -> Option<OscSender> {
         match self {
             Self::Protocol => None,
@@ -56,6 +66,7 @@ const MAX_BYTES: usize = 65_536;
 pub(super) struct Exchange<'a> {
     config: SocketConfig,
     socket: &'a UdpSocket,
+    guard: Option<Guard>,
     device: Option<SocketAddr>,
     /// Time of the last packet.
     last_packet: Option<Instant>,
@@ -72,13 +83,14 @@ pub(super) struct Exchange<'a> {
 
 impl<'a> Exchange<'a> {
     /// An exchange that sends commands newer than `version`.
-    pub fn new(config: SocketConfig, socket: &'a UdpSocket, version: u64) -> Self {
+    pub fn new(config: SocketConfig, socket: &'a UdpSocket, guard: Option<Guard>, version: u64) -> Self {
         Self {
             device: config.only,
             #[cfg(feature = "osc")]
             osc_sender: config.codec.osc_sender(),
             config,
             socket,
+            guard,
             last_packet: None,
             latest: (0, 0),
             sensed: [0.0; SENSED],
@@ -91,7 +103,8 @@ impl<'a> Exchange<'a> {
     /// Runs until `stop`, with new settings from `edits`.
     pub fn run(mut self, edits: &Receiver<SocketConfig>, stop: &AtomicBool) {
         let mut bytes = vec![0; MAX_BYTES];
-        while !stop.load(Ordering::Relaxed) {
+        self.aim_guard();
+        while !stop.load(Ordering::Relaxed) && !guard::ends() {
             if let Some(config) = edits.try_iter().last() {
                 self.configure(config);
             }
@@ -105,6 +118,16 @@ impl<'a> Exchange<'a> {
             self.send_osc();
         }
         self.release();
+        // Where the process ends by force, the guard takes over.
+        if let Some(guard) = self.guard.take_if(|_| !guard::ends()) {
+            guard.end();
+        }
+    }
+
+    fn aim_guard(&mut self) {
+        if let Some(guard) = &mut self.guard {
+            guard.aim(self.config.codec.target(self.device));
+        }
     }
 
     /// Sends the device a last command with zeros.
@@ -132,6 +155,7 @@ impl<'a> Exchange<'a> {
             }
         }
         self.config = config;
+        self.aim_guard();
     }
 
     fn is_silent(&self) -> bool {
@@ -194,7 +218,9 @@ impl<'a> Exchange<'a> {
     }
 
     fn accept(&mut self, from: SocketAddr) {
-        self.device = Some(from);
+        if self.device.replace(from) != Some(from) {
+            self.aim_guard();
+        }
         self.last_packet = Some(Instant::now());
         self.config.link.publish(&self.sensed);
     }

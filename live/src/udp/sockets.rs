@@ -3,6 +3,7 @@
 use super::WAIT;
 use super::exchange::{Codec, Exchange, SocketConfig};
 use crate::backend::{Backend, BackendError, Connected, Counts};
+use crate::guard::{GUARDED, Guard};
 use crate::numbers::{cell, packets};
 #[cfg(feature = "osc")]
 use crate::osc::Addresses;
@@ -11,11 +12,13 @@ use haptograph_engine::node::BuildError;
 #[cfg(feature = "osc")]
 use haptograph_nodes::network::OscDevice;
 use haptograph_nodes::network::{Remote, UdpDevice};
+use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
+use std::time::Instant;
 
 /// The connected devices.
 #[derive(Debug, Default)]
@@ -34,6 +37,8 @@ struct Connection {
     bound: SocketAddr,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
+    /// The reason why the socket has no guard.
+    unguarded: Option<String>,
     /// True if the socket was added by the last open.
     is_new: bool,
 }
@@ -45,17 +50,26 @@ impl Connection {
             address: config.listen,
             error,
         };
-        let socket = UdpSocket::bind(config.listen).map_err(failed)?;
+        let socket = bind(config.listen).map_err(failed)?;
         socket.set_read_timeout(Some(WAIT)).map_err(failed)?;
         let bound = socket.local_addr().map_err(failed)?;
         let stop = Arc::new(AtomicBool::new(false));
         let (flag, theirs) = (Arc::clone(&stop), config.clone());
         let (edits, edited) = channel();
+        let (guard, unguarded) = match Guard::start(&socket) {
+            Ok(guard) => (guard, None),
+            Err(error) => (
+                None,
+                Some(format!(
+                    "`{device}` has no guard ({error}): if this program is killed, the device keeps its last command until its own watchdog acts"
+                )),
+            ),
+        };
         // The link may hold the last command of an earlier run.
         let version = config.link.driven_version();
         let thread = std::thread::Builder::new()
             .name(format!("network {device}"))
-            .spawn(move || Exchange::new(theirs, &socket, version).run(&edited, &flag))
+            .spawn(move || Exchange::new(theirs, &socket, guard, version).run(&edited, &flag))
             .map_err(failed)?;
         Ok(Self {
             device: device.to_owned(),
@@ -64,6 +78,7 @@ impl Connection {
             bound,
             stop,
             thread: Some(thread),
+            unguarded,
             is_new: true,
         })
     }
@@ -82,6 +97,19 @@ impl Connection {
 impl Drop for Connection {
     fn drop(&mut self) {
         crate::end(&self.stop, &mut self.thread);
+    }
+}
+
+/// Opens a socket. A run that was killed leaves its guard there for a moment.
+fn bind(listen: SocketAddr) -> std::io::Result<UdpSocket> {
+    let start = Instant::now();
+    loop {
+        match UdpSocket::bind(listen) {
+            Err(error) if error.kind() == ErrorKind::AddrInUse && start.elapsed() < 3 * GUARDED => {
+                std::thread::sleep(WAIT);
+            }
+            bound => return bound,
+        }
     }
 }
 
@@ -174,7 +202,10 @@ impl Backend for Sockets {
     }
 
     fn status(&self) -> Vec<Connected> {
-        let link = |known: &Connection| Connected::link(&known.device, known.bound.to_string());
+        let link = |known: &Connection| Connected {
+            refused: known.unguarded.iter().cloned().collect(),
+            ..Connected::link(&known.device, known.bound.to_string())
+        };
         self.0.iter().map(link).collect()
     }
 

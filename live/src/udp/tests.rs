@@ -4,7 +4,7 @@ use super::*;
 use crate::connections::Connections;
 use haptograph_nodes::network::link::{Counts, Link};
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A conversation over loopback, and the device's end of it.
 struct Table {
@@ -38,7 +38,8 @@ impl Table {
         let flag = Arc::clone(&stop);
         let (_, edits) = channel();
         let version = link.driven_version();
-        let thread = std::thread::spawn(move || Exchange::new(config, &socket, version).run(&edits, &flag));
+        let thread =
+            std::thread::spawn(move || Exchange::new(config, &socket, None, version).run(&edits, &flag));
         let device = UdpSocket::bind("127.0.0.1:0").unwrap();
         device.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
         Self {

@@ -12,6 +12,7 @@ use super::summary::Summary;
 use super::{Arguments, RunSetup, lasts_a_frame, message, refuse_own_files, stop_on_interrupt};
 use crate::engine::diagnostic::render;
 use crate::engine::registry::Registry;
+use crate::live::soundcard::card_requests;
 use crate::live::supervisor::{
     self, Ended, Event, LoadFn, MAX_QUEUED, Origin, PreparedRun, Request, RunOptions, Supervisor,
 };
@@ -55,6 +56,11 @@ fn run_with(
     let mut supervisor = started.map_err(message)?;
     setup.completion.folder.begin();
     introduce(&arguments, &supervisor);
+    if card_requests(&graph).is_ok_and(|cards| cards.output.is_some()) {
+        eprint(
+            "note: if this program is killed, the soundcard may repeat its last buffer: keep the amplifier's mute within reach\n",
+        );
+    }
     let keys = RawMode::begin();
     let (sender, commands) = sync_channel(MAX_QUEUED);
     console::read_commands(sender, stop, supervisor.sender(), keys.is_some());
