@@ -25,8 +25,15 @@ export function completions(studio) {
         const word = context.matchBefore(/\w*/);
         if (word.from === word.to && !context.explicit) return null;
         const options = place.key === null ? keys(studio, place) : values(studio, place);
-        return options.length ? { from: word.from, options, validFor: /^\w*$/ } : null;
+        return options.length ? { from: word.from, options: options.map(before(text, context.pos)), validFor: /^\w*$/ } : null;
     };
+}
+
+// An option without what follows the place already: an opening bracket or a colon.
+function before(text, at) {
+    const follows = text.slice(at).match(/^\s*([(:])/)?.[1];
+    const cut = (apply) => (follows && apply?.includes(follows) ? apply.slice(0, apply.indexOf(follows)) : apply);
+    return (option) => ({ ...option, apply: cut(option.apply) });
 }
 
 // The structure whose fields are at the place, as { of, inputs, settings, ... }; null if there is none.

@@ -3,6 +3,7 @@ import { find, setText } from "./dom.js";
 import { frameRate } from "./frame.js";
 
 const SAID_MS = 7000;
+const LETTER_MS = 60; // of a longer message
 const LATE_MS = 8;
 const SILENT_S = 0.5;
 const HOT = 0.85;
@@ -13,7 +14,8 @@ const UNCONFIRMED_MS = 1000; // after which an engine that has not confirmed STO
 export function mountStatus(studio) {
     const state = { said: null, action: null, counts: { lost: 0, faults: 0, xruns: 0, underruns: 0 }, since: {} };
     studio.say = (level, text) => {
-        state.said = { level, text, until_ms: performance.now() + SAID_MS };
+        const read_ms = Math.max(SAID_MS, text.length * LETTER_MS);
+        state.said = { level, text, until_ms: performance.now() + read_ms };
         show(studio, state);
     };
     find("status-action").addEventListener("click", () => state.action?.());
@@ -78,7 +80,7 @@ function connectionSays(studio) {
         };
     if (studio.connection.open && studio.status) return silenceSays(studio);
     if (!studio.lost) return { level: "warn", text: "Connecting to the engine" };
-    if (studio.lost.wait_s === null) return { level: "bad", text: "No engine can run at this address" };
+    if (studio.lost.wait_s === null) return { level: "bad", text: studio.lost.reason };
     if (studio.connection.stopping) return { level: "bad", text: "Not connected: STOP is sent as soon as the engine answers" };
     if (engine) return { level: "warn", text: "The engine in this page ended" };
     return { level: "warn", text: "Not connected: the engine has taken its actuators to zero by itself" };
