@@ -12,6 +12,8 @@ const SPEED_M_S: f64 = 0.1;
 const FORCE_N: f64 = 1.0;
 /// Correlation between successive rows, so that the relief has no stripes.
 const ALONG: f64 = 0.8;
+/// Maximum samples of a cell: at more than 120 kHz a cell is a shorter part of the stroke.
+const MAX_EACH: f64 = 400.0;
 
 /// A grey image of 40 by 25 mm as SVG: rows of the vibration of strokes at 100 mm/s and 1 N.
 ///
@@ -20,7 +22,7 @@ const ALONG: f64 = 0.8;
 pub fn swatch(texture: &TextureModel) -> Result<String, SynthesisError> {
     let [width, height] = CELLS;
     let rate_hz = texture.rate_hz();
-    let each = ((CELL_MM * 1e-3 / SPEED_M_S) * rate_hz).max(1.0) as usize;
+    let each = samples_of_a_cell(rate_hz);
     let samples = each * width * height;
     let trajectory = Trajectory {
         rate_hz,
@@ -50,11 +52,21 @@ pub fn swatch(texture: &TextureModel) -> Result<String, SynthesisError> {
     ))
 }
 
+fn samples_of_a_cell(rate_hz: f64) -> usize {
+    ((CELL_MM * 1e-3 / SPEED_M_S) * rate_hz).clamp(1.0, MAX_EACH) as usize
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use haptograph_surfaces::files;
     use std::path::Path;
+
+    #[test]
+    fn a_swatch_of_any_rate_takes_little() {
+        let each = [1.0, 10_000.0, 1e12].map(samples_of_a_cell);
+        assert_eq!(each, [1, 33, 400]);
+    }
 
     #[test]
     fn surfaces_look_different_and_each_the_same_every_time() {

@@ -13,10 +13,10 @@ use haptograph_engine::node::{InputSpec, NodeEntry, OutputSpec, Presence, Quanti
 use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::{Part, SettingSpec};
 use haptograph_report::{drawing, swatch};
-use haptograph_signal::files::{is_file, is_folder, list};
+use haptograph_signal::files::{MAX_SURFACE_BYTES, is_file, is_folder, list, read_text};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::Unit;
-use haptograph_surfaces::files;
+use haptograph_surfaces::files::{self, FileError, Problem, ReadError};
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ use std::time::SystemTime;
 
 /// Maximum number of listed surfaces.
 const MAX_SURFACES: usize = 100;
-/// The swatch of each file, `None` for a file that is not a surface, and the file's modification time, if
+/// The description of each file, `None` for a file that is not a surface, and the file's modification time, if
 /// known.
 type Swatches = HashMap<PathBuf, (Option<SystemTime>, Option<Value>)>;
 static SWATCHES: LazyLock<Mutex<Swatches>> = LazyLock::new(Mutex::default);
@@ -287,27 +287,42 @@ fn surfaces(stage: &Stage) -> Vec<Value> {
     shown.take(MAX_SURFACES).collect()
 }
 
-/// The description of a surface; its swatch is drawn once, which takes a while.
+/// The description of a surface, or of the error in its file; its swatch is drawn once, which takes a while. `None` if the
+/// file is something else.
 pub fn surface(path: &Path, graph: &Path) -> Option<Value> {
     let known = || SWATCHES.lock().unwrap_or_else(PoisonError::into_inner);
     let written = path.metadata().and_then(|found| found.modified()).ok();
     if let Some((_, shown)) = known().get(path).filter(|(then, _)| *then == written) {
         return shown.clone();
     }
-    let drawn = || {
-        let surface = files::load(path).ok()?;
-        Some(json!({
-            "path": from_graph(path, graph), "name": surface.name,
-            "swatch": swatch(surface.texture.as_ref()?).ok()?,
-        }))
+    let named = |name: &str, swatch: Option<String>, error: Option<String>| json!({ "path": from_graph(path, graph), "name": name, "swatch": swatch, "error": error });
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let shown = match files::load(path) {
+        Ok(surface) => surface.texture.as_ref().map(|texture| match swatch(texture) {
+            Ok(swatch) => named(&surface.name, Some(swatch), None),
+            Err(error) => named(&surface.name, None, Some(error.to_string())),
+        }),
+        Err(FileError::Io { source, .. }) => Some(named(
+            &stem,
+            None,
+            Some(format!("the file cannot be read: {source}")),
+        )),
+        Err(FileError::Read { error, .. }) => {
+            is_meant(path, graph, &error).then(|| named(&stem, None, Some(error.to_string())))
+        }
     };
-    let shown = drawn();
     let mut known = known();
     if known.len() >= MAX_SURFACES {
         known.clear();
     }
     known.insert(path.to_owned(), (written, shown.clone()));
     shown
+}
+
+/// True if a file that is not read was meant as a surface: beside a graph lie other graphs and lists.
+fn is_meant(path: &Path, graph: &Path, error: &ReadError) -> bool {
+    let begins = || read_text(path, MAX_SURFACE_BYTES).is_ok_and(|text| text.contains("Surface("));
+    !matches!(error.problem, Problem::Graph) && (path.parent() != Some(graph) || begins())
 }
 
 /// A path relative to the graph's folder, in the form of a parameter.
