@@ -19,7 +19,8 @@ use std::path::{Path, PathBuf};
 /// Repair the files of a crashed run
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folders NAME.partial-N of crashed runs, or single WAV files and folders FILE.part of recordings
+    /// Folders NAME.partial-N of crashed runs, folders GRAPH-strokes-N of a crashed studio, or single WAV files and folders
+    /// FILE.part of recordings
     #[arg(required = true, value_name = "PATH")]
     paths: Vec<PathBuf>,
     /// Print the result as JSON
@@ -94,21 +95,27 @@ fn complete(path: &Path, plan: &MovePlan) -> Done {
     ))
 }
 
+/// The files of a run that is not complete, locked while it goes on.
+const LOCKED: [&str; 2] = [MARKER, haptograph_studio::APPENDED];
+
 /// True if a running process holds the folder's lock.
 fn is_being_written(folder: &Path) -> Result<bool, Failure> {
-    let Ok(marker) = files::open(&folder.join(MARKER), u64::MAX) else {
-        return Ok(false);
-    };
-    match marker.as_file().try_lock() {
-        Ok(()) => Ok(false),
-        Err(TryLockError::WouldBlock) => Ok(true),
-        Err(TryLockError::Error(error)) => Err(Failure::file("lock", &folder.join(MARKER), &error)),
+    for path in LOCKED.map(|name| folder.join(name)) {
+        let Ok(marker) = files::open(&path, u64::MAX) else {
+            continue;
+        };
+        match marker.as_file().try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Ok(true),
+            Err(TryLockError::Error(error)) => return Err(Failure::file("lock", &path, &error)),
+        }
     }
+    Ok(false)
 }
 
 /// Recovers all crashed runs and recordings in a folder, whose own WAV files are other people's if it is no run.
 fn folder(path: &Path, (depth, is_of_a_run): (usize, bool), done: &mut Vec<Done>) {
-    let is_of_a_run = is_of_a_run || path.join(MARKER).is_file();
+    let is_of_a_run = is_of_a_run || LOCKED.iter().any(|name| path.join(name).is_file());
     match is_being_written(path) {
         Ok(false) => {}
         Ok(true) => return done.push(Ok(format!("{}: a run is writing there now", path.display()))),
@@ -117,6 +124,9 @@ fn folder(path: &Path, (depth, is_of_a_run): (usize, bool), done: &mut Vec<Done>
     if is_spool(path) {
         done.push(recording(path));
         return;
+    }
+    if path.join(haptograph_studio::APPENDED).is_file() {
+        done.push(strokes(path));
     }
     let entries: io::Result<Vec<_>> = files::entries(path).and_then(Iterator::collect);
     let mut entries = match entries {
@@ -182,6 +192,20 @@ fn recording(spool: &Path) -> Done {
         path.display(),
         spool.display()
     ))
+}
+
+/// Makes the recording of a studio that was killed.
+fn strokes(folder: &Path) -> Done {
+    let shown = folder.display();
+    match haptograph_studio::recover(folder) {
+        Ok(seconds) => Ok(format!(
+            "{shown}: made the recording of {seconds:.1} s; drop strokes.json on the page of its graph to replay it"
+        )),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            Ok(format!("{shown}: the recording exists already and is kept"))
+        }
+        Err(error) => Err(Failure::file("make the recording of", folder, &error)),
+    }
 }
 
 /// Renames a leftover to `NAME-recovered`, or to the first free name with a number.

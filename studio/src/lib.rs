@@ -37,4 +37,7 @@ mod talk;
 mod wire;
 
 #[cfg(not(target_family = "wasm"))]
-pub use native::{Export, Exported, Options, Studio, StudioError, export, lan_address};
+pub use record::{APPENDED, recover};
+
+#[cfg(not(target_family = "wasm"))]
+pub use native::{Export, Exported, Learner, Options, Studio, StudioError, export, lan_address};

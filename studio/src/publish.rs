@@ -76,6 +76,7 @@ impl Publisher {
                 stage.pages[page].send(text(&own));
             }
             levels::send(stage);
+            stage.append_recording();
             *self = Self::default();
         }
         let gone = stage.pages.iter().filter(|page| page.is_gone).map(|page| page.id);

@@ -6,14 +6,25 @@
 
 use super::load::Source;
 use super::run_cycle::NextRun;
-use super::stage::Stage;
+use super::stage::{Stage, StageError};
 use super::wire::{MAX_DEG, MAX_M, MAX_N, Pointer};
+use haptograph_signal::files;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use std::path::PathBuf;
+use std::borrow::Cow;
+use std::fs::File;
+#[cfg(not(target_family = "wasm"))]
+use std::io::BufReader;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 /// File in a run's folder with the recording.
 pub const STROKES: &str = "strokes.json";
+/// File in which the recording of a run that goes on is kept: a line with its graph, then one for each part.
+pub const APPENDED: &str = "strokes.part";
+/// Maximum length of such a line, bytes: a graph's text as JSON.
+#[cfg(not(target_family = "wasm"))]
+const MAX_LINE_BYTES: usize = 6 * files::MAX_GRAPH_BYTES as usize;
 /// Maximum number of folders with one name.
 const MAX_FOLDERS: usize = 10_000;
 /// Version of the format.
@@ -126,6 +137,90 @@ impl Move {
     }
 }
 
+/// What was recorded since the part before.
+#[derive(Serialize, Deserialize)]
+struct Part<'a> {
+    /// Frames of the run so far.
+    frames: u64,
+    moves: Cow<'a, [Move]>,
+    turns: Cow<'a, [SettingChange]>,
+}
+
+/// The file to which a recording is appended.
+#[derive(Debug)]
+pub struct Appended {
+    /// Locked while the recording goes on.
+    file: File,
+    moves: usize,
+    settings: usize,
+}
+
+impl Appended {
+    /// Creates the file in a folder.
+    fn begin(folder: &Path, recording: &Recording) -> io::Result<Self> {
+        let file = File::create_new(folder.join(APPENDED))?;
+        file.try_lock().map_err(io::Error::from)?;
+        let (moves, settings) = (0, 0);
+        let appended = Self {
+            file,
+            moves,
+            settings,
+        };
+        appended.write(recording)?;
+        Ok(appended)
+    }
+
+    fn write(&self, part: &impl Serialize) -> io::Result<()> {
+        let mut line = serde_json::to_vec(part).map_err(io::Error::other)?;
+        line.push(b'\n');
+        (&self.file).write_all(&line)
+    }
+
+    fn append(&mut self, recording: &Recording, frames: u64) -> io::Result<()> {
+        self.write(&Part {
+            frames,
+            moves: Cow::Borrowed(&recording.moves[self.moves..]),
+            turns: Cow::Borrowed(&recording.settings[self.settings..]),
+        })?;
+        (self.moves, self.settings) = (recording.moves.len(), recording.settings.len());
+        Ok(())
+    }
+}
+
+/// Makes the recording of a run that was killed out of what it had appended, and writes it into the run's folder.
+/// Returns its duration, s.
+///
+/// # Errors
+/// Those of the file system; of kind [`io::ErrorKind::InvalidData`] if the file holds no recording, and of kind
+/// [`io::ErrorKind::AlreadyExists`] if the recording is there.
+#[cfg(not(target_family = "wasm"))]
+pub fn recover(folder: &Path) -> io::Result<f64> {
+    let path = folder.join(STROKES);
+    if std::fs::symlink_metadata(&path).is_ok() {
+        return Err(io::ErrorKind::AlreadyExists.into());
+    }
+    let file = files::open(&folder.join(APPENDED), files::MAX_RECORDING_BYTES)?;
+    let mut lines = files::lines(BufReader::new(file), MAX_LINE_BYTES);
+    let none = || io::Error::new(io::ErrorKind::InvalidData, "it holds no recording");
+    let first = lines.next().ok_or_else(none)??;
+    let mut recording: Recording = serde_json::from_slice(&first).map_err(|_| none())?;
+    for line in lines {
+        // The last one may be cut.
+        let Ok(part) = serde_json::from_slice::<Part<'_>>(&line?) else {
+            break;
+        };
+        recording.frames = part.frames;
+        recording.moves.extend_from_slice(&part.moves);
+        recording.settings.extend_from_slice(&part.turns);
+        if recording.is_full() {
+            break;
+        }
+    }
+    let text = serde_json::to_vec(&recording).map_err(io::Error::other)?;
+    files::write_atomically(&path, &text)?;
+    Ok(recording.seconds())
+}
+
 /// Reason why a recording cannot be replayed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RecordingError {
@@ -213,11 +308,16 @@ impl Recording {
 
 impl Stage {
     /// Starts or ends a recording; either restarts the run.
-    pub fn record(&mut self, on: bool) {
+    ///
+    /// # Errors
+    /// [`StageError`] after a STOP, which no recording ends.
+    pub fn record(&mut self, on: bool) -> Result<(), StageError> {
+        self.refuse_after_stop(if on { "record" } else { "end the recording" })?;
         if on != self.recorder.is_some() {
             self.close_recording();
             self.restart(if on { NextRun::Record } else { NextRun::Live });
         }
+        Ok(())
     }
 
     /// Ends the recording at the present frame.
@@ -227,15 +327,42 @@ impl Stage {
         }
     }
 
+    /// Begins to record a run, whose folder keeps what is recorded.
+    pub fn begin_recording(&mut self) {
+        let recording = Recording::begin(&self.source, &self.loaded.text, self.rate_hz);
+        let folder = self.folder.as_deref();
+        // The complete recording would meet the same error, and states it.
+        self.appended = folder.and_then(|folder| Appended::begin(folder, &recording).ok());
+        self.recorder = Some(recording);
+    }
+
+    /// Appends what was recorded since the last call to the file of the run.
+    pub fn append_recording(&mut self) {
+        let (Some(recording), Some(drive)) = (&self.recorder, &self.drive) else {
+            return;
+        };
+        let frames = drive.pace.frames();
+        if self
+            .appended
+            .as_mut()
+            .is_some_and(|appended| appended.append(recording, frames).is_err())
+        {
+            self.appended = None;
+        }
+    }
+
     /// Saves a recording if there is a folder for it, and sends it to the page that made it.
     pub fn deliver_recording(&mut self, recording: &Recording) {
         let page_error = self.page_error.take();
         let written = self.folder.take().map(|folder| {
             let path = folder.join(STROKES);
-            let text = serde_json::to_vec(recording).map_err(std::io::Error::other);
-            text.and_then(|text| haptograph_signal::files::write_atomically(&path, &text))
-                .map(|()| folder)
+            let text = serde_json::to_vec(recording).map_err(io::Error::other);
+            text.and_then(|text| files::write_atomically(&path, &text))?;
+            // It is whole without it.
+            let _ = std::fs::remove_file(folder.join(APPENDED));
+            Ok::<_, io::Error>(folder)
         });
+        self.appended = None;
         let (saved, error) = match written {
             None => (None, None),
             Some(Ok(folder)) => {
@@ -255,18 +382,21 @@ impl Stage {
     }
 
     /// Creates a folder with this name and a number, where runs are stored.
-    pub fn new_folder(&self, name: &str) -> std::io::Result<Option<PathBuf>> {
+    pub fn new_folder(&mut self, name: &str) -> io::Result<Option<PathBuf>> {
         let Some(out) = &self.out else { return Ok(None) };
         std::fs::create_dir_all(out)?;
         for number in 1..MAX_FOLDERS {
             let folder = out.join(format!("{name}-{number}"));
             match std::fs::create_dir(&folder) {
-                Ok(()) => return Ok(Some(folder)),
-                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+                Ok(()) => {
+                    self.made.push(folder.clone());
+                    return Ok(Some(folder));
+                }
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(error),
             }
         }
-        Err(std::io::Error::other(format!(
+        Err(io::Error::other(format!(
             "there are ten thousand folders of `{name}`: remove some"
         )))
     }

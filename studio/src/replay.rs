@@ -79,6 +79,7 @@ impl Stage {
         if self.recorder.is_some() {
             return Err(other(&"a recording is running; end it first"));
         }
+        self.refuse_after_stop("replay the recording")?;
         recording.check(self.rate_hz).map_err(|error| other(&error))?;
         let same = recording.is_of(&self.source, &self.loaded.text);
         self.restart(NextRun::Replay(recording));

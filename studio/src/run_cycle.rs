@@ -10,7 +10,7 @@ use super::replay::Replay;
 use super::run_page::{self, PageSignals};
 use super::scope::{self, Port, Scope};
 use super::stage::{Stage, StageError, State, other};
-use haptograph_engine::host::{PlayOptions, Player};
+use haptograph_engine::host::{HostError, PlayOptions, Player};
 use haptograph_live::Connections;
 use haptograph_live::soundcard::{Inputs, card_requests};
 use serde_json::json;
@@ -79,7 +79,14 @@ impl Stage {
             self.network.connect(&mut self.loaded.graph).map_err(other)?;
         }
         let graph = &self.loaded.graph;
-        let (mut player, session) = Player::open(graph, &options).map_err(other)?;
+        let (mut player, session) = Player::open(graph, &options).map_err(|error| match error {
+            HostError::Drivers { count, drivers } => other(format_args!(
+                "the studio runs graphs with one driver clock, and this one has {count}: `{}`; make the others `Derived` \
+                 clocks of one of them, or run the graph without a page",
+                drivers.join("`, `")
+            )),
+            error => other(error),
+        })?;
         if is_live {
             self.inputs = Inputs::open(graph, [player.live_mut()]).map_err(other)?;
         }
@@ -141,7 +148,7 @@ impl Stage {
     fn begin_recording_or_replay(&mut self, how: NextRun) {
         match how {
             NextRun::Record => {
-                self.recorder = Some(Recording::begin(&self.source, &self.loaded.text, self.rate_hz));
+                self.begin_recording();
                 // Without a folder there is no page.
                 let has_page = self.folder.is_some();
                 self.page_signals = has_page.then(|| PageSignals::of(&self.loaded.graph));
@@ -200,6 +207,20 @@ impl Stage {
         self.network = Connections::new(&self.source.registry);
         (self.inputs, self.note) = (Inputs::default(), None);
         self.heard.clear();
+    }
+
+    /// Refuses an action that starts another run, after a STOP and in its course: only a resume ends it.
+    ///
+    /// # Errors
+    /// [`StageError`] with the remedy.
+    pub fn refuse_after_stop(&self, action: &str) -> Result<(), StageError> {
+        let is_halting = self.is_stopping && matches!(self.next_run, NextRun::None);
+        match self.state == State::Running && !is_halting {
+            true => Ok(()),
+            false => Err(other(format_args!(
+                "cannot {action}: the run is stopped; resume it first"
+            ))),
+        }
     }
 
     /// Stops the run without a successor.

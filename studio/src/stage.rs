@@ -7,7 +7,7 @@ use super::levels::Costs;
 use super::load::{Loaded, Source};
 use super::pads::Pad;
 use super::pages::Page;
-use super::record::{Move, Recording};
+use super::record::{Appended, Move, Recording};
 use super::replay::Replay;
 use super::run_cycle::NextRun;
 use super::run_page::PageSignals;
@@ -110,7 +110,11 @@ pub struct Stage {
     /// The folder for recorded runs, and the folder of this run.
     pub out: Option<PathBuf>,
     pub folder: Option<PathBuf>,
+    /// The folders that were made there, whose pages may be seen.
+    pub made: Vec<PathBuf>,
     pub recorder: Option<Recording>,
+    /// The file that keeps it meanwhile.
+    pub appended: Option<Appended>,
     /// Signals recorded for the page in that folder.
     pub page_signals: Option<PageSignals>,
     /// Error of writing that page.
@@ -163,7 +167,9 @@ impl Stage {
             silent: Vec::new(),
             out: None,
             folder: None,
+            made: Vec::new(),
             recorder: None,
+            appended: None,
             page_signals: None,
             page_error: None,
             replay: None,
@@ -215,7 +221,8 @@ impl Stage {
             self.end();
         }
         if self.recorder.as_ref().is_some_and(Recording::is_full) {
-            self.record(false);
+            // A run that is stopping ends it too.
+            let _ = self.record(false);
         }
     }
 
