@@ -3,7 +3,7 @@
 mod confirmation;
 
 use super::run::stop_on_interrupt;
-use super::{Failure, print, refuse_repeated};
+use super::{Failure, eprint, print, refuse_repeated};
 use crate::engine::registry::Registry;
 use confirmation::Confirmation;
 use haptograph_studio::{Export, Options, Studio, StudioError, export, lan_address};
@@ -12,6 +12,7 @@ use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
+use std::{io, process};
 
 /// Open a web page to stroke, hear, see and change a graph while it runs
 ///
@@ -71,6 +72,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         out: PathBuf::from("out"),
         surfaces: arguments.surfaces.clone(),
         lan: arguments.lan.map(lan).transpose()?,
+        learner: Some(learner),
     };
     let studio = Studio::open(&options, registry).map_err(failure)?;
     let stop = stop_on_interrupt()?;
@@ -91,12 +93,27 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     if !arguments.no_open {
         open_page(&studio.url());
     }
-    let mut confirmation = Confirmation::default();
+    let (mut confirmation, mut said) = (Confirmation::default(), None);
     while !stop.load(Ordering::Relaxed) {
         confirmation.poll(&studio)?;
+        let trouble = studio.trouble();
+        if let Some(trouble) = trouble.filter(|trouble| said.as_ref() != Some(trouble)) {
+            eprint(&format!("warning: no page can connect now: {trouble}\n"));
+            said = Some(trouble);
+        }
         std::thread::sleep(Duration::from_millis(50));
     }
     Ok(())
+}
+
+/// A process of this program that learns a recording.
+fn learner(table: &Path, surface: &Path, report: &Path) -> io::Result<process::Command> {
+    let mut command = process::Command::new(std::env::current_exe()?);
+    command
+        .arg("learn")
+        .arg(table)
+        .args([Path::new("-o"), surface, Path::new("--report"), report]);
+    Ok(command)
 }
 
 /// The given address, or the network address of this machine.
@@ -153,8 +170,8 @@ fn open_page(url: &str) {
         "windows" => "explorer",
         _ => "xdg-open",
     };
-    let quiet = std::process::Stdio::null;
-    let _ = std::process::Command::new(opener)
+    let quiet = process::Stdio::null;
+    let _ = process::Command::new(opener)
         .arg(url)
         .stdin(quiet())
         .stdout(quiet())

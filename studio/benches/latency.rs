@@ -50,6 +50,7 @@ fn main() {
         out: folder.path().join("out"),
         surfaces: Vec::new(),
         lan: None,
+        learner: None,
     };
     let studio = Studio::open(&options, &haptograph_nodes::registry()).expect("a studio");
     println!("pointer message to changed command, native, wall-clock time, {CHANGES} changes each:");

@@ -110,6 +110,8 @@ class Studio extends Emitter {
     }
 
     #take(graph) {
+        graph.unreadable = graph.surfaces.filter(({ error }) => error);
+        graph.surfaces = graph.surfaces.filter(({ error }) => !error);
         for (const port of [...graph.ports, ...graph.levels]) port.unit = printed(port.unit);
         this.graph = graph;
         this.values = new Map(graph.settings.map(({ name, value }) => [name, value]));
@@ -160,7 +162,7 @@ class Studio extends Emitter {
         const why = this.connection.engine
             ? `The engine in this page ended (${reason}).`
             : ever
-              ? "The connection to the engine is lost. It takes its actuators to zero by itself."
+              ? "The connection to the engine is lost. It takes its actuators to zero by itself. If it was restarted, open the new address that it printed."
               : "No engine answers here. Is haptograph still running? Open the address that it printed, with its token.";
         find("banner").hidden = false;
         setText(find("banner"), wait_s === null ? reason : why + stop + again);

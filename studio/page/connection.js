@@ -6,6 +6,7 @@ import { read } from "./frames.js";
 const PROTOCOL = "haptograph.studio.1";
 const FIRST_WAIT_S = 0.5;
 const LONGEST_WAIT_S = 8;
+const RESTARTED = "The studio was restarted: open the new address that it printed in its terminal.";
 
 // Emits `open`, `lost` ({ wait_s, ever, reason }; `wait_s` is null if no further attempt follows), `waiting` when an
 // engine in this page begins or ends to wait for a press, `samples`, and every JSON message by its type. Sound goes to
@@ -91,12 +92,18 @@ export class Connection extends Emitter {
 
     // Sends `message` with a number of its own; the promise holds the engine's reply, or `ok: false` and why not.
     request(message) {
-        if (!this.open) return Promise.resolve(failure("The engine is not connected."));
+        return this.numbered(message)[0];
+    }
+
+    // The same with the number, by which a request can be cancelled.
+    numbered(message) {
         const request = this.#next++;
-        return new Promise((resolve) => {
+        if (!this.open) return [Promise.resolve(failure("The engine is not connected.")), request];
+        const reply = new Promise((resolve) => {
             this.#waiting.set(request, resolve);
             this.send({ ...message, request });
         });
+        return [reply, request];
     }
 
     #opened() {
@@ -127,14 +134,26 @@ export class Connection extends Emitter {
         this.emit(message.type, message);
     }
 
-    #closed(reason) {
+    async #closed(reason) {
         this.open = false;
         for (const resolve of this.#waiting.values()) resolve(failure("The connection was lost before the answer came."));
         this.#waiting.clear();
         const wait_s = this.#wait_s;
         this.#wait_s = Math.min(LONGEST_WAIT_S, wait_s * 1.7);
         this.emit("lost", { wait_s, ever: this.#ever, reason });
-        setTimeout(() => this.connect(), wait_s * 1000);
+        const again = setTimeout(() => this.connect(), wait_s * 1000);
+        if (this.engine || !(await isRestarted())) return;
+        clearTimeout(again);
+        this.emit("lost", { wait_s: null, ever: this.#ever, reason: RESTARTED });
+    }
+}
+
+// True if a server answers that does not know the token of this page.
+async function isRestarted() {
+    try {
+        return (await fetch(location.href, { method: "HEAD", cache: "no-store" })).status === 403;
+    } catch {
+        return false; // no server answers
     }
 }
 

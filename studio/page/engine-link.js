@@ -12,7 +12,7 @@ export class EngineLink {
     #port;
     #wasm;
     #checker = new Promise(() => {});
-    #learns = false;
+    #learning = null; // the request and the end of what is learned
 
     constructor({ port, wasm, files, opened }) {
         this.#port = port;
@@ -33,6 +33,7 @@ export class EngineLink {
         if (typeof message !== "string") return this.#port.postMessage({ bytes: message, text: false }, [message]);
         const read = JSON.parse(message);
         if (read.type === "learn") this.#learn(read);
+        else if (read.type === "cancel") this.#cancel(read);
         else if (CHECKED.has(read.type)) this.#check(message);
         else this.#forward(message);
     }
@@ -43,10 +44,10 @@ export class EngineLink {
             const whole = { type: "reply", request, ok: false, error: null, diagnostics: [], change: null, ...more };
             this.onmessage({ data: JSON.stringify(whole) });
         };
-        if (this.#learns) return reply({ error: "another recording is being learned; retry when it is done" });
-        this.#learns = true;
+        if (this.#learning) return reply({ error: "another recording is being learned; retry when it is done" });
+        this.#learning = { request, end: () => {} };
         try {
-            const learned = await learnBeside(this.#wasm, name, csv);
+            const learned = await learnBeside(this.#wasm, name, csv, (end) => (this.#learning.end = end));
             const surface = { name: encoder.encode(learned.name), text: encoder.encode(learned.surface) };
             const path = (await this.#checker).addSurface(surface);
             if (!path) throw new Error("a thousand surfaces with this name exist; reload the page");
@@ -56,8 +57,12 @@ export class EngineLink {
         } catch (error) {
             reply({ error: error instanceof Uint8Array ? decoder.decode(error) : (error.message ?? String(error)) });
         } finally {
-            this.#learns = false;
+            this.#learning = null;
         }
+    }
+
+    #cancel({ request }) {
+        if (this.#learning?.request === request) this.#learning.end("learning was cancelled");
     }
 
     async #check(message) {
@@ -108,11 +113,14 @@ export class EngineLink {
     }
 }
 
-function learnBeside(wasm, name, csv) {
+// `begun` gets the function that ends it with a reason.
+function learnBeside(wasm, name, csv, begun) {
     return new Promise((done, failed) => {
         const worker = new Worker(new URL("learn-worker.js", import.meta.url), { type: "module" });
         worker.onmessage = ({ data: { learned, error } }) => (learned ? done(learned) : failed(new Error(error)));
-        const end = (why) => (worker.terminate(), failed(new Error(`the engine that learns ${why}; use a shorter recording`)));
+        const cancel = (why) => (worker.terminate(), failed(new Error(why)));
+        const end = (why) => cancel(`the engine that learns ${why}; use a shorter recording`);
+        begun(cancel);
         worker.onerror = ({ message }) => end(`failed: ${message}`);
         worker.onmessageerror = () => end("gave an answer that cannot be read");
         // A worker that the browser ends for lack of memory may send no message.

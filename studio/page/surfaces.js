@@ -6,7 +6,7 @@ const MOST_BYTES = 64 * 1024 * 1024;
 export function mountSurfaces(studio) {
     let shape = null;
     studio.on("graph", (graph) => {
-        const now = JSON.stringify(graph.surfaces);
+        const now = JSON.stringify([graph.surfaces, graph.unreadable]);
         if (now !== shape) rebuild(studio, graph);
         shape = now;
         showCurrent(studio);
@@ -58,9 +58,20 @@ function rebuild(studio, graph) {
         card.addEventListener("click", () => choose(studio, parameter.name, path));
         return card;
     });
+    cards.push(...graph.unreadable.map(unreadable));
     const messages = [...find("surfaces").querySelectorAll(".surface-message")];
     find("surfaces").replaceChildren(...messages, ...cards);
 }
+
+// A file of the folder that cannot be read as a surface: it is left as it is.
+const unreadable = ({ path, name, error }) =>
+    make(
+        "button",
+        { class: "surface unreadable", disabled: true, "data-path": path, title: `${bare(path)}: ${error}` },
+        make("span", { class: "picture", text: "cannot be read" }),
+        make("span", { class: "name", text: name }),
+        make("span", { class: "why", text: error }),
+    );
 
 async function choose(studio, name, path) {
     const reply = await studio.parameter(name, quoted(path));
@@ -69,7 +80,7 @@ async function choose(studio, name, path) {
 
 function showCurrent(studio) {
     const current = currentSurface(studio.graph);
-    for (const card of find("surfaces").querySelectorAll(".surface")) {
+    for (const card of find("surfaces").querySelectorAll(".surface:not(.unreadable)")) {
         card.setAttribute("aria-pressed", String(!studio.blind && card.getAttribute("data-path") === current?.path));
     }
     const parameter = parameterOf(studio.graph);
@@ -122,6 +133,7 @@ async function learn(studio, file) {
     find("surfaces").prepend(box);
     const end = (level, message) => {
         progress.remove();
+        box.querySelector("button")?.remove();
         box.classList.toggle("bad", level === "bad");
         text.textContent = message;
         const close = () => {
@@ -144,7 +156,9 @@ async function learn(studio, file) {
         );
     text.textContent = `Reading ${file.name}…`;
     const csv = await file.text();
-    const answer = studio.connection.request({ type: "learn", name: file.name, csv });
+    const [answer, request] = studio.connection.numbered({ type: "learn", name: file.name, csv });
+    const cancel = make("button", { text: "Cancel", onclick: () => studio.connection.send({ type: "cancel", request }) });
+    text.after(cancel);
     const timer = setInterval(() => showProgress(studio, file, text, progress), 150);
     const reply = await answer;
     clearInterval(timer);

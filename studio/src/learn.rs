@@ -45,10 +45,12 @@ pub fn learn_table(stem: &str, table: &Path) -> Result<Learned, String> {
         learn(stem, &[recording], &LearnSettings::default(), &|_| ()).map_err(|error| shown(&error))?;
     match surface.texture {
         Some(_) => Ok(Learned { surface, report }),
-        None => Err("cannot learn a texture: the recording holds no drag with force and speed".to_owned()),
+        None => Err(NO_DRAG.to_owned()),
     }
 }
 
+/// Message if the recording teaches no texture.
+pub const NO_DRAG: &str = "cannot learn a texture: the recording holds no drag with force and speed";
 /// Message if no file name is free.
 pub const FULL: &str = "a thousand surfaces with this name exist; remove or rename some";
 

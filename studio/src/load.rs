@@ -133,19 +133,32 @@ impl Source {
         let set = self.set.iter();
         let set = set.filter(|(name, _)| document.parameters().any(|(known, _)| known == name));
         let options = CheckOptions::default().endpoints(&self.endpoints);
+        let default_of = |name: &str| {
+            let mut parameters = document.parameters();
+            parameters
+                .find(|(known, _)| *known == name)
+                .map_or("", |(_, default)| default)
+        };
         set.fold(options, |options, (name, value)| {
-            options.set(name, self.resolved(value))
+            options.set(name, self.resolved(value, default_of(name)))
         })
     }
 
     /// Paths in override values are relative to the working directory, paths from the page to the graph's
-    /// folder.
-    fn resolved(&self, value: &str) -> String {
-        let name = value.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
-        let path = name
-            .map(|name| self.folder().join(name))
-            .filter(|path| files::is_file(path));
-        let path = path.map(|path| path.canonicalize().unwrap_or(path));
+    /// folder. A missing file in place of one that is there by default is missing in the latter.
+    fn resolved(&self, value: &str, default: &str) -> String {
+        let beside = |text: &str| {
+            let quoted = text.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
+            self.folder().join(quoted.unwrap_or(text))
+        };
+        let is_missing =
+            || !files::is_file(Path::new(value.trim_matches('"'))) && files::is_file(&beside(default));
+        let path = Some(beside(value)).filter(|path| files::is_file(path) || is_missing());
+        let path = path.map(|path| {
+            path.canonicalize()
+                .or_else(|_| std::path::absolute(&path))
+                .unwrap_or(path)
+        });
         path.map_or_else(
             || value.to_owned(),
             |path| format!("{:?}", path.to_string_lossy()),

@@ -104,7 +104,8 @@ impl Engine {
     /// Handles a message of the page.
     pub fn hear(&mut self, message: &Message) {
         let answer = match talk::hear(&mut self.stage, self.page, message) {
-            Response::None => return,
+            // The page learns, and cancels that itself.
+            Response::None | Response::Cancel { .. } => return,
             Response::Answer(answer) => answer,
             Response::Work { request, work } => self.work(request, work),
             Response::Learn { request, .. } => talk::reply(request, Err(elsewhere())),

@@ -20,6 +20,8 @@ pub enum Response {
     Work { request: u64, work: Work },
     /// Learn a surface from a recording, which takes long; then [`reply`].
     Learn { request: u64, name: String, csv: String },
+    /// Cancel the learning of this request.
+    Cancel { request: u64 },
 }
 
 /// Work on the text of a graph. It applies to the graph that runs when its turn comes.
@@ -112,6 +114,8 @@ fn act(stage: &mut Stage, page: u64, message: ClientMessage) -> Response {
         ClientMessage::Own => stage.give_to(page),
         ClientMessage::Disarm => stage.disarm(),
         ClientMessage::Check { request, text } => return done_later(request, Work::Check(text)),
+        // Also of a page that is no longer the owner.
+        ClientMessage::Cancel { request } => return Response::Cancel { request },
         message if stage.owner == Some(page) => return act_as_owner(stage, page, message),
         // A page that was the owner until now.
         ClientMessage::Hold => {}
@@ -174,7 +178,11 @@ fn act_as_owner(stage: &mut Stage, page: u64, message: ClientMessage) -> Respons
         ClientMessage::Parameter { request, name, value } => {
             return done_later(request, Work::Parameter(name, value));
         }
-        ClientMessage::Record { on } => stage.record(on),
+        ClientMessage::Record { on } => {
+            if let Err(error) = stage.record(on) {
+                return refused(&error);
+            }
+        }
         ClientMessage::Replay { request, recording } => {
             let begun = stage.start_replay(recording);
             return Response::Answer(reply(request, begun));

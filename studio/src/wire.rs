@@ -83,6 +83,10 @@ pub enum ClientMessage {
         name: String,
         csv: String,
     },
+    /// Cancel the learning that this page requested under this number.
+    Cancel {
+        request: u64,
+    },
     /// Restart the run and record it from its first frame on, or end the recording.
     Record {
         on: bool,
@@ -117,6 +121,7 @@ impl ClientMessage {
                 | Self::Check { .. }
                 | Self::Save { .. }
                 | Self::Learn { .. }
+                | Self::Cancel { .. }
                 | Self::Record { .. }
                 | Self::Replay { .. }
                 | Self::Resume
@@ -219,8 +224,9 @@ pub fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError> {
     struct Kind {
         r#type: String,
     }
-    const KINDS: [&str; 18] = [
+    const KINDS: [&str; 19] = [
         "learn",
+        "cancel",
         "record",
         "replay",
         "set",

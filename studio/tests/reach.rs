@@ -42,6 +42,7 @@ fn options(place: &Path) -> Options {
         out: place.join("out"),
         surfaces: Vec::new(),
         lan: None,
+        learner: None,
     }
 }
 
@@ -145,6 +146,66 @@ fn pipes_and_folders_within_are_refused_without_waiting() {
             "{path}: {reply}"
         );
     }
+}
+
+#[test]
+fn a_surface_is_named_from_the_folder_of_the_graph_quoted_or_not_and_a_missing_one_is_missing() {
+    let place = place();
+    let studio = open(&options(place.path()));
+    let mut page = Page::at(&studio, studio.address());
+    let mut set =
+        |value: &str| page.request(json!({ "type": "parameter", "name": "surface", "value": value }));
+    assert_eq!(set("surfaces/t2-canvas.ron")["ok"], true);
+    for value in ["surfaces/none.ron", "\"surfaces/none.ron\""] {
+        let reply = set(value);
+        let message = &reply["diagnostics"][0]["message"];
+        assert!(
+            !codes(&reply).is_empty()
+                && codes(&reply) != ["E0112"]
+                && message.to_string().contains("graph/surfaces/none.ron"),
+            "{reply}"
+        );
+    }
+    assert_eq!(codes(&set("../other/t3-tile.ron")), ["E0112"]);
+}
+
+#[test]
+fn only_reports_of_this_studio_are_seen_and_no_link_is_followed() {
+    let place = place();
+    let at = |name: &str| place.path().join(name);
+    std::fs::create_dir_all(at("out/secret")).expect("made");
+    std::fs::write(at("out/secret/report.html"), "private").expect("written");
+    symlink(at("out/secret"), at("out/texturepad-strokes-1")).expect("a link");
+    let studio = open(&Options {
+        lan: Some(LAN),
+        ..options(place.path())
+    });
+    let mut page = Page::at(&studio, studio.address());
+    page.say(&json!({ "type": "record", "on": true }));
+    page.wait(|said| said["type"] == "graph");
+    page.stroke(100.0, 1.0, 0.0);
+    page.say(&json!({ "type": "record", "on": false }));
+    let kept = page.wait(|said| said["type"] == "recording");
+    assert_eq!(kept["report"], "texturepad-strokes-2", "{kept}");
+    let doors = [studio.address(), SocketAddr::new(LAN, studio.address().port())];
+    let all = |folder: &str| {
+        let path = format!("/report/{folder}?token={}", studio.token());
+        doors.map(|door| status(door, &path, &format!("Host: {door}")))
+    };
+    assert_eq!(all("texturepad-strokes-2"), ["200", "200"]);
+    for other in [
+        "secret",
+        "texturepad-strokes-1",
+        "none",
+        "..",
+        "%2e%2e%2fout%2fsecret",
+    ] {
+        assert_eq!(all(other), ["404", "404"], "{other}");
+    }
+    let report = at("out/texturepad-strokes-2/report.html");
+    std::fs::remove_file(&report).expect("it is there");
+    symlink(at("out/secret/report.html"), &report).expect("a link");
+    assert_eq!(all("texturepad-strokes-2"), ["404", "404"]);
 }
 
 #[test]

@@ -29,6 +29,7 @@ fn open_with(graph: &Path, out: &Path) -> Studio {
         out: out.to_owned(),
         surfaces: Vec::new(),
         lan: None,
+        learner: Some(common::learner),
     };
     Studio::open(&options, &haptograph_nodes::registry()).expect("a studio")
 }
@@ -43,6 +44,11 @@ fn copied() -> (tempfile::TempDir, PathBuf) {
     }
     let graph = folder.path().join("texturepad.ron");
     (folder, graph)
+}
+
+#[test]
+fn learns_in_a_process_of_its_own() {
+    common::learn_here();
 }
 
 /// The one of a list that has this name.
@@ -358,6 +364,212 @@ fn a_page_stops_the_run_while_its_recording_is_learned_and_strokes_the_surface_a
     assert!(rms(&page.stroke(100.0, 1.0, 2.0)) > 0.1);
 }
 
+/// The names in the folder of surfaces.
+fn surfaces_in(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder.join("surfaces")).expect("a folder");
+    let mut names: Vec<String> = entries
+        .map(|entry| {
+            entry
+                .expect("an entry")
+                .file_name()
+                .to_string_lossy()
+                .into_owned()
+        })
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn what_fails_while_it_is_learned_or_is_cancelled_ends_nothing_and_leaves_nothing() {
+    let (folder, path) = copied();
+    let studio = open_with(&path, &folder.path().join("out"));
+    let mut page = Page::of(&studio);
+    let before = surfaces_in(folder.path());
+    let learn =
+        |request: u64, csv: &str| json!({ "type": "learn", "request": request, "name": "x.csv", "csv": csv });
+    let reply_to = |page: &mut Page, request: u64| {
+        let reply = page.wait(|said| said["type"] == "reply" && said["request"] == request);
+        assert_eq!(reply["ok"], false, "{reply}");
+        reply["error"].as_str().expect("a text").to_owned()
+    };
+    page.say(&learn(1, "abort"));
+    let why = reply_to(&mut page, 1);
+    assert!(why.contains("memory") && !why.contains('\n'), "{why}");
+    page.say(&learn(2, "a,b\n1,2\n"));
+    let why = reply_to(&mut page, 2);
+    assert!(why.contains("x.csv") && !why.contains("/tmp"), "{why}");
+    // Of another page, and of another request, is not this one.
+    page.say(&learn(3, "wait"));
+    Page::of(&studio).say(&json!({ "type": "cancel", "request": 3 }));
+    page.say(&json!({ "type": "cancel", "request": 2 }));
+    page.say(&learn(4, "wait"));
+    assert!(reply_to(&mut page, 4).contains("another recording"));
+    page.say(&json!({ "type": "cancel", "request": 3 }));
+    assert!(reply_to(&mut page, 3).contains("cancelled"));
+    page.say(&learn(5, "wait"));
+    drop(page);
+    // The learning of a page that is gone is over, and the next one may begin.
+    let mut page = Page::of(&studio);
+    page.wait(|said| said["type"] == "status" && said["state"] == "running" && said["pages"] == 1);
+    page.say(&json!({ "type": "own" }));
+    let learned = (6..600).find_map(|request| {
+        page.say(&learn(request, &drags(5)));
+        let reply = page.wait(|said| said["type"] == "reply" && said["request"] == request);
+        (reply["ok"] == true).then(|| reply["change"].clone())
+    });
+    assert_eq!(learned, Some(json!("\"surfaces/x.ron\"")));
+    let mut after = before;
+    after.push("x.ron".to_owned());
+    assert_eq!(surfaces_in(folder.path()), after);
+}
+
+#[test]
+fn surfaces_that_cannot_be_read_are_named_with_their_error_and_disturb_nothing() {
+    let (folder, path) = copied();
+    let text = std::fs::read_to_string(folder.path().join("surfaces/t3-tile.ron")).expect("it is there");
+    let cut = &text[..text.len() / 2];
+    for (name, text) in [("cut.ron", cut), ("not-a-surface.ron", "Graph(format: 1)")] {
+        std::fs::write(folder.path().join("surfaces").join(name), text).expect("written");
+    }
+    for _ in 0..2 {
+        let studio = open(&path);
+        let mut page = Page::of(&studio);
+        let listed = page.graph["surfaces"].as_array().expect("a list").clone();
+        let is_read = |surface: &Value| {
+            (
+                surface["path"].clone(),
+                surface["error"].is_null(),
+                surface["swatch"].is_null(),
+            )
+        };
+        let listed_as: Vec<_> = listed.iter().map(is_read).collect();
+        let named = |name: &str, is_read: bool| (json!(format!("\"surfaces/{name}\"")), is_read, !is_read);
+        assert_eq!(
+            listed_as,
+            [
+                named("cut.ron", false),
+                named("t2-canvas.ron", true),
+                named("t3-tile.ron", true)
+            ]
+        );
+        assert_eq!(listed[0]["name"], "cut");
+        let value = json!({ "type": "parameter", "name": "surface", "value": "\"surfaces/t3-tile.ron\"" });
+        assert_eq!(page.request(value)["ok"], true);
+    }
+    assert_eq!(
+        std::fs::read_to_string(folder.path().join("surfaces/cut.ron")).expect("it is there"),
+        cut
+    );
+}
+
+#[test]
+fn what_a_studio_was_recording_when_it_was_killed_is_replayed() {
+    let (folder, path) = copied();
+    let studio = open_with(&path, &folder.path().join("out"));
+    let mut page = Page::of(&studio);
+    page.say(&json!({ "type": "scope", "ports": [{ "name": "out.delivered", "raw": true }] }));
+    page.say(&json!({ "type": "record", "on": true }));
+    page.wait(|said| said["type"] == "graph");
+    page.stroke(100.0, 1.0, 0.5);
+    page.say(&json!({ "type": "set", "name": "out.gain", "value": 0.1 }));
+    page.stroke(100.0, 1.0, 0.5);
+    // As after a kill: what is on the disk so far, cut in the middle of a line.
+    let kept =
+        std::fs::read(folder.path().join("out/texturepad-strokes-1/strokes.part")).expect("it is there");
+    let killed = tempfile::tempdir().expect("a folder");
+    std::fs::write(killed.path().join("strokes.part"), &kept[..kept.len() - 3]).expect("written");
+    assert!(haptograph_studio::recover(killed.path()).expect("a recording") > 0.5);
+    assert!(haptograph_studio::recover(killed.path()).is_err(), "it is kept");
+    let read = std::fs::read(killed.path().join("strokes.json")).expect("it is there");
+    let recovered: Value = serde_json::from_slice(&read).expect("JSON");
+    page.say(&json!({ "type": "record", "on": false }));
+    let whole = page.wait(|said| said["type"] == "recording")["recording"].clone();
+    assert!(
+        !folder
+            .path()
+            .join("out/texturepad-strokes-1/strokes.part")
+            .exists()
+    );
+    let moves = recovered["moves"].as_array().expect("a list");
+    assert!(moves.len() > 10 && whole["moves"].as_array().expect("a list").starts_with(moves));
+    assert_eq!(
+        (&recovered["turns"], &recovered["text"]),
+        (&whole["turns"], &whole["text"])
+    );
+    page.wait(|said| said["type"] == "status" && said["state"] == "running" && said["recording_s"].is_null());
+    let reply = page.request(json!({ "type": "replay", "recording": recovered }));
+    assert_eq!(reply["ok"], true, "{reply}");
+}
+
+#[test]
+fn no_recording_and_no_replay_ends_a_stop() {
+    let studio = open(&shipped("texturepad.ron"));
+    let mut page = Page::of(&studio);
+    let stopped = |said: &Value| said["type"] == "status" && said["state"] == "stopped";
+    page.say(&json!({ "type": "stop" }));
+    page.wait(stopped);
+    for on in [true, false] {
+        page.say(&json!({ "type": "record", "on": on }));
+        page.wait(|said| said["type"] == "refused");
+    }
+    let rate_hz = 48_000.0;
+    let recording = json!({ "format": 1, "haptograph": "", "graph": "", "text": "", "set": [], "rate_hz": rate_hz,
+        "frames": 9, "moves": [], "turns": [] });
+    let reply = page.request(json!({ "type": "replay", "recording": recording }));
+    assert!(
+        reply["ok"] == false && reply["error"].to_string().contains("resume"),
+        "{reply}"
+    );
+    page.wait(stopped);
+    page.say(&json!({ "type": "resume" }));
+    page.wait(|said| said["type"] == "status" && said["state"] == "running");
+}
+
+#[test]
+fn connections_without_a_token_are_bounded_and_lock_nobody_out() {
+    let studio = open(&shipped("texturepad.ron"));
+    let mut page = Page::of(&studio);
+    let idle = |_| {
+        let mut stream = TcpStream::connect(studio.address()).expect("it listens");
+        let _ = write!(stream, "GET / HTTP/1.1\r\nHost: ");
+        stream
+    };
+    let mut all: Vec<TcpStream> = (0..200).map(idle).collect();
+    // The first ones are ended, and a page comes in.
+    all[0].set_read_timeout(Some(PATIENCE)).expect("a timeout");
+    assert!(!matches!(all[0].read(&mut [0; 99]), Ok(1..)));
+    Page::of(&studio);
+    page.wait(|said| said["type"] == "status" && said["state"] == "running");
+    let open = all.iter().filter(|stream| {
+        stream.set_nonblocking(true).expect("set");
+        matches!(stream.peek(&mut [0]), Err(error) if error.kind() == std::io::ErrorKind::WouldBlock)
+    });
+    assert!(open.count() <= 64);
+}
+
+#[test]
+fn a_graph_of_two_drivers_is_refused_in_the_words_of_the_studio() {
+    let options = Options {
+        graph: shipped("two-drivers.ron"),
+        set: Vec::new(),
+        endpoints: None,
+        port: 0,
+        out: std::env::temp_dir(),
+        surfaces: Vec::new(),
+        lan: None,
+        learner: None,
+    };
+    let error = Studio::open(&options, &haptograph_nodes::registry()).expect_err("it has two");
+    let error = error.to_string();
+    assert!(
+        ["studio", "`audio`, `servo`", "Derived"]
+            .iter()
+            .all(|part| error.contains(part)),
+        "{error}"
+    );
+}
+
 #[test]
 fn what_one_page_asks_for_is_done_in_its_order() {
     let (_folder, path) = copied();
@@ -641,6 +853,9 @@ fn only_its_own_page_with_the_token_is_let_in() {
         (format!("{page}{host}"), "200"),
         (format!("{page}evil.example"), "403"),
         (format!("{page}evil.example:{}", host.port()), "403"),
+        (format!("{page}{host}\r\nHost: evil.example"), "403"),
+        (format!("{page}evil.example\r\nHost: {host}"), "403"),
+        (format!("{page}{host}\r\nHost: {host}"), "403"),
         (format!("{page}{host}\r\nOrigin: http://evil.example"), "403"),
         (format!("{page}{host}\r\nOrigin: null"), "403"),
         (format!("GET / HTTP/1.1\r\nHost: {host}"), "403"),

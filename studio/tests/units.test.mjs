@@ -227,13 +227,18 @@ const WRITTEN =
     'nodes: { "tone": Sine(clock: "audio", quantity: "angular speed"), "end": Sink(current: Hold("tone.value"), ' +
     'gain: Param("gain"), limit: (peak_a: 1)) }, endpoints: { "simulated": { "tone": Tablet(stroke: Circles(radius_mm: 3)) } })';
 
-// What is offered where `text` has its bar, by label, with the details.
-function offered(text) {
+// What is inserted where `text` has its bar.
+const applied = (text) => optionsAt(text).map(({ apply }) => apply);
+
+// What is offered there, by label, with the details.
+const offered = (text) => Object.fromEntries(optionsAt(text).map(({ label, detail }) => [label, detail ?? ""]));
+
+function optionsAt(text) {
     const at = text.indexOf("|");
     const doc = text.replace("|", "");
     const from = at - doc.slice(0, at).match(/\w*$/)[0].length;
     const context = { state: { doc: { toString: () => doc } }, pos: at, explicit: true, matchBefore: () => ({ from, to: at }) };
-    return Object.fromEntries((completions(writing)(context)?.options ?? []).map(({ label, detail }) => [label, detail ?? ""]));
+    return completions(writing)(context)?.options ?? [];
 }
 
 test("the editor completes what can stand at a place, with units, and nothing else", () => {
@@ -256,6 +261,11 @@ test("the editor completes what can stand at a place, with units, and nothing el
     assert.deepEqual(nodes('"|"'), {});
     const device = 'Graph(endpoints: { "simulated": { "p": ';
     assert.deepEqual(Object.keys(offered(`${device}|`)), ["Tablet"]);
+    // What follows already is not inserted again.
+    assert.deepEqual(applied('Graph(nodes: { "a": Si|'), ["Sine(", "Sink(", "Bands("]);
+    assert.deepEqual(applied('Graph(nodes: { "a": Si| (gain: 1)'), ["Sine", "Sink", "Bands"]);
+    assert.deepEqual(applied('Graph(nodes: { "a": Sink(current: |("b"))'), ["Hold", "Param"]);
+    assert.deepEqual(applied('Graph(nodes: { "a": Sink(limit: (pe| : 1'), ["peak_a", "window_s"]);
     assert.deepEqual(Object.keys(offered(`${device}Tablet(stroke: |`)), ["Still", "Circles"]);
     assert.deepEqual(offered(`${device}Tablet(stroke: Circles(|`), { radius_mm: "mm" });
     assert.deepEqual(Object.keys(offered("Graph(|")), Object.keys(GRAPH));
@@ -414,7 +424,7 @@ const inTheme = (work) => {
 };
 
 // A connection whose worker is the test: what it was told to send, and what comes from the engine.
-function connectionOf(work) {
+function connectionOf(work, globals = {}) {
     const sent = [];
     let worker;
     class Worker {
@@ -425,7 +435,7 @@ function connectionOf(work) {
             if (what === "send") sent.push(JSON.parse(message).type);
         }
     }
-    return within({ Worker, document: { querySelector: () => null } }, () => {
+    return within({ Worker, document: { querySelector: () => null }, ...globals }, () => {
         const connection = new Connection();
         const comes = (data) => worker.onmessage({ data });
         const says = (message) => comes({ what: "message", data: JSON.stringify(message) });
@@ -453,6 +463,26 @@ test("a STOP without a connection is sent first when there is one, and until the
         comes({ what: "open" });
         assert.deepEqual(sent, ["levels"]);
     }));
+
+test("a page of a studio that was restarted says so and tries no more, one without a studio tries again", async (t) => {
+    t.mock.timers.enable({ apis: ["setTimeout"] });
+    for (const [answer, again] of [
+        [async () => ({ status: 403 }), false],
+        [async () => ({ status: 200 }), true],
+        [async () => Promise.reject(new TypeError("refused")), true],
+    ]) {
+        let lost = null;
+        const run = async (connection, { comes }) => {
+            connection.on("lost", (how) => (lost = how));
+            comes({ what: "close", reason: "" });
+            assert(lost.wait_s !== null, "it does not wait for that to say so");
+            await new Promise(setImmediate);
+        };
+        await connectionOf(run, { fetch: answer, location: { href: "http://127.0.0.1:1/?token=0" } });
+        assert.equal(lost.wait_s !== null, again);
+        assert.equal(/restarted.*address/.test(lost.reason), !again);
+    }
+});
 
 test("who resumes takes a STOP back that was not confirmed", () =>
     connectionOf((connection, { sent, comes }) => {

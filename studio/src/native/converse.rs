@@ -1,6 +1,9 @@
 //! Connection to one page.
 
-use super::{blocking, learn, lock, save::save, with_stage};
+use super::learn::{Learner, Learning, Turn};
+use super::server::Shared;
+use super::visits::Pass;
+use super::{blocking, lock, save::save, with_stage};
 use crate::describe;
 use crate::pages::{Line, LineError, Page, Reach};
 use crate::publish::text;
@@ -16,9 +19,9 @@ use serde_json::Value;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use tokio::sync::Mutex as AsyncMutex;
 use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
+use tokio::sync::{Mutex as AsyncMutex, OwnedSemaphorePermit};
 
 /// Number of invalid messages after which a page is disconnected.
 const MAX_REFUSED: u32 = 100;
@@ -62,7 +65,7 @@ fn unframed(message: ws::Message) -> Option<Message> {
 pub struct ExclusiveWork {
     /// Swapping the graph or writing the file.
     edit: Arc<AsyncMutex<()>>,
-    learn: Arc<AsyncMutex<()>>,
+    pub learning: Learning,
 }
 
 /// A connection as seen by its tasks.
@@ -71,6 +74,7 @@ struct Connection {
     stage: Arc<Mutex<Stage>>,
     page: u64,
     exclusive: ExclusiveWork,
+    learner: Option<Learner>,
     /// Answers to messages, and replies to requests.
     answers: Sender<Value>,
 }
@@ -82,9 +86,12 @@ enum Received {
     Long(Message),
 }
 
+/// A queued message with its length, bytes, and its turn if it is long.
+type Queued = ((usize, Option<OwnedSemaphorePermit>), Received);
+
 /// The sending half of the queue of a page's messages, bounded in number and in length.
 struct Inbox {
-    queue: Sender<(usize, Received)>,
+    queue: Sender<Queued>,
     /// Length of the queued messages, bytes.
     queued: Arc<AtomicUsize>,
     max_bytes: usize,
@@ -92,9 +99,9 @@ struct Inbox {
 
 impl Inbox {
     /// Queues a message; false if there is no room.
-    fn put(&self, length: usize, message: Received) -> bool {
+    fn put(&self, (length, turn): (usize, Option<OwnedSemaphorePermit>), message: Received) -> bool {
         let queued = self.queued.fetch_add(length, Relaxed) + length;
-        let is_put = queued <= self.max_bytes && self.queue.try_send((length, message)).is_ok();
+        let is_put = queued <= self.max_bytes && self.queue.try_send(((length, turn), message)).is_ok();
         if !is_put {
             self.queued.fetch_sub(length, Relaxed);
         }
@@ -104,13 +111,25 @@ impl Inbox {
 
 /// Serves a page until either end closes. The task that reads the socket waits neither for the stage, which another
 /// thread may hold, nor for a page that does not read, so that a STOP takes effect at once.
-pub async fn run(socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, exclusive: ExclusiveWork) {
+pub async fn run(socket: WebSocket, shared: Shared, pass: Pass) {
+    pass.let_in();
+    let max_pages = shared.max_pages();
+    let Shared {
+        stage,
+        exclusive,
+        reach,
+        learner,
+        ..
+    } = shared;
     let (line, out) = channel(MAX_QUEUED);
     let greeted = with_stage(&stage, move |stage| {
-        let greeted = talk::greet(stage, Box::new(line), reach);
-        (greeted, Arc::clone(&stage.switch))
+        // Several may have been let in at once.
+        (stage.pages.len() < max_pages).then(|| {
+            let greeted = talk::greet(stage, Box::new(line), reach);
+            (greeted, Arc::clone(&stage.switch))
+        })
     });
-    let Some(((page, first), switch)) = greeted.await else {
+    let Some(((page, first), switch)) = greeted.await.flatten() else {
         return;
     };
     let (answers, answered) = channel(MAX_REQUESTS);
@@ -125,22 +144,25 @@ pub async fn run(socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, excl
         stage,
         page,
         exclusive,
+        learner,
         answers,
     };
     let (sink, stream) = socket.split();
     tokio::spawn(act_in_order(connection.clone(), messages, queued));
     tokio::select! {
-        () = read(stream, &switch, inbox) => {}
+        () = read(stream, (&switch, &pass), inbox) => {}
         () = write(sink, first, out, answered) => {}
     }
+    connection.exclusive.learning.cancel(page, None);
     with_stage(&connection.stage, move |stage| stage.leave(page)).await;
 }
 
 /// Reads messages until the page closes, or sends more than the stage keeps up with.
-async fn read(mut stream: SplitStream<WebSocket>, switch: &ArmSwitch, inbox: Inbox) {
+async fn read(mut stream: SplitStream<WebSocket>, (switch, pass): (&ArmSwitch, &Pass), inbox: Inbox) {
     while let Some(Ok(message)) = stream.next().await {
+        let turn = pass.heard();
         if let Some(message) = unframed(message)
-            && !inbox.put(message.length(), receive(switch, message))
+            && !inbox.put((message.length(), turn), receive(switch, message))
         {
             break;
         }
@@ -201,15 +223,11 @@ fn receive(switch: &ArmSwitch, message: Message) -> Received {
 }
 
 /// Handles the messages of a page in order. Requests that take long are queued once more.
-async fn act_in_order(
-    connection: Connection,
-    mut messages: Receiver<(usize, Received)>,
-    queued: Arc<AtomicUsize>,
-) {
+async fn act_in_order(connection: Connection, mut messages: Receiver<Queued>, queued: Arc<AtomicUsize>) {
     let (queue, requests) = channel(MAX_REQUESTS);
     tokio::spawn(work_in_order(connection.clone(), requests));
     let mut refused = 0;
-    while let Some((length, received)) = messages.recv().await {
+    while let Some(((length, _turn), received)) = messages.recv().await {
         // One that is handled is no longer queued: a page may send the next while a long one is parsed.
         queued.fetch_sub(length, Relaxed);
         let incoming = match received {
@@ -254,16 +272,25 @@ fn answer_to(connection: &Connection, queue: &Sender<(u64, Work)>, response: Res
                 format!("{MAX_REQUESTS} requests of this page are queued already; wait for their replies");
             talk::reply(request, Err(StageError::Other(why)))
         }),
+        Response::Cancel { request } => {
+            connection
+                .exclusive
+                .learning
+                .cancel(connection.page, Some(request));
+            None
+        }
         Response::Learn { request, name, csv } => {
-            let Ok(turn) = Arc::clone(&connection.exclusive.learn).try_lock_owned() else {
-                let why = "another recording is being learned; retry when it is done";
-                return Some(talk::reply(request, Err(StageError::Other(why.to_owned()))));
+            let refused = |why: &str| Some(talk::reply(request, Err(StageError::Other(why.to_owned()))));
+            let Some(learner) = connection.learner else {
+                return refused("this studio cannot learn surfaces");
+            };
+            let Some(turn) = connection.exclusive.learning.begin(connection.page, request) else {
+                return refused("another recording is being learned; retry when it is done");
             };
             let connection = connection.clone();
             tokio::spawn(async move {
                 let stage = Arc::clone(&connection.stage);
-                let learned = blocking(move || learned(&stage, &name, &csv)).await;
-                drop(turn);
+                let learned = blocking(move || learned(&stage, (&turn, learner), (&name, &csv))).await;
                 let answer = match learned.unwrap_or_else(failed) {
                     Ok((path, report)) => {
                         let mut answer = talk::reply(request, Ok(path));
@@ -355,9 +382,13 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
 
 /// Learns a surface from a recording into the graph's folder; returns its path as a parameter, and the folder
 /// of its report.
-fn learned(stage: &Mutex<Stage>, name: &str, csv: &str) -> Result<(String, Option<String>), StageError> {
+fn learned(
+    stage: &Mutex<Stage>,
+    (turn, learner): (&Turn, Learner),
+    (name, csv): (&str, &str),
+) -> Result<(String, Option<String>), StageError> {
     let graph = lock(stage).source.folder().to_owned();
-    let learned = learn::surface(name, csv.as_bytes(), &describe::surface_folder(&graph));
+    let learned = turn.surface(learner, (name, csv.as_bytes()), &describe::surface_folder(&graph));
     let (path, report) = learned.map_err(StageError::Other)?;
     // Draws the swatch before the stage is locked.
     let _ = describe::surface(&path, &graph);
@@ -367,9 +398,10 @@ fn learned(stage: &Mutex<Stage>, name: &str, csv: &str) -> Result<(String, Optio
     );
     let folder = lock(stage).new_folder(&name);
     // A failed report does not invalidate the surface.
-    let folder = folder.ok().flatten().filter(|folder| {
-        haptograph_signal::files::write_atomically(&folder.join(REPORT), report.as_bytes()).is_ok()
-    });
+    let folder = folder
+        .ok()
+        .flatten()
+        .filter(|folder| haptograph_signal::files::write_atomically(&folder.join(REPORT), &report).is_ok());
     let folder = folder.and_then(|folder| Some(folder.file_name()?.to_string_lossy().into_owned()));
     talk::tell_graph(&mut lock(stage));
     Ok((describe::from_graph(&path, &graph), folder))
@@ -402,6 +434,7 @@ mod tests {
             out: std::env::temp_dir().join("haptograph-no-recordings"),
             surfaces: Vec::new(),
             lan: None,
+            learner: None,
         };
         let studio = Studio::open(&options, &haptograph_nodes::registry()).expect("a studio");
         let (mut page, _) = connect(request(&studio)).expect("it is let in");
@@ -436,7 +469,7 @@ mod tests {
         };
         let switch = ArmSwitch::default();
         let text = |length: usize| Message::Text(format!(r#"{{"type":"{}"}}"#, "x".repeat(length)));
-        let put = |message: Message| inbox.put(message.length(), receive(&switch, message));
+        let put = |message: Message| inbox.put((message.length(), None), receive(&switch, message));
         let taken = (0..100).take_while(|_| put(text(MAX_BYTES - 100))).count();
         assert_eq!(taken, 9, "of 1 MiB each");
         // A text that is too long is refused before it is queued, and what is handled makes room.
@@ -444,7 +477,7 @@ mod tests {
             receive(&switch, text(MAX_BYTES)),
             Received::Parsed(Err(WireError::Long(_)))
         ));
-        let (length, _) = messages.try_recv().expect("it is queued");
+        let ((length, _), _) = messages.try_recv().expect("it is queued");
         queued.fetch_sub(length, Relaxed);
         assert!(put(text(MAX_BYTES - 100)) && !put(text(MAX_BYTES - 100)));
     }

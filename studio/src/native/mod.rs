@@ -8,8 +8,10 @@ mod listen;
 mod pump;
 mod save;
 mod server;
+mod visits;
 
 pub use export::{Export, Exported, export};
+pub use learn::Learner;
 pub use listen::lan_address;
 pub use server::{Options, Studio, StudioError};
 

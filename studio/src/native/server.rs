@@ -2,6 +2,8 @@
 
 use super::assets::PAGE;
 use super::converse::{self, ExclusiveWork};
+use super::learn::Learner;
+use super::visits::{Pass, Reception, Visits};
 use super::{blocking, listen, lock, pump, with_stage};
 use crate::drive::DrivenBy;
 use crate::envelope::Confirmed;
@@ -12,7 +14,7 @@ use crate::stage::{Host, Stage, StageError};
 use crate::wire::SUBPROTOCOL;
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
-use axum::extract::{Path, Query, Request, State};
+use axum::extract::{ConnectInfo, Path, Query, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{Html, IntoResponse, Response};
@@ -25,12 +27,14 @@ use std::fmt::Write as _;
 use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use tokio::sync::oneshot;
 
 /// Maximum number of connected pages.
 const MAX_PAGES: usize = 16;
+/// Length of the token.
+const TOKEN_LETTERS: usize = 32;
 /// The host of an engine on this machine.
 const HOST: Host = Host {
     name: "native",
@@ -73,6 +77,8 @@ pub struct Options {
     pub surfaces: Vec<PathBuf>,
     /// Network address for pages of other machines; `None` restricts the studio to this machine.
     pub lan: Option<IpAddr>,
+    /// Starts the process that learns a recording that is dropped on the page; `None` if the page cannot learn.
+    pub learner: Option<Learner>,
 }
 
 /// Error of opening a studio.
@@ -105,19 +111,32 @@ pub struct Studio {
     address: SocketAddr,
     lan: Option<SocketAddr>,
     token: String,
+    exclusive: ExclusiveWork,
+    visits: Visits,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
 /// State shared by all requests.
 #[derive(Clone)]
-struct Shared {
-    stage: Arc<Mutex<Stage>>,
-    exclusive: ExclusiveWork,
+pub struct Shared {
+    pub stage: Arc<Mutex<Stage>>,
+    pub exclusive: ExclusiveWork,
+    pub learner: Option<Learner>,
     token: Arc<str>,
     /// The host names of this server.
     hosts: Arc<[String]>,
-    reach: Reach,
+    pub reach: Reach,
+}
+
+impl Shared {
+    /// Maximum number of pages with which another may come: those of the network leave some for this machine.
+    pub fn max_pages(&self) -> usize {
+        match self.reach {
+            Reach::Machine => MAX_PAGES,
+            Reach::Network => MAX_PAGES / 2,
+        }
+    }
 }
 
 impl Studio {
@@ -138,10 +157,12 @@ impl Studio {
             .spawn(move || pump::run(&watched))
             .map_err(other)?;
         let (exclusive, known): (_, Arc<str>) = (ExclusiveWork::default(), token.as_str().into());
+        let visits = Visits::default();
         let served = doors.all().map(|door| {
             let shared = Shared {
                 stage: Arc::clone(&stage),
                 exclusive: exclusive.clone(),
+                learner: options.learner,
                 token: Arc::clone(&known),
                 hosts: door.hosts.into(),
                 reach: door.reach,
@@ -149,12 +170,14 @@ impl Studio {
             (door.listener, shared)
         });
         let (end, ended) = oneshot::channel();
-        let thread = Some(serve(served.collect(), ended).map_err(other)?);
+        let thread = Some(serve(served.collect(), &visits, ended).map_err(other)?);
         Ok(Self {
             stage,
             address,
             lan,
             token,
+            exclusive,
+            visits,
             end: Some(end),
             thread,
         })
@@ -200,6 +223,12 @@ impl Studio {
         lock(&self.stage).confirm(number).map_err(StudioError::from)
     }
 
+    /// The system's reason why no page can connect at present, such as too many open files; `None` if pages can.
+    pub fn trouble(&self) -> Option<String> {
+        let trouble = self.visits.trouble.lock();
+        trouble.unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
     /// The access token.
     pub fn token(&self) -> &str {
         &self.token
@@ -222,7 +251,8 @@ impl Drop for Studio {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
-        // Pending learning or loading holds the stage: its run ends now nevertheless, with complete files.
+        self.exclusive.learning.close();
+        // Pending loading holds the stage: its run ends now nevertheless, with complete files.
         lock(&self.stage).close();
     }
 }
@@ -235,7 +265,8 @@ fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> 
         if let Some(endpoints) = &options.endpoints {
             source.endpoints.clone_from(endpoints);
         }
-        let stage = Stage::open(source, HOST)?;
+        let can_learn = options.learner.is_some();
+        let stage = Stage::open(source, Host { can_learn, ..HOST })?;
         let confirmed = Confirmed::of(&stage.source, &stage.loaded.text).map_err(StudioError::Graph)?;
         Ok::<_, StudioError>((stage, confirmed))
     };
@@ -256,21 +287,29 @@ fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> 
 }
 
 /// Serves all sockets until `ended` receives a message or is closed.
-fn serve(served: Vec<(TcpListener, Shared)>, ended: oneshot::Receiver<()>) -> io::Result<JoinHandle<()>> {
+fn serve(
+    served: Vec<(TcpListener, Shared)>,
+    visits: &Visits,
+    ended: oneshot::Receiver<()>,
+) -> io::Result<JoinHandle<()>> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
     let inside = runtime.enter();
     let served = served
         .into_iter()
-        .map(|(listener, shared)| Ok((tokio::net::TcpListener::from_std(listener)?, shared)))
+        .map(|(listener, shared)| {
+            let listener = tokio::net::TcpListener::from_std(listener)?;
+            Ok((Reception::of(listener, visits.clone()), shared))
+        })
         .collect::<io::Result<Vec<_>>>()?;
     drop(inside);
     let thread = std::thread::Builder::new().name("studio server".to_owned());
     thread.spawn(move || {
         runtime.block_on(async move {
-            for (listener, shared) in served {
-                tokio::spawn(axum::serve(listener, router(shared)).into_future());
+            for (reception, shared) in served {
+                let service = router(shared).into_make_service_with_connect_info::<Pass>();
+                tokio::spawn(axum::serve(reception, service).into_future());
             }
             let _ = ended.await;
         });
@@ -281,7 +320,7 @@ fn serve(served: Vec<(TcpListener, Shared)>, ended: oneshot::Receiver<()>) -> io
 
 /// 128 random bits in hexadecimal digits.
 fn token() -> Result<String, getrandom::Error> {
-    let mut bytes = [0_u8; 16];
+    let mut bytes = [0_u8; TOKEN_LETTERS / 2];
     getrandom::fill(&mut bytes)?;
     Ok(bytes.iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");
@@ -302,10 +341,11 @@ fn router(shared: Shared) -> Router {
 /// True if a request comes from a page of this server under its own name; foreign pages must not control
 /// anything.
 fn is_own(headers: &HeaderMap, own: &[String]) -> bool {
+    // Of several the server and a proxy may read different ones.
     let said = |name| {
-        headers
-            .get(name)
-            .map(|value: &HeaderValue| value.to_str().unwrap_or("?"))
+        let mut values = headers.get_all(name).iter();
+        let value = values.next().map(|value| value.to_str().unwrap_or("?"));
+        if values.next().is_some() { Some("?") } else { value }
     };
     said(header::HOST).is_some_and(|host| own.iter().any(|own| own == host))
         && said(header::ORIGIN).is_none_or(|origin| own.iter().any(|own| origin == format!("http://{own}")))
@@ -343,29 +383,53 @@ fn is_let_in(shared: &Shared, query: &HashMap<String, String>) -> bool {
 
 const LOCKED: &str = "<!doctype html><title>haptograph studio</title><p>This address lacks its token. Open the whole \
                       address that <code>haptograph studio</code> printed.";
+const RESTARTED: &str = "<!doctype html><title>haptograph studio</title><p>This is the address of a studio that was \
+                         closed. Another one runs here now: open the address that <code>haptograph studio</code> printed last.";
+
+/// The answer to a request without the token of this studio.
+fn locked(query: &HashMap<String, String>) -> Response {
+    let why = match query
+        .get("token")
+        .is_some_and(|token| token.len() == TOKEN_LETTERS)
+    {
+        true => RESTARTED,
+        false => LOCKED,
+    };
+    (StatusCode::FORBIDDEN, Html(why)).into_response()
+}
 
 async fn index(State(shared): State<Shared>, Query(query): Query<HashMap<String, String>>) -> Response {
     match is_let_in(&shared, &query) {
         true => asset(Path("index.html".to_owned())).await,
-        false => (StatusCode::FORBIDDEN, Html(LOCKED)).into_response(),
+        false => locked(&query),
     }
 }
 
-/// The page in a folder of the studio: of a run, or of a learned surface.
+/// The page in a folder that this studio has made: of a run, or of a learned surface.
 async fn report(
     State(shared): State<Shared>,
     Path(folder): Path<String>,
     Query(query): Query<HashMap<String, String>>,
 ) -> Response {
     if !is_let_in(&shared, &query) {
-        return (StatusCode::FORBIDDEN, Html(LOCKED)).into_response();
+        return locked(&query);
     }
-    let is_name = !folder.is_empty() && !folder.starts_with('.') && !folder.contains(['/', '\\', ':', '\0']);
-    let out = with_stage(&shared.stage, |stage| stage.out.clone())
-        .await
-        .flatten();
-    let path = out.filter(|_| is_name).map(|out| out.join(folder).join(REPORT));
-    let page = blocking(move || files::read(&path?, files::MAX_REPORT_BYTES).ok());
+    let made = with_stage(&shared.stage, move |stage| {
+        let made = stage.made.iter();
+        { made }
+            .find(|made| made.file_name().is_some_and(|name| *name == *folder))
+            .cloned()
+    });
+    let made = made.await.flatten();
+    let page = blocking(move || {
+        let folder = made?;
+        let path = folder.join(REPORT);
+        // What lies elsewhere is not of this studio.
+        let is_link = [&folder, &path].into_iter().any(|path| path.is_symlink());
+        files::read(&path, files::MAX_REPORT_BYTES)
+            .ok()
+            .filter(|_| !is_link)
+    });
     match page.await.flatten() {
         Some(page) => {
             let kind = (header::CONTENT_TYPE, "text/html; charset=utf-8");
@@ -391,6 +455,7 @@ async fn asset(Path(path): Path<String>) -> Response {
 
 async fn live(
     State(shared): State<Shared>,
+    ConnectInfo(pass): ConnectInfo<Pass>,
     Query(query): Query<HashMap<String, String>>,
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
@@ -400,19 +465,14 @@ async fn live(
     if !is_let_in(&shared, &query) || !has_origin {
         return StatusCode::FORBIDDEN.into_response();
     }
-    // Pages of the network leave capacity for those of this machine.
-    let max_pages = match shared.reach {
-        Reach::Machine => MAX_PAGES,
-        Reach::Network => MAX_PAGES / 2,
-    };
     let max_bytes = converse::longest(shared.reach);
     let pages = with_stage(&shared.stage, |stage| stage.pages.len()).await;
-    if pages.is_none_or(|pages| pages >= max_pages) {
+    if pages.is_none_or(|pages| pages >= shared.max_pages()) {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages").into_response();
     }
     let upgrade = upgrade
         .protocols([SUBPROTOCOL])
         .max_message_size(max_bytes)
         .max_frame_size(max_bytes);
-    upgrade.on_upgrade(move |socket| converse::run(socket, shared.reach, shared.stage, shared.exclusive))
+    upgrade.on_upgrade(move |socket| converse::run(socket, shared, pass))
 }

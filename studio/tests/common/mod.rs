@@ -1,15 +1,55 @@
 //! A page as the studio meets it, by WebSocket. What takes time is waited for, however long a machine needs.
 #![allow(dead_code, reason = "each file of tests uses a part")]
 
-use haptograph_studio::Studio;
+use haptograph_studio::{Studio, page::learn_recording};
 use serde_json::{Value, json};
+use std::io;
 use std::net::{SocketAddr, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
 pub const PATIENCE: Duration = Duration::from_secs(60);
+
+const TO_LEARN: &str = "HAPTOGRAPH_TO_LEARN";
+
+/// Learns in a process of the tests' own program.
+pub fn learner(table: &Path, surface: &Path, report: &Path) -> io::Result<Command> {
+    let mut command = Command::new(std::env::current_exe()?);
+    command.args(["learns_in_a_process_of_its_own", "--exact", "--nocapture"]);
+    command.env(TO_LEARN, json!([table, surface, report]).to_string());
+    Ok(command)
+}
+
+/// What that process does. A recording that begins with `abort` ends it, one that begins with `wait` never ends.
+pub fn learn_here() {
+    let Ok(asked) = std::env::var(TO_LEARN) else {
+        return;
+    };
+    let [table, surface, report]: [PathBuf; 3] = serde_json::from_str(&asked).expect("three paths");
+    let text = std::fs::read_to_string(&table).expect("it is there");
+    if text.starts_with("abort") {
+        eprintln!("memory allocation of 64000000000000 bytes failed");
+        std::process::abort();
+    }
+    while text.starts_with("wait") {
+        std::thread::park();
+    }
+    match learn_recording(&table) {
+        Ok([_, text, page]) => {
+            std::fs::write(surface, text).expect("written");
+            std::fs::create_dir(&report).expect("made");
+            std::fs::write(report.join("report.html"), page).expect("written");
+        }
+        Err(error) => {
+            eprintln!("error: {error}");
+            std::process::exit(1);
+        }
+    }
+}
 
 /// A page's end of the conversation.
 pub struct Page {
