@@ -4,6 +4,7 @@
 //! same frames gives the same samples, since everything else in a run follows from the graph and its seed.
 //! Pointer events are stored as integers, which any text format preserves.
 
+use super::drive::DrivenBy;
 use super::load::Source;
 use super::run_cycle::NextRun;
 use super::stage::{Stage, StageError};
@@ -17,6 +18,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// File in a run's folder with the recording.
 pub const STROKES: &str = "strokes.json";
@@ -246,8 +248,7 @@ impl Recording {
             set: source.set.clone(),
             rate_hz,
             frames: 0,
-            // A page's audio thread records without allocating.
-            moves: Vec::with_capacity(MAX_EVENTS),
+            moves: Vec::new(),
             settings: Vec::new(),
         }
     }
@@ -315,7 +316,10 @@ impl Stage {
         self.refuse_after_stop(if on { "record" } else { "end the recording" })?;
         if on != self.recorder.is_some() {
             self.close_recording();
-            self.restart(if on { NextRun::Record } else { NextRun::Live });
+            let next = if on { NextRun::Record } else { NextRun::Live };
+            // The thread that serves the pages ends the run and writes its report, so that one arena of the system's allocator
+            // keeps what that takes, and not one for each thread that hears a message.
+            self.restart_within(Duration::ZERO, next);
         }
         Ok(())
     }
@@ -329,7 +333,12 @@ impl Stage {
 
     /// Begins to record a run, whose folder keeps what is recorded.
     pub fn begin_recording(&mut self) {
-        let recording = Recording::begin(&self.source, &self.loaded.text, self.rate_hz);
+        let mut recording = Recording::begin(&self.source, &self.loaded.text, self.rate_hz);
+        if self.host.driven_by == DrivenBy::Caller {
+            // A page's audio thread records without allocating. Elsewhere 32 MB that are freed after each recording would
+            // let the system's allocator keep as much for each thread.
+            recording.moves.reserve(MAX_EVENTS);
+        }
         let folder = self.folder.as_deref();
         // The complete recording would meet the same error, and states it.
         self.appended = folder.and_then(|folder| Appended::begin(folder, &recording).ok());

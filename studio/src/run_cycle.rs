@@ -158,15 +158,16 @@ impl Stage {
         }
     }
 
-    /// Lets the outputs fall to zero and stops; if the caller drives, within its next frames.
-    pub fn stop(&mut self) {
+    /// Lets the outputs fall to zero and stops, within this time or in the course of [`Stage::end_what_is_over`]; if the
+    /// caller drives, within its next frames.
+    fn stop_within(&mut self, longest: Duration) {
         self.disarm();
         let (Some(session), Some(drive)) = (&self.session, &mut self.drive) else {
             return;
         };
         session.stop();
         self.is_stopping = true;
-        if drive.is_done_within(STOPPING) {
+        if drive.is_done_within(longest) {
             self.end();
         }
     }
@@ -227,14 +228,19 @@ impl Stage {
     pub fn halt(&mut self) {
         self.close_recording();
         (self.next_run, self.replay) = (NextRun::None, None);
-        self.stop();
+        self.stop_within(STOPPING);
     }
 
-    /// Stops the run, and starts this one after it.
+    /// Stops the run, and starts this one after it, within [`STOPPING`] or later.
     pub fn restart(&mut self, next: NextRun) {
+        self.restart_within(STOPPING, next);
+    }
+
+    /// Stops the run, and starts this one after it, within this time or later.
+    pub fn restart_within(&mut self, longest: Duration, next: NextRun) {
         (self.next_run, self.replay) = (next, None);
         match self.session {
-            Some(_) => self.stop(),
+            Some(_) => self.stop_within(longest),
             None => self.start_next_run(),
         }
     }
