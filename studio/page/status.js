@@ -80,7 +80,7 @@ function connectionSays(studio) {
         };
     if (studio.connection.open && studio.status) return silenceSays(studio);
     if (!studio.lost) return { level: "warn", text: "Connecting to the engine" };
-    if (studio.lost.wait_s === null) return { level: "bad", text: studio.lost.reason };
+    if (studio.lost.wait_s === null) return { level: "bad", text: engine ? "No engine can run at this address" : studio.lost.reason };
     if (studio.connection.stopping) return { level: "bad", text: "Not connected: STOP is sent as soon as the engine answers" };
     if (engine) return { level: "warn", text: "The engine in this page ended" };
     return { level: "warn", text: "Not connected: the engine has taken its actuators to zero by itself" };

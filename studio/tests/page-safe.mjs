@@ -123,6 +123,27 @@ serverTest("a STOP without a connection stops the engine when there is one, and 
     await until(page, () => studio.status.owner);
 });
 
+programTest("a page of a studio that was restarted says so, and tries no more", async () => {
+    const first = await studioOf("graphs/texturepad.ron");
+    const page = await open({ at: first.address, expected: LOST });
+    await first.end();
+    await until(page, () => !studio.connection.open);
+    const next = await studioOf("graphs/texturepad.ron", { more: ["--port", new URL(first.address).port] });
+    try {
+        await until(page, () => studio.lost.wait_s === null);
+        assert.match(await page.textContent("#banner"), /restarted: open the new address/);
+        await until(page, () => document.getElementById("status-text").textContent.includes("restarted"));
+        await picture(page, "restarted-light");
+        await page.emulateMedia({ colorScheme: "dark" });
+        await picture(page, "restarted-dark");
+        await page.reload();
+        assert.match(await page.textContent("body"), /of a studio that was closed/);
+    } finally {
+        await page.context().close();
+        await next.end();
+    }
+});
+
 programTest("a page of the network stops, and says that it cannot resume and why it has no sound", async () => {
     // An address of this machine in a network is no secure context to a browser; 127.0.0.2 stands for one that has none.
     const own_address = Object.values(networkInterfaces())

@@ -371,7 +371,7 @@ programTest("the editor completes, explains and saves, and not over what somebod
     const own = served ? null : await studioOf("graphs/texturepad.ron");
     const page = await open(own ? { at: own.address } : {});
     const answer = async () => {
-        await page.waitForSelector(".surface-message button", { timeout: LEARNING_MS });
+        await page.waitForSelector(".surface-message button >> text=Close", { timeout: LEARNING_MS });
         return page.textContent(".surface-message p");
     };
     try {
@@ -394,6 +394,42 @@ programTest("the editor completes, explains and saves, and not over what somebod
         let during = 0;
         await stroke(page, 0.5, 1500, async (part) => part > 0.6 && (during = Math.max(during, await level(page, port, 0.3))));
         assert(during > 0.01, `${during} m/s² while stroking`);
+    } finally {
+        await page.context().close();
+        await own?.end();
+    }
+});
+
+(served ? test : programTest)("learning is cancelled by its button, and what cannot be read is greyed", async () => {
+    const files = { "graphs/surfaces/cut.ron": 'Surface(format: 1, name: "cut", texture: Some((' };
+    const own = served ? null : await studioOf("graphs/texturepad.ron", { files });
+    const page = await open({ ...(own && { at: own.address }), colorScheme: own ? "dark" : "light" });
+    try {
+        if (own) {
+            await page.evaluate(() => studio.showTab("surfaces"));
+            const cut = page.locator(".surface.unreadable");
+            assert.deepEqual([await cut.count(), await cut.isDisabled()], [1, true]);
+            assert.match(await cut.getAttribute("title"), /surfaces\/cut\.ron: ./);
+            assert.equal(await page.evaluate(() => studio.graph.surfaces.some(({ name }) => name === "cut")), false);
+            await cut.scrollIntoViewIfNeeded();
+            await picture(page, "unreadable-dark");
+            await page.emulateMedia({ colorScheme: "light" });
+            await picture(page, "unreadable-light");
+        }
+        const count = await page.evaluate(() => studio.graph.surfaces.length);
+        const header = "time_s,accel_m_s2,force_normal_n,speed_mm_s\n";
+        const rows = Array.from({ length: 400_000 }, (_, k) =>
+            [k / 2000, Math.sin(k * k) * (1 + Math.sin(k / 900)), 1.2 + 0.8 * Math.sin(k / 950), 110 + 80 * Math.sin(k / 1540)]
+                .map((number) => number.toFixed(4))
+                .join(","),
+        );
+        await drop(page, "long.csv", "text/csv", header + rows.join("\n"));
+        await page.click(".surface-message button >> text=Cancel");
+        await page.waitForSelector(".surface-message button >> text=Close");
+        assert.match(await page.textContent(".surface-message p"), /cancelled/);
+        await picture(page, "cancelled");
+        assert.equal(await page.evaluate(() => studio.graph.surfaces.length), count);
+        assert(await page.evaluate(() => studio.runs));
     } finally {
         await page.context().close();
         await own?.end();
