@@ -549,6 +549,75 @@ fn connections_without_a_token_are_bounded_and_lock_nobody_out() {
 }
 
 #[test]
+fn of_all_pages_one_at_a_time_sends_a_long_message() {
+    let studio = open(&shipped("texturepad.ron"));
+    let (mut first, mut second, mut third) = (Page::of(&studio), Page::of(&studio), Page::of(&studio));
+    let long = format!(
+        r#"{{"type":"replay","request":1,"recording":"{}"}}"#,
+        "x".repeat(8 << 20)
+    );
+    // Part of a masked text of 16 MiB.
+    let MaybeTlsStream::Plain(stream) = first.socket.get_mut() else {
+        panic!("it is not encrypted");
+    };
+    let header = [&[0x81, 0xff][..], &(16_u64 << 20).to_be_bytes(), &[0; 4]].concat();
+    stream.write_all(&header).expect("sent");
+    stream.write_all(&long.as_bytes()[..6 << 20]).expect("sent");
+    let (done, heard) = std::sync::mpsc::channel();
+    let waits = std::thread::spawn(move || {
+        second.socket.send(Message::text(long)).expect("sent");
+        second.wait(|said| said["type"] == "refused");
+        done.send(()).expect("it is heard");
+    });
+    for _ in 0..100 {
+        third.request(json!({ "type": "check", "text": "" }));
+    }
+    assert!(heard.try_recv().is_err(), "it waits for the first");
+    drop(first);
+    heard.recv_timeout(PATIENCE).expect("its turn comes");
+    waits.join().expect("no panic");
+}
+
+/// Set in a process that may open few files.
+const FEW_FILES: &str = "HAPTOGRAPH_FEW_FILES";
+
+#[cfg(unix)]
+#[test]
+fn too_many_open_files_are_said_to_be_that_and_pages_come_in_afterwards() {
+    if std::env::var(FEW_FILES).is_err() {
+        let program = std::env::current_exe().expect("a path");
+        let mut few = std::process::Command::new("sh");
+        few.args(["-c", r#"ulimit -n 40; exec "$0" "$@""#])
+            .arg(program)
+            .env(FEW_FILES, "");
+        few.args([
+            "too_many_open_files_are_said_to_be_that_and_pages_come_in_afterwards",
+            "--exact",
+        ]);
+        let ended = few.output().expect("it runs");
+        assert!(
+            ended.status.success(),
+            "{}",
+            String::from_utf8_lossy(&ended.stdout)
+        );
+        return;
+    }
+    let studio = open(&shipped("texturepad.ron"));
+    let connect = |_| TcpStream::connect(studio.address()).ok();
+    // Each takes a file at both ends.
+    let all: Vec<TcpStream> = (0..40).map_while(connect).collect();
+    let begun = std::time::Instant::now();
+    let trouble = std::iter::repeat_with(|| studio.trouble()).find_map(|trouble| {
+        assert!(begun.elapsed() < PATIENCE, "it says nothing");
+        trouble
+    });
+    assert!(trouble.is_some_and(|trouble| trouble.contains("open files")));
+    drop(all);
+    Page::of(&studio);
+    assert_eq!(studio.trouble(), None);
+}
+
+#[test]
 fn a_graph_of_two_drivers_is_refused_in_the_words_of_the_studio() {
     let options = Options {
         graph: shipped("two-drivers.ron"),
