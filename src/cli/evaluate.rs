@@ -252,14 +252,13 @@ pub(super) fn describe(found: &Evaluation) -> String {
     }
     if let Some(map) = &found.map {
         text += "\nAll textures against each other, played along one random walk and placed on a map.\n\n";
-        let stress: Vec<String> = map
-            .scaling
-            .stress
-            .iter()
-            .map(|stress| significant(*stress, 2))
-            .collect();
+        let scree = |values: &[f64], digits: usize| {
+            let values: Vec<String> = values.iter().map(|value| significant(*value, digits)).collect();
+            values.join(" ")
+        };
         text += &facts(&[
-            ("stress in 1, 2, ... dimensions", stress.join(" ")),
+            ("stress in 1, 2, ... dimensions", scree(&map.scaling.stress, 2)),
+            ("R² of the distances there", scree(&map.scaling.r_squared, 3)),
             ("purity of k-means groups", significant(map.k_means_purity, 3)),
             ("purity of hierarchical groups", significant(map.tree_purity, 3)),
             (
@@ -370,6 +369,7 @@ pub(super) fn to_json(found: &Evaluation, simulated: bool) -> serde_json::Value 
             "textures": map.names.iter().map(|(name, _)| name).collect::<Vec<_>>(),
             "places": map.scaling.places,
             "stress": map.scaling.stress,
+            "r_squared": map.scaling.r_squared,
             "k_means": map.k_means,
             "k_means_purity": map.k_means_purity,
             "hierarchical_purity": map.tree_purity,

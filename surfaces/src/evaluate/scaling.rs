@@ -1,6 +1,7 @@
 //! Multi-dimensional scaling: points whose distances follow given dissimilarities, and the gradients of
 //! properties over the points.
 
+use crate::statistics::Line;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Maximum number of majorization steps.
@@ -15,6 +16,9 @@ pub struct Scaling {
     pub places: Vec<Vec<f64>>,
     /// Kruskal's stress-1 in 1, 2, ... dimensions, each scaled separately: the scree plot.
     pub stress: Vec<f64>,
+    /// The fraction of the variance of the distances that the transformed dissimilarities explain, in 1, 2, ... dimensions; 0
+    /// if these are constant.
+    pub r_squared: Vec<f64>,
 }
 
 /// Non-metric scaling (Kruskal 1964) of `count` items from their dissimilarities (condensed: the pairs (0,
@@ -30,13 +34,21 @@ pub fn nonmetric_scaling(
 ) -> Option<Scaling> {
     let start = classical_places(dissimilarities, count, dimensions.max(scree))?;
     let placed = |dimensions: usize| majorize(start.columns(0, dimensions).into_owned(), dissimilarities);
-    let stress = (1..=scree).map(|d| placed(d).1).collect();
+    let fit = |dimensions: usize| {
+        let (places, stress) = placed(dimensions);
+        let distances = distances(&places);
+        let disparities = isotonic(dissimilarities, &distances);
+        let points: Vec<(f64, f64)> = disparities.into_iter().zip(distances).collect();
+        (stress, Line::fit(&points).map_or(0.0, |line| line.r_squared))
+    };
+    let (stress, r_squared) = (1..=scree).map(fit).unzip();
     let places = along_principal_axes(placed(dimensions).0);
     Some(Scaling {
         places: (0..count)
             .map(|item| places.row(item).iter().copied().collect())
             .collect(),
         stress,
+        r_squared,
     })
 }
 
@@ -264,6 +276,7 @@ mod tests {
             assert!((a - b).abs() < 1e-9);
         }
         assert!(scaling.stress[1] < 1e-9 && scaling.stress.len() == 3);
+        assert!(scaling.r_squared[1] > 1.0 - 1e-9);
     }
 
     #[test]
@@ -280,6 +293,7 @@ mod tests {
         );
         let alike = correlation(&distances(&found), &truth);
         assert!(alike > 0.99, "{alike}");
+        assert!(scaling.r_squared[1] > 0.99 && scaling.r_squared[0] < scaling.r_squared[1]);
     }
 
     #[test]
@@ -322,6 +336,7 @@ mod tests {
         assert_eq!(nonmetric_scaling(&[], 0, 2, 2).unwrap().places.len(), 0);
         let same = nonmetric_scaling(&[0.0; 3], 3, 2, 2).unwrap();
         assert_eq!((same.places, same.stress), (vec![vec![0.0; 2]; 3], vec![0.0; 2]));
+        assert_eq!(same.r_squared, [0.0; 2]);
         assert_eq!(nonmetric_scaling(&[1.0], 3, 2, 2), None);
         assert_eq!(nonmetric_scaling(&[f64::NAN], 2, 2, 2), None);
     }
