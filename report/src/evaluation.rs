@@ -4,17 +4,14 @@
 use super::headlines::{Headline, cards};
 use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
-use super::responses::Responses;
 use super::scale::fixed;
 use super::svg::escape;
 use super::theme::Ink;
 use super::{learning, map_figures};
 use haptograph_surfaces::Surface;
-use haptograph_surfaces::evaluate::{DifferenceTable, Evaluation, PerceptualMap};
+use haptograph_surfaces::evaluate::{ConditionLoss, DifferenceTable, Evaluation, PerceptualMap};
 use haptograph_surfaces::learning::LearningReport;
 use haptograph_surfaces::metrics::Pooling;
-use haptograph_surfaces::metrics::responsiveness::{VariationLoss, responsiveness_differences};
-use std::collections::BTreeMap;
 
 /// The page of an evaluation, with the surface of each material and its learning report.
 pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport)]) -> String {
@@ -28,7 +25,7 @@ pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport
     if let Some(map) = &found.map {
         sections.push(("Map of all textures", map_section(map)));
     }
-    sections.push(("Response to force and speed", conditions(learned)));
+    sections.push(("Response to force and speed", conditions(&found.losses)));
     sections.push(("The surfaces", surfaces(learned)));
     let about = format!(
         "Textures learned from one recording of each material and person, tested on other recordings by {}.",
@@ -215,46 +212,26 @@ fn scree(map: &PerceptualMap) -> Plot {
 }
 
 /// Losses of the reduced conditions, and SD_x of each surface (Eq. 4.5.4).
-fn conditions(learned: &[(Surface, LearningReport)]) -> String {
-    let mut by_condition: BTreeMap<&str, Vec<(String, VariationLoss)>> = BTreeMap::new();
-    for (surface, _) in learned {
-        let responses = surface
-            .texture
-            .as_ref()
-            .and_then(|texture| Responses::of(texture).ok());
-        for (condition, loss) in responses.iter().flat_map(Responses::losses) {
-            by_condition
-                .entry(condition.symbol())
-                .or_default()
-                .push((surface.name.clone(), loss));
-        }
-    }
-    let rows: String = by_condition
-        .iter()
-        .flat_map(|(symbol, losses)| {
-            let all: Vec<VariationLoss> = losses.iter().map(|(_, loss)| *loss).collect();
-            let differences = responsiveness_differences(&all);
-            losses
-                .iter()
-                .zip(differences)
-                .map(move |((name, loss), difference)| {
-                    format!(
-                        "<tr><td>{}</td><td>{symbol}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-                        escape(name),
-                        fixed(loss.power, 3),
-                        fixed(loss.centroid_hz, 1),
-                        fixed(difference, 2)
-                    )
-                })
-        })
-        .collect();
-    if rows.is_empty() {
-        return rows;
+fn conditions(losses: &[ConditionLoss]) -> String {
+    let row = |one: &ConditionLoss| {
+        format!(
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            escape(&one.surface),
+            one.condition.symbol(),
+            fixed(one.loss.power, 3),
+            fixed(one.loss.centroid_hz, 1),
+            one.difference
+                .map_or_else(|| "–".to_owned(), |difference| fixed(difference, 2))
+        )
+    };
+    if losses.is_empty() {
+        return String::new();
     }
     format!(
         "<p>Loss of a texture that responds to force only (F), to speed only (S), or to neither (ϕ): variation over time of the windowed \
          power and spectral centroid, and both together in units of their deviation over the surfaces (SD).</p>\
-         <div class=\"scroll\"><table class=\"grid\"><tr><th>surface</th><th>condition</th><th>power ((m/s²)²)</th><th>centroid (Hz)</th><th>SD</th></tr>{rows}</table></div>"
+         <div class=\"scroll\"><table class=\"grid\"><tr><th>surface</th><th>condition</th><th>power ((m/s²)²)</th><th>centroid (Hz)</th><th>SD</th></tr>{}</table></div>",
+        losses.iter().map(row).collect::<String>()
     )
 }
 

@@ -8,55 +8,8 @@ use super::theme::Ink;
 use super::{figures, thinning::Decimated};
 use haptograph_signal::spectrum::welch;
 use haptograph_signal::window::Window;
-use haptograph_surfaces::evaluate::{
-    Condition, RandomWalk, SynthesisError, Trajectory, centre_for, synthesise,
-};
-use haptograph_surfaces::metrics::WindowSettings;
-use haptograph_surfaces::metrics::responsiveness::{VariationLoss, variation_loss};
+use haptograph_surfaces::evaluate::{Condition, Responses};
 use haptograph_surfaces::{Tap, Taps, TextureModel};
-
-/// The vibrations of the four conditions along one trajectory.
-pub(super) struct Responses {
-    hand: Trajectory,
-    centre: (f64, f64),
-    played: Vec<(Condition, Vec<f64>)>,
-}
-
-const SECONDS: f64 = 8.0;
-
-impl Responses {
-    pub fn of(texture: &TextureModel) -> Result<Self, SynthesisError> {
-        let (speed, force) = (texture.max_speed_m_s(), texture.max_force_n());
-        let walk = RandomWalk {
-            seconds: SECONDS,
-            rate_hz: texture.rate_hz(),
-            speed_m_s: (0.03 * speed, 0.95 * speed),
-            force_n: (0.05 * force, 0.95 * force),
-            ..RandomWalk::default()
-        };
-        let (hand, centre) = (walk.trajectory(), centre_for(texture));
-        let play = |condition: Condition| {
-            let played = synthesise(texture, &condition.trajectory(&hand, centre), &Default::default());
-            played.map(|played| (condition, played))
-        };
-        let played = Condition::ALL.into_iter().map(play).collect::<Result<_, _>>()?;
-        Ok(Self { hand, centre, played })
-    }
-
-    /// Losses of the conditions other than the control (Eq. 4.5.1 and 4.5.3), over windows of 32 ms.
-    pub fn losses(&self) -> Vec<(Condition, VariationLoss)> {
-        let windows = WindowSettings {
-            samples: (0.032 * self.hand.rate_hz).round() as usize,
-            ..WindowSettings::RESPONSIVENESS
-        };
-        let control = &self.played[0].1;
-        let loss = |(condition, played): &(Condition, Vec<f64>)| {
-            let loss = variation_loss(control, played, self.hand.rate_hz, &windows).ok()?;
-            Some((*condition, loss))
-        };
-        self.played.iter().skip(1).filter_map(loss).collect()
-    }
-}
 
 pub(super) fn section(texture: &TextureModel) -> String {
     let Ok(responses) = Responses::of(texture) else {
@@ -125,11 +78,12 @@ fn plots(texture: &TextureModel, responses: &Responses) -> Vec<Plot> {
             .map(|(_, played)| peak(played))
             .fold(0.0, f64::max);
     let inks = [Ink::Orange, Ink::Teal, Ink::Plum, Ink::Rose];
+    let seconds = hand.speed_m_s.len() as f64 / hand.rate_hz;
     for ((condition, played), ink) in responses.played.iter().zip(inks) {
         plots.push(Plot {
             title: condition.symbol().into(),
             caption: what(*condition).to_owned(),
-            x: Axis::of("Time (s)").over(0.0, SECONDS),
+            x: Axis::of("Time (s)").over(0.0, seconds),
             y: Axis::of("Acceleration (m/s²)").over(-loudest, loudest),
             marks: vec![Mark::samples(Style::of(ink), hand.rate_hz, played, 1.0)],
             size: (0.0, 130.0),

@@ -14,7 +14,7 @@ use super::{Failure, eprint, learn as learning, print, print_json};
 use crate::engine::registry::Registry;
 use crate::surfaces::Origin;
 use crate::surfaces::evaluate::{
-    DifferenceTable, Evaluation, HoldoutSettings, Study, StudyError, StudySettings, TakeSource,
+    ConditionLoss, DifferenceTable, Evaluation, HoldoutSettings, Study, StudyError, StudySettings, TakeSource,
 };
 use crate::surfaces::learning::{LearnSettings, learn};
 use crate::surfaces::metrics::Pooling;
@@ -270,7 +270,53 @@ pub(super) fn describe(found: &Evaluation) -> String {
             ),
         ]);
     }
+    text += &losses(&found.losses);
+    if found.centre.is_some() {
+        text += &format!("\n{}", facts(&[centre(found.centre)]));
+    }
     text
+}
+
+/// The variation that textures lose which respond to force only, speed only, or neither (thesis 4.5.3).
+fn losses(losses: &[ConditionLoss]) -> String {
+    let row = |one: &ConditionLoss| {
+        vec![
+            format!("virtual {}", one.surface),
+            one.condition.symbol().to_owned(),
+            significant(one.loss.power, 3),
+            significant(one.loss.centroid_hz, 3),
+            one.difference
+                .map_or_else(|| "–".to_owned(), |difference| format!("{difference:.2}")),
+        ]
+    };
+    if losses.is_empty() {
+        return String::new();
+    }
+    let rows: Vec<Vec<String>> = losses.iter().map(row).collect();
+    let header = ["", "responds to", "power ((m/s²)²)", "centroid (Hz)", "SD_x"];
+    format!(
+        "\nVariation that is lost if a texture responds to force only (F), speed only (S) or neither (ϕ).\n\n{}",
+        table(&header, &rows)
+    )
+}
+
+/// The centre of a set of surfaces (thesis 4.5.2), as a line of facts.
+pub(super) fn centre(centre: Option<(f64, f64)>) -> (&'static str, String) {
+    let shown = centre.map_or_else(
+        || "none: no measured models".to_owned(),
+        |(speed_m_s, force_n)| {
+            let (speed, force) = (significant(1000.0 * speed_m_s, 3), significant(force_n, 3));
+            format!("{speed} mm/s, {force} N")
+        },
+    );
+    ("mean of the measured models up to 2.75 N", shown)
+}
+
+pub(super) fn centre_json(centre: Option<(f64, f64)>) -> serde_json::Value {
+    centre.map_or(
+        serde_json::Value::Null,
+        |(speed_m_s, force_n)| json!({ "speed_mm_s": 1000.0 * speed_m_s, "force_n": force_n }),
+    )
 }
 
 /// The smallest difference between a texture's own material and its nearest other material, with both names.
@@ -377,5 +423,13 @@ pub(super) fn to_json(found: &Evaluation, simulated: bool) -> serde_json::Value 
             "spectral_centroid_hz": map.spectral_centroid_hz,
             "angle_deg": map.angle_deg,
         })),
+        "losses": found.losses.iter().map(|one| json!({
+            "texture": one.surface,
+            "condition": one.condition.symbol(),
+            "power_m2_s4": one.loss.power,
+            "spectral_centroid_hz": one.loss.centroid_hz,
+            "sd_x": one.difference,
+        })).collect::<Vec<_>>(),
+        "centre": centre_json(found.centre),
     })
 }

@@ -1,6 +1,7 @@
 //! Vibrations beside each other.
 
 use super::{column, fail, haptograph, json, noise, succeed, wav, workshop};
+use serde_json::Value;
 use std::fs;
 
 #[test]
@@ -262,6 +263,33 @@ fn an_evaluation_prints_the_tables_of_the_thesis() {
         "the expert's row is the diagonal"
     );
     assert!(found["map"]["places"].as_array().unwrap().len() == 4);
+    let r_squared = found["map"]["r_squared"].as_array().unwrap();
+    assert_eq!(r_squared.len(), found["map"]["stress"].as_array().unwrap().len());
+    assert!(
+        r_squared
+            .iter()
+            .all(|value| (0.0..=1.0 + 1e-9).contains(&value.as_f64().unwrap()))
+    );
+    let losses = found["losses"].as_array().unwrap();
+    let of = |loss: &Value| format!("{} {}", loss["condition"], loss["texture"]).replace('"', "");
+    let named: Vec<String> = losses.iter().map(of).collect();
+    assert_eq!(named, ["F T1", "F T3", "S T1", "S T3", "ϕ T1", "ϕ T3"]);
+    for loss in losses {
+        for key in ["power_m2_s4", "spectral_centroid_hz", "sd_x"] {
+            assert!(loss[key].is_number(), "{key} of {loss}");
+        }
+    }
+    assert!(found["centre"].is_null(), "a law has no measured models");
+    assert!(
+        text.contains("R² of the distances") && text.contains("SD_x"),
+        "{text}"
+    );
+    let thesis = json(folder, &["evaluate", "study", "--json", "--method", "thesis"]);
+    let centre = ["speed_mm_s", "force_n"].map(|key| thesis["centre"][key].as_f64().unwrap());
+    assert!(
+        (20.0..350.0).contains(&centre[0]) && (0.2..2.75).contains(&centre[1]),
+        "{centre:?}"
+    );
     assert!(
         fs::read_to_string(folder.join("evaluation/report.html"))
             .unwrap()

@@ -241,6 +241,7 @@ fn a_few_surfaces_stand_for_a_folder() {
     let found = json(folder, &["surface", "select", "many", "--count", "2", "--json"]);
     assert_eq!(found["surfaces"].as_array().unwrap().len(), 3);
     assert_eq!(found["selected"].as_array().unwrap().len(), 2);
+    assert!(found.as_object().unwrap().contains_key("centre"));
     assert!(
         fail(folder, &["surface", "select", "many", "--count", "4"])
             .contains("cannot select 4 of 3 surfaces")

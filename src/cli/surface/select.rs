@@ -1,11 +1,12 @@
 //! `haptograph surface select`: selects representative surfaces from a folder (thesis 4.4).
 
 use super::Failure;
+use crate::cli::evaluate::{centre, centre_json};
 use crate::cli::progress::Progress;
-use crate::cli::table::{significant, table};
+use crate::cli::table::{facts, significant, table};
 use crate::cli::{eprint, print, print_json};
 use crate::signal::files::entries;
-use crate::surfaces::evaluate::RandomWalk;
+use crate::surfaces::evaluate::{RandomWalk, centre_of};
 use crate::surfaces::files::{self, merge};
 use crate::surfaces::select::{Features, Selection, features, select};
 use crate::surfaces::{Surface, TextureModel};
@@ -47,10 +48,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .unwrap_or(USUAL_COUNT.min(found.len().div_ceil(2)));
     let selection =
         select(&found, count).map_err(|error| Failure::file("select from", &arguments.dir, &error))?;
+    let chosen = selection
+        .chosen
+        .iter()
+        .filter_map(|&i| surfaces[i].texture.as_ref());
+    let middle = centre_of(chosen);
     if arguments.json {
-        print_json(&to_json(&found, &selection))
+        let mut shown = to_json(&found, &selection);
+        shown["centre"] = centre_json(middle);
+        print_json(&shown)
     } else {
-        print(&describe(&found, &selection))
+        print(&format!(
+            "{}\n{}",
+            describe(&found, &selection),
+            facts(&[centre(middle)])
+        ))
     }
 }
 

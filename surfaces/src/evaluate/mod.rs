@@ -25,7 +25,7 @@ pub mod tables;
 pub mod voices;
 
 pub use clusters::{Merge, cut_tree, hierarchical, k_means, purity};
-pub use conditions::{Condition, centre_for};
+pub use conditions::{Condition, ConditionLoss, Responses, centre_of, condition_losses};
 pub use holdout::{Holdout, HoldoutError, HoldoutSettings, Method, Split, hold_out};
 pub use leave_one_out::{LeaveOneOut, LeaveOneOutError, MapKind, Prediction, Summary, leave_one_out};
 pub use map::{MapSettings, PerceptualMap, perceptual_map};

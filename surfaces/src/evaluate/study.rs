@@ -3,7 +3,9 @@
 //! For every material and person, the first take is learned from. The person with the most takes (the first
 //! by name among equals) is the expert; the expert's other takes are the tests.
 
+use super::conditions::{ConditionLoss, centre_of, condition_losses};
 use super::map::{MapError, MapSettings, PerceptualMap, perceptual_map};
+use super::synthesis::SynthesisError;
 use super::tables::{DifferenceTable, Reference, TableError, TableSettings};
 use crate::Origin;
 use crate::TextureModel;
@@ -124,6 +126,10 @@ pub struct Evaluation {
     pub people_table: Option<DifferenceTable>,
     /// All textures on a map (Fig. 2.11), if there are at least three.
     pub map: Option<PerceptualMap>,
+    /// What the expert's textures lose that respond to less than force and speed (section 4.5.3).
+    pub losses: Vec<ConditionLoss>,
+    /// The centre of the expert's textures (section 4.5.2): speed, m/s, and force, N. `None` if they have no measured models.
+    pub centre: Option<(f64, f64)>,
 }
 
 /// A learned texture.
@@ -163,6 +169,8 @@ pub enum StudyError {
     Table(#[from] TableError),
     #[error(transparent)]
     Map(#[from] MapError),
+    #[error("cannot render a texture: {0}")]
+    Synthesis(#[from] SynthesisError),
 }
 
 impl std::fmt::Display for RecordingName {
@@ -380,7 +388,7 @@ fn on_all_cores<I: Sync, T: Send>(
 /// since the items do not include the recordings.
 ///
 /// # Errors
-/// [`StudyError::Map`].
+/// [`StudyError::Map`] and [`StudyError::Synthesis`].
 pub fn conclude(
     expert: &str,
     compared: &[Compared],
@@ -414,8 +422,17 @@ pub fn conclude(
         0..3 => None,
         _ => Some(perceptual_map(&named, &settings.map, progress)?),
     };
+    let own = materials.iter().filter_map(|material| {
+        let item = items.get(&(material.as_str(), expert))?;
+        Some((material.as_str(), &item.texture))
+    });
+    let own: Vec<(&str, &TextureModel)> = own.collect();
+    let losses = condition_losses(&own)?;
+    let centre = centre_of(own.iter().map(|(_, texture)| *texture));
     progress(1.0);
     Ok(Evaluation {
+        losses,
+        centre,
         materials,
         people,
         expert: expert.to_owned(),
