@@ -1,9 +1,11 @@
 //! Taps: the acceleration transients of a tool that strikes the material, by impact speed.
 
 use crate::SurfaceError;
-use crate::statistics::Line;
+use crate::metrics::{WindowSettings, WindowedSpectra};
+use crate::statistics::{Line, mean};
 use haptograph_signal::resample::{Quality, Resampler};
 use haptograph_signal::time::Rate;
+use haptograph_signal::window::Window;
 
 /// Tap transients in ascending impact speed, all at one rate and of one length.
 #[derive(Debug, Clone, PartialEq)]
@@ -140,6 +142,24 @@ impl Taps {
         Line::fit(&points)
     }
 
+    /// The spectral centroid of the transients at impact speeds of 50, 60, ... 100 mm/s (Eq. 4.5.2 over each whole transient),
+    /// averaged as in thesis 4.6.3, Hz: higher for harder surfaces. `None` for a transient of a single sample.
+    pub fn spectral_centroid_hz(&self) -> Option<f64> {
+        let whole = WindowSettings {
+            samples: self.length(),
+            overlap: 0,
+            window: Window::Rectangular,
+        };
+        let centroid = |speed_mm_s: u32| {
+            let mix = self.mix(f64::from(speed_mm_s) / 1000.0);
+            let transient: Vec<f64> = (0..self.length()).map(|index| self.sample(&mix, index)).collect();
+            let spectra = WindowedSpectra::new(&transient, self.rate_hz, &whole).ok()?;
+            spectra.spectral_centroids_hz().first().copied()
+        };
+        let centroids: Option<Vec<f64>> = (50..=100).step_by(10).map(centroid).collect();
+        centroids.map(|centroids| mean(&centroids))
+    }
+
     /// The same taps at another rate, limited to the band of both rates, without ringing before the contact.
     ///
     /// # Errors
@@ -232,6 +252,32 @@ impl Taps {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_spectral_centroid_is_the_mean_over_the_speeds_of_the_thesis() {
+        // Whole periods in 100 ms have one line each; they mix from one tap to the other.
+        let tone =
+            |hz: f64| (0..100).map(move |n| (std::f64::consts::TAU * hz * f64::from(n) / 1000.0).sin());
+        let tap = |speed_m_s: f64, hz: f64| Tap {
+            speed_m_s,
+            acceleration_m_s2: tone(hz).collect(),
+            peak_force_n: None,
+        };
+        let found = |taps: Vec<Tap>| Taps::new(1000.0, taps).unwrap().spectral_centroid_hz();
+        assert!((found(vec![tap(0.2, 50.0)]).unwrap() - 50.0).abs() < 1e-9);
+        let expected = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0_f64].map(|fast| {
+            let (slow, fast) = ((1.0 - fast).powi(2), fast.powi(2));
+            (40.0 * slow + 90.0 * fast) / (slow + fast)
+        });
+        let expected = expected.iter().sum::<f64>() / 6.0;
+        let mixed = found(vec![tap(0.05, 40.0), tap(0.1, 90.0)]).unwrap();
+        assert!((mixed - expected).abs() < 1e-9, "{mixed}, not {expected}");
+        let single = Tap {
+            acceleration_m_s2: vec![1.0],
+            ..tap(0.1, 40.0)
+        };
+        assert_eq!(found(vec![single]), None);
+    }
 
     /// A ringing at 90 Hz, the transient of a soft tap.
     fn ringing(rate_hz: f64) -> Taps {

@@ -25,6 +25,12 @@ fn a_surface_is_learned_whole_and_again_to_the_bit() {
         shown["stiffness"]
     );
     assert!(!shown["taps"]["speeds_mm_s"].as_array().unwrap().is_empty());
+    let centroid_hz = shown["taps"]["spectral_centroid_hz"].as_f64().unwrap();
+    let text = succeed(folder, &["surface", "show", "t1.ron"]);
+    assert!(
+        (20.0..500.0).contains(&centroid_hz) && text.contains("spectral centroid"),
+        "{text}"
+    );
     let again = [
         "learn",
         "study/T1.anna.1.npz",

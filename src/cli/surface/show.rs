@@ -59,7 +59,7 @@ fn to_json(surface: &Surface) -> Value {
 
 fn taps_json(taps: &Taps) -> Value {
     let speeds: Vec<f64> = taps.taps().iter().map(|tap| mm_s(tap.speed_m_s)).collect();
-    json!({ "rate_hz": taps.rate_hz(), "samples": taps.length(), "speeds_mm_s": speeds, "response_n_s_per_m": taps.response().map(|line| line.slope) })
+    json!({ "rate_hz": taps.rate_hz(), "samples": taps.length(), "speeds_mm_s": speeds, "response_n_s_per_m": taps.response().map(|line| line.slope), "spectral_centroid_hz": taps.spectral_centroid_hz() })
 }
 
 fn texture_json(texture: &TextureModel) -> Value {
@@ -149,8 +149,14 @@ fn describe_taps(taps: &Taps) -> String {
     let response = taps.response().map_or_else(String::new, |line| {
         format!(", {} N per m/s", significant(line.slope, 3))
     });
+    let centroid = taps.spectral_centroid_hz().map_or_else(String::new, |hz| {
+        format!(
+            ", spectral centroid {} Hz (mean at 50 to 100 mm/s)",
+            significant(hz, 3)
+        )
+    });
     format!(
-        "{} of {} ms at {} Hz, {} to {} mm/s{response}",
+        "{} of {} ms at {} Hz, {} to {} mm/s{response}{centroid}",
         taps.taps().len(),
         significant(1000.0 * taps.length() as f64 / taps.rate_hz(), 4),
         taps.rate_hz(),
