@@ -111,7 +111,7 @@ fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Resu
             "{path} is in {dir}, the folder of the recordings; give a file in another folder"
         )));
     }
-    let import = given.import.settings().map_err(Failure::Message)?;
+    let import = given.settings.import(&given.import)?;
     let settings = evaluate::study_settings(given);
     let study = hash(listed(given.dir())?.iter(), &(&settings, &import))?;
     if let Some(there) = read_part(path).ok().filter(|there| there.head.study == study) {
@@ -210,7 +210,7 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
             dir.display()
         )));
     }
-    let import = given.import.settings().map_err(Failure::Message)?;
+    let import = given.import()?;
     let settings = LearnSettings {
         processing: given.settings.processing(),
         texture: given.settings.texture(),

@@ -52,7 +52,7 @@ pub struct Arguments {
     #[arg(long)]
     pub(super) json: bool,
     #[command(flatten)]
-    settings: learning::Settings,
+    pub(super) settings: learning::Settings,
     #[command(flatten)]
     pub(super) import: Import,
 }
@@ -75,7 +75,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let page = page
         .map(|folder| Output::claim_page(folder, arguments.force))
         .transpose()?;
-    let import = arguments.import.settings().map_err(Failure::Message)?;
+    let import = arguments.settings.import(&arguments.import)?;
     if arguments.holdout {
         return run_holdout(arguments, page.as_ref(), &import);
     }

@@ -1,6 +1,7 @@
 //! Command-line flags for facts that tables do not state themselves.
 
 use crate::engine::settings::closest;
+use crate::surfaces::provenance::{TOUCH, check_touch};
 use crate::surfaces::recording::{ImportSettings, QUANTITIES};
 
 /// Flags for reading the tables of other data loggers.
@@ -35,7 +36,39 @@ pub struct Tables {
     strict: bool,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+/// Flags for what touched the surface, which recordings rarely state.
+#[derive(Debug, Clone, Default, clap::Args)]
+#[command(next_help_heading = "What touched the surface")]
+pub struct Touch {
+    /// Diameter of the tool's tip, mm
+    #[arg(long, value_name = "MM", value_parser = |text: &str| touch("tip_diameter_mm", text))]
+    tip_diameter: Option<String>,
+    /// How the hand held the tool, such as "as a pen"
+    #[arg(long, value_name = "TEXT", value_parser = |text: &str| touch("grip", text))]
+    grip: Option<String>,
+    /// A tool or the bare finger
+    #[arg(long, value_name = "tool|finger", value_parser = |text: &str| touch("touched_with", text))]
+    touched_with: Option<String>,
+}
+
+fn touch(name: &str, text: &str) -> Result<String, String> {
+    check_touch(name, text).map(|()| text.to_owned())
+}
+
+impl Touch {
+    /// The same import settings with these facts.
+    pub fn added_to(&self, mut settings: ImportSettings) -> ImportSettings {
+        let stated = [&self.tip_diameter, &self.grip, &self.touched_with];
+        for (name, value) in TOUCH.into_iter().zip(stated) {
+            settings
+                .touch
+                .extend(value.clone().map(|value| (name.to_owned(), value)));
+        }
+        settings
+    }
+}
+
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
         _ => Err("expected a number above 0".to_owned()),

@@ -3,7 +3,7 @@
 mod summary;
 
 use super::at_scale::{self, Folder};
-use super::import::Import;
+use super::import::{Import, Touch, positive};
 use super::output::{Force, Output};
 use super::progress::Progress;
 use super::recording::Loaded;
@@ -61,10 +61,18 @@ pub struct Arguments {
     #[command(flatten)]
     pub(super) settings: Settings,
     #[command(flatten)]
-    pub(super) import: Import,
+    touch: Touch,
+    #[command(flatten)]
+    import: Import,
 }
 
 impl Arguments {
+    pub(super) fn import(&self) -> Result<ImportSettings, Failure> {
+        self.settings
+            .import(&self.import)
+            .map(|import| self.touch.added_to(import))
+    }
+
     /// True if a flag is given that applies to one surface only.
     pub(super) fn has_single(&self) -> bool {
         let gestures = self.circle.len() + self.tap.len() + usize::from(self.press.is_some());
@@ -82,6 +90,10 @@ pub struct Settings {
     /// order resolve lower frequencies
     #[arg(long = "rate", value_name = "HZ")]
     rate_hz: Option<f64>,
+    /// The low-pass of the velocity from positions, before its length is taken as the speed; default: 20. At
+    /// most 0.45 of the tracker's rate is used, so that 1000 is nearly none, as in the thesis
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    velocity_lowpass: Option<f64>,
     /// The learning method of textures
     #[arg(long, value_enum, default_value_t = Method::Law)]
     method: Method,
@@ -150,11 +162,22 @@ impl Settings {
             Reduction::PrincipalComponent => AxisReduction::PrincipalComponent,
             Reduction::VectorMagnitude => AxisReduction::VectorMagnitude,
         };
+        let usual = ProcessingSettings::default();
         ProcessingSettings {
             reduction,
             rate_hz: self.rate_hz,
-            ..Default::default()
+            velocity_lowpass_hz: self.velocity_lowpass.unwrap_or(usual.velocity_lowpass_hz),
+            ..usual
         }
+    }
+
+    /// The import settings, with the low-pass of velocities from the positions of tables.
+    pub fn import(&self, import: &Import) -> Result<ImportSettings, Failure> {
+        let settings = import.settings().map_err(Failure::Message)?;
+        Ok(ImportSettings {
+            velocity_lowpass_hz: self.velocity_lowpass,
+            ..settings
+        })
     }
 
     pub fn texture(&self) -> TextureMethod {
@@ -209,7 +232,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         files.iter().flat_map(|(path, _)| recording::parts(path)),
         &arguments.output,
     )?;
-    let import = arguments.import.settings().map_err(Failure::Message)?;
+    let import = arguments.import()?;
     let output = surface::claim(&arguments.output, arguments.force)?;
     let page = arguments.report.as_deref();
     let page = page

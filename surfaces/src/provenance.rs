@@ -5,6 +5,29 @@ use std::collections::BTreeMap;
 /// The setting of a recording whose vibration is not in m/s².
 pub(crate) const VIBRATION_UNIT: &str = "vibration unit";
 
+/// Settings of a recording that state what touched the surface: the diameter of the tool's tip, mm; the grip of the hand;
+/// `tool` or `finger`.
+pub const TOUCH: [&str; 3] = ["tip_diameter_mm", "grip", "touched_with"];
+
+/// Checks a setting of [`TOUCH`].
+///
+/// # Errors
+/// A diameter that is not a number above 0 and up to 100 mm, an empty grip, or another word than `tool` or `finger`.
+pub fn check_touch(name: &str, value: &str) -> Result<(), String> {
+    let (is_sound, expected) = match name {
+        "tip_diameter_mm" => (
+            value.parse::<f64>().is_ok_and(|mm| mm > 0.0 && mm <= 100.0),
+            "a number above 0, up to 100 mm",
+        ),
+        "touched_with" => (["tool", "finger"].contains(&value), "tool or finger"),
+        _ => (!value.trim().is_empty(), "some words"),
+    };
+    match is_sound {
+        true => Ok(()),
+        false => Err(format!("{name} is {value:?}; expected {expected}")),
+    }
+}
+
 /// The origin of the data of a surface or a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Origin {

@@ -8,6 +8,7 @@ use super::segmentation::{SegmentationMethod, VarianceEstimate};
 use super::stiffness::{StiffnessError, StiffnessReport, StiffnessSettings, learn_stiffness};
 use super::taps::{TapError, TapReport, TapSettings, learn_taps};
 use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings};
+use crate::provenance::TOUCH;
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use crate::{Friction, Origin, Provenance, Stiffness, Surface};
 use std::collections::BTreeMap;
@@ -315,13 +316,25 @@ fn provenance(recordings: &[AnyRecording], settings: &LearnSettings) -> Provenan
             .settings
             .insert(format!("recording {} gesture", index + 1), gesture.to_owned());
         for (name, value) in &recording.provenance().settings {
-            provenance
-                .settings
-                .insert(format!("recording {} {name}", index + 1), value.clone());
+            let is_common = TOUCH.contains(&&**name) && is_common(recordings, name, value);
+            let name = match is_common {
+                true => name.clone(),
+                false => format!("recording {} {name}", index + 1),
+            };
+            provenance.settings.insert(name, value.clone());
         }
     }
     provenance.settings.extend(described(settings));
     provenance
+}
+
+/// True if all recordings state the same.
+fn is_common(recordings: &[AnyRecording], name: &str, value: &str) -> bool {
+    let states = |recording: &AnyRecording| {
+        let own = recording.provenance().settings.get(name);
+        own.is_some_and(|own| own == value)
+    };
+    recordings.iter().all(states)
 }
 
 fn described(settings: &LearnSettings) -> BTreeMap<String, String> {

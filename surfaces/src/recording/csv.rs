@@ -8,8 +8,8 @@
 //! | `force_x_n` .. `force_z_n`, `torque_x_n_m` .. (or `_n_mm`; optional), `position_x_mm` .. (or `_m`), `orientation_w`, `_x`, `_y`, `_z` | raw |
 //!
 //! Raw forces act on the tool, in the tool's frame; positions are the tip's. Cells are empty where a slower sensor has no
-//! sample. Lines `# gesture: tap`, `# origin: simulated`, `# source: ...` above the header hold the metadata. Other columns
-//! are not used and are reported as a finding. A preamble above the header and a row of units below it are allowed.
+//! sample. Lines `# gesture: tap`, `# origin: simulated`, `# source: ...` and those of [`TOUCH`] above the header hold the
+//! metadata. Other columns are not used and are reported as a finding. A preamble above the header and a row of units below it are allowed.
 
 mod alias;
 mod clock;
@@ -33,7 +33,7 @@ pub use write::{RawTable, write_csv};
 use super::import::{Finding, ImportSettings, plausibility};
 use super::{AnyRecording, Calibration, Gesture, Pose, ReadError, Recording, Series, Wrench};
 use crate::files::Place;
-use crate::provenance::VIBRATION_UNIT;
+use crate::provenance::{TOUCH, VIBRATION_UNIT, check_touch};
 use crate::{Origin, Provenance};
 use haptograph_signal::csv::{Rows, cell_start};
 
@@ -116,6 +116,12 @@ pub(super) fn recording(
     };
     let source = noted(tables, "source").map_or(source, |(_, text)| text.as_str());
     let mut provenance = Provenance::new(origin, source);
+    for name in TOUCH {
+        if let Some((table, text)) = noted(tables, name) {
+            check_touch(name, text).map_err(|message| table.fault(1, message))?;
+            provenance = provenance.with_setting(name, text);
+        }
+    }
     let mut findings = vec![];
     if import
         .units

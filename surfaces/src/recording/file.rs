@@ -25,6 +25,14 @@ pub fn load_with(
     paths: &[PathBuf],
     import: &ImportSettings,
 ) -> Result<(AnyRecording, Vec<(PathBuf, Finding)>), LoadError> {
+    let (recording, findings) = read(paths, import)?;
+    Ok((recording.with_settings(&import.touch), findings))
+}
+
+fn read(
+    paths: &[PathBuf],
+    import: &ImportSettings,
+) -> Result<(AnyRecording, Vec<(PathBuf, Finding)>), LoadError> {
     let paths = with_neighbour(paths);
     if let [path] = &paths[..] {
         match kind(path)? {

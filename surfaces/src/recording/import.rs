@@ -28,6 +28,11 @@ pub struct ImportSettings {
     pub full_scale_m_s2: Option<f64>,
     /// Refuses a file instead of repairing it.
     pub strict: bool,
+    /// Low-pass of the velocity from positions, Hz; `None` for the usual one of
+    /// [`ProcessingSettings`](crate::learning::processing::ProcessingSettings).
+    pub velocity_lowpass_hz: Option<f64>,
+    /// Facts about what touched the surface, by the names of [`TOUCH`](crate::provenance::TOUCH); they replace the file's.
+    pub touch: BTreeMap<String, String>,
     /// Keeps the mean of the acceleration, for callers that do not use the vibration.
     pub keeps_offset: bool,
 }

@@ -36,6 +36,7 @@ pub use spool::{Spool, assemble, spool_folder};
 
 use crate::Provenance;
 use import::shown;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A raw recording: the samples of each sensor.
@@ -405,6 +406,16 @@ impl AnyRecording {
             AnyRecording::Raw(recording) => &recording.provenance,
             AnyRecording::Processed(recording) => &recording.provenance,
         }
+    }
+
+    /// The same recording with these settings of its provenance replaced.
+    fn with_settings(mut self, settings: &BTreeMap<String, String>) -> Self {
+        let provenance = match &mut self {
+            AnyRecording::Raw(recording) => &mut recording.provenance,
+            AnyRecording::Processed(recording) => &mut recording.provenance,
+        };
+        provenance.settings.extend(settings.clone());
+        self
     }
 
     /// The same recording with another gesture, for files that do not state one.

@@ -67,7 +67,7 @@ pub(super) fn processed(
     }
     let first = tables.iter().position(has_vibration).unwrap_or(0);
     let speed = positions
-        .map(|place| speed_of_position(&mut tables[place]))
+        .map(|place| speed_of_position(&mut tables[place], import))
         .transpose()?;
     tables.swap(0, first);
     let names_of_files: Vec<String> = tables.iter().map(|table| table.label.clone()).collect();
@@ -171,7 +171,7 @@ fn place_of_positions(tables: &mut [Table]) -> Option<usize> {
 const POSITIONS: [&str; 3] = ["position_x", "position_y", "position_z"];
 
 /// The speed from the positions of a table, computed as for raw recordings, and the name of its file.
-fn speed_of_position(table: &mut Table) -> Result<(String, Series<f64>), Fault> {
+fn speed_of_position(table: &mut Table, import: &ImportSettings) -> Result<(String, Series<f64>), Fault> {
     let columns = table.columns_of(&POSITIONS);
     let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
     let even = table.take(&names)?;
@@ -180,7 +180,11 @@ fn speed_of_position(table: &mut Table) -> Result<(String, Series<f64>), Fault> 
         std::array::from_fn(|axis| even.columns.get(axis).map_or(0.0, |column| column[i]))
     };
     let tips: Vec<[f64; 3]> = (0..samples).map(tip).collect();
-    let settings = ProcessingSettings::default();
+    let usual = ProcessingSettings::default();
+    let settings = ProcessingSettings {
+        velocity_lowpass_hz: import.velocity_lowpass_hz.unwrap_or(usual.velocity_lowpass_hz),
+        ..usual
+    };
     let speeds = processing::speeds(&tips, even.rate_hz, &settings);
     let samples = speeds.map_err(|error| table.fault(table.header_line, error))?;
     table.findings.push(Finding::SpeedOfPosition {

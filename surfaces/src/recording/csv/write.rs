@@ -7,6 +7,7 @@ use super::AXES;
 use crate::Provenance;
 use crate::files::decimal::format_thousandfold;
 use crate::learning::processing;
+use crate::provenance::TOUCH;
 use std::collections::VecDeque;
 use std::io::{BufWriter, Write};
 
@@ -24,12 +25,18 @@ pub fn write_csv(recording: &AnyRecording) -> std::io::Result<Vec<u8>> {
 /// The lines above the header.
 fn origin_lines(gesture: Gesture, provenance: &Provenance) -> String {
     let one_line = |text: &str| text.replace(['\n', '\r'], " ");
-    format!(
+    let mut lines = format!(
         "# gesture: {}\n# origin: {}\n# source: {}\n",
         gesture.as_str(),
         provenance.origin.as_str(),
         one_line(&provenance.source)
-    )
+    );
+    for name in TOUCH {
+        if let Some(value) = provenance.settings.get(name) {
+            lines += &format!("# {name}: {}\n", one_line(value));
+        }
+    }
+    lines
 }
 
 fn write_processed(processed: &ProcessedRecording, writer: &mut Vec<u8>) -> std::io::Result<()> {
