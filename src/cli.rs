@@ -10,6 +10,7 @@ mod built;
 mod check;
 mod compare;
 mod completions;
+mod convert_recording;
 mod devices;
 mod doctor;
 mod draw;
@@ -184,6 +185,8 @@ fn commands() -> Vec<Command> {
         Command::new("new", new::run).example("new my-graph.ron"),
         Command::new("simulate-recording", simulate_recording::run)
             .example("simulate-recording --material T2 --motion drag -o canvas-drag.npz"),
+        Command::new("convert-recording", convert_recording::run)
+            .example("convert-recording canvas-drag.npz Accel_canvas.xml"),
         Command::new("devices", devices::run).example("devices --formats"),
         Command::new("doctor", doctor::run).example("doctor"),
         Command::new("learn", learn::run)

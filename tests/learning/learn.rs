@@ -1,6 +1,6 @@
 //! Recordings become surfaces.
 
-use super::{haptograph, json, noise, succeed, workshop};
+use super::{fail, haptograph, json, noise, succeed, told_by, workshop};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -48,6 +48,93 @@ fn a_surface_is_learned_whole_and_again_to_the_bit() {
         shown["provenance"]["settings"]["recording 1 file"],
         "T1.anna.1.npz"
     );
+}
+
+#[test]
+fn what_touched_the_surface_and_the_low_pass_are_in_its_provenance() {
+    let folder = workshop();
+    let stated = [
+        "--tip-diameter",
+        "3.175",
+        "--grip",
+        "as a pen",
+        "--touched-with",
+        "tool",
+    ];
+    succeed(
+        folder,
+        &[
+            &["convert-recording", "study/T1.anna.1.npz", "touched.npz"],
+            &stated[..],
+        ]
+        .concat(),
+    );
+    let learn = [
+        "learn",
+        "touched.npz",
+        "-o",
+        "touched.ron",
+        "--velocity-lowpass",
+        "60",
+    ];
+    succeed(folder, &learn);
+    let shown = json(folder, &["surface", "show", "touched.ron", "--json"]);
+    let settings = &shown["provenance"]["settings"];
+    for (name, value) in [
+        ("tip_diameter_mm", "3.175"),
+        ("grip", "as a pen"),
+        ("touched_with", "tool"),
+        ("processing.velocity_lowpass_hz", "60"),
+    ] {
+        assert_eq!(settings[name], value, "{settings}");
+    }
+    assert!(succeed(folder, &["surface", "show", "touched.ron"]).contains("as a pen"));
+    // Of several recordings each has its own, unless all agree.
+    let both = ["learn", "touched.npz", "circle.npz", "-o", "both.ron"];
+    succeed(folder, &both);
+    let shown = json(folder, &["surface", "show", "both.ron", "--json"]);
+    assert_eq!(shown["provenance"]["settings"]["recording 1 grip"], "as a pen");
+    let none = ["learn", "touched.npz", "-o", "none.ron", "--touched-with", "foot"];
+    let output = haptograph(folder, &none, "");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(!folder.join("none.ron").exists());
+}
+
+#[test]
+fn a_recording_goes_through_the_toolkits_files() {
+    let folder = workshop();
+    let to = [
+        "convert-recording",
+        "study/T1.anna.1.npz",
+        "Accel_T1.xml",
+        "--json",
+    ];
+    let written = json(folder, &to);
+    let names = ["Accel_T1.xml", "Position_T1.xml", "Force_T1.xml"];
+    assert_eq!(written["written"], serde_json::json!(names));
+    succeed(folder, &["convert-recording", "Force_T1.xml", "back.npz"]);
+    for (from, to) in [
+        ("study/T1.anna.1.npz", "straight.ron"),
+        ("back.npz", "through.ron"),
+    ] {
+        succeed(folder, &["learn", from, "-o", to, "--name", "t1"]);
+    }
+    let shown = |name: &str| json(folder, &["surface", "show", name, "--json"]);
+    let (straight, through) = (shown("straight.ron"), shown("through.ron"));
+    let powers = |shown: &serde_json::Value| -> Vec<f64> {
+        let models = shown["texture"]["models"].as_array().unwrap().iter();
+        models
+            .map(|model| model["power_m2_s4"].as_f64().unwrap())
+            .collect()
+    };
+    // Speeds in mm/s may differ in their last bit.
+    let (straight, back) = (powers(&straight), powers(&through));
+    let is_near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-6 * a.abs();
+    assert!(straight.len() == back.len() && straight.iter().zip(&back).all(is_near));
+    assert_eq!(through["provenance"]["origin"], "simulated");
+    let circle = ["convert-recording", "circle.npz", "Accel_circle.xml"];
+    assert!(told_by(&haptograph(folder, &circle, "")).contains("--circle"));
+    assert!(fail(folder, &["convert-recording", "back.npz", "plain.xml"]).contains("Accel_<material>.xml"));
 }
 
 #[test]

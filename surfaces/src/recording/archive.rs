@@ -7,14 +7,15 @@
 //! | raw: `force_n`, `torque_n_m` | (n, 3) | on the tool, in the force sensor's frame |
 //! | raw: `acceleration_v` | (k, 3) | accelerometer readings, V |
 //! | processed: `acceleration_m_s2`, `force_normal_n`, `speed_m_s` | (n) | at one rate |
-//! | processed, optional: `force_tangential_n`, `axes_m_s2` | (n), (n, 3) | |
+//! | processed, optional: `force_tangential_n`, `axes_m_s2`, `position_m`, `force_n` | (n), (n, 3) | the last two in the world |
 //!
 //! Arrays are little-endian doubles in C order, named `<member>.npy` in the archive; single precision and big-endian numbers are read too. Any bytes
 //! give a recording or an error, in memory of at most a few times the file's size.
 
 use super::ReadError;
 use super::{
-    AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, RawHead, Recording, Series, Signals, Wrench,
+    AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, RawHead, Recording, Series, Signals,
+    WorldAxes, Wrench,
 };
 use crate::npy;
 use crate::npz::{begin, put_rows};
@@ -161,6 +162,12 @@ pub fn write_archive(recording: &AnyRecording) -> std::io::Result<Vec<u8>> {
             if let Some(axes) = &signals.axes_m_s2 {
                 put(&mut archive, "axes_m_s2", &[3], axes.iter().copied().flatten())?;
             }
+            let world = processed.world();
+            for (name, axes) in [("position_m", &world.position_m), ("force_n", &world.force_n)] {
+                if let Some(axes) = axes {
+                    put(&mut archive, name, &[3], axes.iter().copied().flatten())?;
+                }
+            }
         }
     }
     Ok(archive.finish().map_err(std::io::Error::other)?.into_inner())
@@ -267,7 +274,12 @@ pub fn read_archive(bytes: &[u8]) -> Result<AnyRecording, ReadError> {
                 speed_m_s: archive.column("speed_m_s")?,
                 axes_m_s2: archive.optional("axes_m_s2", Archive::rows)?,
             };
-            AnyRecording::Processed(ProcessedRecording::new(signals, gesture, provenance)?)
+            let world = WorldAxes {
+                position_m: archive.optional("position_m", Archive::rows)?,
+                force_n: archive.optional("force_n", Archive::rows)?,
+            };
+            let processed = ProcessedRecording::new(signals, gesture, provenance)?;
+            AnyRecording::Processed(processed.with_world(world)?)
         }
         Kind::Raw {
             motion,

@@ -3,7 +3,10 @@
 use super::csv::{self, ColumnSelection, Table};
 use super::formats::{self, Workbook};
 use super::import::{Finding, ImportSettings};
-use super::{AnyRecording, Column, ReadError, read_archive, read_hatt, signal, write_archive, write_csv};
+use super::{
+    AnyRecording, Column, ReadError, read_archive, read_hatt, signal, write_archive, write_csv, write_hatt,
+};
+use crate::learning::processing::{ProcessingSettings, process_with_world};
 
 use haptograph_signal::files::{self, Bounded, MAX_RECORDING_BYTES, write_atomically};
 use std::io::{BufRead, BufReader, Read};
@@ -118,8 +121,7 @@ pub fn load_sweep(path: &Path, import: &ImportSettings) -> Result<(Sweep, Vec<Fi
 }
 
 fn is_wav(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case("wav"))
+    is_named(path, "wav")
 }
 
 fn name_of(path: &Path) -> String {
@@ -200,33 +202,64 @@ fn all(path: &Path) -> Result<Vec<u8>, LoadError> {
     Ok(bytes)
 }
 
-/// Writes a recording atomically: as CSV if the name ends in `.csv`, else as haptograph's archive.
+/// Writes a recording, each file atomically: the [`contents`] of its [`file_names`].
 pub fn save(recording: &AnyRecording, path: &Path) -> std::io::Result<()> {
-    let is_csv = path
-        .extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case("csv"));
-    let bytes = if is_csv {
-        write_csv(recording)?
-    } else {
-        write_archive(recording)?
+    let contents = contents(recording, path)?;
+    let mut files = file_names(path)?.into_iter().zip(contents);
+    files.try_for_each(|(path, bytes)| write_atomically(&path, &bytes))
+}
+
+/// The files of a recording that is written to `path`: a HaTT triple for one of its names in `.xml`, else the path alone.
+///
+/// # Errors
+/// A name in `.xml` that is none of a triple.
+pub fn file_names(path: &Path) -> std::io::Result<Vec<PathBuf>> {
+    if !is_named(path, "xml") {
+        return Ok(vec![path.to_owned()]);
+    }
+    let triple = triple(path).ok_or_else(|| std::io::Error::other(ReadError::NotATriple.to_string()))?;
+    Ok(triple.to_vec())
+}
+
+/// The bytes of those files: CSV if the name ends in `.csv`, a HaTT triple if in `.xml`, else haptograph's archive. For a triple
+/// a raw recording is processed, with all axes in the world.
+pub fn contents(recording: &AnyRecording, path: &Path) -> std::io::Result<Vec<Vec<u8>>> {
+    if is_named(path, "csv") {
+        return Ok(vec![write_csv(recording)?]);
+    }
+    if !is_named(path, "xml") {
+        return Ok(vec![write_archive(recording)?]);
+    }
+    let written = match recording {
+        AnyRecording::Processed(processed) => write_hatt(processed),
+        AnyRecording::Raw(raw) => {
+            let processed = process_with_world(raw, &ProcessingSettings::default());
+            write_hatt(&processed.map_err(std::io::Error::other)?)
+        }
     };
-    write_atomically(path, &bytes)
+    Ok(written.map(String::into_bytes).to_vec())
+}
+
+fn is_named(path: &Path, extension: &str) -> bool {
+    let own = path.extension();
+    own.is_some_and(|own| own.eq_ignore_ascii_case(extension))
 }
 
 /// The prefixes of a HaTT triple's file names.
 const TRIPLE: [&str; 3] = ["Accel_", "Position_", "Force_"];
 
+/// The files of a triple by any of their names.
+fn triple(path: &Path) -> Option<[PathBuf; 3]> {
+    let name = name_of(path);
+    let material = TRIPLE.iter().find_map(|prefix| name.strip_prefix(prefix))?;
+    Some(TRIPLE.map(|prefix| path.with_file_name(format!("{prefix}{material}"))))
+}
+
 fn load_hatt(path: &Path) -> Result<AnyRecording, LoadError> {
-    let name = path
-        .file_name()
-        .map(|name| name.to_string_lossy().into_owned())
-        .unwrap_or_default();
-    let material = TRIPLE
-        .iter()
-        .find_map(|prefix| name.strip_prefix(prefix))
-        .ok_or_else(|| read_error(path, ReadError::NotATriple))?;
-    let [accel, position, force] = TRIPLE.map(|prefix| path.with_file_name(format!("{prefix}{material}")));
-    let source = material.strip_suffix(".xml").unwrap_or(material);
+    let [accel, position, force] = triple(path).ok_or_else(|| read_error(path, ReadError::NotATriple))?;
+    let name = name_of(&accel);
+    let source = name.strip_prefix(TRIPLE[0]).unwrap_or(&name);
+    let source = source.strip_suffix(".xml").unwrap_or(source);
     read_hatt(open(&accel)?, open(&position)?, open(&force)?, source)
         .map(AnyRecording::Processed)
         .map_err(|source| read_error(path, source))

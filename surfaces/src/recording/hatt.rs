@@ -1,15 +1,16 @@
 //! Recordings of the public haptic texture toolkit (HaTT): three XML files of a material, everything at 10 kHz in the world frame
-//! (Table A.1 of the thesis). They are read as a stream.
+//! (Table A.1 of the thesis). They are read as a stream. The origin, for which the toolkit has no field, is in a comment.
 
-use super::ReadError;
-use super::{Gesture, ProcessedRecording, Signals};
+use super::{Gesture, ProcessedRecording, ReadError, Signals, WorldAxes};
+use crate::files::decimal::format_thousandfold;
+use crate::files::hatt::{Xml, parse_label};
 use crate::{Origin, Provenance};
 use quick_xml::Reader;
 use quick_xml::events::Event;
 use std::io::BufRead;
 
 /// Reads a recording from the contents of `Accel_<material>.xml`, `Position_<material>.xml` and `Force_<material>.xml`.
-/// Other fields are ignored. `source` names their origin.
+/// Other fields are ignored. `source` names their origin, unless a comment of the first file does.
 pub fn read_hatt(
     accel: impl BufRead,
     position: impl BufRead,
@@ -28,9 +29,25 @@ pub fn read_hatt(
     let mut position = Fields::read(
         "the Position file",
         position,
-        &["SpeedUnits", "SampleRate", "Speed"],
+        &[
+            "SpeedUnits",
+            "PositionUnits",
+            "SampleRate",
+            "Speed",
+            "Position_X",
+            "Position_Y",
+            "Position_Z",
+        ],
     )?;
-    let names = ["ForceUnits", "SampleRate", "ForceNormal", "ForceTangential"];
+    let names = [
+        "ForceUnits",
+        "SampleRate",
+        "ForceNormal",
+        "ForceTangential",
+        "Force_X",
+        "Force_Y",
+        "Force_Z",
+    ];
     let mut force = Fields::read("the Force file", force, &names)?;
 
     accel.expect_unit("AccelUnits", &["m/s^2", "m/s2", "m/s²"])?;
@@ -45,10 +62,7 @@ pub fn read_hatt(
             )));
         }
     }
-    let axes = ["Accel_X", "Accel_Y", "Accel_Z"].map(|name| accel.array(name).unwrap_or_default());
-    let [x, y, z] = &axes;
-    let axes = (!x.is_empty() && x.len() == y.len() && x.len() == z.len())
-        .then(|| x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z]).collect());
+    let axes = accel.axes(["Accel_X", "Accel_Y", "Accel_Z"]);
     let mut speed = position.array("Speed")?;
     speed.iter_mut().for_each(|v| *v /= 1000.0);
     let signals = Signals {
@@ -59,11 +73,71 @@ pub fn read_hatt(
         speed_m_s: speed,
         axes_m_s2: axes,
     };
-    Ok(ProcessedRecording::new(
-        signals,
-        Gesture::Drag,
-        Provenance::new(Origin::Imported, source),
-    )?)
+    let mut provenance = Provenance::new(Origin::Imported, source);
+    if let Some((origin, source, version)) = accel.label.take() {
+        (provenance.origin, provenance.source, provenance.version) = (origin, source, version);
+    }
+    // Nothing is learned from positions and forces by axis: what is unsound of them is left out.
+    let samples = signals.acceleration_m_s2.len();
+    let whole = |axes: Option<Vec<[f64; 3]>>| axes.filter(|axes| axes.len() == samples);
+    let in_mm = position.expect_unit("PositionUnits", &["mm"]).is_ok();
+    let position_mm = position.axes(["Position_X", "Position_Y", "Position_Z"]);
+    let in_m = |axes: Vec<[f64; 3]>| axes.into_iter().map(|axes| axes.map(|mm| mm / 1000.0)).collect();
+    let world = WorldAxes {
+        position_m: whole(position_mm.filter(|_| in_mm).map(in_m)),
+        force_n: whole(force.axes(["Force_X", "Force_Y", "Force_Z"])),
+    };
+    Ok(ProcessedRecording::new(signals, Gesture::Drag, provenance)?.with_world(world)?)
+}
+
+/// The contents of `Accel_<material>.xml`, `Position_<material>.xml` and `Force_<material>.xml`. They have no field for the
+/// gesture and for settings of the provenance. Axes are written where the recording has them.
+pub fn write_hatt(recording: &ProcessedRecording) -> [String; 3] {
+    let (signals, world) = (recording.signals(), recording.world());
+    let file = |root: &str, inside: &dyn Fn(&mut Xml)| {
+        let mut out = Xml::new("recording", recording.provenance());
+        out.line(0, &format!("<{root}>"));
+        inside(&mut out);
+        out.line(0, &format!("</{root}>"));
+        out.text
+    };
+    let rate = |out: &mut Xml| out.field(1, "SampleRate", &signals.rate_hz.to_string());
+    let plain = |value: f64| value.to_string();
+    let accel = file("accelSet", &|out| {
+        out.field(1, "AccelUnits", "m/s^2");
+        rate(out);
+        array(out, "Accel", &signals.acceleration_m_s2, plain);
+        by_axis(out, "Accel", signals.axes_m_s2.as_deref(), plain);
+    });
+    let position = file("positionSet", &|out| {
+        out.field(1, "SpeedUnits", "mm/s");
+        out.field(1, "PositionUnits", "mm");
+        rate(out);
+        array(out, "Speed", &signals.speed_m_s, format_thousandfold);
+        by_axis(out, "Position", world.position_m.as_deref(), format_thousandfold);
+    });
+    let force = file("forceSet", &|out| {
+        out.field(1, "ForceUnits", "N");
+        rate(out);
+        array(out, "ForceNormal", &signals.force_normal_n, plain);
+        if let Some(tangential) = &signals.force_tangential_n {
+            array(out, "ForceTangential", tangential, plain);
+        }
+        by_axis(out, "Force", world.force_n.as_deref(), plain);
+    });
+    [accel, position, force]
+}
+
+fn array(out: &mut Xml, name: &str, values: &[f64], text: impl Fn(f64) -> String) {
+    out.list(1, name, true, values.iter().map(|value| text(*value)));
+}
+
+fn by_axis(out: &mut Xml, quantity: &str, axes: Option<&[[f64; 3]]>, text: impl Fn(f64) -> String) {
+    for (number, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
+        let Some(axes) = axes else { return };
+        let values: Vec<f64> = axes.iter().map(|axes| axes[number]).collect();
+        array(out, &format!("{quantity}_{axis}"), &values, &text);
+    }
 }
 
 /// The requested fields of one file.
@@ -71,6 +145,8 @@ struct Fields {
     file: &'static str,
     byte: u64,
     fields: Vec<Field>,
+    /// Origin, source and maker by haptograph's comment.
+    label: Option<(Origin, String, String)>,
 }
 
 struct Field {
@@ -94,6 +170,7 @@ impl Fields {
             file,
             byte: 0,
             fields,
+            label: None,
         };
         let mut reader = Reader::from_reader(source);
         let mut buffer = Vec::new();
@@ -128,6 +205,9 @@ impl Fields {
                 }
                 Ok(Event::GeneralRef(_) | Event::CData(_)) if open.is_some() => {
                     return Err(this.error("expected plain text"));
+                }
+                Ok(Event::Comment(text)) if this.label.is_none() => {
+                    this.label = std::str::from_utf8(&text).ok().and_then(parse_label);
                 }
                 Ok(Event::Eof) if depth == 0 => return Ok(this),
                 Ok(Event::Eof) => return Err(this.error("the file ends in the middle of an element")),
@@ -193,6 +273,13 @@ impl Fields {
         }
     }
 
+    /// Removes and returns three arrays, if all are there and of one length.
+    fn axes(&mut self, names: [&'static str; 3]) -> Option<Vec<[f64; 3]>> {
+        let [x, y, z] = names.map(|name| self.array(name).unwrap_or_default());
+        (!x.is_empty() && x.len() == y.len() && x.len() == z.len())
+            .then(|| x.iter().zip(&y).zip(&z).map(|((&x, &y), &z)| [x, y, z]).collect())
+    }
+
     /// Removes and returns an array.
     fn array(&mut self, name: &'static str) -> Result<Vec<f64>, ReadError> {
         let values = self
@@ -235,12 +322,17 @@ mod tests {
             file(format!(
                 "  <SpeedUnits>mm/s</SpeedUnits>\n  <PositionUnits>mm</PositionUnits>\n{rate}{}{}",
                 array("Speed", &[100.0, 110.0, 120.5]),
-                array("Position_X", &[1.0]),
+                ["X", "Y", "Z"]
+                    .map(|axis| array(&format!("Position_{axis}"), &[1.0, 2.5, -4.0]))
+                    .concat(),
             )),
             file(format!(
                 "  <ForceUnits>N</ForceUnits>\n{rate}{}{}",
                 array("ForceNormal", &[1.0, 1.5, 2.0]),
-                array("ForceTangential", &[0.3, 0.4, 0.5]),
+                array("ForceTangential", &[0.3, 0.4, 0.5])
+                    + &array("Force_X", &[0.1, 0.2, 0.3])
+                    + &array("Force_Y", &[0.0, 0.0, 0.0])
+                    + &array("Force_Z", &[-1.0, -1.5, -2.0]),
             )),
         ]
     }
@@ -259,6 +351,52 @@ mod tests {
         assert_eq!(signals.force_tangential_n.as_deref(), Some(&[0.3, 0.4, 0.5][..]));
         assert_eq!(signals.axes_m_s2.as_ref().unwrap()[1], [2.0, 5.0, 8.0]);
         assert_eq!(recording.provenance().origin, Origin::Imported);
+        let world = recording.world();
+        assert_eq!(world.position_m.as_ref().unwrap()[1], [2.5e-3; 3]);
+        assert_eq!(world.force_n.as_ref().unwrap()[2], [0.3, 0.0, -2.0]);
+    }
+
+    #[test]
+    fn what_is_written_is_read_again_with_all_axes_and_its_origin() {
+        let mut recording = read(&triple()).unwrap();
+        recording.provenance = Provenance::new(Origin::Simulated, "a test");
+        let written = write_hatt(&recording);
+        assert_eq!(read(&written).unwrap(), recording);
+        for (file, names) in written.iter().zip([
+            &["AccelUnits", "SampleRate", "Accel", "Accel_X", "Accel_Z"][..],
+            &["SpeedUnits", "PositionUnits", "Speed", "Position_X", "Position_Z"],
+            &[
+                "ForceUnits",
+                "ForceNormal",
+                "ForceTangential",
+                "Force_X",
+                "Force_Z",
+            ],
+        ]) {
+            assert!(
+                names.iter().all(|name| file.contains(&format!("<{name}"))),
+                "{file}"
+            );
+        }
+        // Recordings without axes, and positions in an unknown unit.
+        let plain = ProcessedRecording::new(
+            Signals {
+                axes_m_s2: None,
+                force_tangential_n: None,
+                ..recording.signals().clone()
+            },
+            Gesture::Drag,
+            recording.provenance().clone(),
+        );
+        let plain = plain.unwrap();
+        assert_eq!(read(&write_hatt(&plain)).unwrap(), plain);
+        let mut other = written.clone();
+        other[1] = other[1].replace("<PositionUnits>mm<", "<PositionUnits>cubits<");
+        let other = read(&other).unwrap();
+        assert_eq!(
+            (&other.world().position_m, other.signals()),
+            (&None, recording.signals())
+        );
     }
 
     #[test]

@@ -24,8 +24,10 @@ mod spool;
 pub use archive::{read_archive, write_archive};
 pub use csv::{COLUMNS, CsvHead, QUANTITIES, RawTable, csv_head, read_csv, write_csv};
 pub use error::ReadError;
-pub use file::{LoadError, Sweep, load, load_column, load_signal, load_sweep, load_with, save};
-pub use hatt::read_hatt;
+pub use file::{
+    LoadError, Sweep, contents, file_names, load, load_column, load_signal, load_sweep, load_with, save,
+};
+pub use hatt::{read_hatt, write_hatt};
 pub use import::{BadCell, Finding, ImportSettings, remove_offset};
 #[cfg(target_family = "wasm")]
 pub use no_archive::{Spool, assemble, read_archive, spool_folder, write_archive};
@@ -269,8 +271,19 @@ impl Calibration {
 pub struct ProcessedRecording {
     // Shared, because minutes at 10 kHz take hundreds of megabytes.
     signals: Arc<Signals>,
+    world: Arc<WorldAxes>,
     gesture: Gesture,
     provenance: Provenance,
+}
+
+/// Position and force by axis in the world's frame, at the times of the signals, where a file has them. Nothing is learned
+/// from them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct WorldAxes {
+    /// The tip, m.
+    pub position_m: Option<Vec<[f64; 3]>>,
+    /// The force on the tool, N; of imported files with their sign.
+    pub force_n: Option<Vec<[f64; 3]>>,
 }
 
 /// The signals of a [`ProcessedRecording`].
@@ -327,21 +340,7 @@ impl ProcessedRecording {
                 return Err(RecordingError::NotFinite { quantity, sample });
             }
         }
-        if let Some(axes) = &signals.axes_m_s2 {
-            if axes.len() != expected {
-                return Err(RecordingError::Lengths {
-                    quantity: "acceleration axes",
-                    samples: axes.len(),
-                    expected,
-                });
-            }
-            if let Some(sample) = axes.iter().position(|a| !all_finite(a)) {
-                return Err(RecordingError::NotFinite {
-                    quantity: "acceleration axes",
-                    sample,
-                });
-            }
-        }
+        check_axes("acceleration axes", signals.axes_m_s2.as_deref(), expected)?;
         if let Some(sample) = signals.speed_m_s.iter().position(|&v| v < 0.0) {
             return Err(RecordingError::NegativeSpeed {
                 sample,
@@ -350,9 +349,26 @@ impl ProcessedRecording {
         }
         Ok(Self {
             signals: Arc::new(signals),
+            world: Arc::default(),
             gesture,
             provenance,
         })
+    }
+
+    /// The same recording with axes in the world.
+    ///
+    /// # Errors
+    /// Axes of another length than the signals, or a number that is not finite.
+    pub fn with_world(mut self, world: WorldAxes) -> Result<Self, RecordingError> {
+        check_axes("position axes", world.position_m.as_deref(), self.samples())?;
+        check_axes("force axes", world.force_n.as_deref(), self.samples())?;
+        self.world = Arc::new(world);
+        Ok(self)
+    }
+
+    /// Position and force by axis.
+    pub fn world(&self) -> &WorldAxes {
+        &self.world
     }
 
     /// The signals.
@@ -425,6 +441,26 @@ impl AnyRecording {
             AnyRecording::Processed(recording) => recording.gesture = gesture,
         }
         self
+    }
+}
+
+fn check_axes(
+    quantity: &'static str,
+    axes: Option<&[[f64; 3]]>,
+    expected: usize,
+) -> Result<(), RecordingError> {
+    let Some(axes) = axes else { return Ok(()) };
+    let samples = axes.len();
+    if samples != expected {
+        return Err(RecordingError::Lengths {
+            quantity,
+            samples,
+            expected,
+        });
+    }
+    match axes.iter().position(|a| !all_finite(a)) {
+        Some(sample) => Err(RecordingError::NotFinite { quantity, sample }),
+        None => Ok(()),
     }
 }
 

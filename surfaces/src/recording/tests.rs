@@ -1,6 +1,7 @@
 use super::synthetic::{circle, drag, provenance};
 use super::*;
 use crate::Origin;
+use crate::provenance::TOUCH;
 use proptest::prelude::*;
 
 fn raw() -> AnyRecording {
@@ -22,7 +23,12 @@ fn processed() -> AnyRecording {
     let provenance = provenance()
         .with_setting("seed", 7)
         .with_setting("Größe", "\"ß\"\n");
-    AnyRecording::Processed(ProcessedRecording::new(signals, Gesture::Tap, provenance).unwrap())
+    let world = WorldAxes {
+        position_m: signals.axes_m_s2.clone(),
+        force_n: None,
+    };
+    let recording = ProcessedRecording::new(signals, Gesture::Tap, provenance).unwrap();
+    AnyRecording::Processed(recording.with_world(world).unwrap())
 }
 
 #[test]
@@ -138,6 +144,117 @@ fn what_is_wrong_with_a_table_is_said_with_its_line() {
     assert!(error(&format!("{head}0,1,1,1\n0.1,1,1,1\n0.5,1,1,1\n0.6,1,1,1\n")).contains("time jumps"));
     assert!(error(&format!("{head}0,1,1,1\n")).contains("two samples"));
     assert!(error("# gesture: wave\ntime_s\n").contains("expected one of: drag"));
+}
+
+#[test]
+fn what_touched_the_surface_is_kept_by_every_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = folder.path().join("plain.npz");
+    save(&processed(), &plain).unwrap();
+    let stated = [
+        ("tip_diameter_mm", "3.2"),
+        ("grip", "as a pen"),
+        ("touched_with", "tool"),
+    ];
+    let stated = BTreeMap::from(stated.map(|(name, value)| (name.to_owned(), value.to_owned())));
+    let import = ImportSettings {
+        touch: stated.clone(),
+        ..ImportSettings::strict()
+    };
+    let (recording, _) = load_with(&[plain], &import).unwrap();
+    for name in ["a.npz", "a.csv"] {
+        let path = folder.path().join(name);
+        save(&recording, &path).unwrap();
+        let back = load(&path).unwrap();
+        let of_touch = back
+            .provenance()
+            .settings
+            .iter()
+            .filter(|(name, _)| TOUCH.contains(&&***name));
+        assert!(of_touch.eq(&stated), "{name}: {:?}", back.provenance());
+    }
+    for (name, value) in [
+        ("tip_diameter_mm", "wide"),
+        ("tip_diameter_mm", "0"),
+        ("touched_with", "foot"),
+    ] {
+        let text = format!(
+            "# {name}: {value}\n# rate_hz: 1000\naccel_m_s2,force_normal_n,speed_mm_s\n0,1,1\n0,1,1\n"
+        );
+        let error = read_csv(text.as_bytes(), "here").unwrap_err();
+        assert!(error.to_string().contains(name), "{error}");
+    }
+}
+
+#[test]
+fn the_low_pass_of_a_velocity_from_positions_can_be_chosen() {
+    let rows: String = (0..400)
+        .map(|n| {
+            // A wave of 40 Hz across a drag of 100 mm/s.
+            let time_s = f64::from(n) / 1000.0;
+            let across_mm = (std::f64::consts::TAU * 40.0 * time_s).sin();
+            format!("0,1,{},{across_mm}\n", 100.0 * time_s)
+        })
+        .collect();
+    let text = format!("# rate_hz: 1000\naccel_m_s2,force_normal_n,position_x_mm,position_y_mm\n{rows}");
+    let fastest = |velocity_lowpass_hz| {
+        let import = ImportSettings {
+            velocity_lowpass_hz,
+            ..ImportSettings::strict()
+        };
+        let table = csv::Table::read(text.as_bytes(), &import, csv::ColumnSelection::Recording).unwrap();
+        let read = csv::recording(&mut [table], "here", &import);
+        let Ok((AnyRecording::Processed(recording), _)) = read.map_err(|fault| fault.error) else {
+            panic!()
+        };
+        recording.signals().speed_m_s[100..300]
+            .iter()
+            .copied()
+            .fold(0.0, f64::max)
+    };
+    assert!(fastest(None) < 0.12, "{}", fastest(None));
+    assert!(fastest(Some(1000.0)) > 0.25, "{}", fastest(Some(1000.0)));
+}
+
+#[test]
+fn a_raw_recording_becomes_the_files_of_the_toolkit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("Force_slate.xml");
+    save(&raw(), &path).unwrap();
+    let Ok(AnyRecording::Processed(back)) = load(&folder.path().join("Accel_slate.xml")) else {
+        panic!()
+    };
+    let AnyRecording::Raw(raw) = raw() else { panic!() };
+    let expected = crate::learning::processing::process(&raw, &Default::default()).unwrap();
+    assert_eq!(
+        back.signals().acceleration_m_s2,
+        expected.signals().acceleration_m_s2
+    );
+    assert_eq!(back.signals().force_normal_n, expected.signals().force_normal_n);
+    assert_eq!(back.provenance().origin, expected.provenance().origin);
+    // The speed is that of the positions, and the normal force that of the forces, which press downwards on the plane.
+    let world = back.world();
+    let (tips, forces) = (
+        world.position_m.as_ref().unwrap(),
+        world.force_n.as_ref().unwrap(),
+    );
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let step = |pair: &[[f64; 3]]| {
+        let squares: f64 = (0..3).map(|axis| (pair[1][axis] - pair[0][axis]).powi(2)).sum();
+        squares.sqrt() * back.rate_hz()
+    };
+    let speed = mean(&tips.windows(2).map(step).collect::<Vec<_>>());
+    assert!(
+        (speed / mean(&back.signals().speed_m_s) - 1.0).abs() < 0.05,
+        "{speed}"
+    );
+    let normal = mean(&forces.iter().map(|force| force[2]).collect::<Vec<_>>());
+    assert!(
+        (normal / mean(&back.signals().force_normal_n) - 1.0).abs() < 0.05,
+        "{normal}"
+    );
+    let wrong = save(&AnyRecording::Raw(raw), &folder.path().join("slate.xml"));
+    assert!(wrong.unwrap_err().to_string().contains("Accel_<material>.xml"));
 }
 
 #[test]

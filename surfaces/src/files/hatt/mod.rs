@@ -17,6 +17,7 @@ mod taps;
 mod write;
 
 pub(crate) use cursor::Cursor;
+pub(crate) use write::Xml;
 pub use write::{write_models, write_taps};
 
 use super::{Problem, ReadError};
@@ -36,8 +37,8 @@ const KEPT: [&str; 5] = [
     "LinuxDTpicture",
 ];
 
-/// The start of the comment with the origin of a surface.
-const LABEL: &str = "haptograph surface: ";
+/// The start of the comment with the origin.
+const LABEL: &str = "haptograph ";
 
 /// Reads a surface from the text of a model or tap file.
 pub fn read(text: &str) -> Result<Surface, ReadError> {
@@ -68,18 +69,20 @@ fn read_root(cursor: &mut Cursor) -> Result<Surface, Problem> {
     Ok(surface)
 }
 
-/// The comment that labels an exported surface; double dashes, which would end it, are replaced.
-fn label(provenance: &Provenance) -> String {
+/// The comment that labels an exported surface or recording; double dashes, which would end it, are replaced.
+fn label(kind: &str, provenance: &Provenance) -> String {
     let origin = provenance.origin.as_str();
     let label = format!(
-        "{LABEL}{origin}; made by {}; from {}",
+        "{LABEL}{kind}: {origin}; made by {}; from {}",
         provenance.version, provenance.source
     );
     label.replace("--", "-\u{2010}").replace(char::is_control, " ")
 }
 
-fn parse_label(comment: &str) -> Option<(Origin, String, String)> {
-    let (origin, rest) = comment.trim().strip_prefix(LABEL)?.split_once("; made by ")?;
+/// The origin, the source and the maker by such a comment.
+pub(crate) fn parse_label(comment: &str) -> Option<(Origin, String, String)> {
+    let (_kind, rest) = comment.trim().strip_prefix(LABEL)?.split_once(": ")?;
+    let (origin, rest) = rest.split_once("; made by ")?;
     let (made_by, source) = rest.split_once("; from ")?;
     Some((
         origin.parse::<Origin>().ok()?,

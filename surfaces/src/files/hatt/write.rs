@@ -2,7 +2,7 @@
 
 use super::{HattWriteError, KEPT, TAP_RATE_HZ, TAP_SAMPLES, label};
 use crate::files::decimal::format_thousandfold;
-use crate::{ArmaModel, ModelAt, Surface, TextureModel};
+use crate::{ArmaModel, ModelAt, Provenance, Surface, TextureModel};
 use quick_xml::escape::escape;
 use std::fmt::Write;
 
@@ -15,7 +15,7 @@ pub fn write_models(surface: &Surface) -> Result<String, HattWriteError> {
     }
     let mu = surface.friction.as_ref().ok_or(HattWriteError::NoFriction)?.mu();
     let name = checked_name(surface)?;
-    let mut out = Xml::new(surface);
+    let mut out = Xml::new("surface", &surface.provenance);
     let kept = |field: &str| {
         surface
             .provenance
@@ -110,7 +110,7 @@ pub fn write_taps(surface: &Surface) -> Result<String, HattWriteError> {
             rate_hz: taps.rate_hz(),
         });
     }
-    let mut out = Xml::new(surface);
+    let mut out = Xml::new("surface", &surface.provenance);
     out.line(0, "<tapSet>");
     out.field(1, "numTap", &taps.taps().len().to_string());
     out.list(
@@ -159,28 +159,29 @@ fn default_picture(field: &str, name: &str) -> String {
 }
 
 /// Indented lines of XML.
-struct Xml {
-    text: String,
+pub(crate) struct Xml {
+    pub text: String,
 }
 
 impl Xml {
-    fn new(surface: &Surface) -> Self {
-        let label = label(&surface.provenance);
+    /// A file of a `kind` with its provenance.
+    pub fn new(kind: &str, provenance: &Provenance) -> Self {
+        let label = label(kind, provenance);
         Xml {
             text: format!("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- {label} -->\n"),
         }
     }
 
-    fn line(&mut self, depth: usize, line: &str) {
+    pub fn line(&mut self, depth: usize, line: &str) {
         // Writing to a string cannot fail.
         let _ = writeln!(self.text, "{:indent$}{line}", "", indent = 3 * depth);
     }
 
-    fn field(&mut self, depth: usize, name: &str, value: &str) {
+    pub fn field(&mut self, depth: usize, name: &str, value: &str) {
         self.line(depth, &format!("<{name}>{}</{name}>", escape(value)));
     }
 
-    fn list(&mut self, depth: usize, name: &str, is_array: bool, values: impl Iterator<Item = String>) {
+    pub fn list(&mut self, depth: usize, name: &str, is_array: bool, values: impl Iterator<Item = String>) {
         let mut values = values.peekable();
         let attribute = if is_array { " type=\"array\"" } else { "" };
         if values.peek().is_none() {

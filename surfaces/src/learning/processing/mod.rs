@@ -15,7 +15,8 @@ pub use rate::LOWEST_RATE_HZ;
 pub use reduction::{AxisReduction, reduce};
 
 use crate::recording::{
-    AnyRecording, Calibration, Pose, ProcessedRecording, Recording, RecordingError, Series, Signals, Wrench,
+    AnyRecording, Calibration, Pose, ProcessedRecording, Recording, RecordingError, Series, Signals,
+    WorldAxes, Wrench,
 };
 use crate::texture::HIGHPASS_ORDER;
 use geometry::{Vector, along, dot, interpolated_orientation, norm, rotate};
@@ -112,14 +113,7 @@ pub fn process(
     let axes = acceleration_axes(recording);
     let accelerometer = recording.acceleration_v();
     let combined = combined(&axes, accelerometer.rate_hz, settings)?;
-    let times: Vec<f64> = (0..axes.len()).map(|i| accelerometer.time_s(i)).collect();
-    let overlap = |series: (f64, f64)| move |time: f64| time >= series.0 - 1e-9 && time <= series.1 + 1e-9;
-    let in_motion = overlap((recording.motion().start_s, recording.motion().end_s()));
-    let in_wrench = overlap((recording.wrench().start_s, recording.wrench().end_s()));
-    let kept: Vec<usize> = (0..times.len())
-        .filter(|&i| in_motion(times[i]) && in_wrench(times[i]))
-        .collect();
-    let times: Vec<f64> = kept.iter().map(|&i| times[i]).collect();
+    let (kept, times) = common_times(recording);
     let contact = contact_signals(recording, settings, &times)?;
     let signals = Signals {
         rate_hz: accelerometer.rate_hz,
@@ -134,6 +128,38 @@ pub fn process(
         recording.gesture(),
         recording.provenance().clone(),
     )?)
+}
+
+/// The same with the tip's position and the force on the tool by axis.
+pub fn process_with_world(
+    recording: &Recording,
+    settings: &ProcessingSettings,
+) -> Result<ProcessedRecording, ProcessingError> {
+    let (_, times) = common_times(recording);
+    let (forces, motion) = (world_forces(recording), recording.motion());
+    let tips = Series {
+        rate_hz: motion.rate_hz,
+        start_s: motion.start_s,
+        samples: tip_positions(recording),
+    };
+    let at = |series: &Series<Vector>| times.iter().map(|time| series.at(*time)).collect();
+    let world = WorldAxes {
+        position_m: Some(at(&tips)),
+        force_n: Some(at(&forces)),
+    };
+    Ok(process(recording, settings)?.with_world(world)?)
+}
+
+/// The samples of the accelerometer, and their times, at which all sensors have samples.
+fn common_times(recording: &Recording) -> (Vec<usize>, Vec<f64>) {
+    let accelerometer = recording.acceleration_v();
+    let overlap = |series: (f64, f64)| move |time: f64| time >= series.0 - 1e-9 && time <= series.1 + 1e-9;
+    let in_motion = overlap((recording.motion().start_s, recording.motion().end_s()));
+    let in_wrench = overlap((recording.wrench().start_s, recording.wrench().end_s()));
+    (0..accelerometer.samples.len())
+        .map(|i| (i, accelerometer.time_s(i)))
+        .filter(|(_, time)| in_motion(*time) && in_wrench(*time))
+        .unzip()
 }
 
 /// The same processed recording with another reduction of its axes.
