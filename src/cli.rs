@@ -199,7 +199,8 @@ fn commands() -> Vec<Command> {
             .example("surface resample tile.ron --rate 1000 --method spectral -o tile.1k.ron")
             .example("surface select graphs/surfaces --count 3")
             .example("surface interpolate tile.ron --json < speeds-and-forces.txt")
-            .example("surface leave-one-out Models10000Hz/XML"),
+            .example("surface leave-one-out Models10000Hz/XML")
+            .example("surface image canvas.png --mm 63.5"),
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
         Command::new("evaluate", at_scale::evaluate)
             .example("evaluate recordings --report out/evaluation")

@@ -1,6 +1,7 @@
 //! `haptograph surface`: commands for surface files.
 
 mod convert;
+mod image;
 mod interpolate;
 mod leave_one_out;
 mod resample;
@@ -15,7 +16,7 @@ use crate::surfaces::{Surface, TextureModel, files};
 use clap::Subcommand;
 use std::path::{Path, PathBuf};
 
-/// Show, convert, resample, select, interpolate and compare surface files
+/// Show, convert, resample, select, interpolate and compare surface files; measure photographs of surfaces
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(subcommand)]
@@ -30,6 +31,7 @@ enum Command {
     Select(select::Arguments),
     Interpolate(interpolate::Arguments),
     LeaveOneOut(leave_one_out::Arguments),
+    Image(image::Arguments),
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
@@ -40,6 +42,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         Command::Select(arguments) => select::run(arguments),
         Command::Interpolate(arguments) => interpolate::run(arguments),
         Command::LeaveOneOut(arguments) => leave_one_out::run(arguments),
+        Command::Image(arguments) => image::run(arguments),
     }
 }
 

@@ -249,6 +249,59 @@ fn a_few_surfaces_stand_for_a_folder() {
     assert!(succeed(folder, &["surface", "select", "many"]).contains("2 of 3 surfaces"));
 }
 
+/// An uncompressed BMP of 24 bits of that gray value.
+fn bitmap(side: u32, gray: impl Fn(u32, u32) -> u8) -> Vec<u8> {
+    let mut bytes = b"BM\0\0\0\0\0\0\0\0".to_vec();
+    for number in [54, 40, side, side, 24 << 16 | 1, 0, 0, 0, 0, 0, 0] {
+        bytes.extend(number.to_le_bytes());
+    }
+    for place in 0..side * side {
+        bytes.extend([gray(place % side, place / side); 3]);
+    }
+    bytes
+}
+
+#[test]
+fn a_photograph_has_a_roughness_and_a_fineness() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // Two lines per mm at 8 pixels per mm.
+    let grating = bitmap(64, |x, _| if x % 4 < 2 { 200 } else { 40 });
+    fs::write(folder.join("grating.bmp"), &grating).unwrap();
+    let found = json(
+        folder,
+        &["surface", "image", "grating.bmp", "--mm", "8", "--json"],
+    );
+    let number = |key: &str| found[key].as_f64().unwrap();
+    assert_eq!(
+        (number("width_px"), number("height_px"), number("pixels_per_mm")),
+        (64.0, 64.0, 8.0)
+    );
+    assert!((number("fineness_per_mm") - 2.0).abs() < 1e-6, "{found}");
+    assert!((0.0..0.5).contains(&number("angular_second_moment")), "{found}");
+    let even = bitmap(64, |_, _| 90);
+    fs::write(folder.join("even.bmp"), &even).unwrap();
+    let text = succeed(folder, &["surface", "image", "even.bmp", "--mm", "8"]);
+    assert!(
+        text.contains("angular second moment 1 ") && text.contains("0 cycles/mm"),
+        "{text}"
+    );
+    let refused = |name: &str, bytes: &[u8]| {
+        fs::write(folder.join(name), bytes).unwrap();
+        fail(folder, &["surface", "image", name, "--mm", "8"])
+    };
+    assert!(refused("cut.bmp", &grating[..grating.len() - 1]).contains("cut.bmp"));
+    assert!(refused("photo.jpg", &[0xff, 0xd8, 0xff, 0xe0]).contains("JPEG"));
+    assert!(refused("table.csv", b"a,b\n1,2\n").contains("neither a PNG nor a BMP"));
+    let mut huge = grating;
+    huge[18..22].copy_from_slice(&1_000_000_u32.to_le_bytes());
+    assert!(refused("huge.bmp", &huge).contains("1000000 x 64 pixels"));
+    for size in ["0", "-1", "nan", "wide"] {
+        let output = haptograph(folder, &["surface", "image", "even.bmp", "--mm", size], "");
+        assert_eq!(output.status.code(), Some(2), "{size}");
+    }
+}
+
 #[test]
 fn maps_are_compared_on_measured_models_which_a_law_has_not() {
     let folder = workshop();
