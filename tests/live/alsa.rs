@@ -284,8 +284,13 @@ fn a_card_of_the_studio_is_silent_until_it_is_armed() {
         .unwrap();
     let raw = folder.path().join("heard.raw");
     let start = Instant::now();
-    // A second of two channels at least.
-    while fs::metadata(&raw).map_or(0, |raw| raw.len()) < 400_000 {
+    // A second of two channels at least, and what it says after it has opened the card.
+    let says = || {
+        fs::read_to_string(&said)
+            .unwrap()
+            .contains("until armed on the page: `coil`")
+    };
+    while fs::metadata(&raw).map_or(0, |raw| raw.len()) < 400_000 || !says() {
         if child.try_wait().unwrap().is_some() {
             let told = fs::read_to_string(&warned).unwrap();
             assert!(
@@ -299,10 +304,5 @@ fn a_card_of_the_studio_is_silent_until_it_is_armed() {
     }
     child.kill().unwrap();
     child.wait().unwrap();
-    assert!(
-        fs::read_to_string(&said)
-            .unwrap()
-            .contains("until armed on the page: `coil`")
-    );
     assert!(fs::read(&raw).unwrap().iter().all(|byte| *byte == 0));
 }
