@@ -52,8 +52,8 @@ pub enum StageError {
     Graph(Diagnostics),
     /// The graph exceeds the limits and devices of the file when the studio was opened, one sentence each.
     #[error(
-        "a page alone cannot raise limits, add actuators or change devices: {}; nothing was changed. \
-         Confirm it at the terminal of the studio, then repeat it here",
+        "nothing was changed: a page alone cannot raise limits, add actuators or change devices. Confirm this at the \
+         terminal of the studio, then repeat it here: {}",
         .0.join("; ")
     )]
     Beyond(Vec<String>),

@@ -166,6 +166,7 @@ fn open(folder: &Path, endpoints: Option<&str>) -> Result<Studio, haptograph_stu
         out: folder.join("out"),
         surfaces: Vec::new(),
         lan: Some(IpAddr::V4(Ipv4Addr::new(127, 0, 0, 2))),
+        learner: None,
     };
     Studio::open(&options, &haptograph_nodes::registry())
 }
