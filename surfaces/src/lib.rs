@@ -14,6 +14,7 @@
 
 #[cfg(not(target_family = "wasm"))]
 pub mod batch;
+pub mod bounds;
 pub mod crackle;
 pub mod evaluate;
 pub mod files;

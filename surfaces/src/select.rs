@@ -24,11 +24,7 @@ pub struct Features {
 pub fn features(surface: &Surface, walk: &RandomWalk, seed: u64) -> Result<Features, SynthesisError> {
     let power = match &surface.texture {
         Some(texture) => {
-            let trajectory = RandomWalk {
-                rate_hz: texture.rate_hz(),
-                ..*walk
-            }
-            .trajectory();
+            let trajectory = walk.at(texture.rate_hz()).trajectory();
             let vibration = synthesise(
                 texture,
                 &trajectory,

@@ -1,5 +1,6 @@
 //! A surface: the data with which a renderer reproduces one material. Each part is optional.
 
+use crate::bounds::{MAX_ACCELERATION_M_S2, MAX_FORCE_N, MAX_SPEED_M_S, RATES, shown};
 use crate::{Provenance, Taps, TextureModel};
 
 /// Friction, taps, texture and stiffness of one material, with their provenance.
@@ -145,18 +146,31 @@ pub enum SurfaceError {
     /// No taps at all.
     #[error("the list of taps is empty; leave the taps out if there are none")]
     NoTaps,
-    /// The sample rate of the taps is not a positive number.
-    #[error("the taps' rate is {rate_hz} Hz; it must be a finite number above 0")]
+    /// The sample rate of the taps is out of its bounds.
+    #[error("the taps' rate is {} Hz; it must be {RATES}", shown(*rate_hz))]
     TapRate {
         /// The value given.
+        rate_hz: f64,
+    },
+    /// Taps that are too long at another rate.
+    #[error(
+        "the {taps} taps have {samples} samples at {rate_hz} Hz; at most {} in total are resampled",
+        crate::taps::MAX_RESAMPLED
+    )]
+    TapsTooLong {
+        /// The number of taps.
+        taps: usize,
+        /// Samples of each at the other rate.
+        samples: u64,
+        /// The other rate.
         rate_hz: f64,
     },
     /// A rate to which taps cannot be resampled.
     #[error("the taps cannot be resampled: {0}")]
     TapRatio(haptograph_signal::resample::ResampleError),
-    /// Impact speeds must be positive and strictly ascending.
+    /// Impact speeds must be positive, strictly ascending, and within their bound.
     #[error(
-        "tap {tap} (from 0) has impact speed {speed_m_s} m/s; speeds must be above 0 and strictly ascending"
+        "tap {tap} (from 0) has impact speed {} m/s; speeds must be above 0, strictly ascending, and at most {MAX_SPEED_M_S} m/s", shown(*speed_m_s)
     )]
     TapSpeed {
         /// The tap's number, from 0.
@@ -176,17 +190,19 @@ pub enum SurfaceError {
         /// The first tap's (or 1, if that is empty).
         expected: usize,
     },
-    /// A sample that is not a finite number.
-    #[error("sample {sample} of tap {tap} (both from 0) is not a finite number")]
+    /// A sample that is not a finite number, or too large.
+    #[error(
+        "sample {sample} of tap {tap} (both from 0) is not a number of at most {MAX_ACCELERATION_M_S2} m/s2"
+    )]
     TapSample {
         /// The tap's number, from 0.
         tap: usize,
         /// The sample's number, from 0.
         sample: usize,
     },
-    /// A tap that pulls the tool, or whose force is not finite.
+    /// A tap that pulls the tool, or whose force is too large.
     #[error(
-        "tap {tap} (from 0) has a peak force of {peak_force_n} N; it must be a finite number above 0 (leave it out if unknown)"
+        "tap {tap} (from 0) has a peak force of {} N; it must be above 0 and at most {MAX_FORCE_N} N (leave it out if unknown)", shown(*peak_force_n)
     )]
     TapForce {
         /// The tap's number, from 0.

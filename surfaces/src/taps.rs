@@ -1,6 +1,7 @@
 //! Taps: the acceleration transients of a tool that strikes the material, by impact speed.
 
 use crate::SurfaceError;
+use crate::bounds::{MAX_ACCELERATION_M_S2, MAX_FORCE_N, MAX_SPEED_M_S, RATES_HZ};
 use crate::metrics::{WindowSettings, WindowedSpectra};
 use crate::statistics::{Line, mean};
 use haptograph_signal::resample::{Quality, Resampler};
@@ -42,6 +43,8 @@ const GROWTH: f64 = 0.70;
 /// Amplitudes grow up to this multiple of the fastest recorded speed.
 const GROWTH_REACH: f64 = 3.0;
 
+/// Most samples of all taps together at another rate: 256 MiB.
+pub(crate) const MAX_RESAMPLED: usize = 1 << 25;
 /// Largest number of silent samples that is tried to make a resampler's delay a whole number of outputs.
 const MAX_LEAD: usize = 10_000;
 
@@ -61,7 +64,7 @@ pub struct TapMix {
 impl Taps {
     /// Taps at `rate_hz`. Checks that speeds are positive and strictly ascending, lengths equal, samples finite, forces positive.
     pub fn new(rate_hz: f64, taps: Vec<Tap>) -> Result<Self, SurfaceError> {
-        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+        if !RATES_HZ.contains(&rate_hz) {
             return Err(SurfaceError::TapRate { rate_hz });
         }
         let expected = taps
@@ -72,7 +75,7 @@ impl Taps {
             .max(1);
         let mut slower = 0.0;
         for (index, tap) in taps.iter().enumerate() {
-            if !(tap.speed_m_s.is_finite() && tap.speed_m_s > slower) {
+            if !(tap.speed_m_s > slower && tap.speed_m_s <= MAX_SPEED_M_S) {
                 return Err(SurfaceError::TapSpeed {
                     tap: index,
                     speed_m_s: tap.speed_m_s,
@@ -89,14 +92,15 @@ impl Taps {
             }
             if let Some(peak_force_n) = tap
                 .peak_force_n
-                .filter(|force| !(force.is_finite() && *force > 0.0))
+                .filter(|force| !(*force > 0.0 && *force <= MAX_FORCE_N))
             {
                 return Err(SurfaceError::TapForce {
                     tap: index,
                     peak_force_n,
                 });
             }
-            if let Some(sample) = tap.acceleration_m_s2.iter().position(|a| !a.is_finite()) {
+            let bound = -MAX_ACCELERATION_M_S2..=MAX_ACCELERATION_M_S2;
+            if let Some(sample) = tap.acceleration_m_s2.iter().position(|a| !bound.contains(a)) {
                 return Err(SurfaceError::TapSample { tap: index, sample });
             }
         }
@@ -171,6 +175,14 @@ impl Taps {
         let rate =
             |rate_hz: f64| Rate::parse(&rate_hz.to_string()).map_err(|_| SurfaceError::TapRate { rate_hz });
         let (from, to) = (rate(self.rate_hz)?, rate(rate_hz)?);
+        let samples = (self.length() as f64 * rate_hz / self.rate_hz).ceil();
+        if samples * self.taps.len() as f64 > MAX_RESAMPLED as f64 {
+            return Err(SurfaceError::TapsTooLong {
+                taps: self.taps.len(),
+                samples: samples as u64,
+                rate_hz,
+            });
+        }
         let mut resampler = Resampler::new(from, to, Quality::STANDARD).map_err(SurfaceError::TapRatio)?;
         // Silence before the tap, so that its first sample falls on an output sample.
         let (latency, ratio) = (resampler.latency_frames(), rate_hz / self.rate_hz);

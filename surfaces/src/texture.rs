@@ -1,5 +1,6 @@
 //! A texture: models of sliding vibration over speed and force, triangulated.
 
+use crate::bounds::{RATES, RATES_HZ, shown};
 use crate::crackle::{self, Crackle};
 use crate::hull::{self, Hull};
 use crate::lines::{self, SpatialLine};
@@ -51,7 +52,7 @@ impl TextureModel {
     /// Checks that the rate is positive, all models have the same order and warping factor, models at zero speed or force are
     /// silent, and the triangles tile the range from zero to the maximum.
     pub fn new(rate_hz: f64, models: Vec<ModelAt>, triangles: Vec<Triangle>) -> Result<Self, TextureError> {
-        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+        if !RATES_HZ.contains(&rate_hz) {
             return Err(TextureError::Rate { rate_hz });
         }
         let orders = |at: &ModelAt| (at.model.ar().len(), at.model.ma().len());
@@ -272,7 +273,7 @@ fn positions(models: &[ModelAt]) -> Vec<(f64, f64)> {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TextureError {
     /// The rate is not positive.
-    #[error("the models' rate is {rate_hz} Hz; it must be a finite number above 0")]
+    #[error("the rate of the texture's models is {} Hz; it must be {RATES}", shown(*rate_hz))]
     Rate {
         /// The value given.
         rate_hz: f64,

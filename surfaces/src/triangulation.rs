@@ -3,6 +3,7 @@
 //! Triangles come from the Delaunay triangulation of the z-scored vertices, or from a file. The constructor proves that
 //! they tile the rectangle from (0, 0) to the maximum exactly.
 
+use crate::bounds::{MAX_FORCE_N, MAX_SPEED_M_S, shown};
 use spade::{DelaunayTriangulation, Point2, Triangulation as _};
 use std::collections::HashMap;
 
@@ -205,8 +206,7 @@ fn check_points(points: &[(f64, f64)]) -> Result<(f64, f64), TriangulationError>
     let (mut max_speed, mut max_force) = (0.0_f64, 0.0_f64);
     let mut seen = HashMap::new();
     for (vertex, &(speed, force)) in points.iter().enumerate() {
-        // The upper bound keeps every product below finite.
-        if !((0.0..1e100).contains(&speed) && (0.0..1e100).contains(&force)) {
+        if !((0.0..=MAX_SPEED_M_S).contains(&speed) && (0.0..=MAX_FORCE_N).contains(&force)) {
             return Err(TriangulationError::Position {
                 vertex,
                 speed_m_s: speed,
@@ -405,9 +405,9 @@ fn z_scores(values: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
 /// An error in the triangles of a map.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TriangulationError {
-    /// A vertex with a negative or infinite speed or force.
+    /// A vertex whose speed or force is out of its bounds.
     #[error(
-        "vertex {vertex} (from 0) lies at {speed_m_s} m/s, {force_n} N; both must be finite and not negative"
+        "vertex {vertex} (from 0) lies at {} m/s, {} N; the speed must be from 0 to {MAX_SPEED_M_S} m/s, the force from 0 to {MAX_FORCE_N} N", shown(*speed_m_s), shown(*force_n)
     )]
     Position {
         /// The number, from 0.

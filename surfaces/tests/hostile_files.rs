@@ -226,7 +226,7 @@ fn files_that_ask_for_memory_do_not_get_it() {
     let repeat =
         |head: &str, part: &str, tail: &str| [head, &part.repeat(300_000 / part.len()), tail].concat();
     let surface = "Surface(format: 1, name: \"\", provenance: (origin: imported, source: \"\", made_by: \"\"";
-    let open = format!("{surface}), texture: (rate_hz: 1, filters: [");
+    let open = format!("{surface}), texture: (rate_hz: 1000, filters: [");
     for text in [
         repeat("", "(", ""),
         repeat("", "[", ""),
@@ -263,12 +263,12 @@ fn files_that_ask_for_memory_do_not_get_it() {
         ),
         repeat(&format!("{surface}, settings: {{"), "\"\":\"\",", "}))"),
         repeat(
-            &format!("{surface}), taps: (rate_hz: 1, taps: [(speed_mm_s: 1, acceleration_m_s2: ["),
+            &format!("{surface}), taps: (rate_hz: 1000, taps: [(speed_mm_s: 1, acceleration_m_s2: ["),
             "0,",
             "])]))",
         ),
         repeat(
-            &format!("{surface}), taps: (rate_hz: 1, taps: ["),
+            &format!("{surface}), taps: (rate_hz: 1000, taps: ["),
             "(speed_mm_s:1,acceleration_m_s2:[]),",
             "]))",
         ),
@@ -291,7 +291,7 @@ fn the_largest_map_that_is_read_keeps_within_its_memory() {
         .collect();
     let lsf: Vec<String> = (1..=32).map(|k| format!("{}", 0.09 * f64::from(k))).collect();
     let text = format!(
-        "(format:1,name:\"\",provenance:(origin:imported,source:\"\",made_by:\"\"),texture:(rate_hz:1,filters:[(ar_lsf:[{}])],vertices:[{vertices}]))",
+        "(format:1,name:\"\",provenance:(origin:imported,source:\"\",made_by:\"\"),texture:(rate_hz:1000,filters:[(ar_lsf:[{}])],vertices:[{vertices}]))",
         lsf.join(",")
     );
     assert!(

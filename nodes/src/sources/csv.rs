@@ -99,8 +99,8 @@ impl Table {
     fn ticks(&self, rate_hz: f64) -> u64 {
         let ends = self.time_s.first().zip(self.time_s.last());
         let length_s = ends.map_or(0.0, |(first, last)| last - first);
-        // A row on a tick belongs to that tick, whatever the rounding of its time.
-        (length_s * rate_hz + 1e-6) as u64 + 1
+        // A row on a tick belongs to that tick, whatever the rounding of its time. No run lasts longer than the bound.
+        (length_s * rate_hz + 1e-6).min(1e18) as u64 + 1
     }
 
     fn read(settings: &CsvSourceSettings, scale: f64) -> Result<Self, BuildError> {
@@ -279,6 +279,13 @@ mod tests {
         settings.between = Between::Hold;
         let mut bench = Bench::new::<CsvSource>(settings, 20.0, &[]).unwrap();
         near(&bench.run_source(6)[0], &[1.0, 1.0, 1.0, 1.0, 3.0, 3.0]);
+    }
+
+    #[test]
+    fn times_without_bounds_do_not_overflow() {
+        let file = File::new("time_s,force_n\n-1e308,1\n1e308,3\n");
+        let mut bench = Bench::new::<CsvSource>(file.settings("force_n", "force"), 10.0, &[]).unwrap();
+        assert_eq!(bench.run_source(1)[0], [1.0]);
     }
 
     #[test]

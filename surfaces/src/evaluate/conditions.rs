@@ -100,11 +100,11 @@ impl Responses {
         let (speed, force) = (texture.max_speed_m_s(), texture.max_force_n());
         let walk = RandomWalk {
             seconds: SECONDS,
-            rate_hz: texture.rate_hz(),
             speed_m_s: (0.03 * speed, 0.95 * speed),
             force_n: (0.05 * force, 0.95 * force),
             ..RandomWalk::default()
-        };
+        }
+        .at(texture.rate_hz());
         let (hand, centre) = (walk.trajectory(), centre_for(texture));
         let play = |condition: Condition| {
             let played = synthesise(texture, &condition.trajectory(&hand, centre), &Default::default());

@@ -104,10 +104,7 @@ pub fn perceptual_map(
     if count < 3 {
         return Err(MapError::TooFew { textures: count });
     }
-    let walk = RandomWalk {
-        rate_hz: textures[0].2.rate_hz(),
-        ..settings.walk
-    };
+    let walk = settings.walk.at(textures[0].2.rate_hz());
     let spectra = play_all(textures, &walk.trajectory(), settings, &|part| {
         progress(0.5 * part)
     })?;

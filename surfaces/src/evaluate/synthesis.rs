@@ -118,10 +118,23 @@ impl Default for RandomWalk {
 /// Updates between two calls of `progress`.
 pub(super) const TOLD_EVERY: usize = 512;
 
+/// Most samples of a walk: half a minute at 100 kHz.
+const MAX_WALK: f64 = 3e6;
+
 /// Rate of the walk before interpolation, Hz.
 const WALK_HZ: f64 = 100.0;
 
 impl RandomWalk {
+    /// The same walk at the rate of a texture; shorter where it would have more than [`MAX_WALK`] samples.
+    pub fn at(&self, rate_hz: f64) -> Self {
+        let seconds = self.seconds.min(MAX_WALK / rate_hz);
+        Self {
+            seconds,
+            rate_hz,
+            ..*self
+        }
+    }
+
     /// Computes the walk; empty for zero duration or rate.
     pub fn trajectory(&self) -> Trajectory {
         let samples = (self.seconds * self.rate_hz).max(0.0) as usize;

@@ -7,6 +7,7 @@ use super::cells::{CELLS, Cells};
 use super::correction::{Correction, Stretch};
 use super::regression::{Law, Place, Prior, fit, fit_robustly};
 use super::texture::LearnTextureError;
+use crate::bounds::{MAX_FORCE_N, MAX_SPEED_M_S};
 use crate::{ArmaModel, ModelAt, TextureModel, VertexKind};
 use haptograph_signal::prediction::levinson;
 use haptograph_signal::warped::cell_autocovariance;
@@ -243,11 +244,13 @@ impl SpectralLaw {
     /// Models at the points of a grid from rest to beyond the data, and triangles between them.
     pub fn on_grid(&self, axis: Axis) -> Result<TextureModel, LearnTextureError> {
         let slowest = SLOWEST_M_S.min(self.speed_m_s.0);
-        let speeds = grid(slowest, self.speed_m_s.1 * POWER_REACH, SPEED_RATIO);
+        let fastest = (self.speed_m_s.1 * POWER_REACH).min(MAX_SPEED_M_S);
+        let speeds = grid(slowest, fastest, SPEED_RATIO);
         let lightest = self.fade_n;
         // Triangles between (0, 0) and two speeds at the lightest force are crude: the smaller they are, the less.
         let mut forces = vec![0.0, lightest / 4.0, lightest / 2.0];
-        forces.extend(&grid(lightest, self.force_n.1 * POWER_REACH, FORCE_RATIO)[1..]);
+        let firmest = (self.force_n.1 * POWER_REACH).min(MAX_FORCE_N);
+        forces.extend(&grid(lightest, firmest, FORCE_RATIO)[1..]);
         let mut models = Vec::with_capacity(speeds.len() * forces.len());
         for &speed_m_s in &speeds {
             for &force_n in &forces {

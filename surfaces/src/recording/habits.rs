@@ -246,12 +246,12 @@ fn names_that_leave_no_doubt_are_taken_and_others_are_not() {
     };
     let path = folder.with(
         "y.csv",
-        "Timestamp,Acc [g],x\n2026-11-12 14:00:00,1,0\n2026-11-12 14:00:01,2,0\n",
+        "Timestamp,Acc [g],x\n2026-11-12 14:00:00,1,0\n2026-11-12 14:00:00.05,2,0\n",
     );
     let (signal, findings) = load_signal(&path, None, &ImportSettings::default()).expect("a signal");
     assert_eq!(
         (signal.values[0], signal.rate_hz, findings.len()),
-        (9.80665, Some(1.0), 2),
+        (9.80665, Some(20.0), 2),
         "{findings:?}"
     );
     // Without a unit, or where two could be it, nothing is taken; the hint asks for a unit only where there is none.

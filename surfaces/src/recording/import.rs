@@ -8,6 +8,8 @@ pub(super) use even::{Timing, resampled, timing};
 pub use offset::remove_offset;
 pub(super) use repair::{clipped, interpolate_missing, remove_outliers};
 
+pub(super) use crate::bounds::shown;
+
 use super::error::listed;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -155,11 +157,6 @@ pub enum Finding {
     SpeedOfPosition { columns: Vec<String>, cutoff_hz: f64 },
     /// A column of times that is not used, because a rate was given.
     TimesNotUsed { column: String },
-}
-
-/// Formats a number for a message: seven digits, no trailing zeros.
-pub(super) fn shown(value: f64) -> f64 {
-    format!("{value:.6e}").parse().unwrap_or(value)
 }
 
 /// A number for a message: three digits.
@@ -317,6 +314,12 @@ const PLAUSIBLE: [Plausible; 3] = [
         too_large: "faster than any hand; if the unit is mm/s, add --unit speed=mm/s",
     },
 ];
+
+/// The advice about a number that no sensor gives.
+pub(super) fn too_large(name: &str) -> &'static str {
+    let plausible = PLAUSIBLE.iter().find(|known| known.name == name);
+    plausible.map_or("check the cell and the unit", |known| known.too_large)
+}
 
 /// A finding if the largest magnitude of a quantity is implausible.
 pub(super) fn plausibility(name: &str, column: &str, values: &[f64]) -> Option<Finding> {

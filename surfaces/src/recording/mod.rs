@@ -37,6 +37,7 @@ pub use signal::{Column, read_column, read_signal};
 pub use spool::{Spool, assemble, spool_folder};
 
 use crate::Provenance;
+use crate::bounds::{self, RATES, RATES_HZ};
 use import::shown;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -166,7 +167,7 @@ impl std::str::FromStr for Gesture {
 impl Recording {
     /// A recording of `motion` (240 Hz in the thesis), `wrench` and `acceleration_v` (10 kHz, V).
     ///
-    /// Checks that each sensor has at least two samples, all numbers are finite, orientations are unit quaternions
+    /// Checks that each sensor has at least two samples, all numbers are within their [`bounds`], orientations are unit quaternions
     /// (to 1e-3; they are normalised here), the force sensor's rotation is orthonormal, and the three overlap in time.
     pub fn new(
         mut motion: Series<Pose>,
@@ -176,11 +177,15 @@ impl Recording {
         gesture: Gesture,
         provenance: Provenance,
     ) -> Result<Self, RecordingError> {
-        motion.check("motion", |pose| {
-            all_finite(&pose.position_m) && all_finite(&pose.orientation)
+        motion.check("motion", (bounds::MAX_POSITION_M, "m"), |pose| {
+            magnitude(&pose.position_m).max(magnitude(&pose.orientation))
         })?;
-        wrench.check("wrench", |w| all_finite(&w.force_n) && all_finite(&w.torque_n_m))?;
-        acceleration_v.check("acceleration", |a| all_finite(a))?;
+        wrench.check("wrench", (bounds::MAX_FORCE_N, "N or N m"), |wrench| {
+            magnitude(&wrench.force_n).max(magnitude(&wrench.torque_n_m))
+        })?;
+        acceleration_v.check("acceleration", (bounds::MAX_ACCELERATION_M_S2, "V"), |a| {
+            magnitude(a)
+        })?;
         calibration.check()?;
         for (sample, pose) in motion.samples.iter_mut().enumerate() {
             let length = pose.orientation.iter().map(|q| q * q).sum::<f64>().sqrt();
@@ -243,11 +248,10 @@ impl Recording {
 
 impl Calibration {
     fn check(&self) -> Result<(), RecordingError> {
-        let finite = all_finite(&self.acceleration_zero_v) && all_finite(&self.tracker_to_tip_m);
-        let sensitive = self
-            .acceleration_m_s2_per_v
-            .iter()
-            .all(|s| s.is_finite() && *s != 0.0);
+        let is_bounded = magnitude(&self.acceleration_zero_v) <= bounds::MAX_ACCELERATION_M_S2
+            && magnitude(&self.acceleration_m_s2_per_v) <= bounds::MAX_ACCELERATION_M_S2
+            && magnitude(&self.tracker_to_tip_m) <= bounds::MAX_POSITION_M;
+        let sensitive = self.acceleration_m_s2_per_v.iter().all(|s| *s != 0.0);
         let r = self.force_sensor_to_tool;
         let dot = |i: usize, j: usize| (0..3).map(|k| r[i][k] * r[j][k]).sum::<f64>();
         let orthonormal = (0..3)
@@ -258,7 +262,7 @@ impl Calibration {
                 r[0][k] * (r[1][(k + 1) % 3] * r[2][(k + 2) % 3] - r[1][(k + 2) % 3] * r[2][(k + 1) % 3])
             })
             .sum::<f64>();
-        if finite && sensitive && orthonormal && determinant > 0.0 {
+        if is_bounded && sensitive && orthonormal && determinant > 0.0 {
             Ok(())
         } else {
             Err(RecordingError::Calibration)
@@ -304,11 +308,11 @@ pub struct Signals {
 }
 
 impl ProcessedRecording {
-    /// Checks that the rate is positive, all quantities have the same number of samples (at least two), all are finite,
-    /// and no speed is negative.
+    /// Checks that all quantities have the same number of samples (at least two), that they and the rate are within their
+    /// [`bounds`], and no speed is negative.
     pub fn new(signals: Signals, gesture: Gesture, provenance: Provenance) -> Result<Self, RecordingError> {
         let Signals { rate_hz, .. } = signals;
-        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+        if !RATES_HZ.contains(&rate_hz) {
             return Err(RecordingError::Rate {
                 quantity: "recording",
                 rate_hz,
@@ -322,12 +326,12 @@ impl ProcessedRecording {
             });
         }
         let columns = [
-            ("acceleration", Some(&signals.acceleration_m_s2)),
-            ("normal force", Some(&signals.force_normal_n)),
-            ("tangential force", signals.force_tangential_n.as_ref()),
-            ("speed", Some(&signals.speed_m_s)),
+            ("acceleration", ACCELERATIONS, Some(&signals.acceleration_m_s2)),
+            ("normal force", FORCES, Some(&signals.force_normal_n)),
+            ("tangential force", FORCES, signals.force_tangential_n.as_ref()),
+            ("speed", (bounds::MAX_SPEED_M_S, "m/s"), Some(&signals.speed_m_s)),
         ];
-        for (quantity, column) in columns {
+        for (quantity, bound, column) in columns {
             let Some(column) = column else { continue };
             if column.len() != expected {
                 return Err(RecordingError::Lengths {
@@ -336,11 +340,14 @@ impl ProcessedRecording {
                     expected,
                 });
             }
-            if let Some(sample) = column.iter().position(|x| !x.is_finite()) {
-                return Err(RecordingError::NotFinite { quantity, sample });
-            }
+            RecordingError::check(quantity, bound, column.iter().copied())?;
         }
-        check_axes("acceleration axes", signals.axes_m_s2.as_deref(), expected)?;
+        check_axes(
+            "acceleration axes",
+            ACCELERATIONS,
+            signals.axes_m_s2.as_deref(),
+            expected,
+        )?;
         if let Some(sample) = signals.speed_m_s.iter().position(|&v| v < 0.0) {
             return Err(RecordingError::NegativeSpeed {
                 sample,
@@ -360,8 +367,13 @@ impl ProcessedRecording {
     /// # Errors
     /// Axes of another length than the signals, or a number that is not finite.
     pub fn with_world(mut self, world: WorldAxes) -> Result<Self, RecordingError> {
-        check_axes("position axes", world.position_m.as_deref(), self.samples())?;
-        check_axes("force axes", world.force_n.as_deref(), self.samples())?;
+        check_axes(
+            "position axes",
+            (bounds::MAX_POSITION_M, "m"),
+            world.position_m.as_deref(),
+            self.samples(),
+        )?;
+        check_axes("force axes", FORCES, world.force_n.as_deref(), self.samples())?;
         self.world = Arc::new(world);
         Ok(self)
     }
@@ -416,6 +428,14 @@ impl AnyRecording {
         }
     }
 
+    /// Samples of the vibration per second.
+    pub fn vibration_hz(&self) -> f64 {
+        match self {
+            AnyRecording::Raw(recording) => recording.acceleration_v.rate_hz,
+            AnyRecording::Processed(recording) => recording.rate_hz(),
+        }
+    }
+
     /// The origin.
     pub fn provenance(&self) -> &Provenance {
         match self {
@@ -446,6 +466,7 @@ impl AnyRecording {
 
 fn check_axes(
     quantity: &'static str,
+    bound: (f64, &'static str),
     axes: Option<&[[f64; 3]]>,
     expected: usize,
 ) -> Result<(), RecordingError> {
@@ -458,23 +479,28 @@ fn check_axes(
             expected,
         });
     }
-    match axes.iter().position(|a| !all_finite(a)) {
-        Some(sample) => Err(RecordingError::NotFinite { quantity, sample }),
-        None => Ok(()),
-    }
+    RecordingError::check(quantity, bound, axes.iter().map(|a| magnitude(a)))
 }
 
-fn all_finite(values: &[f64]) -> bool {
-    values.iter().all(|x| x.is_finite())
+const ACCELERATIONS: (f64, &str) = (bounds::MAX_ACCELERATION_M_S2, "m/s2");
+const FORCES: (f64, &str) = (bounds::MAX_FORCE_N, "N");
+
+/// The largest magnitude; infinite if one is no finite number.
+fn magnitude(values: &[f64]) -> f64 {
+    let finite = |x: &f64| if x.is_finite() { x.abs() } else { f64::INFINITY };
+    values.iter().map(finite).fold(0.0, f64::max)
 }
 
 /// An error in the samples or the calibration of a recording.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum RecordingError {
-    #[error("the rate of the {quantity} is {} Hz; it must be a finite number above 0", shown(*rate_hz))]
+    #[error("the rate of the {quantity} is {} Hz; it must be {RATES}", shown(*rate_hz))]
     Rate { quantity: &'static str, rate_hz: f64 },
-    #[error("the {quantity} starts at {start_s} s; that must be a finite number")]
+    #[error(
+        "the {quantity} starts at {start_s} s; that must be at most {} s from 0",
+        bounds::MAX_TIME_S
+    )]
     Start { quantity: &'static str, start_s: f64 },
     #[error("the {quantity} has {samples} samples; a recording needs at least two")]
     TooShort { quantity: &'static str, samples: usize },
@@ -491,6 +517,16 @@ pub enum RecordingError {
     )]
     NotFinite { quantity: &'static str, sample: usize },
     #[error(
+        "sample {sample} (from 0) of the {quantity} has a magnitude of {} {unit}; at most {} {unit} is read: check the unit", shown(*value), shown(*most)
+    )]
+    TooLarge {
+        quantity: &'static str,
+        sample: usize,
+        value: f64,
+        most: f64,
+        unit: &'static str,
+    },
+    #[error(
         "the orientation of sample {sample} (from 0) is a quaternion of length {}; it must be a unit quaternion", shown(*length)
     )]
     Orientation { sample: usize, length: f64 },
@@ -505,6 +541,32 @@ pub enum RecordingError {
     NoOverlap { begin_s: f64, end_s: f64 },
     #[error("the speed at sample {sample} (from 0) is {} m/s; a speed cannot be negative", shown(*speed_m_s))]
     NegativeSpeed { sample: usize, speed_m_s: f64 },
+}
+
+impl RecordingError {
+    /// The error of the first value that is no finite number, or larger than the bound.
+    fn check(
+        quantity: &'static str,
+        (most, unit): (f64, &'static str),
+        values: impl Iterator<Item = f64>,
+    ) -> Result<(), Self> {
+        // NaN is not within it.
+        match values
+            .map(f64::abs)
+            .enumerate()
+            .find(|(_, x)| !(0.0..=most).contains(x))
+        {
+            None => Ok(()),
+            Some((sample, value)) if value.is_finite() => Err(Self::TooLarge {
+                quantity,
+                sample,
+                value,
+                most,
+                unit,
+            }),
+            Some((sample, _)) => Err(Self::NotFinite { quantity, sample }),
+        }
+    }
 }
 
 #[cfg(test)]

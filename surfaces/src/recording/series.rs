@@ -1,6 +1,7 @@
 //! Samples at an even rate.
 
 use super::RecordingError;
+use crate::bounds::{MAX_TIME_S, RATES_HZ};
 
 /// Samples at an even rate with a start time.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,20 +46,21 @@ impl<T> Series<T> {
     pub(super) fn check(
         &self,
         quantity: &'static str,
-        is_finite: impl Fn(&T) -> bool,
+        (most, unit): (f64, &'static str),
+        magnitude: impl Fn(&T) -> f64,
     ) -> Result<(), RecordingError> {
         let Self {
             rate_hz,
             start_s,
             samples,
         } = self;
-        if !(rate_hz.is_finite() && *rate_hz > 0.0) {
+        if !RATES_HZ.contains(rate_hz) {
             return Err(RecordingError::Rate {
                 quantity,
                 rate_hz: *rate_hz,
             });
         }
-        if !start_s.is_finite() {
+        if !(-MAX_TIME_S..=MAX_TIME_S).contains(start_s) {
             return Err(RecordingError::Start {
                 quantity,
                 start_s: *start_s,
@@ -70,10 +72,7 @@ impl<T> Series<T> {
                 samples: samples.len(),
             });
         }
-        match samples.iter().position(|sample| !is_finite(sample)) {
-            Some(sample) => Err(RecordingError::NotFinite { quantity, sample }),
-            None => Ok(()),
-        }
+        RecordingError::check(quantity, (most, unit), samples.iter().map(magnitude))
     }
 }
 

@@ -307,7 +307,7 @@ fn unsound_recordings_are_refused() {
         Err(RecordingError::Orientation { sample: 3, .. })
     ));
     let signals = |speed: f64| Signals {
-        rate_hz: 1.0,
+        rate_hz: 1000.0,
         acceleration_m_s2: vec![0.0; 2],
         force_normal_n: vec![0.0; 2],
         force_tangential_n: None,
@@ -368,4 +368,57 @@ fn ten_seconds_load_in_well_under_a_tenth_of_a_second() {
     let took = began.elapsed();
     assert!(back == recording, "what was read is not what was written");
     assert!(took.as_millis() < 100, "{took:?} for {} bytes", bytes.len());
+}
+
+#[test]
+fn numbers_without_bounds_are_refused_at_their_cell_or_by_name() {
+    let table = |rows: &str| format!("accel_m_s2,force_normal_n,speed_mm_s\n1,1,80\n{rows}\n");
+    for (text, place) in [
+        ("# rate_hz: 1000\n".to_owned() + &table("2,1,1e16"), Some((4, 3))),
+        ("# rate_hz: 1000\n".to_owned() + &table("2,1,1e308"), Some((4, 3))),
+        ("# rate_hz: 1000\n".to_owned() + &table("2,-1e5,80"), Some((4, 2))),
+        ("# rate_hz: 1000\n".to_owned() + &table("1e12,1,80"), Some((4, 1))),
+        ("# rate_hz: 1e12\n".to_owned() + &table("2,1,80"), None),
+        ("# rate_hz: 1e-3\n".to_owned() + &table("2,1,80"), None),
+        (
+            "time_s,accel_m_s2,force_normal_n,speed_mm_s\n0,1,1,1\n1e-9,1,1,1\n".to_owned(),
+            Some((1, 0)),
+        ),
+        (
+            "time_s,accel_m_s2,force_normal_n,speed_mm_s\n0,1,1,1\n1e300,1,1,1\n".to_owned(),
+            Some((3, 1)),
+        ),
+    ] {
+        let found = match read_csv(text.as_bytes(), "x") {
+            Err(ReadError::Csv { line, .. }) => Some((line, 0)),
+            Err(ReadError::CsvCell { line, column, .. }) => Some((line, column)),
+            Err(ReadError::Io(message)) => {
+                assert!(message.contains("from 10 Hz to 1 MHz"), "{message}");
+                None
+            }
+            other => panic!("{text}: {other:?}"),
+        };
+        assert_eq!(found, place, "{text}");
+    }
+    let signals = |rate_hz, speed| Signals {
+        rate_hz,
+        acceleration_m_s2: vec![0.0, 1.0],
+        force_normal_n: vec![1.0; 2],
+        speed_m_s: vec![0.1, speed],
+        ..Signals::default()
+    };
+    let made = |rate_hz, speed| {
+        let provenance = Provenance::new(Origin::Procedural, "a test");
+        ProcessedRecording::new(signals(rate_hz, speed), Gesture::Drag, provenance).map(drop)
+    };
+    assert_eq!(made(1000.0, 100.0), Ok(()));
+    assert!(matches!(
+        made(1000.0, 1e13),
+        Err(RecordingError::TooLarge { sample: 1, .. })
+    ));
+    assert!(matches!(
+        made(1000.0, f64::NAN),
+        Err(RecordingError::NotFinite { sample: 1, .. })
+    ));
+    assert!(matches!(made(1e12, 0.1), Err(RecordingError::Rate { .. })));
 }

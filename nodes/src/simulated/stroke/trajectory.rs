@@ -2,6 +2,7 @@
 
 use super::StrokePoint;
 use haptograph_signal::csv::{CsvError, CsvTable};
+use haptograph_surfaces::bounds::{MAX_FORCE_N, MAX_POSITION_M, MAX_TIME_S};
 use std::io::BufReader;
 
 /// The columns of a file.
@@ -44,8 +45,9 @@ impl Trajectory {
             return Err(TrajectoryError::TooShort { points: points.len() });
         }
         for (index, point) in points.iter().enumerate() {
-            let problem = if !point.iter().all(|x| x.is_finite()) {
-                "has a value that is not a finite number"
+            let most = [MAX_TIME_S, MAX_POSITION_M, MAX_POSITION_M, MAX_FORCE_N];
+            let problem = if !point.iter().zip(most).all(|(x, most)| x.abs() <= most) {
+                "has a value that is not a number or far beyond what a hand reaches"
             } else if point[3] < 0.0 {
                 "has a negative force"
             } else if index > 0 && point[0] <= points[index - 1][0] {

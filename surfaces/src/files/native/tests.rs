@@ -1,4 +1,5 @@
 use super::*;
+use crate::files::decimal::format_thousandfold;
 use crate::files::{Place, Problem, read_surface};
 use crate::hull::Hull;
 use crate::{
@@ -204,5 +205,38 @@ proptest! {
     fn any_name_comes_back(name in any::<String>()) {
         let surface = Surface::new(name.clone(), Provenance::new(Origin::Imported, name));
         prop_assert_eq!(read(&write(&surface)).unwrap(), surface);
+    }
+}
+
+#[test]
+fn numbers_without_bounds_are_refused_by_name() {
+    let surface = random_surface(1);
+    let taps = surface.taps.as_ref().unwrap();
+    let rate = |rate_hz: f64| format!("rate_hz: {rate_hz:?},");
+    let at = |speed_m_s: f64| format!("speed_mm_s: {},", format_thousandfold(speed_m_s));
+    let fastest = surface.texture.as_ref().unwrap().max_speed_m_s();
+    let text = write(&surface);
+    for (part, with, said) in [
+        (
+            format!("texture: (\n        {}", rate(1000.0)),
+            "texture: (\n        rate_hz: 1e12,",
+            "the texture's models",
+        ),
+        (
+            format!("taps: (\n        {}", rate(taps.rate_hz())),
+            "taps: (\n        rate_hz: 1e12,",
+            "the taps' rate",
+        ),
+        (
+            at(taps.taps().last().unwrap().speed_m_s),
+            "speed_mm_s: 1e16,",
+            "impact speed",
+        ),
+        (at(fastest), "speed_mm_s: 1e16,", "at 1e13 m/s"),
+    ] {
+        let broken = text.replace(&part, with);
+        assert_ne!(broken, text, "{part}");
+        let error = read_surface(broken.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
     }
 }

@@ -87,7 +87,8 @@ fn stretches(recordings: &[ProcessedRecording], whitened: &[Whitened]) -> Vec<St
 /// Divides a distance, given its steps in m, into equal windows; returns the samples of each.
 fn windows(steps_m: &[f64]) -> Vec<Range<usize>> {
     let total: f64 = steps_m.iter().sum();
-    let count = (total / WINDOW_M).round() as usize;
+    // A window has at least one step.
+    let count = ((total / WINDOW_M).round() as usize).min(steps_m.len());
     let (mut windows, mut start, mut way) = (Vec::with_capacity(count), 0, 0.0);
     for (n, step) in steps_m.iter().enumerate() {
         way += step;

@@ -45,6 +45,13 @@ fn remove(samples: &mut [f64], steps_m: &[f64], line: &FoundLine) {
             Some(*way)
         })
         .collect();
+    // Where cells are without samples there is no line to remove.
+    if ways_m
+        .last()
+        .is_none_or(|total_m| total_m / line.cell_m() > samples.len() as f64)
+    {
+        return;
+    }
     let amplitudes = amplitudes(samples, &ways_m, line);
     let coherence_m = (2.0 / line.diffusion_rad2_per_m.max(1e-9))
         .min(WINDOW_M)

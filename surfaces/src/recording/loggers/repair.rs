@@ -100,10 +100,10 @@ fn gaps_are_refused_where_they_are_and_jitter_is_not() {
 }
 
 #[test]
-fn a_speed_of_200_m_s_is_implausible() {
+fn a_speed_of_90_m_s_is_implausible() {
     let folder = Folder::new();
     let lines: String = rows(100)
-        .map(|(t, a, f, _)| format!("{t},{a},{f},200\n"))
+        .map(|(t, a, f, _)| format!("{t},{a},{f},90\n"))
         .collect();
     let path = folder.with(
         "x.csv",

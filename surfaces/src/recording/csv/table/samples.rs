@@ -1,9 +1,11 @@
 //! Samples at an even rate from the rows of a table, which are repaired if that is allowed and refused otherwise.
 
 use super::{Column, Fault, SIGNAL, Table, is_vibration};
+use crate::bounds::{self, RATES, RATES_HZ};
 use crate::recording::csv::units::plain_name;
 use crate::recording::import::{
-    Finding, Timing, clipped, interpolate_missing, remove_offset, remove_outliers, resampled, timing,
+    Finding, Timing, clipped, interpolate_missing, remove_offset, remove_outliers, resampled, shown, timing,
+    too_large,
 };
 use crate::recording::{ReadError, Series};
 use std::collections::BTreeMap;
@@ -12,8 +14,8 @@ use std::collections::BTreeMap;
 const LONGEST_REPAIR: usize = 5;
 /// Longest run of missing values that is interpolated for slower quantities, s.
 const LONGEST_SLOW_REPAIR_S: f64 = 0.05;
-/// Plausible rates of a vibration, Hz: outside them the time column has the wrong unit.
-const RATES_HZ: [f64; 2] = [100.0, 1e6];
+/// Lowest plausible rate of a vibration, Hz: below it the time column has the wrong unit.
+const PLAUSIBLE_HZ: f64 = 100.0;
 
 /// Samples of several columns at an even rate.
 pub(in crate::recording) struct Even {
@@ -52,6 +54,10 @@ impl Table {
 
     fn rate_without_times(&self) -> Result<Option<f64>, ReadError> {
         match self.given_rate_hz {
+            Some(rate_hz) if !RATES_HZ.contains(&rate_hz) => {
+                let message = format!("the given rate is {rate_hz} Hz; it must be {RATES}");
+                Err(self.error(self.header_line, message))
+            }
             Some(rate_hz) => Ok(Some(rate_hz)),
             None if self.has("time") => Ok(None),
             None => noted_rate_hz(&self.notes),
@@ -69,7 +75,8 @@ impl Table {
             };
             return Ok((timing, vec![]));
         }
-        let all = &self.columns[self.needed("time")?].values;
+        let place = self.needed("time")?;
+        let all = &self.columns[place].values;
         let mut times = match rows {
             Some(rows) => rows.iter().map(|&row| all[row]).collect(),
             None => all.clone(),
@@ -78,11 +85,19 @@ impl Table {
             self.lines
                 .of(rows.map_or(index, |rows| rows.get(index).copied().unwrap_or(0)))
         };
+        self.check_bound(place, &times, line)?;
         let longest = if self.strict { 0 } else { LONGEST_REPAIR };
         interpolate_missing(&mut times, longest)
             .map_err(|at| self.error(line(at.start), "time is missing"))?;
         let mut found =
             timing(&times, self.strict).map_err(|(index, message)| self.error(line(index), message))?;
+        if !RATES_HZ.contains(&found.rate_hz) {
+            let strange = self
+                .strange_rate(found.rate_hz)
+                .map(|strange| strange.to_string());
+            let what = strange.unwrap_or_else(|| format!("the rows come at {} Hz", shown(found.rate_hz)));
+            return Err(self.error(self.header_line, format!("{what}; the rate must be {RATES}")));
+        }
         found.start_s += self.since_s;
         Ok((found, times))
     }
@@ -101,6 +116,7 @@ impl Table {
         let mut columns = vec![];
         for (name, place) in names.iter().zip(places) {
             let mut values = std::mem::take(&mut self.columns[place].values);
+            self.check_bound(place, &values, |row| self.lines.of(row))?;
             self.inspect(name, &values, &timing);
             self.repair(name, place, &mut values, timing.rate_hz)?;
             columns.push(match timing.is_uneven {
@@ -173,23 +189,55 @@ impl Table {
         });
     }
 
+    /// Refuses a number that no sensor gives, at its cell; `line` is that of an index.
+    fn check_bound(
+        &self,
+        place: usize,
+        values: &[f64],
+        line: impl Fn(usize) -> u64,
+    ) -> Result<(), ReadError> {
+        let Column {
+            name, header, number, ..
+        } = &self.columns[place];
+        let Some((most, unit)) = bounds::largest(name) else {
+            return Ok(());
+        };
+        // What could not be read is infinite.
+        let is_beyond = |x: &f64| x.is_finite() && x.abs() > most;
+        match values.iter().position(is_beyond) {
+            None => Ok(()),
+            Some(index) => {
+                let value = shown(values[index]);
+                let advice = too_large(name);
+                let message = format!(
+                    "{header} is {value} {unit} here; at most {} {unit} is read: {advice}",
+                    shown(most)
+                );
+                Err(self.cell_error(line(index), *number, message))
+            }
+        }
+    }
+
+    /// The finding about a rate whose times probably have another unit.
+    fn strange_rate(&self, rate_hz: f64) -> Option<Finding> {
+        let column = self
+            .header_of("time")
+            .filter(|_| !self.clock.is_calendar())?
+            .to_owned();
+        Some(Finding::StrangeRate { column, rate_hz })
+    }
+
     /// Adds findings about a vibration that no repair can correct.
     fn inspect(&mut self, name: &str, values: &[f64], timing: &Timing) {
         if !is_vibration(name) {
             return;
         }
         if self.given_rate_hz.is_none()
-            && !self.clock.is_calendar()
-            && let Some(time) = self.header_of("time")
-            && !(RATES_HZ[0]..=RATES_HZ[1]).contains(&timing.rate_hz)
+            && timing.rate_hz < PLAUSIBLE_HZ
+            && let Some(finding) = self.strange_rate(timing.rate_hz)
+            && !self.findings.contains(&finding)
         {
-            let finding = Finding::StrangeRate {
-                column: time.to_owned(),
-                rate_hz: timing.rate_hz,
-            };
-            if !self.findings.contains(&finding) {
-                self.findings.push(finding);
-            }
+            self.findings.push(finding);
         }
         let count = clipped(values);
         if count > 0 {
@@ -228,6 +276,7 @@ impl Table {
         let mut columns = vec![];
         for (name, &place) in names.iter().zip(&places) {
             let mut values: Vec<f64> = rows.iter().map(|&row| self.columns[place].values[row]).collect();
+            self.check_bound(place, &values, |index| self.lines.of(rows[index]))?;
             self.inspect(name, &values, &timing);
             let unreadable = interpolate_missing(&mut values, LONGEST_REPAIR).map_err(|at| {
                 let message = format!("{name} is unreadable in {} rows from here on", at.len());
@@ -295,7 +344,7 @@ impl Table {
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let has_rate = !self.lacks_rate();
         if !has_rate {
-            self.given_rate_hz = Some(1.0);
+            self.given_rate_hz = Some(*RATES_HZ.start());
         }
         let (rate_hz, values) = match self.is_raw() {
             true => {
@@ -325,10 +374,9 @@ pub(in crate::recording) fn noted_rate_hz(
         return Ok(None);
     };
     match text.parse::<f64>() {
-        Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(Some(rate)),
-        _ => Err(ReadError::Csv {
-            line: 1,
-            message: format!("the rate {text:?} is not a number above 0"),
-        }),
+        Ok(rate) if RATES_HZ.contains(&rate) => Ok(Some(rate)),
+        _ => Err(ReadError::Io(format!(
+            "the file's rate_hz is {text}; it must be a number {RATES}"
+        ))),
     }
 }
