@@ -11,7 +11,7 @@ use crate::surfaces::recording::{
 };
 use ron::extensions::Extensions;
 use serde::Deserialize;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Maximum length of a CSV header, bytes.
@@ -92,12 +92,30 @@ const MAX_NAMED: usize = 8;
 /// The failure to read a file, shown at its place if the file is text.
 pub fn failure(error: &LoadError) -> Failure {
     match error {
-        LoadError::Read { path, source } => match files::read(path, MAX_RECORDING_BYTES) {
-            Ok(bytes) if is_text(&bytes) => wrong(path, &bytes, source, &error.to_string()),
-            _ => Failure::Message(error.to_string()),
-        },
+        LoadError::Read { path, source } => {
+            at_its_place(path, source).map_or_else(|| Failure::Message(error.to_string()), Failure::Rendered)
+        }
         LoadError::Io { .. } => Failure::Message(error.to_string()),
     }
+}
+
+/// The error shown at its place, if that is known and the file is text.
+fn at_its_place(path: &Path, error: &ReadError) -> Option<String> {
+    let mut source = BufReader::new(files::open(path, MAX_RECORDING_BYTES).ok()?);
+    if !is_text(source.fill_buf().ok()?) {
+        return None;
+    }
+    let (place, line) = error.place(source)?;
+    let name = path.display().to_string();
+    let message = format!("cannot read {name}: {}", error.what());
+    let line = decoded(&line);
+    Some(snippet::at(
+        &name,
+        line.trim_end(),
+        place.line,
+        place.column,
+        &message,
+    ))
 }
 
 fn is_text(bytes: &[u8]) -> bool {
@@ -154,21 +172,4 @@ pub fn note(path: &Path) -> Result<Note, Failure> {
 pub fn is_simulated(path: &Path) -> Result<bool, Failure> {
     let origin = head(path).and_then(|head| head.origin);
     Ok(origin == Some(Origin::Simulated) || note(path)?.simulated)
-}
-
-/// Shows the place in the text if it is known, and only names the file otherwise.
-fn wrong(path: &Path, bytes: &[u8], error: &ReadError, message: &str) -> Failure {
-    let shown = error.place(bytes).and_then(|place| {
-        let line = bytes.split(|&byte| byte == b'\n').nth(place.line - 1)?;
-        let name = path.display().to_string();
-        let message = format!("cannot read {name}: {}", error.what());
-        Some(snippet::at(
-            &name,
-            decoded(line).trim_end(),
-            place.line,
-            place.column,
-            &message,
-        ))
-    });
-    shown.map_or_else(|| Failure::Message(message.to_owned()), Failure::Rendered)
 }

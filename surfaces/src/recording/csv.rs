@@ -32,10 +32,13 @@ pub use write::{RawTable, write_csv};
 
 use super::import::{Finding, ImportSettings, plausibility};
 use super::{AnyRecording, Calibration, Gesture, Pose, ReadError, Recording, Series, Wrench};
+use crate::bounds::largest;
 use crate::files::Place;
 use crate::provenance::{TOUCH, VIBRATION_UNIT, check_touch};
 use crate::{Origin, Provenance};
 use haptograph_signal::csv::{Rows, cell_start};
+use haptograph_signal::files::MAX_LINE_BYTES;
+use std::io::BufRead;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -187,6 +190,9 @@ pub(super) fn constant(name: &str, value: &str) -> Result<(String, f64), String>
         ))
     })?;
     match number(value.as_bytes(), scale) {
+        Some(si) if largest(&plain).is_some_and(|(most, _)| si.abs() > most) => {
+            Err(format!("{name} is {value}; that is more than any sensor gives"))
+        }
         Some(si) => Ok((plain, si)),
         None => Err(format!("{value:?} is not a finite number")),
     }
@@ -268,18 +274,23 @@ fn series<T>(rows: &Series<Vec<f64>>, make: impl Fn(&Vec<f64>) -> T) -> Series<T
 }
 
 impl ReadError {
-    /// The location of the error in a CSV file.
-    pub fn place(&self, bytes: &[u8]) -> Option<Place> {
+    /// The location of the error in a CSV file, and its line, up to which `source` is read.
+    pub fn place(&self, mut source: impl BufRead) -> Option<(Place, Vec<u8>)> {
         let (line, cell) = match self {
             ReadError::Csv { line, .. } => (*line, 1),
             ReadError::CsvCell { line, column, .. } => (*line, *column),
             _ => return None,
         };
         let line = usize::try_from(line).ok()?.max(1);
-        let text = bytes.split(|&byte| byte == b'\n').nth(line - 1)?;
-        Some(Place {
-            line,
-            column: cell_start(text, cell),
-        })
+        for _ in 1..line {
+            source.skip_until(b'\n').ok()?;
+        }
+        let mut text = vec![];
+        // The line may be the one that does not end.
+        let mut rest = source.take(MAX_LINE_BYTES as u64);
+        rest.read_until(b'\n', &mut text).ok()?;
+        text.pop_if(|last| *last == b'\n');
+        let column = cell_start(&text, cell);
+        Some((Place { line, column }, text))
     }
 }

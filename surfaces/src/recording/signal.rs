@@ -69,6 +69,7 @@ pub(super) fn signal(table: &mut Table) -> Result<Column, ReadError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Read;
 
     #[test]
     fn spaces_quotes_marks_and_line_ends_do_not_matter() {
@@ -119,6 +120,14 @@ mod tests {
     }
 
     #[test]
+    fn a_source_without_end_is_read_no_further_than_its_fault() {
+        let endless = || std::io::BufReader::new(b"accel_m_s2,b\n1,1\n".chain(std::io::repeat(0)));
+        let error = read_signal(endless(), None).unwrap_err();
+        let (place, line) = error.place(endless()).unwrap();
+        assert_eq!((place.line, line.len()), (3, 64 << 10));
+    }
+
+    #[test]
     fn a_name_that_is_there_twice_is_wrong_at_its_place() {
         let text = b"# a note\na, b,\"a\",c\n1,2,3,4\n";
         let error = read_column(&text[..], "c").unwrap_err();
@@ -126,7 +135,7 @@ mod tests {
             error.to_string(),
             "line 2, column 3: column name a occurs twice, in columns 1 and 3; rename or remove one"
         );
-        let place = error.place(text).unwrap();
+        let (place, _) = error.place(&text[..]).unwrap();
         assert_eq!((place.line, place.column), (2, 6));
         assert!(read_signal(&text[..], Some("b")).is_err());
         assert_eq!(
