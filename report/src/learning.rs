@@ -27,7 +27,10 @@ pub fn page(surface: &Surface, report: &LearningReport) -> String {
         .iter()
         .map(|(name, value)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(value)))
         .collect();
-    let warnings: Vec<String> = report.missing.iter().map(ToString::to_string).collect();
+    let band = report.band.iter().map(ToString::to_string);
+    let warnings: Vec<String> = band
+        .chain(report.missing.iter().map(ToString::to_string))
+        .collect();
     let mut sections = sections(surface, report);
     sections.push((
         "",

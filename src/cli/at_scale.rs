@@ -211,11 +211,7 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
         )));
     }
     let import = given.import()?;
-    let settings = LearnSettings {
-        processing: given.settings.processing(),
-        texture: given.settings.texture(),
-        ..LearnSettings::default()
-    };
+    let settings = given.learning();
     let items = items(dir, given.folder.by.unwrap_or(By::File))?;
     let shard = given.folder.shard;
     let numbered = items.iter().zip(0_u64..);
@@ -365,6 +361,16 @@ fn report(
         });
         return print_json(&facts).map(|()| counts);
     }
+    let narrow = surfaces
+        .iter()
+        .filter(|(_, surface)| surface.provenance.highest_hz().is_some())
+        .count();
+    if narrow > 0 {
+        eprint(&format!(
+            "warning: {narrow} of {} surfaces do not hold all frequencies that a hand feels; `haptograph surface show` says which\n",
+            surfaces.len()
+        ));
+    }
     if !surfaces.is_empty() {
         let header = ["surface", "recordings", "origin", "models", "mu", "taps", "N/mm"];
         let rows: Vec<_> = surfaces
@@ -417,6 +423,7 @@ fn surface_json(item: &Item, surface: &Surface) -> Value {
         "models": surface.texture.as_ref().map(|texture| texture.models().len()),
         "mu": surface.friction.map(|friction| friction.mu()),
         "taps": surface.taps.as_ref().map(|taps| taps.taps().len()),
+        "highest_hz": surface.provenance.highest_hz(),
         "n_per_mm": surface.stiffness.map(|stiffness| stiffness.n_per_mm()),
         "inputs_sha256": surface.provenance.settings.get(INPUTS),
     })

@@ -164,6 +164,8 @@ fn write_report(
     let settings = LearnSettings {
         processing: arguments.settings.processing(),
         texture: arguments.settings.texture(),
+        // What is there was measured above.
+        accept_rate: true,
         ..LearnSettings::default()
     };
     let progress = Progress::of("drawing");

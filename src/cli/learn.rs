@@ -56,6 +56,9 @@ pub struct Arguments {
     /// Print what was written as JSON
     #[arg(long)]
     pub(super) json: bool,
+    /// Learn from drags and taps below 500 Hz too, in which little of what a hand feels is left
+    #[arg(long)]
+    accept_rate: bool,
     #[command(flatten)]
     pub(super) folder: Folder,
     #[command(flatten)]
@@ -77,6 +80,15 @@ impl Arguments {
     pub(super) fn has_single(&self) -> bool {
         let gestures = self.circle.len() + self.tap.len() + usize::from(self.press.is_some());
         gestures > 0 || self.name.is_some() || self.report.is_some()
+    }
+
+    pub(super) fn learning(&self) -> LearnSettings {
+        LearnSettings {
+            processing: self.settings.processing(),
+            texture: self.settings.texture(),
+            accept_rate: self.accept_rate,
+            ..LearnSettings::default()
+        }
     }
 }
 
@@ -246,11 +258,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         is_implausible |= loaded.is_implausible;
     }
     refuse_twins(&files, &recordings)?;
-    let settings = LearnSettings {
-        processing: arguments.settings.processing(),
-        texture: arguments.settings.texture(),
-        ..LearnSettings::default()
-    };
+    let settings = arguments.learning();
     let stem = arguments.output.file_stem().unwrap_or_default().to_string_lossy();
     let name = arguments.name.as_deref().unwrap_or(&stem);
     let progress = Progress::of("learning");
@@ -270,7 +278,8 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         let said = format!("{missing} (--{})", missing.gesture.as_str());
         by_file(&said, &missing.reason, &files, &recordings)
     });
-    for said in summary::shortness(&learned, &report).into_iter().chain(missing) {
+    let band = report.band.iter().map(ToString::to_string);
+    for said in band.chain(summary::shortness(&learned, &report)).chain(missing) {
         eprint(&format!("warning: {said}\n"));
         warnings.push(said);
     }

@@ -5,6 +5,9 @@ use std::collections::BTreeMap;
 /// The setting of a recording whose vibration is not in m/s².
 pub(crate) const VIBRATION_UNIT: &str = "vibration unit";
 
+/// The setting of a surface whose recordings did not hold all that a hand feels: the highest frequency in it, Hz.
+pub(crate) const HIGHEST_HZ: &str = "highest frequency, Hz";
+
 /// Settings of a recording that state what touched the surface: the diameter of the tool's tip, mm; the grip of the hand;
 /// `tool` or `finger`.
 pub const TOUCH: [&str; 3] = ["tip_diameter_mm", "grip", "touched_with"];
@@ -94,6 +97,11 @@ impl Provenance {
             settings: BTreeMap::new(),
             version: concat!("haptograph ", env!("CARGO_PKG_VERSION")).to_owned(),
         }
+    }
+
+    /// The highest frequency in the surface, Hz, if its recordings did not hold all that a hand feels.
+    pub fn highest_hz(&self) -> Option<f64> {
+        self.settings.get(HIGHEST_HZ)?.parse().ok()
     }
 
     /// The same provenance with one more setting.

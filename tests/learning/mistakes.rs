@@ -196,7 +196,7 @@ fn comparisons_without_a_number_say_why() {
     assert!(output.stderr.is_empty());
     let said = |b: &str| told_by(&compare(b));
     assert!(
-        said("huge.csv").contains("check the units"),
+        said("huge.csv").contains("at most 1e10 m/s2"),
         "{}",
         said("huge.csv")
     );
@@ -324,14 +324,14 @@ fn implausible_speeds_are_said_once_without_advice_on_coverage() {
     let rows: String = noise(20_000, 1)
         .iter()
         .enumerate()
-        .map(|(i, a)| format!("{a},1,{}\n", 50 + i / 200))
+        .map(|(i, a)| format!("{a},1,{}\n", 50 + i / 500))
         .collect();
     let text = format!("# rate_hz: 10000\naccel_m_s2,force_normal_n,speed_m_s\n{rows}");
     fs::write(folder.path().join("fast.csv"), text).unwrap();
     let learned = haptograph(folder.path(), &["learn", "fast.csv", "-o", "fast.ron"], "");
     let warned = String::from_utf8_lossy(&learned.stderr);
     assert!(
-        warned.contains("fast.csv: the largest speed in column \"speed_m_s\" is 149 m/s"),
+        warned.contains("fast.csv: the largest speed in column \"speed_m_s\" is 89 m/s"),
         "{warned}"
     );
     assert_eq!(warned.matches("--unit speed=mm/s").count(), 1, "{warned}");
@@ -370,4 +370,119 @@ fn files_of_one_kind_given_for_another_are_named() {
         "{}",
         told_by(&selected)
     );
+}
+
+/// A drag of two seconds as a table, with its speed in mm/s.
+fn drag(rate_hz: u32, speed: &str) -> String {
+    let rows: String = (noise(2 * rate_hz as usize, 1).iter())
+        .map(|a| format!("{a},1,80\n"))
+        .collect();
+    format!("# rate_hz: {rate_hz}\naccel_m_s2,force_normal_n,speed_mm_s\n{rows}0,1,{speed}\n")
+}
+
+#[test]
+fn numbers_without_bounds_are_refused_where_they_stand() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("speed.csv"), drag(1000, "1e308")).unwrap();
+    fs::write(at("rate.csv"), drag(1000, "80").replace("1000", "1e12")).unwrap();
+    fs::write(
+        at("times.csv"),
+        "time_s,accel_m_s2,force_normal_n,speed_mm_s\n0,1,1,80\n1e-12,2,1,80\n2e-12,1,1,80\n",
+    )
+    .unwrap();
+    let surface = fs::read_to_string(workshop().join("t1.ron")).unwrap();
+    let fast = surface.replacen("rate_hz: 10000.0", "rate_hz: 1e12", 1);
+    assert_ne!(fast, surface);
+    fs::write(at("fast.ron"), fast).unwrap();
+    for (arguments, said) in [
+        (
+            &["learn", "speed.csv", "-o", "x.ron", "--report", "r"][..],
+            &["speed.csv:2003:", "100 m/s"][..],
+        ),
+        (
+            &["learn", "rate.csv", "-o", "x.ron", "--report", "r"],
+            &["rate.csv", "1e12", "10 Hz to 1 MHz"],
+        ),
+        (
+            &["learn", "times.csv", "-o", "x.ron", "--report", "r"],
+            &["times.csv", "10 Hz to 1 MHz"],
+        ),
+        (
+            &["surface", "show", "fast.ron"],
+            &["fast.ron", "1e12 Hz", "10 Hz to 1 MHz"],
+        ),
+    ] {
+        let error = fail(folder.path(), arguments);
+        assert!(
+            said.iter().all(|said| error.contains(said)),
+            "{arguments:?}: {error}"
+        );
+        assert!(!at("x.ron").exists() && !at("r").exists(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_rate_that_is_too_low_is_refused_accepted_or_said() {
+    let folder = tempfile::tempdir().unwrap();
+    for rate_hz in [100, 400, 1000, 5000] {
+        fs::write(folder.path().join(format!("{rate_hz}.csv")), drag(rate_hz, "80")).unwrap();
+    }
+    let learn = |name: &str, more: &[&str]| {
+        let arguments = [&["learn", name, "-o", "x.ron", "--force", "--json"], more].concat();
+        haptograph(folder.path(), &arguments, "")
+    };
+    for (name, is_refused, highest_hz) in [
+        ("100.csv", true, Some(45.0)),
+        ("400.csv", true, Some(180.0)),
+        ("1000.csv", false, Some(450.0)),
+        ("5000.csv", false, None),
+    ] {
+        let strict = learn(name, &[]);
+        assert_eq!(strict.status.code(), Some(i32::from(is_refused)), "{name}");
+        assert!(
+            !is_refused || told_by(&strict).contains("--accept-rate"),
+            "{name}"
+        );
+        let accepted = learn(name, &["--accept-rate"]);
+        let told: Value = serde_json::from_slice(&accepted.stdout).unwrap();
+        let warnings = told["warnings"].to_string();
+        let says = highest_hz.is_none_or(|hz: f64| warnings.contains(&format!("above {hz} Hz")));
+        assert!(
+            says && warnings.contains("samples per second") == highest_hz.is_some(),
+            "{warnings}"
+        );
+        let used_s = told["coverage"]["used_s"].as_f64().unwrap();
+        assert!((1.8..=2.0).contains(&used_s), "{used_s}");
+        let shown = haptograph(folder.path(), &["surface", "show", "x.ron", "--json"], "");
+        let shown: Value = serde_json::from_slice(&shown.stdout).unwrap();
+        assert_eq!(shown["highest_hz"].as_f64(), highest_hz);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_sparse_table_is_read_no_further_than_its_fault() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, head) in [
+        ("zeros.csv", ""),
+        ("torn.csv", "accel_m_s2,force_normal_n,speed_mm_s\n1,1,80\n"),
+    ] {
+        let path = folder.path().join(name);
+        fs::write(&path, head).unwrap();
+        let file = fs::File::options().write(true).open(&path).unwrap();
+        file.set_len(3 << 30).unwrap();
+        // Less memory than the file is long.
+        let limited = format!(
+            "ulimit -v 1500000; exec {} learn {name} -o x.ron",
+            env!("CARGO_BIN_EXE_haptograph")
+        );
+        let output = std::process::Command::new("sh")
+            .args(["-c", &limited])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(1), "{name}: {output:?}");
+        assert!(told_by(&output).contains(name), "{output:?}");
+    }
 }

@@ -43,6 +43,8 @@ pub struct Learning {
     order: Option<usize>,
     #[pyo3(item)]
     rate: Option<f64>,
+    #[pyo3(item)]
+    accept_rate: bool,
 }
 
 impl Learning {
@@ -69,6 +71,7 @@ impl Learning {
         Ok(LearnSettings {
             processing,
             texture,
+            accept_rate: self.accept_rate,
             ..LearnSettings::default()
         })
     }
@@ -162,6 +165,12 @@ impl Surface {
         report
             .flat_map(|report| report.missing.iter().map(ToString::to_string))
             .collect()
+    }
+
+    /// What the vibration lacks because of its rate.
+    #[getter]
+    fn narrow_band(&self) -> Option<String> {
+        Some(self.report.as_ref()?.band?.to_string())
     }
 
     /// Samples per second of the texture.

@@ -52,6 +52,20 @@ def test_a_surface_is_learned_and_sounds_like_its_recording(drag, tmp_path):
         kept.page()
 
 
+def test_a_low_rate_is_refused_accepted_or_warned_of(drag):
+    def every(step):
+        columns = (column[::step] for column in (drag.acceleration, drag.force, drag.speed))
+        return hg.Recording(*columns, drag.rate / step)
+
+    slow, slower = every(round(drag.rate / 1000)), every(round(drag.rate / 100))
+    with pytest.raises(hg.Error, match="500 Hz"):
+        hg.learn(slower)
+    with pytest.warns(UserWarning, match="above 45 Hz"):
+        hg.learn(slower, accept_rate=True)
+    with pytest.warns(UserWarning, match="above 450 Hz"):
+        hg.learn(slow)
+
+
 def test_learning_ends_at_ctrl_c_and_where_progress_raises(drag):
     threading.Timer(0.2, _thread.interrupt_main).start()
     with pytest.raises(KeyboardInterrupt):

@@ -51,6 +51,7 @@ fn to_json(surface: &Surface) -> Value {
         "name": surface.name,
         "friction": surface.friction.map(|friction| json!({ "mu": friction.mu(), "r_squared": friction.r_squared() })),
         "stiffness": surface.stiffness.map(|s| json!({ "n_per_mm": s.n_per_mm(), "r_squared": s.r_squared() })),
+        "highest_hz": surface.provenance.highest_hz(),
         "taps": surface.taps.as_ref().map(taps_json),
         "texture": surface.texture.as_ref().map(texture_json),
         "provenance": { "origin": origin.as_str(), "source": source, "settings": settings, "version": version },
@@ -119,6 +120,8 @@ fn describe(surface: &Surface) -> String {
         format!("{} N/mm{}", significant(s.n_per_mm(), 4), fit(s.r_squared()))
     });
     let mut text = format!("{name}\n\n");
+    let highest = surface.provenance.highest_hz();
+    let band = highest.map_or_else(String::new, |hz| format!("; recorded up to {hz} Hz"));
     text += &facts(&[
         ("origin", origin.as_str().to_owned()),
         ("source", source.clone()),
@@ -128,7 +131,7 @@ fn describe(surface: &Surface) -> String {
         ("taps", surface.taps.as_ref().map_or_else(none, describe_taps)),
         (
             "texture",
-            surface.texture.as_ref().map_or_else(none, describe_texture),
+            surface.texture.as_ref().map_or_else(none, describe_texture) + &band,
         ),
     ]);
     if let Some(texture) = &surface.texture {

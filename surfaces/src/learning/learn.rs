@@ -8,7 +8,8 @@ use super::segmentation::{SegmentationMethod, VarianceEstimate};
 use super::stiffness::{StiffnessError, StiffnessReport, StiffnessSettings, learn_stiffness};
 use super::taps::{TapError, TapReport, TapSettings, learn_taps};
 use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings};
-use crate::provenance::TOUCH;
+use crate::bounds::{FULL_BAND_HZ, LOWEST_LEARNED_HZ, carried_hz};
+use crate::provenance::{HIGHEST_HZ, TOUCH};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use crate::{Friction, Origin, Provenance, Stiffness, Surface};
 use std::collections::BTreeMap;
@@ -27,6 +28,8 @@ pub struct LearnSettings {
     pub taps: TapSettings,
     /// Stiffness.
     pub stiffness: StiffnessSettings,
+    /// Learns from recordings below [`LOWEST_LEARNED_HZ`] too.
+    pub accept_rate: bool,
 }
 
 /// Intermediate results, by which the quality of a surface can be judged.
@@ -44,6 +47,33 @@ pub struct LearningReport {
     pub stiffness: Option<StiffnessReport>,
     /// Parts that could not be learned although a recording for them exists.
     pub missing: Vec<MissingPart>,
+    /// What the vibration lacks because of its rate.
+    pub band: Option<NarrowBand>,
+}
+
+/// A vibration that was recorded too slowly, or is learned at too low a rate, to hold all that a hand feels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NarrowBand {
+    /// Samples per second.
+    pub rate_hz: f64,
+}
+
+impl NarrowBand {
+    /// The highest frequency in it, Hz.
+    pub fn highest_hz(&self) -> f64 {
+        carried_hz(self.rate_hz).round()
+    }
+}
+
+impl fmt::Display for NarrowBand {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(
+            f,
+            "the vibration has {} samples per second: the surface holds nothing above {} Hz, and a hand feels up to 1000 Hz; record at {FULL_BAND_HZ} Hz or more",
+            self.rate_hz,
+            self.highest_hz()
+        )
+    }
 }
 
 /// A part that could not be learned although a recording for it exists.
@@ -79,6 +109,11 @@ pub enum LearnError {
         recording: usize,
         source: ProcessingError,
     },
+    #[error(
+        "recording {recording} (from 0) has {rate_hz} samples per second, which hold vibration up to {} Hz; learning needs at least {LOWEST_LEARNED_HZ} Hz: check the unit of its times; --accept-rate learns from it as it is",
+        carried_hz(*rate_hz)
+    )]
+    Slow { recording: usize, rate_hz: f64 },
     #[error("no texture can be learned: {0}")]
     Texture(#[from] LearnTextureError),
     #[error("no friction can be learned: {0}")]
@@ -102,6 +137,7 @@ impl LearnError {
     pub fn recording(&self, recordings: &[AnyRecording]) -> Option<usize> {
         let (gesture, number) = match self {
             Self::Processing { recording, .. }
+            | Self::Slow { recording, .. }
             | Self::ProcessedPress { recording }
             | Self::SecondPress { recording } => return Some(*recording),
             Self::Texture(
@@ -160,7 +196,14 @@ pub fn learn(
             .filter(move |(_, r)| r.gesture() == gesture)
     };
     let mut surface = Surface::new(name, provenance(recordings, settings));
-    let mut report = LearningReport::default();
+    let mut report = LearningReport {
+        band: band(recordings, settings)?,
+        ..LearningReport::default()
+    };
+    if let Some(band) = &report.band {
+        let settings = &mut surface.provenance.settings;
+        settings.insert(HIGHEST_HZ.to_owned(), band.highest_hz().to_string());
+    }
 
     for (recording, drag) in of(Gesture::Drag) {
         let drag = processed(drag, &settings.processing)
@@ -208,6 +251,28 @@ pub fn learn(
         Some(missing) if empty => Err(missing.reason.clone()),
         _ => Ok((surface, report)),
     }
+}
+
+/// What the vibration of drags and taps lacks because of its rate; an error if a rate is too low and not accepted.
+fn band(recordings: &[AnyRecording], settings: &LearnSettings) -> Result<Option<NarrowBand>, LearnError> {
+    let mut lowest_hz = f64::INFINITY;
+    for (recording, vibration) in recordings.iter().enumerate() {
+        let rate_hz = vibration.vibration_hz();
+        let learned_hz = match vibration.gesture() {
+            Gesture::Drag => settings
+                .processing
+                .rate_hz
+                .map_or(rate_hz, |lower_hz| lower_hz.min(rate_hz)),
+            Gesture::Tap => rate_hz,
+            // Forces and positions are learned, no vibration.
+            Gesture::Circle | Gesture::Press => continue,
+        };
+        if rate_hz < LOWEST_LEARNED_HZ && !settings.accept_rate {
+            return Err(LearnError::Slow { recording, rate_hz });
+        }
+        lowest_hz = lowest_hz.min(learned_hz);
+    }
+    Ok((lowest_hz < FULL_BAND_HZ).then_some(NarrowBand { rate_hz: lowest_hz }))
 }
 
 /// Returns the learned part, or records why it is missing.
@@ -344,6 +409,7 @@ fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
         friction,
         taps,
         stiffness,
+        accept_rate: _,
     } = settings;
     let mut all = BTreeMap::new();
     let mut note = |name: &str, value: String| all.insert(name.to_owned(), value);
@@ -461,6 +527,8 @@ fn describe_thesis(texture: &TextureSettings, note: NoteSetting<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::learning::coverage::Coverage;
+    use crate::recording::Series;
     use crate::recording::synthetic::{circle, drag, provenance};
     use std::cell::Cell;
 
@@ -560,6 +628,90 @@ mod tests {
             learn("Test", &[press.clone(), press], &settings, &|_| ()),
             Err(LearnError::SecondPress { recording: 1 })
         ));
+    }
+
+    /// The drag above with fewer samples per second.
+    fn at(rate_hz: f64) -> AnyRecording {
+        let slower = ProcessingSettings {
+            rate_hz: Some(rate_hz),
+            ..ProcessingSettings::default()
+        };
+        AnyRecording::Processed(super::processed(&recordings()[0], &slower).unwrap())
+    }
+
+    #[test]
+    fn the_rate_of_a_recording_is_refused_or_said_or_enough() {
+        let accepting = LearnSettings {
+            accept_rate: true,
+            ..LearnSettings::default()
+        };
+        for (rate_hz, is_refused, highest) in [
+            (100.0, true, Some("45")),
+            (400.0, true, Some("180")),
+            (1000.0, false, Some("450")),
+            (5000.0, false, None),
+        ] {
+            let recording = at(rate_hz);
+            let AnyRecording::Processed(drag) = &recording else {
+                panic!()
+            };
+            let seconds = drag.samples() as f64 / rate_hz;
+            let given = std::slice::from_ref(&recording);
+            let strict = learn("Test", given, &LearnSettings::default(), &|_| ());
+            let refused = Err(LearnError::Slow {
+                recording: 0,
+                rate_hz,
+            });
+            assert_eq!(
+                strict.clone().map(drop),
+                if is_refused { refused } else { Ok(()) }
+            );
+            let (surface, report) = learn("Test", given, &accepting, &|_| ()).unwrap();
+            assert!(
+                is_refused || strict == Ok((surface.clone(), report.clone())),
+                "{rate_hz}"
+            );
+            let marked = surface.provenance.settings.get(HIGHEST_HZ);
+            assert_eq!(marked.map(String::as_str), highest);
+            let band_hz = report.band.map(|band| band.highest_hz().to_string());
+            assert_eq!(band_hz.as_deref(), highest);
+            let used_s = Coverage::of(&report.texture.unwrap().segments, rate_hz).used_s;
+            assert!(
+                used_s > 0.9 * seconds && used_s <= seconds,
+                "{used_s} of {seconds} s at {rate_hz} Hz"
+            );
+        }
+    }
+
+    #[test]
+    fn friction_needs_no_rate_of_a_vibration() {
+        let circle = circle(2.0, 0.03, 1.0, 1.0, 0.35);
+        let slow = Series::new(
+            60.0,
+            circle
+                .acceleration_v()
+                .samples
+                .iter()
+                .step_by(167)
+                .copied()
+                .collect(),
+        );
+        let slow = crate::recording::Recording::new(
+            circle.motion().clone(),
+            circle.wrench().clone(),
+            slow,
+            *circle.calibration(),
+            Gesture::Circle,
+            provenance(),
+        );
+        let (surface, report) = learn(
+            "Test",
+            &[AnyRecording::Raw(slow.unwrap())],
+            &LearnSettings::default(),
+            &|_| (),
+        )
+        .unwrap();
+        assert!((surface.friction.unwrap().mu() - 0.35).abs() < 0.02 && report.band.is_none());
     }
 
     #[test]

@@ -30,5 +30,5 @@ pub mod taps;
 pub mod texture;
 mod whitening;
 
-pub use learn::{LearnError, LearnSettings, LearningReport, learn};
+pub use learn::{LearnError, LearnSettings, LearningReport, NarrowBand, learn};
 pub use method::TextureMethod;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -26,6 +27,7 @@ def learn(
     order: int | None = None,
     rate: float | None = None,
     progress: Callable[[float], object] | None = None,
+    accept_rate: bool = False,
 ) -> Surface:
     """Learn a surface from recordings of one material.
 
@@ -47,6 +49,9 @@ def learn(
         Rate to which vibrations are resampled first, Hz.
     progress : callable, optional
         Called from time to time with the fraction done, 0 to 1.
+    accept_rate : bool
+        Learn from drags and taps below 500 Hz too, in which little of what a hand feels is left. Below 2300 Hz a
+        warning names the highest frequency.
 
     Returns
     -------
@@ -61,8 +66,11 @@ def learn(
         "method": string("method", method),
         "order": None if order is None else whole("order", order, 1, 1000),
         "rate": None if rate is None else number("rate", rate, 0, above=True),
+        "accept_rate": bool(accept_rate),
     }
     native = _native.learn(string("name", name), [one._inner for one in given], settings, progress)
+    if native.narrow_band:
+        warnings.warn(native.narrow_band, stacklevel=2)
     return Surface._of(native)
 
 
