@@ -7,6 +7,7 @@
 mod fuzz;
 
 use std::fs;
+use std::ops::Range;
 use std::panic::catch_unwind;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -70,7 +71,40 @@ const WORDS: [&[u8]; 12] = [
     b"18446744073709551616",
 ];
 
-/// A seed with one to four changes: digits, bytes, words and passages.
+/// Finite numbers far beyond what a file may hold, as a dictionary of the fuzzer: one in quotes on each line.
+const EXTREMES: &str = include_str!("../fuzz/extremes.dict");
+
+/// The place of a number at or after `at`, and an extreme one for it; among bytes that are no text, the extreme as a double.
+fn extreme(bytes: &[u8], at: usize, dice: &mut Dice) -> (Range<usize>, Vec<u8>) {
+    let extremes: Vec<&str> = EXTREMES
+        .lines()
+        .filter_map(|line| line.strip_prefix('"')?.strip_suffix('"'))
+        .collect();
+    let extreme = extremes[dice.below(extremes.len())];
+    if bytes.contains(&0) && dice.below(2) == 0 {
+        let number = extreme.parse::<f64>().expect("a number");
+        return (at..(at + 8).min(bytes.len()), number.to_le_bytes().to_vec());
+    }
+    let is_part = |byte: &u8| byte.is_ascii_digit() || b".-e".contains(byte);
+    let Some(digit) = bytes[at..].iter().position(u8::is_ascii_digit) else {
+        return (at..at, Vec::new());
+    };
+    let before = bytes[..at + digit]
+        .iter()
+        .rev()
+        .take_while(|byte| is_part(byte))
+        .count();
+    let after = bytes[at + digit..]
+        .iter()
+        .take_while(|byte| is_part(byte))
+        .count();
+    (
+        at + digit - before..at + digit + after,
+        extreme.as_bytes().to_vec(),
+    )
+}
+
+/// A seed with one to four changes: digits, numbers, bytes, words and passages.
 fn mutated(seeds: &[(String, Vec<u8>)], dice: &mut Dice) -> Vec<u8> {
     let mut bytes = seeds[dice.below(seeds.len())].1.clone();
     for _ in 0..=dice.below(4) {
@@ -78,7 +112,8 @@ fn mutated(seeds: &[(String, Vec<u8>)], dice: &mut Dice) -> Vec<u8> {
         let end = (at + dice.below(40)).min(bytes.len());
         let other = &seeds[dice.below(seeds.len())].1;
         let from = dice.below(other.len());
-        let (replaced, with) = match dice.below(7) {
+        let (replaced, with) = match dice.below(8) {
+            7 => extreme(&bytes, at, dice),
             6 => match bytes[at..].iter().position(u8::is_ascii_digit) {
                 Some(digit) => (at + digit..at + digit + 1, vec![b'0' + dice.below(10) as u8]),
                 None => (at..at, Vec::new()),

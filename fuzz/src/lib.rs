@@ -12,7 +12,10 @@ use haptograph_live::udp::protocol::{Command, State};
 use haptograph_nodes::actuators::identify::{Known, Sweep, identify};
 use haptograph_nodes::contact::mesh::{MeshFormat, TriangleMesh};
 use haptograph_nodes::wav::{self, Repair};
+use haptograph_report::learning::page;
+use haptograph_report::swatch;
 use haptograph_surfaces::files::{native, read_surface};
+use haptograph_surfaces::learning::{LearnSettings, learn};
 use haptograph_surfaces::recording::{self, AnyRecording, ImportSettings};
 use std::fmt::Display;
 use std::io::Cursor;
@@ -24,8 +27,9 @@ use std::sync::atomic::AtomicBool;
 pub type Target = (&'static str, fn(&[u8]) -> bool);
 
 /// All targets.
-pub const TARGETS: [Target; 10] = [
+pub const TARGETS: [Target; 11] = [
     ("graph", graph),
+    ("learn", learn_table),
     ("mesh", mesh),
     ("packet", packet),
     ("recording", recording),
@@ -211,6 +215,27 @@ pub fn table(bytes: &[u8]) -> bool {
         );
     }
     read.iter().any(Option::is_some)
+}
+
+/// Any table is a surface with its page, or an error of reading or of learning.
+pub fn learn_table(bytes: &[u8]) -> bool {
+    let (_folder, path) = in_a_file(bytes);
+    let Some((recording, _)) = accepted(recording::load_with(&[path], &ImportSettings::default())) else {
+        return false;
+    };
+    let settings = LearnSettings {
+        accept_rate: true,
+        ..LearnSettings::default()
+    };
+    let Some((surface, report)) = accepted(learn("fuzzed", &[recording], &settings, &|_| ())) else {
+        return false;
+    };
+    assert!(!page(&surface, &report).is_empty());
+    if let Some(texture) = &surface.texture {
+        let _ = swatch(texture);
+    }
+    assert_eq!(read_surface(native::write(&surface).as_bytes()), Ok(surface));
+    true
 }
 
 /// Any bytes are a WAV file or an error; one whose header is not true is whole after it was repaired.
