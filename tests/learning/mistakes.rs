@@ -459,30 +459,3 @@ fn a_rate_that_is_too_low_is_refused_accepted_or_said() {
         assert_eq!(shown["highest_hz"].as_f64(), highest_hz);
     }
 }
-
-#[cfg(unix)]
-#[test]
-fn a_sparse_table_is_read_no_further_than_its_fault() {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, head) in [
-        ("zeros.csv", ""),
-        ("torn.csv", "accel_m_s2,force_normal_n,speed_mm_s\n1,1,80\n"),
-    ] {
-        let path = folder.path().join(name);
-        fs::write(&path, head).unwrap();
-        let file = fs::File::options().write(true).open(&path).unwrap();
-        file.set_len(3 << 30).unwrap();
-        // Less memory than the file is long.
-        let limited = format!(
-            "ulimit -v 1500000; exec {} learn {name} -o x.ron",
-            env!("CARGO_BIN_EXE_haptograph")
-        );
-        let output = std::process::Command::new("sh")
-            .args(["-c", &limited])
-            .current_dir(folder.path())
-            .output()
-            .unwrap();
-        assert_eq!(output.status.code(), Some(1), "{name}: {output:?}");
-        assert!(told_by(&output).contains(name), "{output:?}");
-    }
-}
