@@ -25,6 +25,7 @@ pub fn learner(table: &Path, surface: &Path, report: &Path) -> io::Result<Comman
 }
 
 /// What that process does. A recording that begins with `abort` ends it, one that begins with `wait` never ends.
+#[expect(clippy::print_stderr, reason = "a process says so why it fails")]
 pub fn learn_here() {
     let Ok(asked) = std::env::var(TO_LEARN) else {
         return;
