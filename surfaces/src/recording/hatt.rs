@@ -133,8 +133,8 @@ fn array(out: &mut Xml, name: &str, values: &[f64], text: impl Fn(f64) -> String
 }
 
 fn by_axis(out: &mut Xml, quantity: &str, axes: Option<&[[f64; 3]]>, text: impl Fn(f64) -> String) {
+    let Some(axes) = axes else { return };
     for (number, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
-        let Some(axes) = axes else { return };
         let values: Vec<f64> = axes.iter().map(|axes| axes[number]).collect();
         array(out, &format!("{quantity}_{axis}"), &values, &text);
     }
