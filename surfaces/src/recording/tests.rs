@@ -1,4 +1,4 @@
-use super::synthetic::{circle, drag, provenance};
+use super::synthetic::{circle, drag, normal, provenance};
 use super::*;
 use crate::Origin;
 use crate::provenance::TOUCH;
@@ -232,7 +232,7 @@ fn a_raw_recording_becomes_the_files_of_the_toolkit() {
     );
     assert_eq!(back.signals().force_normal_n, expected.signals().force_normal_n);
     assert_eq!(back.provenance().origin, expected.provenance().origin);
-    // The speed is that of the positions, and the normal force that of the forces, which press downwards on the plane.
+    // The speed is that of the positions, and the normal force that of the forces along the normal.
     let world = back.world();
     let (tips, forces) = (
         world.position_m.as_ref().unwrap(),
@@ -248,7 +248,8 @@ fn a_raw_recording_becomes_the_files_of_the_toolkit() {
         (speed / mean(&back.signals().speed_m_s) - 1.0).abs() < 0.05,
         "{speed}"
     );
-    let normal = mean(&forces.iter().map(|force| force[2]).collect::<Vec<_>>());
+    let along = |force: &[f64; 3]| force.iter().zip(&normal()).map(|(f, n)| f * n).sum::<f64>();
+    let normal = mean(&forces.iter().map(along).collect::<Vec<_>>());
     assert!(
         (normal / mean(&back.signals().force_normal_n) - 1.0).abs() < 0.05,
         "{normal}"
