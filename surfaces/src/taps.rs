@@ -208,7 +208,7 @@ impl Taps {
 
     /// The mix for a tap at `speed_m_s`: linear in speed between the bounding taps; below the slowest, the slowest
     /// scaled by the ratio of speeds (thesis 4.3.2); above the fastest, the fastest scaled by that ratio to the power of 0.70, as real
-    /// taps grow, up to three times its speed. A speed of zero or less (or not a number) is silent.
+    /// taps grow, up to three times its speed (the thesis plays the fastest as it is: mix for its speed). A speed of zero or less (or not a number) is silent.
     pub fn mix(&self, speed_m_s: f64) -> TapMix {
         let last = self.taps.len() - 1;
         let slowest = self.taps[0].speed_m_s;

@@ -16,6 +16,16 @@ use haptograph_surfaces::{Surface, SurfaceError, Taps};
 use std::path::PathBuf;
 use std::sync::Arc;
 
+haptograph_engine::choices! {
+    /// What answers an impact that is faster than the fastest recorded tap.
+    pub enum Above {
+        /// The fastest tap, its amplitude grown by the ratio of the speeds to the power of 0.70 (the mean of real materials), up to three times its speed.
+        Grow,
+        /// The fastest tap as it was recorded, as in the thesis.
+        Hold,
+    }
+}
+
 haptograph_engine::settings! {
     /// Settings of [`Tapping`].
     pub struct TappingSettings {
@@ -29,6 +39,8 @@ haptograph_engine::settings! {
         [live] least_mm_s: MillimetresPerSecond = MillimetresPerSecond::of_si(OnsetSettings::default().least_m_s), in 0.0..=10_000.0;
         /// Time before contact over which its speed is measured, ms.
         window_ms: Milliseconds = Milliseconds::of_si(OnsetSettings::default().window_s), in 0.0..=60.0;
+        /// What answers an impact that is faster than the fastest recorded tap: Grow or Hold.
+        above: Above = Above::Grow;
     }
 }
 
@@ -42,7 +54,8 @@ impl NodeKind for Tapping {
         group: "tapping",
         doc: "Renders taps: at contact, the surface's recorded transient for the tool's speed, as a force along \
               the normal. A contact is a tap when the tool was free for `rearm_ms` and comes at `least_mm_s` or faster; a \
-              new tap replaces one that still rings. Taps of another rate are resampled to the node's clock. With a surface \
+              new tap replaces one that still rings. An impact faster than the fastest recorded tap grows with its speed; with \
+              `above: Hold` it is the fastest tap as recorded, as in the thesis. Taps of another rate are resampled to the node's clock. With a surface \
               without taps nothing is played.",
         source: "4.3.2",
         inputs: &[input("contact", Contact::KIND, Quantity::NUMBER, "The contact.")],
@@ -61,7 +74,11 @@ impl NodeKind for Tapping {
     fn build(settings: TappingSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let played = |taps: Taps| -> Result<Transient, SurfaceError> {
             let taps = taps.resampled(cx.rate.hz())?;
-            Ok(Transient::new(Arc::new(taps), settings.mass_g.si()))
+            let transient = Transient::new(Arc::new(taps), settings.mass_g.si());
+            Ok(match settings.above {
+                Above::Grow => transient,
+                Above::Hold => transient.held_above_the_fastest(),
+            })
         };
         let transient = load_surface(&settings.surface)?.taps.map(played).transpose();
         let transient = transient.map_err(|error| BuildError::at("surface", error.to_string()))?;
@@ -167,6 +184,7 @@ mod tests {
             rearm_ms: Milliseconds(20.0),
             least_mm_s: MillimetresPerSecond(10.0),
             window_ms: Milliseconds(12.0),
+            above: Above::Grow,
         }
     }
 
@@ -193,6 +211,30 @@ mod tests {
         let mix = taps.mix(out[1][103]);
         for k in 0..taps.length().min(149) {
             assert!((out[0][3 * (51 + k) + 2] - 0.05 * taps.sample(&mix, k)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn beyond_the_fastest_tap_the_thesis_plays_it_as_recorded() {
+        let taps = load_surface(&tile()).unwrap().taps.unwrap();
+        let fastest = taps.taps().last().unwrap();
+        let fall = fall(1.5 * fastest.speed_m_s);
+        let rendered = |above| {
+            let settings = TappingSettings { above, ..settings() };
+            let mut bench = Bench::new::<Tapping>(settings, 1000.0, &[Contact::KIND]).unwrap();
+            let out = bench.run_in_blocks(&[&fall], &[1, 64]);
+            let (force, tap) = (out[0].as_chunks::<3>().0, out[1].as_chunks::<2>().0);
+            let tick = tap.iter().position(|event| event[0] != 0.0).unwrap();
+            assert!(
+                (tap[tick][1] - 1.5 * fastest.speed_m_s).abs() < 1e-9,
+                "its true speed"
+            );
+            force[tick..].iter().map(|force| force[2]).collect::<Vec<f64>>()
+        };
+        let (held, grown) = (rendered(Above::Hold), rendered(Above::Grow));
+        for ((held, grown), recorded) in held.iter().zip(&grown).zip(&fastest.acceleration_m_s2) {
+            assert_eq!(*held, 0.05 * recorded);
+            assert!((grown - 1.5_f64.powf(0.7) * held).abs() < 1e-12);
         }
     }
 
