@@ -129,6 +129,8 @@ fn plain_blocks(all: &mut Registry) {
         .add(NodeEntry::processor::<math::calculus::Derivative>())
         .add(NodeEntry::processor::<math::calculus::Integrator>())
         .add(NodeEntry::processor::<math::threshold::Threshold>())
+        .add(NodeEntry::processor::<math::events::Counter>())
+        .add(NodeEntry::processor::<math::events::SampleHold>())
         .add(NodeEntry::processor::<math::expression::Expression>())
         .add(NodeEntry::processor::<math::curve::Curve>())
         .add(NodeEntry::processor::<math::vectors::Magnitude>())

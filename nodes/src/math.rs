@@ -2,6 +2,7 @@
 
 pub mod calculus;
 pub mod curve;
+pub mod events;
 pub mod expression;
 pub mod limits;
 pub mod products;
