@@ -240,12 +240,6 @@ impl TriangleMesh {
         first
     }
 
-    /// Visits every triangle that a segment touches, in no particular order. Allocates nothing.
-    pub fn all_hits(&self, from_m: Vec3, to_m: Vec3, visit: impl FnMut(Hit)) {
-        self.index
-            .hits(&self.vertices, &self.triangles, from_m, to_m, visit);
-    }
-
     /// The point of the surface that is closest to a point, and its triangle. Allocates nothing.
     pub fn closest(&self, point_m: Vec3) -> (Vec3, u32) {
         self.index.closest(&self.vertices, &self.triangles, point_m)

@@ -6,7 +6,7 @@
 //! about the edge and the corner they share and nothing slips between them.
 
 use super::Hit;
-use crate::vector::{Vec3, direction, dot, reject, sub};
+use crate::vector::{Vec3, add_scaled, direction, dot, reject, sub};
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::BHShape;
 use bvh::bvh::Bvh;
@@ -31,7 +31,79 @@ pub(super) struct Node {
 
 struct Bounds {
     aabb: Aabb<f64, 3>,
+    triangle: u32,
     node: usize,
+}
+
+/// A part of a triangle: the box of a long thin one, such as those of a fan, holds little of it, and many others.
+struct Part {
+    polygon: Vec<Vec3>,
+    triangle: u32,
+}
+
+/// Times that a triangle is halved at most.
+const HALVINGS: usize = 5;
+/// Number of parts from which on none is halved.
+const MANY_PARTS: usize = 1 << 20;
+/// Triangles are halved where that leaves at most this share of the surface of their box. Among those of good shape none
+/// is below 0.7.
+const WORTH_HALVING: f64 = 0.6;
+
+impl Part {
+    /// The two halves along the longest edge of the box, if their boxes are so much smaller.
+    fn halves(&self) -> Option<[Self; 2]> {
+        let (low, high) = super::bounds(&self.polygon);
+        let size = sub(high, low);
+        let axis = (0..3).max_by(|&i, &j| size[i].total_cmp(&size[j]))?;
+        let middle = 0.5 * (low[axis] + high[axis]);
+        let halves = [1.0, -1.0].map(|sign| self.beyond(axis, middle, sign));
+        let surface = |part: &Self| {
+            let (low, high) = super::bounds(&part.polygon);
+            let [a, b, c] = sub(high, low);
+            a * b + b * c + c * a
+        };
+        let left: f64 = halves.iter().map(surface).sum();
+        (left <= WORTH_HALVING * surface(self)).then_some(halves)
+    }
+
+    /// The part above a plane across an axis, or below it for a negative sign.
+    fn beyond(&self, axis: usize, middle: f64, sign: f64) -> Self {
+        let height = |p: Vec3| sign * (p[axis] - middle);
+        let ends = self.polygon.iter().zip(self.polygon.iter().cycle().skip(1));
+        let mut polygon = Vec::with_capacity(self.polygon.len() + 1);
+        for (&from, &to) in ends {
+            let (rise, next) = (height(from), height(to));
+            if rise >= 0.0 {
+                polygon.push(from);
+            }
+            if rise * next < 0.0 {
+                polygon.push(add_scaled(from, sub(to, from), rise / (rise - next)));
+            }
+        }
+        Self {
+            polygon,
+            triangle: self.triangle,
+        }
+    }
+
+    fn of_triangles(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Self> {
+        let whole = |(triangle, corners): (usize, &[u32; 3])| Self {
+            polygon: corners.map(|i| vertices[i as usize]).to_vec(),
+            triangle: triangle as u32,
+        };
+        let mut parts: Vec<Self> = triangles.iter().enumerate().map(whole).collect();
+        for _ in 0..HALVINGS {
+            if parts.len() >= MANY_PARTS {
+                break;
+            }
+            let halved = parts.into_iter().flat_map(|part| match part.halves() {
+                Some([lower, upper]) => [Some(lower), Some(upper)],
+                None => [Some(part), None],
+            });
+            parts = halved.flatten().collect();
+        }
+        parts
+    }
 }
 
 impl Bounded<f64, 3> for Bounds {
@@ -53,31 +125,31 @@ impl BHShape<f64, 3> for Bounds {
 impl Index {
     /// Boxes are widened by `slack_m`, so that rounding in the box test cannot hide a triangle.
     pub(super) fn build(vertices: &[Vec3], triangles: &[[u32; 3]], slack_m: f64) -> Self {
-        let mut shapes: Vec<Bounds> = triangles
-            .iter()
-            .map(|corners| {
-                let points = corners.map(|i| vertices[i as usize]);
-                let bound = |pick: fn(f64, f64) -> f64, slack: f64| -> Point3<f64> {
-                    let axis = |i: usize| points.iter().map(|p| p[i]).reduce(pick).unwrap_or(0.0) + slack;
-                    Point3::new(axis(0), axis(1), axis(2))
-                };
+        let mut shapes: Vec<Bounds> = Part::of_triangles(vertices, triangles)
+            .into_iter()
+            .map(|part| {
+                let (low, high) = super::bounds(&part.polygon);
+                let corner = |at: Vec3, slack_m: f64| Point3::from(at.map(|x| x + slack_m));
                 Bounds {
-                    aabb: Aabb::with_bounds(bound(f64::min, -slack_m), bound(f64::max, slack_m)),
+                    aabb: Aabb::with_bounds(corner(low, -slack_m), corner(high, slack_m)),
+                    triangle: part.triangle,
                     node: 0,
                 }
             })
             .collect();
         let bvh = Bvh::build(&mut shapes);
-        let nodes = bvh.flatten_custom(&|aabb: &Aabb<f64, 3>, _enter, exit, triangle| Node {
+        let nodes = bvh.flatten_custom(&|aabb: &Aabb<f64, 3>, _enter, exit, shape| Node {
             centre: std::array::from_fn(|i| 0.5 * (aabb.min[i] + aabb.max[i])),
             half: std::array::from_fn(|i| 0.5 * (aabb.max[i] - aabb.min[i])),
             exit,
-            triangle,
+            triangle: shapes
+                .get(shape as usize)
+                .map_or(super::NONE, |shape| shape.triangle),
         });
         Self { nodes }
     }
 
-    /// Calls `visit` for each triangle that the closed segment from `a` to `b` touches.
+    /// Calls `visit` for each triangle that the closed segment from `a` to `b` touches, for a long thin one more than once.
     pub(super) fn hits(
         &self,
         vertices: &[Vec3],
@@ -117,7 +189,7 @@ impl Index {
         best.1
     }
 
-    /// Walks the hierarchy, each box and triangle at most once: `into` returns whether to descend into a box, or
+    /// Walks the hierarchy, each box and each part of a triangle at most once: `into` returns whether to descend into a box, or
     /// none to stop. Returns whether the walk reached the end.
     pub(super) fn walk<S>(
         &self,

@@ -1,5 +1,6 @@
 use super::*;
 use proptest::prelude::*;
+use std::sync::LazyLock;
 
 const TETRAHEDRON_OBJ: &str = "# a corner of 10 mm\nmtllib none.mtl\no corner\nv 0 0 0\nv 10 0 0\nv 0 10 0\nv 0 0 10\n\
                                f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
@@ -169,33 +170,91 @@ fn ways_through_edges_and_corners_never_slip_through() {
     }
 }
 
+/// The first intersection, by looking at every triangle.
+fn first_of_all(mesh: &TriangleMesh, a: Vec3, b: Vec3) -> Option<f64> {
+    let triangles = 0..mesh.triangles().len() as u32;
+    let hits = triangles.filter_map(|t| index::crossing(mesh.corners(t), a, b));
+    hits.reduce(f64::min)
+}
+
+/// A ball, and a cylinder of many strips, whose triangles are long and thin.
+static BODIES: LazyLock<[TriangleMesh; 2]> = LazyLock::new(|| {
+    [
+        TriangleMesh::sphere(0.05, 2).unwrap(),
+        TriangleMesh::cylinder(0.04, 0.05, 300).unwrap(),
+    ]
+});
+
 proptest! {
     #[test]
     fn the_index_finds_what_looking_at_every_triangle_finds(
         a in prop::array::uniform3(-0.08..0.08_f64), b in prop::array::uniform3(-0.08..0.08_f64),
     ) {
-        let ball = TriangleMesh::sphere(0.05, 2).unwrap();
-        let nearest = (0..320).map(|t| distance(closest_on_triangle(a, ball.corners(t)), a)).fold(1.0, f64::min);
-        let (point, triangle) = ball.closest(a);
-        prop_assert!((distance(point, a) - nearest).abs() < 1e-15);
-        prop_assert_eq!(closest_on_triangle(a, ball.corners(triangle)), point);
+        let ball = &BODIES[0];
         let (inside_a, inside_b) = (norm(a) < 0.047, norm(b) < 0.047);
-        let hits = {
-            let mut count = 0;
-            ball.all_hits(a, b, |_| count += 1);
-            count
-        };
         if inside_a != inside_b && norm(a).max(norm(b)) > 0.05 {
-            prop_assert_eq!(hits, 1);
+            prop_assert!(ball.first_hit(a, b).is_some());
         }
-        let first = ball.first_hit(a, b);
-        prop_assert_eq!(first.is_some(), hits > 0);
-        if let Some(hit) = first {
-            let point = crate::vector::add_scaled(a, sub(b, a), hit.fraction);
-            let on = closest_on_triangle(point, ball.corners(hit.triangle));
-            prop_assert!(distance(on, point) < 1e-12);
+        for mesh in BODIES.iter() {
+            let corners = (0..mesh.triangles().len() as u32).map(|t| mesh.corners(t));
+            let nearest = corners.map(|corners| distance(closest_on_triangle(a, corners), a)).fold(1.0, f64::min);
+            let (point, triangle) = mesh.closest(a);
+            prop_assert!((distance(point, a) - nearest).abs() < 1e-15);
+            prop_assert_eq!(closest_on_triangle(a, mesh.corners(triangle)), point);
+            let first = mesh.first_hit(a, b);
+            prop_assert_eq!(first.map(|hit| hit.fraction), first_of_all(mesh, a, b));
+            if let Some(hit) = first {
+                let point = crate::vector::add_scaled(a, sub(b, a), hit.fraction);
+                let on = closest_on_triangle(point, mesh.corners(hit.triangle));
+                prop_assert!(distance(on, point) < 1e-12);
+            }
         }
     }
+}
+
+/// Mean number of triangles, or parts of them, at which the search for a first hit looks, for strokes of 20 um just above
+/// the top.
+fn looked_at(mesh: &TriangleMesh) -> f64 {
+    let top_m = mesh
+        .vertices()
+        .iter()
+        .map(|v| v[2])
+        .fold(f64::NEG_INFINITY, f64::max);
+    let strokes = (0..1000).map(|k| {
+        let (sin, cos) = (2.4 * f64::from(k)).sin_cos();
+        let radius_m = 0.009 * f64::from(k) / 1000.0;
+        let from_m = mesh.closest([radius_m * cos, radius_m * sin, top_m]).0;
+        let segment = index::Segment::new(from_m, add(from_m, [-2e-5 * sin, 2e-5 * cos, -1e-6]));
+        let mut seen = 0;
+        let into = |_: &mut usize, node: &index::Node| Some(segment.touches(node));
+        mesh.index.walk(&mut seen, into, |seen, _| *seen += 1);
+        seen
+    });
+    strokes.sum::<usize>() as f64 / 1000.0
+}
+
+#[test]
+fn long_thin_triangles_are_found_about_as_fast_as_others() {
+    let (ball, cube) = (
+        TriangleMesh::sphere(0.0127, 5).unwrap(),
+        TriangleMesh::cuboid([0.0254; 3]).unwrap(),
+    );
+    let cylinder = TriangleMesh::cylinder(0.0127, 0.0254, 1000).unwrap();
+    let parts = |mesh: &TriangleMesh| {
+        let mut parts = 0;
+        mesh.index
+            .walk(&mut parts, |_, _| Some(true), |parts, _| *parts += 1);
+        parts
+    };
+    // Well-shaped triangles are indexed whole.
+    assert_eq!((parts(&ball), parts(&cube)), (20_480, 12));
+    assert!(parts(&cylinder) < 20 * 4000, "{}", parts(&cylinder));
+    let (on_ball, on_cylinder) = (looked_at(&ball), looked_at(&cylinder));
+    // By every triangle it would be 4000, by whole boxes 178.
+    assert!(
+        on_cylinder < 8.0 * on_ball,
+        "{on_cylinder} on the cylinder, {on_ball} on the ball"
+    );
 }
 
 #[test]
