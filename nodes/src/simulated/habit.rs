@@ -11,9 +11,12 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 /// Duration longer than any recording, s.
 const LONG_S: f64 = 40_000.0;
 
-/// Actions of a person for a motion. A machine makes the press, the same for every person: down to 5 N and up again
-/// within six seconds, once.
-pub fn habit(motion: &Motion, person: u64) -> ScriptSettings {
+/// Time in which a press of 1 N goes down and up again, s.
+const PRESS_S_PER_N: f64 = 1.2;
+
+/// Actions of a person for a motion. A machine makes the press, the same for every person: once down to `press_n` and up
+/// again, 5 N within six seconds.
+pub fn habit(motion: &Motion, person: u64, press_n: f64) -> ScriptSettings {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream_seed(person, "habit"));
     let mut around = || 1.15_f64.powf(rng.random_range(-1.0..1.0));
     let (size, pace, force) = (around(), around(), around());
@@ -51,8 +54,8 @@ pub fn habit(motion: &Motion, person: u64) -> ScriptSettings {
         }],
         Motion::Press => {
             let press = Action::Press {
-                force_n: 5.0,
-                duration_s: 6.0,
+                force_n: press_n,
+                duration_s: PRESS_S_PER_N * press_n,
             };
             vec![press, Action::Hover { duration_s: LONG_S }]
         }

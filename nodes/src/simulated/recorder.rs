@@ -57,6 +57,8 @@ haptograph_engine::settings! {
         material: String = "T2".to_owned();
         /// The gesture: Drag, Circle, Tap, or the Press of a testing machine.
         motion: Motion = Motion::Drag;
+        /// Force to which a Press goes, N; 10 in the thesis.
+        press_n: f64 = 5.0, in 0.1..=30.0;
         /// The person: each number has its own hand, posture and habits.
         person: u64 = 1;
         /// From the tracker's sensor to the tip, in the tool's frame (z up along the tool), mm.
@@ -116,8 +118,14 @@ impl DeviceKind for SimulatedRecordingTool {
             cx.seed,
             &format!("{}/{person}/{}", name.as_str(), motion.gesture().as_str()),
         );
-        let mut tool = SimulatedTool::new(&Material::of(name), grip, &habit(&motion, person), SUBSTEPS, seed)
-            .map_err(|error| BuildError::at("motion", error.to_string()))?;
+        let mut tool = SimulatedTool::new(
+            &Material::of(name),
+            grip,
+            &habit(&motion, person, settings.press_n),
+            SUBSTEPS,
+            seed,
+        )
+        .map_err(|error| BuildError::at("motion", error.to_string()))?;
         if motion != Motion::Press {
             (0..(LEAD_S * TOOL_RATE_HZ) as usize).for_each(|_| tool.advance());
         }

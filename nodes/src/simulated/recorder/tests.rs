@@ -13,6 +13,7 @@ fn settings(material: &str, motion: Motion, person: u64) -> SimulatedRecordingTo
     SimulatedRecordingToolSettings {
         material: material.into(),
         motion,
+        press_n: 5.0,
         person,
         tracker_to_tip_mm: [0.0, 0.0, -120.0].map(Millimetres),
         force_sensor_to_tip_mm: [0.0, 0.0, -30.0].map(Millimetres),
@@ -80,6 +81,13 @@ fn a_press_is_upright_and_reaches_its_force() {
     let hardest_n = press.iter().map(|lanes| lanes[11]).fold(0.0, f64::max);
     assert!((4.5..5.5).contains(&hardest_n), "{hardest_n} N");
     assert!(press.iter().all(|lanes| lanes[3..6] == [0.0; 3]));
+    let harder = SimulatedRecordingToolSettings {
+        press_n: 10.0,
+        ..settings("T2", Motion::Press, 1)
+    };
+    let press = readings(harder, 1, 7.0);
+    let hardest_n = press.iter().map(|lanes| lanes[11]).fold(0.0, f64::max);
+    assert!((9.5..10.5).contains(&hardest_n), "{hardest_n} N");
 }
 
 #[test]
