@@ -73,7 +73,7 @@ const OTHERS: [Quantity; 5] = [
 
 /// Settings of processors that are a frequency, a gain or a level and do not change while a graph runs: (kind, setting,
 /// why).
-const NOT_LIVE: [(&str, &str, &str); 20] = [
+const NOT_LIVE: [(&str, &str, &str); 21] = [
     (
         "Crossover",
         "at_hz",
@@ -110,6 +110,11 @@ const NOT_LIVE: [(&str, &str, &str); 20] = [
         "NormalForce",
         "device_damping_n_s_per_m",
         "only the check of the stiffness reads it",
+    ),
+    (
+        "ContactFromWrench",
+        "press_n",
+        "only the check of the object's size reads it",
     ),
     ("AccelerometerModel", "m_s2_per_v", SENSOR),
     ("AccelerometerModel", "zero_v", SENSOR),

@@ -2,7 +2,7 @@
 
 use haptograph_engine::device::{Channel, DeviceEntry};
 use haptograph_engine::document::library::{LibraryTemplate, templates};
-use haptograph_engine::node::{Flow, KindRule, NodeEntry, Presence, QuantityRule};
+use haptograph_engine::node::{Flow, KindRule, NodeEntry, OutputRole, Presence, QuantityRule};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::{Expected, MAX_LIVE_ITEMS, SettingSpec};
 use std::fmt::Write as _;
@@ -302,6 +302,10 @@ fn body_of_node(entry: &NodeEntry) -> String {
         let mut notes = format!("{}, {}", kind_rule(port.kind), quantity_rule(port.quantity));
         if let Some(setting) = port.count.named_by() {
             notes += &format!(", one for each of `{setting}`");
+        }
+        if let OutputRole::Shortfall(reasons) = port.role {
+            let reasons = reasons.iter().enumerate();
+            reasons.for_each(|(index, reason)| notes += &format!("; {}: {reason}", index + 1));
         }
         (port.name, notes, port.doc)
     });

@@ -124,7 +124,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let (outcome, took_s) = timed(offline, duration_s, &stop)?;
     let mut summary = Summary::of(arguments, &graph, &outcome, took_s);
     summary.add(Vec::new(), unreached(&graph));
-    let sound = setup.completion.complete(arguments, &graph, &summary)?;
+    let sound = setup.completion.complete(arguments, &graph, summary)?;
     let played = arguments.present.play_sound(sound, &stop);
     played.map_err(|failure| failure.after_facts(arguments.json))
 }
@@ -297,8 +297,9 @@ impl Completion {
         self,
         arguments: &Arguments,
         graph: &Graph,
-        summary: &Summary,
+        mut summary: Summary,
     ) -> Result<Option<Sound>, Failure> {
+        summary.add(Vec::new(), self.plotted.shortfalls());
         let sound = self.plotted.sound();
         self.folder.write(folder::MARK, &summary.to_json())?;
         self.folder

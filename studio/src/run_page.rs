@@ -59,6 +59,7 @@ pub fn write(
         json!({ "name": device.name, "kind": spec.name, "simulated": spec.simulated })
     });
     run.extend([("devices", "Devices", devices.collect())]);
+    run.warnings.extend(signals.plotted.shortfalls());
     let page = page(source, graph, outcome, &run, &signals.plotted);
     haptograph_signal::files::write_atomically(&folder.join(facts::FILE), run.to_json().as_bytes())?;
     haptograph_signal::files::write_atomically(&folder.join(REPORT), page.as_bytes())

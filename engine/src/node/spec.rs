@@ -64,6 +64,9 @@ pub enum OutputRole {
     Plain,
     /// A measured coefficient of friction, which is a plain number.
     FrictionCoefficient,
+    /// 0 while the node does what is asked of it, n while it cannot for the n-th of these reasons. The report of a run warns of
+    /// the ticks of each.
+    Shortfall(&'static [&'static str]),
 }
 
 /// How many outputs of a node a specification stands for.

@@ -108,9 +108,15 @@ impl NodeKind for BrakeController {
                 "reach",
                 Kind::SCALAR,
                 Quantity::NUMBER,
-                "0: the requested friction can be rendered. 1: the free pen has more. 2: the current is at its limit. 3: the plunger \
-                 would lift the ball. 4: the correction is at its limit. 5: the coil is too hot.",
-            ),
+                "0: the requested friction can be rendered; else why it cannot.",
+            )
+            .with_role(OutputRole::Shortfall(&[
+                "the free pen has more than the requested friction",
+                "the current was at its limit",
+                "the plunger would have lifted the ball",
+                "the correction of the friction was at its limit",
+                "the coil was too hot",
+            ])),
             output(
                 "coil",
                 Kind::SCALAR,
@@ -131,6 +137,24 @@ impl NodeKind for BrakeController {
             wanted: wanted(&settings)?,
             measured: 0.0,
         }))
+    }
+
+    fn advice(settings: &BrakeControllerSettings, _: &BuildContext) -> Vec<BuildError> {
+        let (Ok(mu), [least, most]) = (wanted(settings), settings.to_brake().solenoid.friction_range())
+        else {
+            return Vec::new();
+        };
+        if (least..=most).contains(&mu) {
+            return Vec::new();
+        }
+        let message = format!(
+            "the requested coefficient of friction is {}; by its experimental line this brake renders {least:.2} to {most:.2}",
+            (mu * 1e3).round() / 1e3
+        );
+        let field = if settings.mu.is_some() { "mu" } else { "surface" };
+        vec![BuildError::at(field, message).help(
+            "request one within that range, or state `line_slope` and `line_offset` as measured on your pen",
+        )]
     }
 }
 

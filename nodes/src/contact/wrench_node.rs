@@ -6,11 +6,12 @@ use super::object::{CubeSettings, Object, on_sensor};
 use super::wrench::{LEASH, SurfacePath, WrenchContact, WrenchLocator, WrenchSettings};
 use crate::filters::design_error;
 use crate::sensing::speed::SpeedFilter;
-use crate::vector::norm;
+use crate::simulated::force_sensor::ForceSensorSettings;
+use crate::vector::{cross, norm};
 use haptograph_engine::frame::{Kind, OneKind, Record, Scalar, Vector, Wrench};
 use haptograph_engine::node::{
     BuildContext, BuildError, Built, Input, Io, Latency, LiveId, NodeKind, NodeSpec, Optional, Output,
-    Processor, Tick, input, output,
+    OutputRole, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Millimetres, NewtonMillimetres};
@@ -28,6 +29,10 @@ haptograph_engine::settings! {
         [live] force_step_n: f64 = WrenchSettings::default().force_step_n, in 0.0..=1000.0;
         /// Resolution of the measured torque, N mm, for the uncertainty.
         [live] torque_step_n_mm: NewtonMillimetres = NewtonMillimetres::of_si(WrenchSettings::default().torque_step_n_m), in 0.0..=1e6;
+        /// The sensor's range of torque about each axis, N mm.
+        [live] most_torque_n_mm: NewtonMillimetres = NewtonMillimetres::of_si(ForceSensorSettings::default().most_torque_n_m), in 1e-6..=1e6;
+        /// The hardest press that is expected, N. The check warns of an object on which it would exceed the range of torque.
+        press_n: f64 = 5.0, in 0.0..=1000.0;
     }
 }
 
@@ -89,6 +94,15 @@ impl NodeKind for ContactFromWrench {
                 "Uncertainty of the point, m: Eq. 5.2.4 with the lever from the sensor to the point, as the direction of \
                  the force is uncertain too.",
             ),
+            output(
+                "saturated",
+                Kind::SCALAR,
+                Quantity::NUMBER,
+                "1 while a torque is at the end of the sensor's range, where the point is wrong; else 0.",
+            )
+            .with_role(OutputRole::Shortfall(&[
+                "a torque was at the end of the sensor's range",
+            ])),
         ],
         example: r#""touch": ContactFromWrench(wrench: "sensor.wrench", object: Cube(edge_mm: 25.4), height_mm: 8.0)"#,
     };
@@ -103,7 +117,38 @@ impl NodeKind for ContactFromWrench {
         let locator = WrenchLocator::new(object, measured).map_err(|error| {
             BuildError::at("object", error.to_string()).help("give a convex object, or its convex hull")
         })?;
-        Ok(Built::new(Locating { locator }))
+        let most_torque_n_m = settings.most_torque_n_mm.si();
+        Ok(Built::new(Locating {
+            locator,
+            most_torque_n_m,
+        }))
+    }
+
+    fn advice(settings: &ContactFromWrenchSettings, _: &BuildContext) -> Vec<BuildError> {
+        let Ok(object) = on_sensor(&settings.object, settings.height_mm.si()) else {
+            return Vec::new();
+        };
+        // A convex object's largest torque is at a corner.
+        let levers_m = (0..object.triangles().len() as u32).flat_map(|face| {
+            object
+                .corners(face)
+                .map(|corner| cross(corner, object.normal(face)))
+        });
+        let lever_m = levers_m
+            .flatten()
+            .fold(0.0, |most: f64, lever| most.max(lever.abs()));
+        let torque_n_mm = NewtonMillimetres::of_si(settings.press_n * lever_m).0;
+        let range_n_mm = settings.most_torque_n_mm.0;
+        if torque_n_mm <= range_n_mm * (1.0 + 1e-9) {
+            return Vec::new();
+        }
+        let message = format!(
+            "pressed with {} N at its edge, the object makes a torque of {torque_n_mm:.0} N mm; the sensor's range is {range_n_mm} N mm",
+            settings.press_n
+        );
+        vec![BuildError::at("object", message).help(
+            "take a smaller object, or state `most_torque_n_mm` of your sensor or the `press_n` that is expected",
+        )]
     }
 }
 
@@ -116,6 +161,8 @@ impl ContactFromWrench {
     const UNCERTAINTY: Output<Self, Scalar> = Output::named("uncertainty");
     const MISS: Output<Self, Scalar> = Output::named("miss");
     const POINT_UNCERTAINTY: Output<Self, Scalar> = Output::named("point_uncertainty");
+    const SATURATED: Output<Self, Scalar> = Output::named("saturated");
+    const MOST_TORQUE_N_MM: LiveId<Self> = LiveId::named("most_torque_n_mm");
     const THRESHOLD_N: LiveId<Self> = LiveId::named("threshold_n");
     const FORCE_STEP_N: LiveId<Self> = LiveId::named("force_step_n");
     const TORQUE_STEP_N_MM: LiveId<Self> = LiveId::named("torque_step_n_mm");
@@ -124,20 +171,25 @@ impl ContactFromWrench {
 #[derive(Debug, Clone)]
 struct Locating {
     locator: WrenchLocator,
+    most_torque_n_m: f64,
 }
 
 impl Processor<ContactFromWrench> for Locating {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, ContactFromWrench>) {
         let wrenches = io.read(ContactFromWrench::WRENCH);
-        let (contacts, load, friction, residual, uncertainty, miss, point_uncertainty) = io.write_all((
-            ContactFromWrench::CONTACT,
-            ContactFromWrench::LOAD,
-            ContactFromWrench::FRICTION,
-            ContactFromWrench::RESIDUAL,
-            ContactFromWrench::UNCERTAINTY,
-            ContactFromWrench::MISS,
-            ContactFromWrench::POINT_UNCERTAINTY,
-        ));
+        // Behind the sensor's filter, a reading at the end of its range shakes by less than a step.
+        let end_n_m = self.most_torque_n_m - self.locator.settings_mut().torque_step_n_m;
+        let (contacts, load, friction, residual, uncertainty, miss, point_uncertainty, saturated) = io
+            .write_all((
+                ContactFromWrench::CONTACT,
+                ContactFromWrench::LOAD,
+                ContactFromWrench::FRICTION,
+                ContactFromWrench::RESIDUAL,
+                ContactFromWrench::UNCERTAINTY,
+                ContactFromWrench::MISS,
+                ContactFromWrench::POINT_UNCERTAINTY,
+                ContactFromWrench::SATURATED,
+            ));
         for (frame, [fx, fy, fz, tx, ty, tz]) in wrenches.iter().enumerate() {
             let at = self.locator.update([*fx, *fy, *fz], [*tx, *ty, *tz]);
             contacts[frame] = Contact {
@@ -155,6 +207,8 @@ impl Processor<ContactFromWrench> for Locating {
             uncertainty[frame] = at.uncertainty_m;
             miss[frame] = at.miss_m;
             point_uncertainty[frame] = at.point_uncertainty_m;
+            let is_at_end = [tx, ty, tz].iter().any(|torque_n_m| torque_n_m.abs() >= end_n_m);
+            saturated[frame] = f64::from(u8::from(is_at_end));
         }
     }
 
@@ -164,6 +218,7 @@ impl Processor<ContactFromWrench> for Locating {
             ContactFromWrench::THRESHOLD_N => measured.threshold_n = value,
             ContactFromWrench::FORCE_STEP_N => measured.force_step_n = value,
             ContactFromWrench::TORQUE_STEP_N_MM => measured.torque_step_n_m = value,
+            ContactFromWrench::MOST_TORQUE_N_MM => self.most_torque_n_m = value,
             _ => {}
         }
     }
@@ -317,11 +372,14 @@ mod tests {
             threshold_n: 0.08,
             force_step_n: 1.0 / 160.0,
             torque_step_n_mm: NewtonMillimetres(1.0 / 32.0),
+            most_torque_n_mm: NewtonMillimetres(10.0),
+            press_n: 5.0,
         };
         let mut bench = Bench::new::<ContactFromWrench>(settings, 1000.0, &[Kind::WRENCH]).unwrap();
         let (point, force) = ([0.004, -0.003, 0.0334], [0.2, 0.1, -1.0]);
         let wrench = [force, cross(point, force)].concat();
         let out = bench.run(&[&[wrench, vec![0.0; 6]].concat()]);
+        assert_eq!(out[7], [1.0, 0.0], "the torque of 10.7 N mm is beyond the range");
         let contacts: Vec<Contact> = out[0]
             .as_chunks()
             .0
@@ -431,6 +489,8 @@ mod tests {
             threshold_n: 0.08,
             force_step_n: 0.01,
             torque_step_n_mm: NewtonMillimetres(0.01),
+            most_torque_n_mm: NewtonMillimetres(250.0),
+            press_n: 5.0,
         };
         let refused = Bench::new::<ContactFromWrench>(settings, 1000.0, &[Kind::WRENCH]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("object"));

@@ -94,7 +94,7 @@ fn run_with(
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome.outcome, ended.took_s);
     summary.set_endpoints(Endpoints::live(ended.devices));
     summary.add(facts_of(&ended.report), ended.warnings);
-    let completed = setup.completion.complete(&arguments, &graph, &summary);
+    let completed = setup.completion.complete(&arguments, &graph, summary);
     match completed {
         Ok(_) | Err(Failure::Interrupted) if panicked => Err(Failure::Message(
             "haptograph panicked during the run, with the message above; the files of the run are complete up to the panic".to_owned(),

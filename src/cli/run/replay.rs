@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
         vec![("replay", "Repeats", json!(folder.to_string_lossy()))],
         replay::differences(&facts),
     );
-    let sound = setup.completion.complete(arguments, &graph, &summary)?;
+    let sound = setup.completion.complete(arguments, &graph, summary)?;
     arguments.present.play_sound(sound, &stop)
 }
 

@@ -36,6 +36,12 @@ impl Solenoid {
         self.line_slope * mu + self.line_offset
     }
 
+    /// The smallest and the largest friction on the experimental line: no force on the plunger, and as much as presses the
+    /// pen itself. Eq. 5.5.12
+    pub fn friction_range(&self) -> [f64; 2] {
+        [0.0, 1.0].map(|phi| (phi - self.line_offset) / self.line_slope)
+    }
+
     /// Current for a plunger force, A, without a limit; zero below the plunger's weight. Eq. 5.5.10
     pub fn current_a(&self, plunger_n: f64) -> f64 {
         ((plunger_n - self.plunger_n).max(0.0) / self.force_n_per_a2).sqrt()
