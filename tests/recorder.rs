@@ -4,14 +4,17 @@
 #[path = "../examples/learn_surfaces.rs"]
 mod learn_surfaces;
 
-use haptograph::nodes::simulated::material::Material;
+use haptograph::engine::graph::CheckOptions;
+use haptograph::engine::run::{FileSinks, Offline};
+use haptograph::nodes::simulated::material::{Material, MaterialName};
 use haptograph::recorder::{Session, record};
 use haptograph::signal::spectrum::welch;
 use haptograph::signal::window::Window;
 use haptograph::surfaces::learning::LearnSettings;
 use haptograph::surfaces::learning::processing::{ProcessingSettings, SurfaceNormal, processed};
+use haptograph::surfaces::learning::stiffness::{StiffnessSettings, learn_stiffness};
 use haptograph::surfaces::learning::taps::{Contact, learn_taps};
-use haptograph::surfaces::recording::{AnyRecording, Gesture};
+use haptograph::surfaces::recording::{AnyRecording, Gesture, load};
 use haptograph::surfaces::{Origin, Surface, Tap, files};
 use learn_surfaces::{SHIPPED, learned};
 use std::path::{Path, PathBuf};
@@ -232,4 +235,50 @@ fn the_shipped_surfaces_are_learned_again_to_the_bit() {
         let text = files::native::write(&learned(material, name).unwrap());
         assert!(text == std::fs::read_to_string(place(file)).unwrap(), "{file}");
     }
+}
+
+/// The press of 3.2.2: to 10 N, its position read at 10 Hz in steps of 0.06 um.
+#[test]
+fn the_press_of_the_thesis_shows_the_stiffness_that_was_simulated() {
+    let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/graphs/recorder.ron");
+    let options = CheckOptions::default();
+    let set = [
+        ("motion", "Press"),
+        ("press_n", "10"),
+        ("tracker_hz", "10"),
+        ("material", "T2"),
+    ];
+    let options = set
+        .into_iter()
+        .fold(options, |options, (name, value)| options.set(name, value));
+    let graph = haptograph::open(graph, &options).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut sinks = FileSinks::new(&graph);
+    sinks.open_files(folder.path()).unwrap();
+    Offline::new(sinks, 0)
+        .run(12.0, &AtomicBool::new(false), &mut |_| ())
+        .unwrap();
+    let recording = load(&folder.path().join("recording.npz")).unwrap();
+    let AnyRecording::Raw(recording) = recording else {
+        panic!()
+    };
+    let settings = LearnSettings::default();
+    let (stiffness, report) =
+        learn_stiffness(&recording, &settings.processing, &StiffnessSettings::default()).unwrap();
+    let hardest_n = report
+        .curve
+        .iter()
+        .fold(0.0, |most: f64, (_, force_n)| most.max(*force_n));
+    assert!(
+        (9.5..10.5).contains(&hardest_n) && report.curve.len() < 75,
+        "{hardest_n} N in {}",
+        report.curve.len()
+    );
+    let simulated = Material::of(MaterialName::T2).stiffness_n_per_m;
+    assert!(
+        (stiffness.n_per_m() / simulated - 1.0).abs() < 0.05,
+        "{}",
+        stiffness.n_per_m()
+    );
+    assert!(report.line.r_squared > 0.99);
 }
