@@ -7,23 +7,22 @@ mod expected;
 mod fields;
 mod live;
 mod rewrite;
-mod spelling;
 mod unit;
 mod values;
 
 pub(crate) use expected::written;
 pub use expected::{Expected, Form};
 pub use fields::{Fields, fields_of};
+pub use haptograph_signal::spelling::closest;
 #[doc(hidden)]
 pub use live::any;
 pub use live::{DeclaredField, LiveId, LiveSetting, MAX_LIVE_ITEMS, SettingId, TypedId};
 pub(crate) use live::{count_live, has_limit, same};
-pub use spelling::closest;
 pub use unit::{Scale, check_unit};
 
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Shape, Tagged, Value};
-use haptograph_signal::units::Unit;
+use haptograph_signal::units::{self, Unit};
 use std::path::{Path, PathBuf};
 
 /// Specification of a setting.
@@ -166,7 +165,7 @@ impl Reading<'_> {
         let is_written = value.span.source.0 < self.first_given;
         diagnostic
             .help
-            .extend(correction(value, expected.form(), is_written));
+            .extend(correction(value, expected.form(), self.setting, is_written));
         self.diagnostics.push(diagnostic);
     }
 
@@ -207,7 +206,7 @@ impl Reading<'_> {
 }
 
 /// Help for a value of the wrong type, if the correct form can be inferred; `is_written` if it stands in a file.
-fn correction(value: &Value, expected: Form, is_written: bool) -> Option<String> {
+fn correction(value: &Value, expected: Form, setting: Option<&str>, is_written: bool) -> Option<String> {
     let wants_number = matches!(expected, Form::Number | Form::NumberList);
     match (&value.shape, value.bare_name()) {
         (Shape::String(_), _) if matches!(expected, Form::List | Form::NumberList) => {
@@ -221,7 +220,7 @@ fn correction(value: &Value, expected: Form, is_written: bool) -> Option<String>
                 () if with_point.parse::<f64>().is_ok() => {
                     Some(format!("a decimal point is `.`: write `{with_point}`"))
                 }
-                () => None,
+                () => without_unit(text, setting?),
             }
         }
         (_, Some("pi" | "PI")) if wants_number => {
@@ -234,6 +233,18 @@ fn correction(value: &Value, expected: Form, is_written: bool) -> Option<String>
         (_, Some(name)) if expected == Form::Quoted => Some(format!("write `\"{name}\"`")),
         _ => None,
     }
+}
+
+/// Help for a number that was written with its unit: `"80 Hz"` for `low_hz`.
+fn without_unit(text: &str, setting: &str) -> Option<String> {
+    let end = text.find(|c: char| !(c.is_ascii_digit() || "+-.".contains(c)))?;
+    let (number, unit) = text.split_at(end);
+    let (quantity, si) = units::of_name(setting)?.scale?;
+    let factor = units::si_per(unit, quantity)? / si;
+    let number = fields::rounded(number.parse::<f64>().ok()? * factor);
+    Some(format!(
+        "units are in the setting's name; write `{setting}: {number}`"
+    ))
 }
 
 /// Reports a name that is not in `choices`.

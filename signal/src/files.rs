@@ -6,6 +6,7 @@ mod memory;
 mod roots;
 mod write;
 
+use crate::spelling::closest;
 pub use limits::*;
 #[cfg(target_family = "wasm")]
 pub use memory::{File, put};
@@ -31,6 +32,9 @@ pub enum Refusal {
         /// The type.
         found: &'static str,
     },
+    /// The path leads to a file where a folder is needed.
+    #[error("it is a file, not a folder")]
+    NotFolder,
     /// The file is not a serial port or other terminal.
     #[error("it is not a serial port")]
     NotTerminal,
@@ -53,6 +57,80 @@ pub enum Refusal {
     },
 }
 
+/// Reason why a path leads to nothing. An [`io::Error`] of kind [`io::ErrorKind::NotFound`] carries it.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Missing {
+    /// The folder of the path does not exist.
+    #[error("there is no folder {}", folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The folder has no file of this name.
+    #[error("there is no such file{}", meant(similar.as_deref()))]
+    File {
+        /// A name in the folder that the path may mean.
+        similar: Option<String>,
+    },
+}
+
+fn meant(similar: Option<&str>) -> String {
+    similar.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
+}
+
+impl Missing {
+    #[cfg(not(target_family = "wasm"))]
+    fn of(path: &Path) -> io::Error {
+        let folder = folder_of(path);
+        let missing = match folder.is_dir() {
+            true => Self::File {
+                similar: similar(path),
+            },
+            false => Self::Folder {
+                folder: folder.to_owned(),
+            },
+        };
+        io::Error::new(io::ErrorKind::NotFound, missing)
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Largest number of names of a folder that are compared with that of a missing file.
+const MAX_COMPARED: usize = 4096;
+
+/// The name in the same folder, with the same extension, that was probably meant by a path that leads to nothing.
+pub fn similar(path: &Path) -> Option<String> {
+    let wanted = path.file_stem()?.to_str()?;
+    let of_kind = |name: &PathBuf| name.extension() == path.extension();
+    let names = names(folder_of(path)).take(MAX_COMPARED).filter(of_kind);
+    let mut stems: Vec<String> = names
+        .filter_map(|name| Some(name.file_stem()?.to_str()?.to_owned()))
+        .collect();
+    stems.sort_unstable();
+    let stem = closest(wanted, stems.iter().map(String::as_str))?;
+    let extension = path.extension().map(|extension| extension.to_string_lossy());
+    Some(extension.map_or_else(|| stem.to_owned(), |extension| format!("{stem}.{extension}")))
+}
+
+#[cfg(not(target_family = "wasm"))]
+fn names(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    let entries = entries(folder).into_iter().flatten().flatten();
+    entries.map(|entry| PathBuf::from(entry.file_name()))
+}
+
+#[cfg(target_family = "wasm")]
+fn names(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    let files = list(folder).into_iter();
+    files.filter_map(|file| file.file_name().map(PathBuf::from))
+}
+
 impl Refusal {
     /// The refusal in an error, if any.
     pub fn of(error: &io::Error) -> Option<Self> {
@@ -63,7 +141,9 @@ impl Refusal {
 impl From<Refusal> for io::Error {
     fn from(refusal: Refusal) -> Self {
         let kind = match refusal {
-            Refusal::NotRegular { .. } | Refusal::NotTerminal => io::ErrorKind::InvalidInput,
+            Refusal::NotRegular { .. } | Refusal::NotFolder | Refusal::NotTerminal => {
+                io::ErrorKind::InvalidInput
+            }
             Refusal::Outside => io::ErrorKind::PermissionDenied,
             Refusal::TooLong { .. } | Refusal::TooManyNames { .. } => io::ErrorKind::FileTooLarge,
         };
@@ -106,7 +186,7 @@ impl Read for Bounded {
 /// confined to [`Roots`] opens nothing else.
 ///
 /// # Errors
-/// Those of the file system, and [`Refusal`].
+/// Those of the file system, [`Missing`] and [`Refusal`].
 pub fn open(path: &Path, max_bytes: u64) -> io::Result<Bounded> {
     let path = roots::admitted(path)?;
     let path = &*path;
@@ -160,10 +240,15 @@ pub fn is_folder(path: &Path) -> bool {
 /// The entries of a folder that may be read, unordered: at most [`MAX_NAMES`], then [`Refusal::TooManyNames`].
 ///
 /// # Errors
-/// Those of the file system, and [`Refusal::Outside`].
+/// Those of the file system, [`Missing`], [`Refusal::NotFolder`] and [`Refusal::Outside`].
 #[cfg(not(target_family = "wasm"))]
 pub fn entries(folder: &Path) -> io::Result<impl Iterator<Item = io::Result<DirEntry>> + use<>> {
-    let entries = std::fs::read_dir(roots::admitted(folder)?)?;
+    let folder = roots::admitted(folder)?;
+    let entries = std::fs::read_dir(&folder).map_err(|error| match error.kind() {
+        io::ErrorKind::NotADirectory => Refusal::NotFolder.into(),
+        io::ErrorKind::NotFound => Missing::of(&folder),
+        _ => error,
+    })?;
     Ok(bounded(entries, MAX_NAMES))
 }
 
@@ -235,7 +320,7 @@ fn open_regular(path: &Path, options: &mut OpenOptions) -> io::Result<File> {
         Ok(file) => file.metadata()?,
         Err(_) => match path.metadata() {
             Ok(metadata) if !metadata.is_file() => metadata,
-            _ => return opened.and_then(|_| Err(io::ErrorKind::Other.into())),
+            _ => return opened.map_err(|error| unopened(path, error)),
         },
     };
     if !metadata.is_file() {
@@ -243,6 +328,15 @@ fn open_regular(path: &Path, options: &mut OpenOptions) -> io::Result<File> {
         return Err(Refusal::NotRegular { found }.into());
     }
     opened
+}
+
+#[cfg(not(target_family = "wasm"))]
+fn unopened(path: &Path, error: io::Error) -> io::Error {
+    match error.kind() {
+        // The path goes on below a file.
+        io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => Missing::of(path),
+        _ => error,
+    }
 }
 
 #[cfg(unix)]
@@ -348,6 +442,35 @@ mod tests {
             read(&folder.path().join("none"), 9).unwrap_err().kind(),
             io::ErrorKind::NotFound
         );
+    }
+
+    #[test]
+    fn a_missing_file_is_named_with_the_one_that_was_meant() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["tile.ron", "tile.csv", "canvas.ron"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        let found = |name: &str| {
+            let error = read(&folder.path().join(name), 9).unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::NotFound);
+            error
+                .get_ref()
+                .unwrap()
+                .downcast_ref::<Missing>()
+                .unwrap()
+                .clone()
+        };
+        let file = |similar: Option<&str>| Missing::File {
+            similar: similar.map(str::to_owned),
+        };
+        assert_eq!(found("tlie.ron"), file(Some("tile.ron")));
+        assert_eq!(found("canvsa.csv"), file(None));
+        for below in ["nowhere", "tile.ron"] {
+            let folder = folder.path().join(below);
+            assert_eq!(found(&format!("{below}/tile.ron")), Missing::Folder { folder });
+        }
+        let listed = entries(&folder.path().join("tile.ron")).map(|_| ()).unwrap_err();
+        assert_eq!(Refusal::of(&listed), Some(Refusal::NotFolder));
     }
 
     #[cfg(target_os = "linux")]

@@ -1,5 +1,5 @@
 //! The signal processing of haptograph: quantities and units, exact time, seeded noise, filters, resampling and
-//! spectra; bounded reading and atomic writing of files; and the reader of CSV tables. It does not depend on graphs or
+//! spectra; bounded reading and atomic writing of files; the reader of CSV tables; and suggestions for misspelt names. It does not depend on graphs or
 //! surfaces.
 
 pub mod arma;
@@ -14,6 +14,7 @@ pub mod prediction;
 pub mod quantity;
 pub mod resample;
 pub mod spectrum;
+pub mod spelling;
 pub mod statistics;
 pub mod time;
 pub mod units;

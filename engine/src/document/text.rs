@@ -135,6 +135,9 @@ impl Reader<'_> {
         if self.token() == Some(Token::Mistaken) {
             return; // Reported when it was scanned.
         }
+        let name = self.name_before_bracket();
+        let bracket = name.map(|name| format!("`(` after `{name}`"));
+        let expected = bracket.as_deref().unwrap_or(expected);
         let message = format!("expected {expected}, found {}", self.found());
         let label = format!("expected {expected}");
         let mut diagnostic = Diagnostic::error("E0101", self.span(), message).label(label);
@@ -143,7 +146,17 @@ impl Reader<'_> {
                 .also(string, "this string continues over the end of its line")
                 .help("is the closing `\"` of that string missing?");
         }
+        if let Some(name) = name {
+            diagnostic = diagnostic.help(format!("fields stand in round brackets: `{name}(...)`"));
+        }
         self.diagnostics.push(diagnostic);
+    }
+
+    /// The name before a bracket that is not round: `Graph {`.
+    fn name_before_bracket(&self) -> Option<&str> {
+        let name = self.lexemes.get(self.at.checked_sub(1)?)?;
+        let follows = name.token == Token::Name && matches!(self.slice(), "{" | "[");
+        follows.then(|| &self.text[name.start..name.end])
     }
 
     /// A string near by that holds a line break: the usual trace of a forgotten quote.

@@ -1,6 +1,6 @@
 //! The fields of a structure while it is read.
 
-use super::{Expected, Reading, Setting, closest, spelling};
+use super::{Expected, Reading, Setting, closest};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use haptograph_signal::units;
@@ -125,11 +125,13 @@ impl Fields {
                 .iter()
                 .find_map(|known| Some((known, units::between(name, known)?)))
         {
-            let help = format!("did you mean `{known}: {}`?", spelling::rounded(number * factor));
+            let help = format!("did you mean `{known}: {}`?", rounded(number * factor));
             return (Some(known.clone()), help);
         }
-        // A field that is missing is the likeliest to be meant.
+        // A field that is missing is the likeliest to be meant. A connection is the input that nothing else is.
         let missed = closest(name, self.missed.iter().map(|(name, _)| name.as_str()));
+        let connects = matches!(value.shape, Shape::String(_) | Shape::Tagged(_) | Shape::List(_));
+        let missed = missed.or_else(|| self.only_input().filter(|_| connects));
         let near = missed.or_else(|| closest(name, self.known.iter().map(String::as_str)));
         let help = match near {
             Some(near) => format!("did you mean `{near}`?"),
@@ -137,6 +139,14 @@ impl Fields {
             None => self.list(),
         };
         (missed.map(str::to_owned), help)
+    }
+
+    /// The input that is not connected, if no other field is missing.
+    fn only_input(&self) -> Option<&str> {
+        match &self.missed[..] {
+            [(name, missing)] if missing.code == "E0401" => Some(name),
+            _ => None,
+        }
     }
 
     /// All fields, those of the structure first.
@@ -197,6 +207,11 @@ impl Fields {
         }
         Some(read)
     }
+}
+
+/// A number without the rounding errors of its last digits.
+pub(super) fn rounded(number: f64) -> f64 {
+    format!("{number:.11e}").parse().unwrap_or(number)
 }
 
 /// The fields of a structure value; reports any other value.

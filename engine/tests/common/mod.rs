@@ -333,10 +333,10 @@ impl NodeKind for Filter {
         )],
     );
     fn build(settings: FilterSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        match std::fs::metadata(&settings.surface) {
+        match haptograph_signal::files::read(&settings.surface, 1 << 20) {
             Ok(_) => Ok(Built::new(Silent)),
-            Err(_) => {
-                let message = format!("cannot read surface `{}`", settings.surface.display());
+            Err(error) => {
+                let message = format!("cannot read surface `{}`: {error}", settings.surface.display());
                 Err(BuildError::at("surface", message)
                     .help("paths are relative to the file they are written in"))
             }

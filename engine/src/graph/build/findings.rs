@@ -5,9 +5,9 @@ use crate::document::folder;
 use crate::document::value::{Body, Name, Shape, Value};
 use crate::graph::draft::{Context, DraftNode};
 use crate::node::BuildError;
-use crate::settings::{Fields, closest};
+use crate::settings::Fields;
 use haptograph_signal::files;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Places of the fields of a node or device.
 pub(in crate::graph) struct Places {
@@ -152,54 +152,25 @@ fn parameter_in_text(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String
     ))
 }
 
-/// Help for a path that leads to no file: a file of a similar name, or the folder from which a path of a given value, or of
-/// a running graph, is resolved.
+/// Help for a path that leads to no file: the folder from which a path of a given value, or of a running graph, is
+/// resolved.
 fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
     let span = diagnostic.primary.as_ref()?.span;
     let is_given = span.source.0 as usize >= cx.document.sources.iter().count();
     let written = cx.sources.get(span.source)?.text.get(span.start..span.end)?;
     let written = Path::new(written.trim_matches('"'));
-    let path = match is_given {
-        true => written.to_path_buf(),
-        false => folder(&cx.sources, span.source).join(written),
-    };
-    if !cx.files.contains(&path) || path.exists() {
+    let is_there = |path: &Path| path.exists() || files::similar(path).is_some();
+    if !is_given || !cx.files.iter().any(|file| file == written) || is_there(written) {
         return None;
-    }
-    if let Some(near) = similar_file(&path) {
-        let near = written.with_file_name(near);
-        return Some(format!("did you mean `{}`?", near.display()));
     }
     let beside = folder(&cx.sources, SourceId::default()).join(written);
     let found = match files::is_file(&beside) {
         true => format!("; there is {}", beside.display()),
         false => String::new(),
     };
-    let looked =
-        || format!("a path in the value given for a parameter is relative to the working directory{found}");
-    is_given.then(looked)
-}
-
-/// The name of a file in the same folder, of the same kind, that was meant by a path.
-fn similar_file(path: &Path) -> Option<String> {
-    let folder = match path.parent()? {
-        here if here.as_os_str().is_empty() => Path::new("."),
-        folder => folder,
-    };
-    let files = files::list(folder);
-    let names = files
-        .iter()
-        .filter_map(|file| file.file_name().map(PathBuf::from));
-    let alike = names.filter(|name| name.extension() == path.extension());
-    let mut stems: Vec<String> = alike
-        .filter_map(|name| Some(name.file_stem()?.to_str()?.to_owned()))
-        .collect();
-    stems.sort_unstable();
-    let stem = closest(path.file_stem()?.to_str()?, stems.iter().map(String::as_str))?;
-    Some(match path.extension().and_then(|extension| extension.to_str()) {
-        Some(extension) => format!("{stem}.{extension}"),
-        None => stem.to_owned(),
-    })
+    Some(format!(
+        "a path in the value given for a parameter is relative to the working directory{found}"
+    ))
 }
 
 /// The place of some characters of a text that is written in plain quotes, without escapes.
