@@ -86,9 +86,7 @@ pub struct BandAnswer {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum IdentifyError {
     /// The signals differ in length or are too short.
-    #[error(
-        "{current} samples of current but {acceleration} of acceleration: give the same number of both, at least 1000"
-    )]
+    #[error("{}", fault_of_lengths(*current, *acceleration))]
     Lengths {
         /// Samples of current.
         current: usize,
@@ -96,9 +94,7 @@ pub enum IdentifyError {
         acceleration: usize,
     },
     /// The band is not within the rate.
-    #[error(
-        "the band {low_hz} to {high_hz} Hz must rise, start above zero and end below a quarter of the rate {rate_hz} Hz"
-    )]
+    #[error("{}", fault_of_band([*low_hz, *high_hz], *rate_hz))]
     Band {
         /// Lower end.
         low_hz: f64,
@@ -139,6 +135,33 @@ pub enum IdentifyError {
         "no springs and dampers above zero give the recorded resonances with the known parameters: check the masses"
     )]
     Contradiction,
+}
+
+/// Fewest samples of a sweep.
+const MIN_SAMPLES: usize = 1000;
+
+fn fault_of_lengths(current: usize, acceleration: usize) -> String {
+    match current == acceleration {
+        true => format!("the recording has {current} samples; at least {MIN_SAMPLES} are needed"),
+        false => {
+            format!(
+                "the current has {current} samples and the acceleration {acceleration}; give as many of both"
+            )
+        }
+    }
+}
+
+fn fault_of_band([low_hz, high_hz]: [f64; 2], rate_hz: f64) -> String {
+    if low_hz <= 0.0 {
+        return format!("the band begins at {low_hz} Hz; it has to begin above 0 Hz");
+    }
+    match low_hz < high_hz {
+        true => format!(
+            "the band ends at {high_hz} Hz; at a rate of {rate_hz} Hz it has to end below a quarter of that, {} Hz",
+            rate_hz / 4.0
+        ),
+        false => format!("the band begins at {low_hz} Hz and ends at {high_hz} Hz; it has to rise"),
+    }
 }
 
 /// A sweep of current, its frequency rising by equal factors in equal times, that starts and ends at rest (5 % of the
@@ -194,7 +217,7 @@ struct Band {
 fn measure(sweep: &Sweep) -> Result<(Vec<Band>, usize), IdentifyError> {
     const PER_OCTAVE: f64 = 32.0;
     let (current, acceleration) = (sweep.current_a.len(), sweep.acceleration_m_s2.len());
-    if current != acceleration || current < 1000 {
+    if current != acceleration || current < MIN_SAMPLES {
         return Err(IdentifyError::Lengths {
             current,
             acceleration,

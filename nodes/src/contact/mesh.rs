@@ -38,7 +38,7 @@ pub struct TriangleMesh {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshError {
     /// The mesh has no area.
-    #[error("the mesh has no triangle with an area: check the file")]
+    #[error("the mesh has no triangle with an area; export it as triangles")]
     Empty,
     /// A coordinate is NaN or infinite.
     #[error("vertex {vertex} of the mesh (counted from 0) is not finite")]
@@ -67,6 +67,12 @@ pub enum MeshError {
         diagonal_m: f64,
         /// The largest coordinate, m.
         far_m: f64,
+    },
+    /// The file ends early.
+    #[error("the {format} file is incomplete: it ends before its last triangle; export it again")]
+    Incomplete {
+        /// STL or OBJ.
+        format: MeshFormat,
     },
     /// The file cannot be read.
     #[error("the {format} file cannot be read: {problem}")]

@@ -142,7 +142,9 @@ pub(crate) fn load_mesh(file: &Path, unit: Millimetres) -> Result<TriangleMesh, 
     };
     let failed =
         |error: &dyn std::error::Error| BuildError::at("file", format!("{}: {error}", file.display()));
-    let bytes = files::read(file, files::MAX_MESH_BYTES).map_err(|error| failed(&error))?;
+    let unread =
+        |error: std::io::Error| BuildError::at("file", format!("cannot read {}: {error}", file.display()));
+    let bytes = files::read(file, files::MAX_MESH_BYTES).map_err(unread)?;
     TriangleMesh::from_bytes(&bytes, format, unit.si()).map_err(|error| failed(&error))
 }
 

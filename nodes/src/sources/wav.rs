@@ -98,6 +98,10 @@ pub(super) fn read_at_any_rate(
     let mut file = BufReader::new(file.as_file());
     let layout = read_layout(&mut file).map_err(failed)?;
     check(&layout)?;
+    if layout.frames() == 0 {
+        let message = format!("cannot read {}: it has a header, but no frames", path.display());
+        return Err(BuildError::at("file", message).help("record or export the sound again"));
+    }
     let (channel, channels) = (channel as usize, usize::from(layout.channels));
     if channel >= channels {
         let message = format!("the file has {channels} channels; channels are counted from 0");

@@ -180,10 +180,15 @@ fn recordings_that_tell_nothing_are_refused() {
         sweep(&current, &acceleration[1..], BAND_HZ),
         Err(IdentifyError::Lengths { .. })
     ));
-    assert!(matches!(
-        sweep(&current, &acceleration, [50.0, 5000.0]),
-        Err(IdentifyError::Band { .. })
-    ));
+    for (band_hz, rule) in [
+        ([50.0, 5000.0], "below a quarter of that, 2500 Hz"),
+        ([500.0, 50.0], "it has to rise"),
+        ([0.0, 50.0], "above 0 Hz"),
+    ] {
+        let refused = sweep(&current, &acceleration, band_hz).unwrap_err();
+        assert!(matches!(refused, IdentifyError::Band { .. }));
+        assert!(refused.to_string().ends_with(rule), "{refused}");
+    }
     assert!(matches!(
         sweep(&silence, &acceleration, BAND_HZ),
         Err(IdentifyError::NoSignal)

@@ -4,7 +4,7 @@ use super::{MeshError, TriangleMesh};
 use crate::vector::Vec3;
 use haptograph_signal::files::MAX_TRIANGLES;
 use std::fmt;
-use std::io::Cursor;
+use std::io::{Cursor, ErrorKind};
 
 /// File formats of meshes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,9 +53,13 @@ impl TriangleMesh {
 type Soup = (Vec<Vec3>, Vec<[u32; 3]>);
 
 fn stl(bytes: &[u8]) -> Result<Soup, MeshError> {
-    let problem = |error: std::io::Error| MeshError::Unreadable {
-        format: MeshFormat::Stl,
-        problem: error.to_string(),
+    let format = MeshFormat::Stl;
+    let problem = |error: std::io::Error| match error.kind() {
+        ErrorKind::UnexpectedEof => MeshError::Incomplete { format },
+        _ => MeshError::Unreadable {
+            format,
+            problem: error.to_string(),
+        },
     };
     let mut source = Cursor::new(bytes);
     let (mut corners, mut triangles) = (Vec::new(), Vec::new());

@@ -35,6 +35,16 @@ fn solids_are_closed_convex_and_turned_outwards() {
 }
 
 #[test]
+fn a_file_that_ends_within_a_triangle_is_incomplete() {
+    let format = MeshFormat::Stl;
+    let two_announced = [&[0; 80][..], &2_u32.to_le_bytes(), &[0; 60]].concat();
+    for bytes in [&two_announced[..], &two_announced[..70]] {
+        let error = TriangleMesh::from_bytes(bytes, format, 0.001).err();
+        assert_eq!(error, Some(MeshError::Incomplete { format }));
+    }
+}
+
+#[test]
 fn lines_of_normals_are_ignored_whatever_white_space_begins_them() {
     for space in ["", " \t", "\u{b}", "\u{a0}", "\u{3000}"] {
         let faces = TETRAHEDRON_OBJ.replace("f 1 3 2", "f 1//6148914691236517206 3 2");
