@@ -4,7 +4,7 @@ use super::plot::{Axis, Image, Mark, Plot, Style, Weight};
 use super::raster::Grid;
 use super::record::{Content, Recorded, SPECTRAL_RATE_HZ};
 use super::scale::plain;
-use super::spectra::{SHOWN_HZ, Spectra};
+use super::spectra::{SHOWN_HZ, Spectra, receptors, top_with_receptors};
 use super::theme::Ink;
 use super::thinning::Envelope;
 use haptograph_engine::frame::Kind;
@@ -292,7 +292,8 @@ const ROUND_DB: f64 = 5.0;
 pub(super) const EXPLAINED: [&str; 2] = [
     "Strength of each frequency over time: a tap is a vertical line, a resonance a horizontal band; a vibration that follows the hand \
      is brighter where the hand is faster or presses harder.",
-    "The skin is most sensitive to vibration near 250 Hz, and hardly sensitive above 1 kHz.",
+    "The skin is most sensitive to vibration near 250 Hz, and hardly sensitive above 1 kHz. The lines above are the bands of its receptors; \
+     those of SA-I and SA-II end at 5 Hz.",
 ];
 
 /// Keeps each of the sentences [`EXPLAINED`] only in the first caption that contains it.
@@ -358,9 +359,14 @@ pub fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
         note: note(recorded),
         x: Axis::of("Frequency (Hz)").over(SHOWN_HZ.0, SHOWN_HZ.1).log(),
         y: Axis::of(format!("Density ({})", density_unit(recorded.stream.quantity)))
-            .over(loudest * 10f64.powf(-DEPTH_DB / 10.0), loudest * 2.0)
+            .over(
+                loudest * 10f64.powf(-DEPTH_DB / 10.0),
+                top_with_receptors(loudest),
+            )
             .log(),
-        marks: vec![Mark::Line(Style::of(ink), points)],
+        marks: { receptors(SHOWN_HZ, loudest).into_iter() }
+            .chain([Mark::Line(Style::of(ink), points)])
+            .collect(),
         size: (0.0, 230.0),
         caption: format!(
             "Over the whole run, strongest at {strongest_hz:.0} Hz. {}",

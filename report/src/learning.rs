@@ -6,6 +6,7 @@ use super::headlines::{Headline, cards};
 use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::scale::{peak, plain};
+use super::spectra::receptors;
 use super::svg::escape;
 use super::theme::Ink;
 use super::{figures, loci, responses, texture_map};
@@ -366,6 +367,13 @@ fn recorded_and_synthesised(texture: &TextureModel, drag: &ProcessedRecording) -
 /// Plotted frequencies, Hz; tactile sensitivity ends near 1 kHz.
 const SHOWN_HZ: (f64, f64) = (20.0, 2000.0);
 
+fn highest(curve: &Mark) -> f64 {
+    match curve {
+        Mark::Line(_, points) => points.iter().map(|(_, density)| *density).fold(0.0, f64::max),
+        _ => 0.0,
+    }
+}
+
 /// Mean spectra in one frame.
 fn spectra(rate_hz: f64, signals: &[(&str, Ink, &[f64])]) -> Plot {
     let segment = (0.2 * rate_hz) as usize;
@@ -382,15 +390,23 @@ fn spectra(rate_hz: f64, signals: &[(&str, Ink, &[f64])]) -> Plot {
         let shown = points.filter(|(f, d)| (SHOWN_HZ.0..=SHOWN_HZ.1).contains(f) && *d > 0.0);
         Some(Mark::Line(Style::named(ink, name), shown.collect()))
     };
+    let mut marks: Vec<Mark> = signals.iter().filter_map(line).collect();
+    let shown_hz = (SHOWN_HZ.0, SHOWN_HZ.1.min(0.5 * rate_hz));
+    let loudest = marks.iter().map(highest).fold(0.0, f64::max);
+    marks.extend(
+        (loudest > 0.0)
+            .then(|| receptors(shown_hz, loudest))
+            .into_iter()
+            .flatten(),
+    );
     Plot {
         title: "Mean spectra".into(),
-        x: Axis::of("Frequency (Hz)")
-            .over(SHOWN_HZ.0, SHOWN_HZ.1.min(0.5 * rate_hz))
-            .log(),
+        x: Axis::of("Frequency (Hz)").over(shown_hz.0, shown_hz.1).log(),
         y: Axis::of("Density ((m/s²)²/Hz)").log(),
-        marks: signals.iter().filter_map(line).collect(),
+        marks,
         size: (0.0, 250.0),
-        caption: "Where the curves coincide, the synthesis has the mean spectrum of the recording."
+        caption: "Where the curves coincide, the synthesis has the mean spectrum of the recording. The lines above are the bands of \
+                  the hand's receptors; those of SA-I and SA-II end at 5 Hz."
             .to_owned(),
         ..Plot::default()
     }

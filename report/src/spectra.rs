@@ -1,10 +1,42 @@
 //! Spectra of a signal of any length: over time, and their mean.
 
+use super::plot::{Mark, Style, Weight};
+use super::theme::Ink;
 use haptograph_signal::spectrum::Spectrogram;
 use haptograph_signal::window::Window;
 
 /// Frequency range of mean spectra on pages, Hz: motion lies below, and frequencies above are not felt.
 pub const SHOWN_HZ: (f64, f64) = (20.0, 5000.0);
+
+/// Receptors of the hand with the bands that they respond to, Hz (thesis, Table 1.1). Those of SA-I and SA-II end at 5 Hz,
+/// below all that is shown.
+const RECEPTORS: [(&str, (f64, f64)); 2] = [("FA-I", (5.0, 50.0)), ("FA-II", (20.0, 1000.0))];
+/// Levels of the two lines of receptors above the highest density, dB; a frame ends at the last.
+const LEVELS_DB: [f64; 3] = [6.0, 12.0, 18.0];
+
+/// The highest density of a frame that has [`receptors`] above a highest one.
+pub fn top_with_receptors(loudest: f64) -> f64 {
+    loudest * 10f64.powf(LEVELS_DB[2] / 10.0)
+}
+
+/// The bands of the receptors above a highest density: a line over the shown part of each, and its name.
+pub fn receptors(shown_hz: (f64, f64), loudest: f64) -> [Mark; 2] {
+    let (mut lines, mut names) = (vec![], vec![]);
+    for ((name, band), db) in RECEPTORS.into_iter().zip(LEVELS_DB) {
+        let (low, high) = (band.0.max(shown_hz.0), band.1.min(shown_hz.1));
+        let level = loudest * 10f64.powf(db / 10.0);
+        lines.push([(low, level), (high, level)]);
+        names.push((
+            (low * high).sqrt(),
+            level,
+            format!("{name}, {} to {} Hz", band.0, band.1),
+        ));
+    }
+    [
+        Mark::Segments(Style::of(Ink::Grey).weight(Weight::Hair), lines),
+        Mark::Words(names),
+    ]
+}
 
 /// Approximate bin width of a spectrogram, Hz: separates resonances, and the segments are short enough for
 /// strokes.
@@ -241,6 +273,22 @@ mod tests {
         assert!(bin_hz < 5.01);
         let power: f64 = mean.iter().map(|(_, density)| density).sum::<f64>() * bin_hz;
         assert!((power - 0.5).abs() < 0.01, "{power}");
+    }
+
+    #[test]
+    fn receptors_are_named_over_the_shown_part_of_their_bands() {
+        let [Mark::Segments(_, lines), Mark::Words(names)] = receptors(SHOWN_HZ, 1.0) else {
+            panic!("a line and a name each");
+        };
+        let bands: Vec<_> = lines.iter().map(|[from, to]| (from.0, to.0)).collect();
+        assert_eq!(bands, [(20.0, 50.0), (20.0, 1000.0)]);
+        assert!(names[0].2.starts_with("FA-I,") && names[1].2.starts_with("FA-II,"));
+        assert!(
+            lines
+                .iter()
+                .flatten()
+                .all(|(_, level)| *level < top_with_receptors(1.0))
+        );
     }
 
     #[test]

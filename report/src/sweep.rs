@@ -215,13 +215,14 @@ impl SweepPage<'_> {
         // All spectra get the frame of the loudest.
         let top = |plot: &Plot| plot.y.range.map_or(0.0, |(_, high)| high);
         let loudest = plots.iter().max_by(|a, b| top(a).total_cmp(&top(b)))?;
-        let mut plot = Plot {
-            marks: Vec::new(),
-            ..loudest.clone()
-        };
+        let is_curve = |mark: &Mark| matches!(mark, Mark::Line(..));
+        let mut plot = loudest.clone();
         plot.size.1 = 280.0;
         plot.caption = format!("Over each whole run. {}", figures::EXPLAINED[1]);
-        plot.marks = plots.into_iter().flat_map(|plot| plot.marks).collect();
+        // The receptors of the loudest are those of all.
+        plot.marks.retain(|mark| !is_curve(mark));
+        let curves = plots.into_iter().flat_map(|plot| plot.marks);
+        plot.marks.extend(curves.filter(is_curve));
         Some((plot, same))
     }
 
