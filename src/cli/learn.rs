@@ -297,7 +297,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     print(&(summary::describe(&learned, &report, &output, is_implausible) + &looked))
 }
 
-/// Replaces `recording N` in a message by the name of that recording's file.
+/// Replaces `recording N` in a message by the name of that recording's file, and names the flag that accepts it.
 pub(super) fn by_file(
     said: &str,
     error: &LearnError,
@@ -310,7 +310,11 @@ pub(super) fn by_file(
         let (path, _) = files.get(recording)?;
         Some(format!("{before}{}{after}", path.display()))
     });
-    named.unwrap_or_else(|| said.to_owned())
+    let said = named.unwrap_or_else(|| said.to_owned());
+    match error {
+        LearnError::Slow { .. } => format!("{said}; --accept-rate learns from it as it is"),
+        _ => said,
+    }
 }
 
 /// All recordings, with the gestures given on the command line.

@@ -12,6 +12,7 @@ use super::output::{Force, Output};
 use super::{Failure, eprint, snippet};
 use crate::engine::registry::Registry;
 use crate::signal::files as bounded;
+pub use crate::surfaces::files::check_extension;
 use crate::surfaces::{Surface, TextureModel, files};
 use clap::Subcommand;
 use std::path::{Path, PathBuf};
@@ -48,17 +49,6 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
 
 /// Reads a surface; an error is shown at its place in the file.
 pub fn load(path: &Path) -> Result<Surface, Failure> {
-    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-    if path.is_file()
-        && ["csv", "npz", "wav", "mat", "xlsx"]
-            .iter()
-            .any(|known| extension == *known)
-    {
-        let file = path.display();
-        return Err(Failure::Message(format!(
-            "{file} is a recording, not a surface; learn one from it: haptograph learn {file} -o surface.ron"
-        )));
-    }
     files::load(path).map_err(|error| match &error {
         files::FileError::Read { path, error: read } => {
             match (read.place, bounded::read(path, bounded::MAX_SURFACE_BYTES)) {

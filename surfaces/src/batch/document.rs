@@ -1,7 +1,7 @@
 //! The plan document.
 
 use crate::evaluate::Trajectory;
-use crate::files::Place;
+use crate::files::{Malformed, Place};
 use ron::extensions::Extensions;
 use ron::value::RawValue;
 use serde::Deserialize;
@@ -179,15 +179,9 @@ fn options() -> ron::Options {
 
 impl Document {
     /// Parses a plan; an error has its location.
-    pub fn parse(text: &str) -> Result<Self, (Place, String)> {
-        options().from_str(text).map_err(|error| {
-            let start = error.span.start;
-            let place = Place {
-                line: start.line,
-                column: start.col,
-            };
-            (place, error.code.to_string())
-        })
+    pub fn parse(text: &str) -> Result<Self, (Place, Malformed)> {
+        let parsed = options().from_str(text);
+        parsed.map_err(|error| Malformed::of(text, "Batch", error))
     }
 }
 

@@ -69,8 +69,7 @@ impl Batch {
         let text =
             files::read_text(path, files::MAX_PLAN_BYTES).map_err(|error| failed(None, error.into()))?;
         let parsed = Document::parse(&text);
-        let document =
-            parsed.map_err(|(place, message)| failed(Some(place), PlanProblem::Syntax(message)))?;
+        let document = parsed.map_err(|(place, reason)| failed(Some(place), reason.into()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let at = |(part, problem)| failed(place_of(&part, &text), problem);
         let mut batch = Self {

@@ -1,6 +1,6 @@
 //! Problems of a plan.
 
-use crate::files::{FileError, Place};
+use crate::files::{FileError, Malformed, Place};
 use crate::learning::processing::ProcessingError;
 use crate::recording::LoadError;
 use std::path::PathBuf;
@@ -39,8 +39,10 @@ impl std::error::Error for PlanError {
 pub enum PlanProblem {
     #[error("cannot read it: {0}")]
     Io(#[from] std::io::Error),
+    #[error(transparent)]
+    Malformed(#[from] Malformed),
     #[error("{0}")]
-    Syntax(String),
+    Table(String),
     #[error(
         "no file matches {pattern:?} (paths are relative to the plan's folder; `*` matches any part of a file name)"
     )]

@@ -23,13 +23,13 @@ pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError
     };
     let unreadable = |error: CsvError| {
         let line = error.line();
-        failed(line, PlanProblem::Syntax(error.into_message()))
+        failed(line, PlanProblem::Table(error.into_message()))
     };
     let bytes = files::read(path, files::MAX_JOBS_BYTES).map_err(|error| failed(None, error.into()))?;
     let mut table = CsvTable::new(&bytes[..], &COLUMNS).map_err(unreadable)?;
     let columns = COLUMNS.map(|name| table.find(name));
     if let Some(message) = other_columns(&table.head().names, &columns) {
-        return Err(failed(Some(table.head().line), PlanProblem::Syntax(message)));
+        return Err(failed(Some(table.head().line), PlanProblem::Table(message)));
     }
     let mut jobs = vec![];
     while let Some(row) = table.next_row().map_err(unreadable)? {

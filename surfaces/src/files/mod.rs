@@ -6,6 +6,7 @@
 pub mod decimal;
 pub mod hatt;
 mod latest;
+mod malformed;
 pub mod native;
 
 use crate::{ModelError, Origin, Surface, SurfaceError, Taps, TextureError};
@@ -13,6 +14,7 @@ use haptograph_signal::files::{self, write_atomically};
 use std::path::{Path, PathBuf};
 
 pub use hatt::{HattProblem, HattWriteError};
+pub use malformed::Malformed;
 
 /// Most models in one texture of a file.
 pub const MAX_MODELS: usize = 1024;
@@ -45,9 +47,12 @@ pub fn load(path: &Path) -> Result<Surface, FileError> {
         path: path.to_owned(),
         source,
     })?;
-    let mut surface = latest::read(&bytes).map_err(|error| FileError::Read {
-        path: path.to_owned(),
-        error,
+    let mut surface = latest::read(&bytes).map_err(|error| {
+        let path = path.to_owned();
+        match RECORDINGS.contains(&&*extension(&path)) {
+            true => FileError::Recording { path },
+            false => FileError::Read { path, error },
+        }
     })?;
     if surface.name.is_empty() {
         // A tap file has the name of its material only in its file name.
@@ -56,6 +61,9 @@ pub fn load(path: &Path) -> Result<Surface, FileError> {
     }
     Ok(surface)
 }
+
+/// The extensions of recordings, of which none is a surface's.
+const RECORDINGS: [&str; 6] = ["csv", "tsv", "npz", "wav", "mat", "xlsx"];
 
 /// Checks that [`save`] supports the extension of a path.
 pub fn check_extension(path: &Path) -> Result<(), SaveError> {
@@ -242,14 +250,8 @@ pub enum Problem {
     #[error("the file is not UTF-8 text; a surface file is haptograph's .ron or the toolkit's .xml")]
     NotText,
     /// The text does not follow the format.
-    #[error("{message}")]
-    Syntax {
-        /// The parser's message.
-        message: String,
-    },
-    /// A graph file in the place of a surface file.
-    #[error("this file is a graph; a surface begins with `Surface(`")]
-    Graph,
+    #[error(transparent)]
+    Malformed(#[from] Malformed),
     /// Another version of the format.
     #[error(
         "the file has format {found}, but this version of haptograph reads format {}; use the version that wrote it, or a newer one",
@@ -314,6 +316,15 @@ pub enum FileError {
         path: PathBuf,
         /// The system's reason.
         source: std::io::Error,
+    },
+    /// The file is a recording.
+    #[error(
+        "{0} is a recording, not a surface; learn one from it: haptograph learn {0} -o {1}",
+        path.display(), path.with_extension("ron").display()
+    )]
+    Recording {
+        /// The file.
+        path: PathBuf,
     },
     /// The content is not a surface.
     #[error("{}: {error}", path.display())]

@@ -110,10 +110,15 @@ pub enum LearnError {
         source: ProcessingError,
     },
     #[error(
-        "recording {recording} (from 0) has {rate_hz} samples per second, which hold vibration up to {} Hz; learning needs at least {LOWEST_LEARNED_HZ} Hz: check the unit of its times; --accept-rate learns from it as it is",
+        "recording {recording} (from 0) has {rate_hz} samples per second, which hold vibration up to {} Hz; learning needs at least {LOWEST_LEARNED_HZ} Hz: check the unit of its times",
         carried_hz(*rate_hz)
     )]
     Slow { recording: usize, rate_hz: f64 },
+    #[error(
+        "recording {recording} (from 0) has no vibration: its acceleration is the same in all {samples} samples; was the \
+         accelerometer connected, and is this its column?"
+    )]
+    Still { recording: usize, samples: usize },
     #[error("no texture can be learned: {0}")]
     Texture(#[from] LearnTextureError),
     #[error("no friction can be learned: {0}")]
@@ -138,6 +143,7 @@ impl LearnError {
         let (gesture, number) = match self {
             Self::Processing { recording, .. }
             | Self::Slow { recording, .. }
+            | Self::Still { recording, .. }
             | Self::ProcessedPress { recording }
             | Self::SecondPress { recording } => return Some(*recording),
             Self::Texture(
@@ -208,6 +214,10 @@ pub fn learn(
     for (recording, drag) in of(Gesture::Drag) {
         let drag = processed(drag, &settings.processing)
             .map_err(|source| LearnError::Processing { recording, source })?;
+        if is_still(&drag) {
+            let samples = drag.samples();
+            return Err(LearnError::Still { recording, samples });
+        }
         report.drags.push(drag);
         progress(0.3 * (recording + 1) as f64 / recordings.len() as f64);
     }
@@ -273,6 +283,14 @@ fn band(recordings: &[AnyRecording], settings: &LearnSettings) -> Result<Option<
         lowest_hz = lowest_hz.min(learned_hz);
     }
     Ok((lowest_hz < FULL_BAND_HZ).then_some(NarrowBand { rate_hz: lowest_hz }))
+}
+
+/// True if a vibration is a constant, or what a high-pass leaves of one, m/s²: no sensor resolves so little.
+fn is_still(recording: &ProcessedRecording) -> bool {
+    let vibration = &recording.signals().acceleration_m_s2;
+    vibration
+        .iter()
+        .all(|acceleration| (acceleration - vibration[0]).abs() < 1e-8)
 }
 
 /// Returns the learned part, or records why it is missing.
@@ -712,6 +730,52 @@ mod tests {
         )
         .unwrap();
         assert!((surface.friction.unwrap().mu() - 0.35).abs() < 0.02 && report.band.is_none());
+    }
+
+    #[test]
+    fn a_sensor_that_was_not_connected_is_the_one_that_is_named() {
+        let with = |change: &dyn Fn(&mut crate::recording::Signals)| {
+            let AnyRecording::Processed(drag) = &recordings()[0] else {
+                panic!()
+            };
+            let mut signals = drag.signals().clone();
+            change(&mut signals);
+            let drag = ProcessedRecording::new(signals, Gesture::Drag, provenance()).unwrap();
+            let drag = [AnyRecording::Processed(drag)];
+            learn("Test", &drag, &LearnSettings::default(), &|_| ()).unwrap_err()
+        };
+        let gravity = with(&|signals| signals.acceleration_m_s2.fill(9.81));
+        assert!(matches!(gravity, LearnError::Still { .. }), "{gravity}");
+        let still = with(&|signals| signals.acceleration_m_s2.fill(0.0));
+        assert!(
+            matches!(
+                still,
+                LearnError::Still {
+                    recording: 0,
+                    samples: 2700..
+                }
+            ),
+            "{still}"
+        );
+        let turned = with(&|signals| {
+            signals
+                .force_normal_n
+                .iter_mut()
+                .for_each(|force| *force = -*force)
+        });
+        let no_force = with(&|signals| signals.force_normal_n.fill(0.0));
+        let no_speed = with(&|signals| signals.speed_m_s.fill(0.0));
+        for (error, suspect) in [
+            (turned, "the sign of"),
+            (no_force, "sensor"),
+            (no_speed, "the speed"),
+        ] {
+            let is_it = matches!(
+                error,
+                LearnError::Texture(LearnTextureError::NothingDragged { .. })
+            );
+            assert!(is_it && error.to_string().contains(suspect), "{error}");
+        }
     }
 
     #[test]

@@ -142,10 +142,14 @@ pub enum LearnTextureError {
         source: SegmentationError,
     },
     #[error(
-        "none of the {segments} segments is a drag (median force above {min_force_n} N, median speed above {min_speed_mm_s} mm/s): check the sign of the normal force and the units"
+        "no segment is a drag (normal force above {min_force_n} N, speed above {min_speed_mm_s} mm/s): the medians of \
+         {segments} segments are {force_n:.3} N and {speed_mm_s:.1} mm/s; check {}",
+        suspect([*force_n, *min_force_n])
     )]
     NothingDragged {
         segments: usize,
+        force_n: f64,
+        speed_mm_s: f64,
         min_force_n: f64,
         min_speed_mm_s: f64,
     },
@@ -157,6 +161,15 @@ pub enum LearnTextureError {
     Model(#[from] ModelError),
     #[error(transparent)]
     Texture(#[from] TextureError),
+}
+
+/// The quantity that lies below the bounds of a drag.
+fn suspect([force_n, min_force_n]: [f64; 2]) -> &'static str {
+    match force_n {
+        _ if force_n > min_force_n => "the unit of the speed, and that the tool moved",
+        _ if force_n < -min_force_n => "the sign of the normal force",
+        _ => "the unit of the normal force, and that its sensor was connected",
+    }
 }
 
 /// Learns a texture from drag recordings. `progress` receives the fraction done, 0 to 1.
@@ -201,13 +214,8 @@ pub fn learn_texture(
         })
         .collect();
     if measured.is_empty() {
-        let reason = segments.iter().find_map(|segment| match &segment.fate {
-            Fate::Unusable { reason } => Some(reason.clone()),
-            _ => None,
-        });
-        return Err(LearnTextureError::NoModels {
-            reason: reason.unwrap_or_default(),
-        });
+        let reason = unusable(&segments).unwrap_or_default();
+        return Err(LearnTextureError::NoModels { reason });
     }
     let texture = TextureModel::from_measured(rate_hz, measured, &settings.hull)?;
     progress(1.0);
@@ -306,13 +314,27 @@ fn common_order(segments: &[SegmentReport], settings: &TextureSettings) -> Resul
     }
 }
 
+/// Why the first segment without a usable model has none.
+fn unusable(segments: &[SegmentReport]) -> Option<String> {
+    segments.iter().find_map(|segment| match &segment.fate {
+        Fate::Unusable { reason } => Some(reason.clone()),
+        _ => None,
+    })
+}
+
 pub(super) fn nothing_dragged(
     segments: &[SegmentReport],
     min_force_n: f64,
     min_speed_m_s: f64,
 ) -> LearnTextureError {
+    let of = |value: fn(&SegmentReport) -> f64| median(&segments.iter().map(value).collect::<Vec<_>>());
+    if let Some(reason) = unusable(segments) {
+        return LearnTextureError::NoModels { reason };
+    }
     LearnTextureError::NothingDragged {
         segments: segments.len(),
+        force_n: of(|segment| segment.force_n),
+        speed_mm_s: of(|segment| segment.speed_m_s) * 1000.0,
         min_force_n,
         min_speed_mm_s: min_speed_m_s * 1000.0,
     }

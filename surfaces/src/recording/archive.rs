@@ -249,7 +249,7 @@ fn put<W: Write + Seek>(
 
 /// Reads a recording from the bytes of an archive.
 pub fn read_archive(bytes: &[u8]) -> Result<AnyRecording, ReadError> {
-    let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| ReadError::Archive(e.to_string()))?;
+    let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|_| ReadError::CutArchive)?;
     let mut archive = Archive {
         archive,
         bytes: bytes.len() as u64,
@@ -356,7 +356,11 @@ impl Archive<'_> {
         let index = self
             .archive
             .index_for_name(name)
-            .ok_or_else(|| ReadError::member(name, "it is missing"))?;
+            .ok_or_else(|| ReadError::member(name, match name {
+                "head.ron" => "it is missing, so haptograph did not write this archive; a recording of another program is a CSV, .xlsx, \
+                         .mat or .wav file",
+                _ => "it is missing",
+            }))?;
         // Reads the raw size first: a compressed member can be much larger than the file.
         let raw = self
             .archive

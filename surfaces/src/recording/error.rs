@@ -9,8 +9,14 @@ use haptograph_signal::csv::CsvError;
 pub enum ReadError {
     #[error("{0}")]
     Io(String),
-    #[error("the archive is damaged: {0}")]
-    Archive(String),
+    #[error("the file is empty: it has 0 bytes")]
+    Empty,
+    #[error("it is {found}, not a recording")]
+    OtherDocument { found: &'static str },
+    #[error(
+        "the file begins as an archive (.npz, .xlsx), but its directory at the end is missing: it is cut off or damaged; copy it again"
+    )]
+    CutArchive,
     #[error("member {name} of the archive: {message}")]
     Member { name: String, message: String },
     #[error("line {line}: {message}")]

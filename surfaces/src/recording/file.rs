@@ -161,6 +161,12 @@ fn kind(path: &Path) -> Result<Kind, LoadError> {
         .strip_prefix(b"\xef\xbb\xbf")
         .unwrap_or(start)
         .trim_ascii_start();
+    if start.is_empty() {
+        return Err(read_error(path, ReadError::Empty));
+    }
+    if let Some(found) = other_document(text) {
+        return Err(read_error(path, ReadError::OtherDocument { found }));
+    }
     Ok(match start {
         [b'P', b'K', ..] => match formats::workbook(BufReader::new(file.get_ref().as_file())) {
             Some(Workbook::Xlsx) => Kind::Spreadsheet,
@@ -174,6 +180,20 @@ fn kind(path: &Path) -> Result<Kind, LoadError> {
         _ if text.starts_with(b"<") => Kind::Hatt,
         _ => Kind::Csv,
     })
+}
+
+/// What a file of haptograph that is no recording is.
+fn other_document(text: &[u8]) -> Option<&'static str> {
+    let mut lines = text.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
+    let first = lines.find(|line| !line.is_empty() && !line.starts_with(b"//"))?;
+    let roots = [
+        ("Surface(", "a surface"),
+        ("Graph(", "a graph"),
+        ("Parts(", "a part of a graph"),
+        ("Batch(", "a plan of a data set"),
+    ];
+    let root = roots.iter().find(|(root, _)| first.starts_with(root.as_bytes()));
+    root.map(|(_, found)| *found)
 }
 
 fn table(path: &Path, import: &ImportSettings, wanted: ColumnSelection<'_>) -> Result<Table, LoadError> {

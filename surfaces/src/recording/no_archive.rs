@@ -25,7 +25,7 @@ pub fn write_archive(_: &AnyRecording) -> Result<Vec<u8>> {
 /// # Errors
 /// Always.
 pub fn read_archive(_: &[u8]) -> std::result::Result<AnyRecording, ReadError> {
-    Err(ReadError::Archive(none().to_string()))
+    Err(ReadError::Io(none().to_string()))
 }
 
 /// A recording in progress; never constructed in a page.

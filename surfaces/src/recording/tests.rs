@@ -142,8 +142,8 @@ fn what_is_wrong_with_a_table_is_said_with_its_line() {
     assert!(error(&format!("{head}0,1,1,1\n0.1,,1,1\n")).contains("line 3: accel is missing"));
     assert!(error(&format!("{head}0,1,1,1\n0.1,1,1\n")).contains("line 3"));
     assert!(error(&format!("{head}0,1,1,1\n0.1,1,1,1\n0.5,1,1,1\n0.6,1,1,1\n")).contains("time jumps"));
-    assert!(error(&format!("{head}0,1,1,1\n")).contains("two samples"));
-    assert!(error("# gesture: wave\ntime_s\n").contains("expected one of: drag"));
+    assert!(error(&format!("{head}0,1,1,1\n")).contains("one row only"));
+    assert!(error("# gesture: wave\ntime_s\n0\n").contains("expected one of: drag"));
 }
 
 #[test]

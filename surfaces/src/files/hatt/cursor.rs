@@ -64,16 +64,7 @@ impl<'a> Cursor<'a> {
             match self.item()? {
                 Item::Begin(element) => return Ok(element),
                 Item::Text(text) if is_blank(&text) => {}
-                Item::Eof => {
-                    return Err(HattProblem::Ends {
-                        element: "the beginning".to_owned(),
-                    });
-                }
-                Item::Text(_) | Item::End => {
-                    return Err(HattProblem::Stray {
-                        element: "the beginning".to_owned(),
-                    });
-                }
+                Item::Eof | Item::Text(_) | Item::End => return Err(HattProblem::NoRoot),
             }
         }
     }

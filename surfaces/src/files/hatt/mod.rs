@@ -100,8 +100,11 @@ pub enum HattProblem {
         /// The parser's message.
         message: String,
     },
+    /// No element, or something else before it.
+    #[error("the file does not begin with an element; surfaces are in <modelSet> or <tapSet> files")]
+    NoRoot,
     /// The file ends too early.
-    #[error("the file ends inside <{element}>")]
+    #[error("the file is incomplete: it ends inside <{element}>; copy it again")]
     Ends {
         /// The element that is open.
         element: String,

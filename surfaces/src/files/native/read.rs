@@ -4,7 +4,7 @@ use super::FORMAT;
 use super::document::{
     FilterDocument, Head, KindDocument, Places, SurfaceDocument, TapsDocument, TextureDocument,
 };
-use crate::files::{Place, Problem, ReadError};
+use crate::files::{Malformed, Place, Problem, ReadError};
 use crate::lsf;
 use crate::model::{ArmaModel, ModelError, StoredModel};
 use crate::{
@@ -41,17 +41,12 @@ fn parse(text: &str) -> Result<SurfaceDocument, ReadError> {
             problem: Problem::Version { found },
         });
     }
-    document.map_err(|error| ReadError {
-        place: Some(Place {
-            line: error.span.start.line,
-            column: error.span.start.col,
-        }),
-        problem: match error.code {
-            ron::Error::ExpectedDifferentStructName { found, .. } if found == "Graph" => Problem::Graph,
-            code => Problem::Syntax {
-                message: code.to_string(),
-            },
-        },
+    document.map_err(|error| {
+        let (place, reason) = Malformed::of(text, "Surface", error);
+        ReadError {
+            place: Some(place),
+            problem: reason.into(),
+        }
     })
 }
 

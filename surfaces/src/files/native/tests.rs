@@ -1,6 +1,6 @@
 use super::*;
 use crate::files::decimal::format_thousandfold;
-use crate::files::{Place, Problem, read_surface};
+use crate::files::{Malformed, Place, Problem, read_surface};
 use crate::hull::Hull;
 use crate::{
     ArmaModel, Crackle, Friction, ModelAt, Origin, Provenance, SpatialLine, Stiffness, Surface, Tap, Taps,
@@ -103,6 +103,47 @@ fn a_hand_written_file_needs_no_lsfs_and_no_triangles() {
         surface
     );
     assert_eq!(read(&SQUARE.replace('\n', "\r\n")).unwrap(), surface);
+}
+
+#[test]
+fn a_file_that_is_cut_anywhere_is_called_incomplete() {
+    let whole = write(&random_surface(3));
+    let ends = (SQUARE.len()..whole.len()).step_by(211).chain([whole.len() - 3]);
+    let cuts = ends.map(|end| &whole[..whole.floor_char_boundary(end)]);
+    for cut in cuts.chain((10..SQUARE.len() - 1).map(|end| &SQUARE[..end])) {
+        let problem = read_surface(cut.as_bytes()).expect_err(cut).problem;
+        let is_incomplete = matches!(problem, Problem::Malformed(Malformed::Incomplete { .. }));
+        assert!(
+            is_incomplete,
+            "{problem}: ...{}",
+            &cut[cut.len().saturating_sub(60)..]
+        );
+    }
+    // A bracket too few in the middle is none at the end, and a mistake stays one.
+    for wrong in [SQUARE.replace("[(ar:", "(ar:"), SQUARE.replace("1000", "fast")] {
+        let problem = read_surface(wrong.as_bytes()).expect_err(&wrong).problem;
+        let is_syntax = matches!(problem, Problem::Malformed(Malformed::Syntax { .. }));
+        assert!(is_syntax, "{problem}");
+    }
+}
+
+#[test]
+fn a_file_of_another_kind_is_named_by_its_beginning() {
+    let root = "Surface";
+    let other = |found: &str| Malformed::OtherKind {
+        root,
+        found: found.to_owned(),
+    };
+    for (text, reason) in [
+        ("", Malformed::Empty { root }),
+        ("\n // nothing\n", Malformed::Empty { root }),
+        ("// made by hand\nGraph(\n format: 1)", other("Graph")),
+        ("time_s,accel_m_s2\n0,1\n", other("time_s,accel_m_s2")),
+        ("# gesture: drag\ntime_s\n0\n", other("#")),
+    ] {
+        let problem = read_surface(text.as_bytes()).expect_err(text).problem;
+        assert_eq!(problem, Problem::Malformed(reason), "{text}");
+    }
 }
 
 #[test]

@@ -177,8 +177,17 @@ impl Table {
         table.checked(import)
     }
 
-    /// Returns the table, unless too many cells are unreadable.
+    /// Returns the table, unless it has no rows or too many cells are unreadable.
     fn checked(mut self, import: &ImportSettings) -> Result<Self, ReadError> {
+        if self.lines.rows() == 0 {
+            return Err(self.error(
+                self.header_line,
+                match self.has_lines {
+                    true => "there is a header, but no row below it; was the recording stopped at once?",
+                    false => "there are no samples; was the recording stopped at once?",
+                },
+            ));
+        }
         if let Some(message) = self
             .time_without_unit
             .take()

@@ -50,6 +50,11 @@ pub(in crate::recording) fn matlab(
     let mut variables = vec![];
     elements(&bytes[HEADER_BYTES..], &mut variables, 0)
         .ok_or_else(|| wrong("the MATLAB file is damaged or cut off"))?;
+    if variables.is_empty() {
+        return Err(wrong(
+            "the MATLAB file has no variable of numbers; save each signal as a vector",
+        ));
+    }
     let mut import = import.clone();
     let is_rate = |variable: &&Variable| {
         variable.values.len() == 1

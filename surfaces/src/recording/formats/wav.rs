@@ -11,7 +11,11 @@ pub(in crate::recording) fn wav(
     wanted: ColumnSelection<'_>,
 ) -> Result<Table, ReadError> {
     let wrong = |message: String| ReadError::Io(message);
-    let mut reader = WavReader::new(bytes).map_err(|e| wrong(format!("the WAV file is damaged: {e}")))?;
+    let mut reader = WavReader::new(bytes).map_err(|error| match error {
+        hound::Error::IoError(_) => wrong("the WAV file ends within its header; copy it again".to_owned()),
+        other => wrong(format!("the WAV file is damaged: {other}")),
+    })?;
+    let announced = reader.len();
     let spec = reader.spec();
     let full_scale = import.full_scale_m_s2.ok_or_else(|| {
         wrong(
@@ -19,17 +23,29 @@ pub(in crate::recording) fn wav(
                 .to_owned(),
         )
     })?;
+    let mut read = 0_u32;
+    let count = |x: Result<f64, hound::Error>| x.inspect(|_| read += 1);
     let samples: Result<Vec<f64>, _> = match spec.sample_format {
-        SampleFormat::Float => reader.samples::<f32>().map(|x| x.map(f64::from)).collect(),
+        SampleFormat::Float => { reader.samples::<f32>() }
+            .map(|x| x.map(f64::from))
+            .map(count)
+            .collect(),
         SampleFormat::Int => {
             let unit = 2_f64.powi(i32::from(spec.bits_per_sample) - 1);
             reader
                 .samples::<i32>()
                 .map(|x| x.map(|x| f64::from(x) / unit))
+                .map(count)
                 .collect()
         }
     };
-    let samples = samples.map_err(|e| wrong(format!("the WAV file is damaged: {e}")))?;
+    let samples = samples.map_err(|error| match error {
+        hound::Error::IoError(_) => wrong(format!(
+            "the WAV file is cut off: its header announces {announced} samples, and {read} are there; \
+             `haptograph recover` makes it readable up to its end"
+        )),
+        other => wrong(format!("the WAV file is damaged: {other}")),
+    })?;
     let channels = usize::from(spec.channels);
     let names: Vec<String> = match channels {
         1 => vec!["accel_m_s2".to_owned()],

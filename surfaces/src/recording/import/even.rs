@@ -28,12 +28,19 @@ pub(in crate::recording) type TimeFault = (usize, String);
 /// The rate of rows at these times.
 pub(in crate::recording) fn timing(times: &[f64], strict: bool) -> Result<Timing, TimeFault> {
     let (Some(&start_s), Some(&last)) = (times.first(), times.last()) else {
-        return Err((0, "there are no samples".to_owned()));
+        return Err((0, "there are no times".to_owned()));
     };
     let rate = (times.len() - 1) as f64 / (last - start_s);
     if !(rate.is_finite() && rate > 0.0) {
-        let message = "times must ascend, and there must be at least two samples";
-        return Err((times.len() - 1, message.to_owned()));
+        let message = match times.len() {
+            1 => "there is one row only; a recording needs at least two".to_owned(),
+            rows => format!(
+                "the time has to rise, but is {} s in the first of {rows} rows and {} s in the last",
+                shown(start_s),
+                shown(last)
+            ),
+        };
+        return Err((times.len() - 1, message));
     }
     let resolution_s = resolution(times);
     let rate_hz = rounded(rate, ROUND_EVEN.max(resolution_s / (last - start_s)));

@@ -5,6 +5,7 @@ use crate::recording::csv::hints::hints;
 use crate::recording::error::listed;
 use crate::recording::import::ImportSettings;
 use crate::recording::{ReadError, RecordingError};
+use haptograph_signal::csv::decimal;
 
 /// An error, with the index of the file in the take.
 #[derive(Debug)]
@@ -62,6 +63,13 @@ impl Table {
 
 /// The error for missing columns; it lists the columns of the file.
 pub(in crate::recording) fn missing_columns(tables: &[&Table], missing: Vec<String>) -> ReadError {
+    let is_number = |name: &String| decimal(name.as_bytes()).is_some_and(|text| text.parse::<f64>().is_ok());
+    let lacks_header = |table: &&&Table| table.has_lines && table.names.iter().all(is_number);
+    if let Some(table) = tables.iter().find(lacks_header) {
+        let message = "the first row has numbers only, so the table has no header; name its columns in a row above it, such as \
+                       time_s,accel_m_s2,force_normal_n,speed_mm_s";
+        return table.error(table.header_line, message);
+    }
     let names = tables.iter().flat_map(|table| &table.names).cloned();
     ReadError::Missing {
         hints: hints(tables, &missing),
