@@ -273,6 +273,12 @@ fn assignment(text: &str) -> Result<(String, String), String> {
     Ok((name.to_owned(), value.to_owned()))
 }
 
+/// A seed.
+pub(crate) fn seed(text: &str) -> Result<u64, String> {
+    let wrong = |_| format!("give a whole number from 0 to {}", u64::MAX);
+    text.parse().map_err(wrong)
+}
+
 /// Refuses a name that is given twice: the two values contradict each other.
 pub(crate) fn refuse_repeated<'a>(
     flag: &str,

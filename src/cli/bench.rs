@@ -8,6 +8,7 @@ use super::{Failure, GraphArguments, print};
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
 use crate::engine::run::{Profile, Runner};
+pub(super) use cost_report::bytes;
 use cost_report::{CostReport, Timings};
 use std::convert::Infallible;
 use std::path::PathBuf;

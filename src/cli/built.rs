@@ -34,7 +34,7 @@ pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
 }
 
 /// The command that builds haptograph with these features.
-fn how_to_build(features: &[&str]) -> String {
+pub fn how_to_build(features: &[&str]) -> String {
     let of_alsa = [soundcard::BACKEND.feature, midi::BACKEND.feature];
     let headers = match features.iter().any(|feature| of_alsa.contains(feature)) {
         true => {

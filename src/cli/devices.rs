@@ -1,5 +1,6 @@
 //! `haptograph devices`: the hardware of this machine that a graph can use.
 
+use super::built::how_to_build;
 use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
 use crate::live::midi::{self, midi_ports};
@@ -60,7 +61,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
 fn section(backend: BackendEntry, kinds: &str, names: &[String]) -> String {
     let BackendEntry { what, feature, .. } = backend;
     match (backend.is_built, names) {
-        (false, _) => format!("{what}: not in this build: --features {feature}\n"),
+        (false, _) => format!("{what}: not in this build; {}\n", how_to_build(&[feature])),
         (true, []) => format!("{what}: none found\n"),
         (true, names) => {
             let lines = names.iter().flat_map(|name| name.lines());

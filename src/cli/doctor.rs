@@ -1,5 +1,6 @@
 //! `haptograph doctor`: checks of this machine for low latency, with advice.
 
+use super::bench::bytes;
 use super::run::folder::dead_in;
 use super::{Failure, print, print_json};
 use crate::engine::document::Document;
@@ -98,7 +99,10 @@ fn limits(text: &str) -> [Finding; 2] {
         ),
         Finding::new(
             "locked memory",
-            locked,
+            match locked.parse() {
+                Ok(count) => bytes(count),
+                Err(_) => locked.to_owned(),
+            },
             locked == "unlimited",
             "write `@audio - memlock unlimited` to /etc/security/limits.d/haptograph.conf, and log in again",
         ),
@@ -291,7 +295,7 @@ mod tests {
                     Max realtime priority     95                   95                             \n";
         let [priority, locked] = limits(text);
         assert!(priority.advice.is_none() && priority.found.contains("95"));
-        assert!(locked.advice.is_some() && locked.found == "8388608");
+        assert!(locked.advice.is_some() && locked.found == "8192.0 KiB");
     }
 
     #[test]

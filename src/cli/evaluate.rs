@@ -46,7 +46,7 @@ pub struct Arguments {
     #[arg(long, conflicts_with = "pooling")]
     holdout: bool,
     /// Seed of the synthesised vibrations and of the map's trajectory
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = super::seed)]
     seed: u64,
     /// Print tables and map as JSON
     #[arg(long)]

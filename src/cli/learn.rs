@@ -236,6 +236,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     if let [dir] = &arguments.recordings[..]
         && dir.is_dir()
     {
+        refuse_one_surface(dir, &arguments.output)?;
         return at_scale::learn(arguments, dir);
     }
     at_scale::refuse_of_files(&arguments.folder)?;
@@ -295,6 +296,18 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     }
     let looked = page.map_or_else(String::new, |page| format!("look at {}\n", page.display()));
     print(&(summary::describe(&learned, &report, &output, is_implausible) + &looked))
+}
+
+/// Refuses one surface of a folder, whose recordings are learned into a folder.
+fn refuse_one_surface(dir: &Path, output: &Path) -> Result<(), Failure> {
+    if output.is_dir() || surface::check_extension(output).is_err() {
+        return Ok(());
+    }
+    let (dir, output) = (dir.display(), output.display());
+    Err(Failure::Message(format!(
+        "{dir} is a folder, and {output} is one surface: give `-o FOLDER` for a surface of each recording (`--by material`: of \
+         each material), or name the recordings of {output} instead of {dir}"
+    )))
 }
 
 /// Replaces `recording N` in a message by the name of that recording's file, and names the flag that accepts it.

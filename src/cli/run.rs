@@ -56,7 +56,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["live", "duration_s"])]
     pub replay: Option<PathBuf>,
     /// The seed of all random streams, in place of the graph's own
-    #[arg(long)]
+    #[arg(long, value_parser = super::seed)]
     pub seed: Option<u64>,
     /// The folder to write; default: `out/GRAPH`
     #[arg(long, value_name = "DIR")]

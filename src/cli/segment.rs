@@ -39,7 +39,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = Variance::LeastSquares)]
     variance: Variance,
     /// Seed of the genetic algorithm; default: 1
-    #[arg(long)]
+    #[arg(long, value_parser = super::seed)]
     seed: Option<u64>,
     /// Time limit of the genetic algorithm; its result then depends on the machine
     #[arg(long, value_name = "SECONDS", value_parser = super::run::seconds)]

@@ -28,7 +28,7 @@ pub struct Arguments {
     #[arg(long, default_value_t = 10.0, value_parser = seconds)]
     seconds: f64,
     /// Seed of the material sample and of the take
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = super::seed)]
     seed: u64,
     /// The file to write: haptograph's own archive (.npz) or a table (.csv)
     #[arg(short, long = "output", value_name = "FILE", value_parser = recording_file)]

@@ -42,7 +42,7 @@ pub struct Arguments {
     #[arg(long = "for", value_name = "SECONDS", default_value_t = run::DURATION_S, value_parser = run::seconds)]
     pub duration_s: f64,
     /// The seed of all random streams, in place of the graph's own
-    #[arg(long)]
+    #[arg(long, value_parser = super::seed)]
     pub seed: Option<u64>,
     /// The folder to write, with a subfolder for each run; default: `out/GRAPH-sweep`
     #[arg(long, value_name = "DIR")]

@@ -338,6 +338,125 @@ fn implausible_speeds_are_said_once_without_advice_on_coverage() {
     assert!(!String::from_utf8_lossy(&learned.stdout).contains("record next"));
 }
 
+/// Files that are empty, cut off, of another kind or nearly the right name: what is said of each, by every reader.
+#[test]
+fn a_file_that_cannot_be_read_says_what_it_is() {
+    let (folder, shop) = (tempfile::tempdir().unwrap(), workshop());
+    let (folder, at) = (folder.path(), |name: &str| folder.path().join(name));
+    let header = "accel_m_s2,force_normal_n,speed_mm_s\n";
+    let rows = |a: &str| format!("{a},1,80\n").repeat(3000);
+    let surface = fs::read_to_string(shop.join("t1.ron")).unwrap();
+    let archive = fs::read(shop.join("tap.npz")).unwrap();
+    for (name, text) in [
+        ("empty.npz", String::new()),
+        ("header.csv", format!("# rate_hz: 10000\n{header}")),
+        ("one.csv", format!("time_s,{header}0,1,1,80\n")),
+        ("none.csv", rows("0.5")),
+        ("still.csv", format!("# rate_hz: 10000\n{header}{}", rows("0"))),
+        (
+            "turned.csv",
+            format!(
+                "# rate_hz: 10000\n{header}{}",
+                rows("1\n-1").replace(",1,", ",-1,")
+            ),
+        ),
+        ("cut.ron", surface[..surface.len() / 2].to_owned()),
+        ("tile.ron", surface),
+        (
+            "pad.ron",
+            fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/graphs/texturepad.ron")).unwrap(),
+        ),
+        ("cut.xml", "<modelSet texture=\"x\">".to_owned()),
+    ] {
+        fs::write(at(name), text).unwrap();
+    }
+    fs::write(at("cut.npz"), &archive[..archive.len() / 2]).unwrap();
+    wav(&at("whole.wav"), 10_000, noise(3000, 1));
+    let whole = fs::read(at("whole.wav")).unwrap();
+    fs::write(at("cut.wav"), &whole[..5000]).unwrap();
+    fs::write(at("cut-header.wav"), &whole[..20]).unwrap();
+    fs::create_dir(at("takes")).unwrap();
+    let learn = |file: &'static str| vec!["learn", file, "-o", "x.ron", "--full-scale", "20"];
+    let show = |file: &'static str| vec!["surface", "show", file];
+    let played = |set: &'static str| vec!["check", "pad.ron", "--set", set];
+    let batch = |file: &'static str| vec!["batch", file, "--check"];
+    for (arguments, parts) in [
+        (learn("empty.npz"), &["the file is empty", "0 bytes"][..]),
+        (learn("header.csv"), &["a header, but no row", "header.csv:2:1"]),
+        (learn("one.csv"), &["one row only"]),
+        (learn("none.csv"), &["the table has no header"]),
+        (
+            learn("still.csv"),
+            &["still.csv has no vibration", "accelerometer connected"],
+        ),
+        (learn("tile.ron"), &["it is a surface, not a recording"]),
+        (learn("pad.ron"), &["it is a graph, not a recording"]),
+        (learn("cut.npz"), &["cut off or damaged"]),
+        (
+            learn("cut.wav"),
+            &["announces 3000 samples", "haptograph recover"],
+        ),
+        (learn("cut-header.wav"), &["ends within its header"]),
+        (
+            learn("headr.csv"),
+            &["there is no such file; did you mean `header.csv`?"],
+        ),
+        (learn("nowhere/a.csv"), &["there is no folder nowhere"]),
+        (
+            vec!["learn", "takes", "-o", "x.ron"],
+            &["takes is a folder, and x.ron is one surface", "--by material"],
+        ),
+        (
+            show("cut.ron"),
+            &["the file is incomplete: it ends inside a list"],
+        ),
+        (
+            show("cut.xml"),
+            &["the file is incomplete: it ends inside <modelSet>"],
+        ),
+        (show("empty.npz"), &["is a recording, not a surface"]),
+        (show("tlie.ron"), &["did you mean `tile.ron`?"]),
+        (
+            show("pad.ron"),
+            &["begins with `Graph`", "`Surface(`", "pad.ron:9:1"],
+        ),
+        (
+            played("surface=still.csv"),
+            &[
+                "still.csv is a recording, not a surface",
+                "haptograph learn still.csv",
+            ],
+        ),
+        (played("surface=cut.ron"), &["the file is incomplete"]),
+        (
+            played("surface=tlie.ron"),
+            &["there is no such file; did you mean `tile.ron`?"],
+        ),
+        (batch("pad.ron"), &["begins with `Graph`", "`Batch(`"]),
+        (vec!["evaluate", "one.csv"], &["it is a file, not a folder"]),
+        (
+            vec!["segment", "header.csv", "--column", "accel_m_s2"],
+            &["a header, but no row"],
+        ),
+        (
+            vec!["compare", "header.csv", "one.csv"],
+            &["a header, but no row"],
+        ),
+        (vec!["check", "pda.ron"], &["did you mean `pad.ron`?"]),
+    ] {
+        let said = fail(folder, &arguments);
+        parts
+            .iter()
+            .for_each(|part| assert!(said.contains(part), "{arguments:?}: {part}: {said}"));
+        assert!(!at("x.ron").exists(), "{arguments:?}");
+    }
+    for seed in ["-1", "1.5", "x"] {
+        let refused = haptograph(folder, &["run", "pad.ron", "--seed", seed], "");
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(told_by(&refused).contains("give a whole number from 0 to 18446744073709551615"));
+    }
+}
+
 #[test]
 fn files_of_one_kind_given_for_another_are_named() {
     let folder = tempfile::tempdir().unwrap();

@@ -416,7 +416,8 @@ fn duration(ns: f64) -> String {
     format!("{} {unit}", plain(value))
 }
 
-fn bytes(count: u64) -> String {
+/// A number of bytes with its unit and two digits at least: `1.2 MiB`.
+pub fn bytes(count: u64) -> String {
     match count {
         0..=9_999 => format!("{count} B"),
         10_000..=9_999_999 => format!("{:.1} KiB", count as f64 / 1024.0),

@@ -29,7 +29,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N")]
     count: Option<usize>,
     /// Seed of the trajectory and of the vibrations
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = crate::cli::seed)]
     seed: u64,
     /// Print features, clusters and selection as JSON
     #[arg(long)]
