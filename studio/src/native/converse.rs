@@ -153,8 +153,9 @@ pub async fn run(socket: WebSocket, shared: Shared, pass: Pass) {
         () = read(stream, (&switch, &pass), inbox) => {}
         () = write(sink, first, out, answered) => {}
     }
-    connection.exclusive.learning.cancel(page, None);
     with_stage(&connection.stage, move |stage| stage.leave(page)).await;
+    // A turn that begins from here on finds that the page has left.
+    connection.exclusive.learning.cancel(page, None);
 }
 
 /// Reads messages until the page closes, or sends more than the stage keeps up with.
@@ -289,8 +290,8 @@ fn answer_to(connection: &Connection, queue: &Sender<(u64, Work)>, response: Res
             };
             let connection = connection.clone();
             tokio::spawn(async move {
-                let stage = Arc::clone(&connection.stage);
-                let learned = blocking(move || learned(&stage, (&turn, learner), (&name, &csv))).await;
+                let (stage, page) = (Arc::clone(&connection.stage), connection.page);
+                let learned = blocking(move || learned(&stage, page, (&turn, learner), (&name, &csv))).await;
                 let answer = match learned.unwrap_or_else(failed) {
                     Ok((path, report)) => {
                         let mut answer = talk::reply(request, Ok(path));
@@ -384,10 +385,17 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
 /// of its report.
 fn learned(
     stage: &Mutex<Stage>,
+    page: u64,
     (turn, learner): (&Turn, Learner),
     (name, csv): (&str, &str),
 ) -> Result<(String, Option<String>), StageError> {
-    let graph = lock(stage).source.folder().to_owned();
+    let graph = {
+        let stage = lock(stage);
+        if !stage.pages.iter().any(|known| known.id == page) {
+            return failed();
+        }
+        stage.source.folder().to_owned()
+    };
     let learned = turn.surface(learner, (name, csv.as_bytes()), &describe::surface_folder(&graph));
     let (path, report) = learned.map_err(StageError::Other)?;
     // Draws the swatch before the stage is locked.

@@ -126,14 +126,15 @@ impl Turn {
             .stderr(File::create(&errors).map_err(stored)?);
         let status = self.wait(command.spawn().map_err(failed)?).map_err(failed)?;
         self.judge(status, &errors)?;
-        let read = |path: &str, most| files::read(&workplace.path().join(path), most);
+        let at = |name: &str| workplace.path().join(name);
         let failed = |error: io::Error| format!("cannot read the learned surface: {error}");
-        let surface = read(&made, files::MAX_SURFACE_BYTES).map_err(failed)?;
+        let surface = files::read(&at(&made), files::MAX_SURFACE_BYTES).map_err(failed)?;
         if !haptograph_surfaces::files::read_surface(&surface).is_ok_and(|surface| surface.texture.is_some())
         {
             return Err(crate::learn::NO_DRAG.to_owned());
         }
-        let report = read(&format!("report/{REPORT}"), files::MAX_REPORT_BYTES).map_err(failed)?;
+        let report = at("report").join(REPORT);
+        let report = files::read(&report, files::MAX_REPORT_BYTES).map_err(failed)?;
         Ok((keep(&surface, folder, &stem)?, report))
     }
 
