@@ -16,7 +16,7 @@ use haptograph_report::{drawing, swatch};
 use haptograph_signal::files::{MAX_SURFACE_BYTES, is_file, is_folder, list, read_text};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::Unit;
-use haptograph_surfaces::files::{self, FileError, Problem, ReadError};
+use haptograph_surfaces::files::{self, FileError, Malformed, Problem, ReadError};
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -307,6 +307,7 @@ pub fn surface(path: &Path, graph: &Path) -> Option<Value> {
             None,
             Some(format!("the file cannot be read: {source}")),
         )),
+        Err(FileError::Recording { .. }) => None,
         Err(FileError::Read { error, .. }) => {
             is_meant(path, graph, &error).then(|| named(&stem, None, Some(error.to_string())))
         }
@@ -322,7 +323,9 @@ pub fn surface(path: &Path, graph: &Path) -> Option<Value> {
 /// True if a file that is not read was meant as a surface: beside a graph lie other graphs and lists.
 fn is_meant(path: &Path, graph: &Path, error: &ReadError) -> bool {
     let begins = || read_text(path, MAX_SURFACE_BYTES).is_ok_and(|text| text.contains("Surface("));
-    !matches!(error.problem, Problem::Graph) && (path.parent() != Some(graph) || begins())
+    let is_graph =
+        matches!(&error.problem, Problem::Malformed(Malformed::OtherKind { found, .. }) if found == "Graph");
+    !is_graph && (path.parent() != Some(graph) || begins())
 }
 
 /// A path relative to the graph's folder, in the form of a parameter.
