@@ -8,7 +8,7 @@ use super::segmentation::{SegmentationMethod, VarianceEstimate};
 use super::stiffness::{StiffnessError, StiffnessReport, StiffnessSettings, learn_stiffness};
 use super::taps::{TapError, TapReport, TapSettings, learn_taps};
 use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings};
-use crate::bounds::{FULL_BAND_HZ, LOWEST_LEARNED_HZ, carried_hz};
+use crate::bounds::{FULL_BAND_HZ, LOWEST_LEARNED_HZ, carried_hz, shown};
 use crate::provenance::{HIGHEST_HZ, TOUCH};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use crate::{Friction, Origin, Provenance, Stiffness, Surface};
@@ -70,7 +70,7 @@ impl fmt::Display for NarrowBand {
         write!(
             f,
             "the vibration has {} samples per second: the surface holds nothing above {} Hz, and a hand feels up to 1000 Hz; record at {FULL_BAND_HZ} Hz or more",
-            self.rate_hz,
+            shown(self.rate_hz),
             self.highest_hz()
         )
     }
@@ -110,8 +110,8 @@ pub enum LearnError {
         source: ProcessingError,
     },
     #[error(
-        "recording {recording} (from 0) has {rate_hz} samples per second, which hold vibration up to {} Hz; learning needs at least {LOWEST_LEARNED_HZ} Hz: check the unit of its times",
-        carried_hz(*rate_hz)
+        "recording {recording} (from 0) has {} samples per second, which hold vibration up to {} Hz; learning needs at least {LOWEST_LEARNED_HZ} Hz: check the unit of its times",
+        shown(*rate_hz), shown(carried_hz(*rate_hz))
     )]
     Slow { recording: usize, rate_hz: f64 },
     #[error(
