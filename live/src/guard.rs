@@ -18,7 +18,9 @@ pub(crate) use process::Guard;
 #[cfg(unix)]
 pub use process::{is_guard, serve};
 
+use std::io;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -44,7 +46,7 @@ pub(crate) enum Guard {}
 
 #[cfg(not(unix))]
 impl Guard {
-    pub fn start(_: &std::net::UdpSocket) -> std::io::Result<Option<Self>> {
+    pub fn start(_: &std::net::UdpSocket) -> io::Result<Option<Self>> {
         Ok(None)
     }
 
@@ -57,15 +59,27 @@ impl Guard {
     }
 }
 
+/// The program that runs, to be started again; on Linux also where its file was replaced since.
+///
+/// # Errors
+/// Those of the system that does not say which program runs.
+pub fn program() -> io::Result<PathBuf> {
+    let own = PathBuf::from("/proc/self/exe");
+    match cfg!(target_os = "linux") && own.exists() {
+        true => Ok(own),
+        false => std::env::current_exe(),
+    }
+}
+
 /// True once the process ends by force.
 static ENDS: AtomicBool = AtomicBool::new(false);
 
 /// Gives this program's sockets of devices guards, which are processes of it: its `main` has to call [`serve`] where
 /// [`is_guard`]. Where the process aborts, it sends the last zeros itself.
 #[cfg(unix)]
-pub fn install() -> std::io::Result<()> {
-    process::install()?;
-    abort::install()
+pub fn install() -> io::Result<()> {
+    abort::install()?;
+    process::install()
 }
 
 /// Sends zeros to the devices of all connections, which then accept nothing more. For a process that is about to end without

@@ -5,6 +5,7 @@ mod confirmation;
 use super::run::stop_on_interrupt;
 use super::{Failure, eprint, print, refuse_repeated};
 use crate::engine::registry::Registry;
+use crate::live::guard;
 use confirmation::Confirmation;
 use haptograph_studio::{Export, Options, Studio, StudioError, export, lan_address};
 use qrcode::render::unicode::Dense1x2;
@@ -108,7 +109,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
 
 /// A process of this program that learns a recording.
 fn learner(table: &Path, surface: &Path, report: &Path) -> io::Result<process::Command> {
-    let mut command = process::Command::new(std::env::current_exe()?);
+    let mut command = process::Command::new(guard::program()?);
     command
         .arg("learn")
         .arg(table)

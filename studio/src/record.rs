@@ -16,7 +16,7 @@ use std::borrow::Cow;
 use std::fs::File;
 #[cfg(not(target_family = "wasm"))]
 use std::io::BufReader;
-use std::io::{self, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -148,11 +148,17 @@ struct Part<'a> {
     turns: Cow<'a, [SettingChange]>,
 }
 
+/// Longest time without a line in that file, s: where nothing happens only the duration is to be kept.
+const APPEND_S: f64 = 5.0;
+
 /// The file to which a recording is appended.
 #[derive(Debug)]
 pub struct Appended {
     /// Locked while the recording goes on.
     file: File,
+    /// Length of its whole lines, bytes.
+    length: u64,
+    frames: u64,
     moves: usize,
     settings: usize,
 }
@@ -162,29 +168,38 @@ impl Appended {
     fn begin(folder: &Path, recording: &Recording) -> io::Result<Self> {
         let file = File::create_new(folder.join(APPENDED))?;
         file.try_lock().map_err(io::Error::from)?;
-        let (moves, settings) = (0, 0);
-        let appended = Self {
+        let mut appended = Self {
             file,
-            moves,
-            settings,
+            length: 0,
+            frames: 0,
+            moves: 0,
+            settings: 0,
         };
         appended.write(recording)?;
         Ok(appended)
     }
 
-    fn write(&self, part: &impl Serialize) -> io::Result<()> {
+    fn write(&mut self, part: &impl Serialize) -> io::Result<()> {
         let mut line = serde_json::to_vec(part).map_err(io::Error::other)?;
         line.push(b'\n');
-        (&self.file).write_all(&line)
+        // A line of which only a part was written, as on a full disk, is overwritten.
+        self.file.seek(SeekFrom::Start(self.length))?;
+        self.file.write_all(&line)?;
+        self.length += line.len() as u64;
+        Ok(())
     }
 
     fn append(&mut self, recording: &Recording, frames: u64) -> io::Result<()> {
+        let is_idle = (self.moves, self.settings) == (recording.moves.len(), recording.settings.len());
+        if is_idle && (frames.saturating_sub(self.frames) as f64) < APPEND_S * recording.rate_hz {
+            return Ok(());
+        }
         self.write(&Part {
             frames,
             moves: Cow::Borrowed(&recording.moves[self.moves..]),
             turns: Cow::Borrowed(&recording.settings[self.settings..]),
         })?;
-        (self.moves, self.settings) = (recording.moves.len(), recording.settings.len());
+        (self.frames, self.moves, self.settings) = (frames, recording.moves.len(), recording.settings.len());
         Ok(())
     }
 }
@@ -314,7 +329,7 @@ impl Stage {
     /// [`StageError`] after a STOP, which no recording ends.
     pub fn record(&mut self, on: bool) -> Result<(), StageError> {
         self.refuse_after_stop(if on { "record" } else { "end the recording" })?;
-        if on != self.recorder.is_some() {
+        if on != self.records() {
             self.close_recording();
             let next = if on { NextRun::Record } else { NextRun::Live };
             // The thread that serves the pages ends the run and writes its report, so that one arena of the system's allocator
@@ -322,6 +337,14 @@ impl Stage {
             self.restart_within(Duration::ZERO, next);
         }
         Ok(())
+    }
+
+    /// True if a recording goes on, or begins once the run has fallen to zero.
+    pub fn records(&self) -> bool {
+        match self.is_stopping {
+            true => matches!(self.next_run, NextRun::Record),
+            false => self.recorder.is_some(),
+        }
     }
 
     /// Ends the recording at the present frame.
@@ -351,12 +374,9 @@ impl Stage {
             return;
         };
         let frames = drive.pace.frames();
-        if self
-            .appended
-            .as_mut()
-            .is_some_and(|appended| appended.append(recording, frames).is_err())
-        {
-            self.appended = None;
+        if let Some(appended) = &mut self.appended {
+            // What could not be written, as on a full disk, is written with the next part.
+            let _ = appended.append(recording, frames);
         }
     }
 

@@ -76,7 +76,7 @@ impl Stage {
         let other = |error: &dyn std::fmt::Display| {
             StageError::Other(format!("cannot replay the recording: {error}"))
         };
-        if self.recorder.is_some() {
+        if self.records() {
             return Err(other(&"a recording is running; end it first"));
         }
         self.refuse_after_stop("replay the recording")?;

@@ -77,6 +77,7 @@ impl Stage {
         if is_live {
             self.card_requests = Some(card_requests(&self.loaded.graph).map_err(other)?);
             self.network.connect(&mut self.loaded.graph).map_err(other)?;
+            self.note_refusals();
         }
         let graph = &self.loaded.graph;
         let (mut player, session) = Player::open(graph, &options).map_err(|error| match error {
@@ -111,6 +112,12 @@ impl Stage {
         self.state = State::Running;
         self.describe_actuators();
         Ok(())
+    }
+
+    /// Shows what devices lack, as a guard.
+    pub fn note_refusals(&mut self) {
+        let refused = self.network.status().into_iter().flat_map(|known| known.refused);
+        self.note = refused.last().or(self.note.take());
     }
 
     /// Options of a run with these probes.

@@ -31,6 +31,7 @@ impl Stage {
             other(error)
         })?;
         self.network.keep(&next.graph);
+        self.note_refusals();
         self.scopes.retain(|scope| ports.contains(&scope.port));
         for port in ports {
             if !self.scopes.iter().any(|scope| scope.port == port) {

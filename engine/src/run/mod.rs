@@ -39,7 +39,7 @@ pub use control::{Control, ControlError};
 pub use fault::Faults;
 pub use file_sinks::{FileSinks, Probe, WriteError};
 pub use live::{Driven, FADE_S, Live, LiveState, live};
-pub use meter::{Meters, Wake};
+pub use meter::{MAX_STALLS, Meters, Wake};
 pub use offline::{Offline, OfflineError, Outcome, RingReport};
 pub use profile::{Profile, StepCost};
 pub use ramp::PARAM_RAMP_S;

@@ -25,7 +25,7 @@ const WORD: &str = "guard-of-a-live-run";
 static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
 
 pub(super) fn install() -> io::Result<()> {
-    let program = std::env::current_exe()?;
+    let program = super::program()?;
     PROGRAM.get_or_init(|| program);
     Ok(())
 }
@@ -55,7 +55,11 @@ impl Guard {
         let socket = OwnedFd::from(socket.try_clone()?);
         // A group of its own: no key of the terminal reaches it.
         let mut command = Command::new(program);
-        command.arg(WORD).current_dir("/").process_group(0);
+        command
+            .arg0("haptograph")
+            .arg(WORD)
+            .current_dir("/")
+            .process_group(0);
         command.stdin(Stdio::piped()).stdout(socket).stderr(Stdio::null());
         command.spawn().map(|child| Some(Self(child)))
     }
@@ -123,17 +127,18 @@ pub fn serve() -> io::Result<()> {
     Ok(())
 }
 
-/// Answers every state with zeros, and sends zeros unasked where none comes.
-fn answer_with_zeros(socket: &UdpSocket, mut device: SocketAddr) {
+/// Sends the device zeros as answers to its states, and unasked where none comes. Nobody else moves the guard's aim.
+fn answer_with_zeros(socket: &UdpSocket, device: SocketAddr) {
     let end = Instant::now() + GUARDED;
     let (mut zeros, mut bytes) = (Zeros::default(), [0; STATE_BYTES + 1]);
     while Instant::now() < end {
         zeros.sequence += 1;
         let _ = socket.send_to(&zeros.to_bytes(), device);
         if let Ok((length, from)) = socket.recv_from(&mut bytes)
+            && from == device
             && let Ok(state) = State::from_bytes(&bytes[..length])
         {
-            (zeros.answers, zeros.timestamp_ns, device) = (state.sequence, state.timestamp_ns, from);
+            (zeros.answers, zeros.timestamp_ns) = (state.sequence, state.timestamp_ns);
         }
     }
 }

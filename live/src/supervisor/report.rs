@@ -5,7 +5,7 @@ use crate::backend::{Counts, Role};
 use crate::connections::Connections;
 use crate::soundcard::CardCounts;
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Histogram, LiveOutcome, Meters};
+use haptograph_engine::run::{Histogram, LiveOutcome, MAX_STALLS, Meters};
 use haptograph_nodes::network::link::Counts as PacketCounts;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -313,6 +313,9 @@ impl RunReport {
             .iter()
             .flat_map(|(_, timing)| timing.stalled_at_s.iter().copied());
         self.timing.stalled_at_s = stalls.collect();
+        // Those of the first driver come first.
+        self.timing.stalled_at_s.sort_by(f64::total_cmp);
+        self.timing.stalled_at_s.truncate(MAX_STALLS);
         (self.lost_numbers, self.lost_callbacks) = (ended.lost_numbers, ended.lost_arrivals);
         if let [_, _, ..] = drivers[..] {
             self.drivers = drivers.into_iter().collect();

@@ -178,7 +178,8 @@ impl Processor<ContactFromWrench> for Locating {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, ContactFromWrench>) {
         let wrenches = io.read(ContactFromWrench::WRENCH);
         // Behind the sensor's filter, a reading at the end of its range shakes by less than a step.
-        let end_n_m = self.most_torque_n_m - self.locator.settings_mut().torque_step_n_m;
+        let step_n_m = self.locator.settings_mut().torque_step_n_m;
+        let end_n_m = (self.most_torque_n_m - step_n_m).max(0.5 * self.most_torque_n_m);
         let (contacts, load, friction, residual, uncertainty, miss, point_uncertainty, saturated) = io
             .write_all((
                 ContactFromWrench::CONTACT,

@@ -35,19 +35,23 @@ impl Transient {
 
     /// Takes over the present tap of another player.
     pub fn copy_state_from(&mut self, other: &Self) {
-        self.ringing = other.ringing.filter(|(_, next)| *next < self.taps.length());
+        self.ringing = other
+            .ringing
+            .map(|(speed_m_s, next)| (self.within(speed_m_s), next))
+            .filter(|(_, next)| *next < self.taps.length());
+    }
+
+    /// The speed as which a tap is played; NaN stays.
+    fn within(&self, speed_m_s: f64) -> f64 {
+        match speed_m_s > self.most_m_s {
+            true => self.most_m_s,
+            false => speed_m_s,
+        }
     }
 
     /// Advances one tick: restarts if there was a tap (its speed, m/s); returns the force along the outward normal, N.
     pub fn update(&mut self, tap_m_s: Option<f64>) -> f64 {
-        let within = |speed_m_s: f64| {
-            if speed_m_s > self.most_m_s {
-                self.most_m_s
-            } else {
-                speed_m_s
-            }
-        };
-        let struck = tap_m_s.map(|speed_m_s| (within(speed_m_s), 0));
+        let struck = tap_m_s.map(|speed_m_s| (self.within(speed_m_s), 0));
         let now = struck.or(self.ringing);
         self.ringing = now
             .map(|(speed_m_s, sample)| (speed_m_s, sample + 1))

@@ -14,6 +14,8 @@ pub const MAX_SAMPLES: u64 = 1 << 28;
 pub const MAX_TRIANGLES: usize = 5_000_000;
 /// A mesh: about five million triangles.
 pub const MAX_MESH_BYTES: u64 = 256 << 20;
+/// A picture: an uncompressed one of 2048 by 2048 pixels, with room for notes.
+pub const MAX_PICTURE_BYTES: u64 = 64 << 20;
 /// The plan of a data set.
 pub const MAX_PLAN_BYTES: u64 = 16 << 20;
 /// A table of jobs of a data set: ten million.

@@ -31,14 +31,12 @@ pub struct Arguments {
 
 /// Largest width and height, pixels.
 const MAX_SIDE: usize = 2048;
-/// Largest file: an uncompressed picture of that size, with room for notes.
-const MAX_BYTES: u64 = 64 << 20;
 /// Weights of red, green and blue in the grey value (ITU-R BT.601).
 const LUMA: [f64; 3] = [0.299, 0.587, 0.114];
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let failed = |error: &dyn std::fmt::Display| Failure::file("read", &arguments.file, error);
-    let bytes = files::read(&arguments.file, MAX_BYTES).map_err(|error| failed(&error))?;
+    let bytes = files::read(&arguments.file, files::MAX_PICTURE_BYTES).map_err(|error| failed(&error))?;
     let Picture { width, height, gray } = Picture::read(&bytes).map_err(|error| failed(&error))?;
     let pixels_per_mm = width as f64 / arguments.mm;
     let image = GrayImage::new(width, height, pixels_per_mm, gray).map_err(|error| failed(&error))?;
@@ -108,7 +106,7 @@ impl Picture {
 
     fn of_png(bytes: &[u8]) -> Result<Self, String> {
         let limits = Limits {
-            bytes: MAX_BYTES as usize,
+            bytes: files::MAX_PICTURE_BYTES as usize,
         };
         let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), limits);
         decoder.set_transformations(Transformations::EXPAND);

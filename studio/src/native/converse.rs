@@ -291,7 +291,7 @@ fn answer_to(connection: &Connection, queue: &Sender<(u64, Work)>, response: Res
             let connection = connection.clone();
             tokio::spawn(async move {
                 let (stage, page) = (Arc::clone(&connection.stage), connection.page);
-                let learned = blocking(move || learned(&stage, page, (&turn, learner), (&name, &csv))).await;
+                let learned = blocking(move || learned(&stage, page, (turn, learner), (&name, &csv))).await;
                 let answer = match learned.unwrap_or_else(failed) {
                     Ok((path, report)) => {
                         let mut answer = talk::reply(request, Ok(path));
@@ -386,7 +386,7 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
 fn learned(
     stage: &Mutex<Stage>,
     page: u64,
-    (turn, learner): (&Turn, Learner),
+    (turn, learner): (Turn, Learner),
     (name, csv): (&str, &str),
 ) -> Result<(String, Option<String>), StageError> {
     let graph = {
@@ -397,6 +397,7 @@ fn learned(
         stage.source.folder().to_owned()
     };
     let learned = turn.surface(learner, (name, csv.as_bytes()), &describe::surface_folder(&graph));
+    drop(turn);
     let (path, report) = learned.map_err(StageError::Other)?;
     // Draws the swatch before the stage is locked.
     let _ = describe::surface(&path, &graph);

@@ -93,9 +93,14 @@ impl Learning {
         });
     }
 
+    /// Cancels it whosever it is.
+    pub fn cancel_all(&self) {
+        self.end(End::Cancelled, |_| true);
+    }
+
     /// Cancels it whosever it is, and waits until its files are removed.
     pub fn close(&self) {
-        self.end(End::Cancelled, |_| true);
+        self.cancel_all();
         let asked = Instant::now();
         while self.running().is_some() && asked.elapsed() < Duration::from_secs(5) {
             std::thread::sleep(STEP);

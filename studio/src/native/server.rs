@@ -251,9 +251,11 @@ impl Drop for Studio {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
-        self.exclusive.learning.close();
+        self.exclusive.learning.cancel_all();
         // Pending loading holds the stage: its run ends now nevertheless, with complete files.
         lock(&self.stage).close();
+        // Only then is there time to wait for a process that learns.
+        self.exclusive.learning.close();
     }
 }
 
@@ -465,6 +467,7 @@ async fn live(
     if !is_let_in(&shared, &query) || !has_origin {
         return StatusCode::FORBIDDEN.into_response();
     }
+    pass.know();
     let max_bytes = converse::longest(shared.reach);
     let pages = with_stage(&shared.stage, |stage| stage.pages.len()).await;
     if pages.is_none_or(|pages| pages >= shared.max_pages()) {

@@ -16,14 +16,16 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
-use tokio::time::{Instant, Sleep, sleep};
+use tokio::time::{Instant, Sleep, sleep, timeout};
 
 /// Maximum number of connections of a socket that are no pages. One more ends the oldest.
 const MAX_VISITS: usize = 64;
 /// Maximum time of such a connection until the header of its request is complete, and between two parts of an answer.
 const IDLE: Duration = Duration::from_secs(10);
 /// Maximum time that a long message takes.
-const SENDING: Duration = Duration::from_secs(60);
+const SENDING: Duration = Duration::from_secs(20);
+/// Maximum time for which a long message waits for that of another page, and with it what the page sends after it.
+const WAITING: Duration = Duration::from_secs(5);
 /// Time between two attempts to accept a connection when the system cannot give one.
 const PAUSE: Duration = Duration::from_secs(1);
 /// Length beyond which a message is long, bytes: what was read ahead counts.
@@ -124,6 +126,8 @@ pub struct Pass(Arc<Shared>);
 #[derive(Debug, Default)]
 struct Shared {
     is_page: AtomicBool,
+    /// The request has shown the token; its answer may take as long as the run does.
+    is_known: AtomicBool,
     /// Bytes that were read since the last complete message.
     unheard: AtomicUsize,
     /// The turn of a message that is long.
@@ -131,6 +135,11 @@ struct Shared {
 }
 
 impl Pass {
+    /// Ends the limit of time: who asks has shown the token.
+    pub fn know(&self) {
+        self.0.is_known.store(true, Relaxed);
+    }
+
     /// Makes the connection a page, which may be idle.
     pub fn let_in(&self) {
         self.0.unheard.store(0, Relaxed);
@@ -183,7 +192,8 @@ impl Visit {
         let is_evicted = evicted
             .as_mut()
             .is_some_and(|evicted| Pin::new(evicted).poll(cx).is_ready());
-        match is_evicted || end.as_mut().poll(cx).is_ready() {
+        let may_wait = shared.is_known.load(Relaxed) && evicted.is_some();
+        match is_evicted || (!may_wait && end.as_mut().poll(cx).is_ready()) {
             true => {
                 self.limits = None;
                 Err(io::ErrorKind::TimedOut.into())
@@ -192,26 +202,29 @@ impl Visit {
         }
     }
 
-    /// Waits before a long message goes on, until no other is held.
-    fn wait_for_turn(&mut self, cx: &mut Context<'_>) -> Poll<()> {
+    /// Waits before a long message goes on, until no other is held; an error if that takes too long.
+    fn wait_for_turn(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         let shared = &self.pass.0;
         let is_long = shared.is_page.load(Relaxed) && shared.unheard.load(Relaxed) > LONG_BYTES;
         if !is_long || lock(&shared.turn).is_some() {
-            return Poll::Ready(());
+            return Poll::Ready(Ok(()));
         }
         let long = &self.long;
         let turn = self.turn.get_or_insert_with(|| {
             let long = Arc::clone(long);
-            Box::pin(async move { long.acquire_owned().await.ok() })
+            Box::pin(async move { timeout(WAITING, long.acquire_owned()).await.ok()?.ok() })
         });
         let taken = ready!(turn.as_mut().poll(cx));
-        *lock(&shared.turn) = taken;
         self.turn = None;
+        if taken.is_none() {
+            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
+        }
+        *lock(&shared.turn) = taken;
         self.limits = Some(Limits {
             evicted: None,
             end: Box::pin(sleep(SENDING)),
         });
-        Poll::Ready(())
+        Poll::Ready(Ok(()))
     }
 }
 
@@ -222,7 +235,7 @@ impl AsyncRead for Visit {
         into: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         let this = &mut *self;
-        ready!(this.wait_for_turn(cx));
+        ready!(this.wait_for_turn(cx))?;
         let before = into.filled().len();
         let read = Pin::new(&mut this.stream).poll_read(cx, into);
         this.pass

@@ -79,7 +79,8 @@ struct Scanned {
 
 /// Scans the tokens of a text. Raw strings are not known: no program writes them into these files.
 fn scan(text: &str) -> Scanned {
-    let (mut begin, mut last, mut open) = (None, 0, vec![]);
+    // A byte each, as a text may open as many as it is long.
+    let (mut begin, mut last, mut open) = (None, 0, Vec::<u8>::new());
     let mut rest = text;
     while let Some(first) = rest.chars().next() {
         let at = text.len() - rest.len();
@@ -95,13 +96,14 @@ fn scan(text: &str) -> Scanned {
                     '"' => match end_of_string(rest) {
                         Some(end) => end,
                         None => {
-                            open.push("a text");
+                            open.push(b'"');
                             rest.len()
                         }
                     },
-                    '(' => opened(&mut open, "round brackets"),
-                    '[' => opened(&mut open, "a list"),
-                    '{' => opened(&mut open, "a map"),
+                    '(' | '[' | '{' => {
+                        open.push(first as u8);
+                        1
+                    }
                     ')' | ']' | '}' => {
                         open.pop();
                         1
@@ -119,13 +121,13 @@ fn scan(text: &str) -> Scanned {
     Scanned {
         begin,
         last,
-        inside: open.pop(),
+        inside: open.pop().map(|opener| match opener {
+            b'(' => "round brackets",
+            b'[' => "a list",
+            b'{' => "a map",
+            _ => "a text",
+        }),
     }
-}
-
-fn opened(open: &mut Vec<&'static str>, what: &'static str) -> usize {
-    open.push(what);
-    1
 }
 
 /// Length of the string that a text begins with, quotes included.

@@ -111,7 +111,8 @@ fn angular_second_moment(levels: &[usize], width: usize, height: usize) -> f64 {
 /// The image minus its waviness.
 fn rough_component(image: &GrayImage) -> Vec<f64> {
     let sigma = WAVINESS_MM * image.pixels_per_mm;
-    let reach = (4.0 * sigma).ceil() as usize;
+    // No weight is read from beyond the border.
+    let reach = ((4.0 * sigma).ceil() as usize).min(image.width.max(image.height));
     let weights: Vec<f64> = (0..=reach)
         .map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp())
         .collect();
