@@ -534,6 +534,44 @@ fn no_recording_and_no_replay_ends_a_stop() {
 }
 
 #[test]
+fn what_is_asked_of_a_recording_while_the_run_falls_to_zero_counts() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("slow.ron");
+    let graph = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 1000) }, nodes: {
+        "half": Constant(clock: "servo", value: 0.5, quantity: "current"),
+        "out": ActuatorSink(clock: "servo", endpoint: "coil", current: "half",
+                            limit: (peak_a: 1, continuous_a: 1, slew_a_per_s: 0.5)),
+    }, endpoints: { "simulated": { "coil": SimulatedHaptuator() } })"#;
+    std::fs::write(&path, graph).expect("written");
+    let studio = open_with(&path, &folder.path().join("out"));
+    let mut page = Page::of(&studio);
+    let time_s = |said: &Value| said["time_s"].as_f64().unwrap_or(0.0);
+    // The current has risen, and takes as long to fall.
+    page.wait(|said| said["type"] == "status" && time_s(said) > 1.2);
+    for on in [true, false] {
+        page.say(&json!({ "type": "record", "on": on }));
+    }
+    page.wait(|said| said["type"] == "status" && time_s(said) < 1.0);
+    let status = page.wait(|said| said["type"] == "status" && time_s(said) > 1.2);
+    assert!(
+        status["recording_s"].is_null(),
+        "it was ended before it began: {status}"
+    );
+    page.say(&json!({ "type": "record", "on": true }));
+    page.wait(|said| said["type"] == "status" && said["recording_s"].as_f64() > Some(1.2));
+    for on in [false, true] {
+        page.say(&json!({ "type": "record", "on": on }));
+    }
+    page.wait(|said| said["type"] == "recording");
+    page.wait(|said| said["type"] == "status" && time_s(said) > 0.2 && said["state"] == "running");
+    let status = page.wait(|said| said["type"] == "status" && (0.2..1.0).contains(&time_s(said)));
+    assert!(
+        status["recording_s"].is_number(),
+        "the next one was asked for: {status}"
+    );
+}
+
+#[test]
 fn connections_without_a_token_are_bounded_and_lock_nobody_out() {
     let studio = open(&shipped("texturepad.ron"));
     let mut page = Page::of(&studio);
@@ -621,7 +659,11 @@ fn too_many_open_files_are_said_to_be_that_and_pages_come_in_afterwards() {
     assert!(trouble.is_some_and(|trouble| trouble.contains("open files")));
     drop(all);
     Page::of(&studio);
-    assert_eq!(studio.trouble(), None);
+    // One that was ended meanwhile may still have held its file.
+    while studio.trouble().is_some() {
+        assert!(begun.elapsed() < 2 * PATIENCE, "nobody comes in");
+        connect(0);
+    }
 }
 
 #[test]

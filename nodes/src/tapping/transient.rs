@@ -101,6 +101,15 @@ mod tests {
     }
 
     #[test]
+    fn a_player_that_holds_holds_the_tap_that_it_takes_over() {
+        let (mut grows, mut holds) = (player(), player().held_above_the_fastest());
+        grows.update(Some(0.4));
+        holds.copy_state_from(&grows);
+        let expected = 0.05 * 50.0 * (-1.0_f64 / 20.0).exp();
+        assert!((holds.update(None) - expected).abs() < 1e-12);
+    }
+
+    #[test]
     fn a_transient_ends_and_is_replaced_by_a_new_tap() {
         let mut player = player();
         assert_eq!(player.update(None), 0.0);

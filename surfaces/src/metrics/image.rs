@@ -225,6 +225,15 @@ mod tests {
     }
 
     #[test]
+    fn a_picture_of_any_size_takes_the_memory_of_its_pixels() {
+        for pixels_per_mm in [1e-300, 1e12, 1e300] {
+            let found =
+                roughness(&GrayImage::new(8, 8, pixels_per_mm, (0..64).map(f64::from).collect()).unwrap());
+            assert!((0.0..=1.0).contains(&found), "{found}");
+        }
+    }
+
+    #[test]
     fn two_levels_have_their_closed_form() {
         // A checkerboard: neighbours along rows and columns always differ, diagonal ones never do.
         let checkers: Vec<usize> = (0..100 * 100).map(|i| (i % 100 + i / 100) % 2).collect();
