@@ -4,9 +4,9 @@
 use std::ops::RangeInclusive;
 
 /// Samples per second.
-pub const RATES_HZ: RangeInclusive<f64> = 10.0..=1e6;
+pub const RATES_HZ: RangeInclusive<f64> = 1.0..=1e6;
 /// The same in messages.
-pub(crate) const RATES: &str = "from 10 Hz to 1 MHz";
+pub(crate) const RATES: &str = "from 1 Hz to 1 MHz";
 /// Largest speed, m/s.
 pub const MAX_SPEED_M_S: f64 = 100.0;
 /// Largest force, N, and torque, N m.
@@ -21,6 +21,8 @@ pub const MAX_TIME_S: f64 = 1e11;
 /// Lowest rate of recordings that textures and taps are learned from, Hz: less than a quarter of what a hand feels is in
 /// slower ones.
 pub const LOWEST_LEARNED_HZ: f64 = 500.0;
+/// Highest frequency that a hand feels, Hz.
+pub const FELT_HZ: f64 = 1000.0;
 /// From this rate on, recordings hold all that a hand feels, Hz.
 pub const FULL_BAND_HZ: f64 = 2300.0;
 

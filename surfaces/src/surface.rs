@@ -154,7 +154,7 @@ pub enum SurfaceError {
     },
     /// Taps that are too long at another rate.
     #[error(
-        "the {taps} taps have {samples} samples at {rate_hz} Hz; at most {} in total are resampled",
+        "each of the {taps} taps has {samples} samples at {rate_hz} Hz; at most {} in total are resampled: use a lower rate or fewer taps",
         crate::taps::MAX_RESAMPLED
     )]
     TapsTooLong {

@@ -521,15 +521,15 @@ fn numbers_without_bounds_are_refused_where_they_stand() {
         ),
         (
             &["learn", "rate.csv", "-o", "x.ron", "--report", "r"],
-            &["rate.csv", "1e12", "10 Hz to 1 MHz"],
+            &["rate.csv", "1e12", "from 1 Hz to 1 MHz"],
         ),
         (
             &["learn", "times.csv", "-o", "x.ron", "--report", "r"],
-            &["times.csv", "10 Hz to 1 MHz"],
+            &["times.csv", "from 1 Hz to 1 MHz"],
         ),
         (
             &["surface", "show", "fast.ron"],
-            &["fast.ron", "1e12 Hz", "10 Hz to 1 MHz"],
+            &["fast.ron", "1e12 Hz", "from 1 Hz to 1 MHz"],
         ),
     ] {
         let error = fail(folder.path(), arguments);

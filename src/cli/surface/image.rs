@@ -1,7 +1,6 @@
 //! `haptograph surface image`: visual roughness and fineness of a photograph (thesis 3.2.1 and 3.2.4).
 
 use super::Failure;
-use crate::cli::import::positive;
 use crate::cli::table::{facts, significant};
 use crate::cli::{print, print_json};
 use crate::signal::files;
@@ -22,11 +21,18 @@ pub struct Arguments {
     /// The photograph, from above in even light: PNG or uncompressed BMP, up to 2048 pixels wide and high
     file: PathBuf,
     /// Width of the material in the picture, mm
-    #[arg(long, value_name = "SIZE", value_parser = positive)]
+    #[arg(long, value_name = "MM", value_parser = millimetres)]
     mm: f64,
     /// Print the measures as JSON
     #[arg(long)]
     json: bool,
+}
+
+/// Reads a width of 1 mm to 10 m: the Gaussian that is taken off has a fixed width.
+fn millimetres(text: &str) -> Result<f64, String> {
+    let mm = text.parse::<f64>().ok();
+    mm.filter(|mm| (1.0..=1e4).contains(mm))
+        .ok_or_else(|| "expected a number from 1 to 10000".to_owned())
 }
 
 /// Largest width and height, pixels.

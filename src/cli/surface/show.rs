@@ -121,8 +121,13 @@ fn describe(surface: &Surface) -> String {
     });
     let mut text = format!("{name}\n\n");
     let highest = surface.provenance.highest_hz();
-    let band = highest.map_or_else(String::new, |hz| format!("; recorded up to {hz} Hz"));
-    text += &facts(&[
+    let band = highest.map(|hz| {
+        (
+            "recorded",
+            format!("up to {hz} Hz, at the lowest rate of its drags and taps"),
+        )
+    });
+    let parts = [
         ("origin", origin.as_str().to_owned()),
         ("source", source.clone()),
         ("made by", version.clone()),
@@ -131,9 +136,10 @@ fn describe(surface: &Surface) -> String {
         ("taps", surface.taps.as_ref().map_or_else(none, describe_taps)),
         (
             "texture",
-            surface.texture.as_ref().map_or_else(none, describe_texture) + &band,
+            surface.texture.as_ref().map_or_else(none, describe_texture),
         ),
-    ]);
+    ];
+    text += &facts(&parts.into_iter().chain(band).collect::<Vec<_>>());
     if let Some(texture) = &surface.texture {
         text += &format!("\n{}", models(texture));
     }

@@ -199,6 +199,8 @@ impl Turn {
         let lines = first.chain(lines.take_while(|line| line.starts_with(' ')));
         let error = lines.flat_map(str::split_whitespace).skip(1);
         let error = error.collect::<Vec<_>>().join(" ");
+        // The page has no flags.
+        let error = error.split("; --").next().unwrap_or_default();
         Err(match error.chars().take(MAX_LETTERS).collect::<String>() {
             error if error.is_empty() => format!("the process that learned it ended early ({status})"),
             error => error,

@@ -427,7 +427,7 @@ pub fn conclude(
         Some((material.as_str(), &item.texture))
     });
     let own: Vec<(&str, &TextureModel)> = own.collect();
-    let losses = condition_losses(&own)?;
+    let losses = condition_losses(&own);
     let centre = centre_of(own.iter().map(|(_, texture)| *texture));
     progress(1.0);
     Ok(Evaluation {

@@ -8,7 +8,7 @@ use super::segmentation::{SegmentationMethod, VarianceEstimate};
 use super::stiffness::{StiffnessError, StiffnessReport, StiffnessSettings, learn_stiffness};
 use super::taps::{TapError, TapReport, TapSettings, learn_taps};
 use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings};
-use crate::bounds::{FULL_BAND_HZ, LOWEST_LEARNED_HZ, carried_hz, shown};
+use crate::bounds::{FELT_HZ, FULL_BAND_HZ, LOWEST_LEARNED_HZ, carried_hz, shown};
 use crate::provenance::{HIGHEST_HZ, TOUCH};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use crate::{Friction, Origin, Provenance, Stiffness, Surface};
@@ -54,8 +54,10 @@ pub struct LearningReport {
 /// A vibration that was recorded too slowly, or is learned at too low a rate, to hold all that a hand feels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NarrowBand {
-    /// Samples per second.
+    /// Samples per second that are learned from.
     pub rate_hz: f64,
+    /// Samples per second that were recorded.
+    pub recorded_hz: f64,
 }
 
 impl NarrowBand {
@@ -69,10 +71,14 @@ impl fmt::Display for NarrowBand {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         write!(
             f,
-            "the vibration has {} samples per second: the surface holds nothing above {} Hz, and a hand feels up to 1000 Hz; record at {FULL_BAND_HZ} Hz or more",
+            "the vibration has {} samples per second: above {} Hz the surface is not valid, and a hand feels up to {FELT_HZ} Hz; ",
             shown(self.rate_hz),
             self.highest_hz()
-        )
+        )?;
+        match self.recorded_hz < FULL_BAND_HZ {
+            true => write!(f, "record at {FULL_BAND_HZ} Hz or more"),
+            false => write!(f, "learn at {FULL_BAND_HZ} Hz or more"),
+        }
     }
 }
 
@@ -110,7 +116,7 @@ pub enum LearnError {
         source: ProcessingError,
     },
     #[error(
-        "recording {recording} (from 0) has {} samples per second, which hold vibration up to {} Hz; learning needs at least {LOWEST_LEARNED_HZ} Hz: check the unit of its times",
+        "recording {recording} (from 0) has {} samples per second, which hold vibration up to {} Hz; learning needs a rate of at least {LOWEST_LEARNED_HZ} Hz: check the unit of its times",
         shown(*rate_hz), shown(carried_hz(*rate_hz))
     )]
     Slow { recording: usize, rate_hz: f64 },
@@ -265,7 +271,7 @@ pub fn learn(
 
 /// What the vibration of drags and taps lacks because of its rate; an error if a rate is too low and not accepted.
 fn band(recordings: &[AnyRecording], settings: &LearnSettings) -> Result<Option<NarrowBand>, LearnError> {
-    let mut lowest_hz = f64::INFINITY;
+    let mut lowest_hz = [f64::INFINITY; 2];
     for (recording, vibration) in recordings.iter().enumerate() {
         let rate_hz = vibration.vibration_hz();
         let learned_hz = match vibration.gesture() {
@@ -280,9 +286,11 @@ fn band(recordings: &[AnyRecording], settings: &LearnSettings) -> Result<Option<
         if rate_hz < LOWEST_LEARNED_HZ && !settings.accept_rate {
             return Err(LearnError::Slow { recording, rate_hz });
         }
-        lowest_hz = lowest_hz.min(learned_hz);
+        lowest_hz = [lowest_hz[0].min(learned_hz), lowest_hz[1].min(rate_hz)];
     }
-    Ok((lowest_hz < FULL_BAND_HZ).then_some(NarrowBand { rate_hz: lowest_hz }))
+    let [rate_hz, recorded_hz] = lowest_hz;
+    let band = NarrowBand { rate_hz, recorded_hz };
+    Ok((band.highest_hz() < FELT_HZ).then_some(band))
 }
 
 /// True if a vibration is a constant, or what a high-pass leaves of one, m/s²: no sensor resolves so little.

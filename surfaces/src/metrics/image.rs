@@ -83,8 +83,8 @@ const LEVELS: usize = 500;
 /// The angular second moment (Eq. 3.2.1) of the grey levels of neighbouring pixels in four directions, after
 /// removal of the waviness: 1 for an even surface, smaller for a rougher one.
 ///
-/// The values of Table 3.1 (0.28 to 0.37) cannot be this number: with 500 levels, photographs yield about
-/// 1e-4. They are not reproduced.
+/// Photographs of rough materials yield about 1e-4; the values of Table 3.1 (0.28 to 0.37) are not reproduced. The levels span the darkest to
+/// the brightest pixel, so that one bright speck raises the moment.
 pub fn roughness(image: &GrayImage) -> f64 {
     let levels = gray_levels(&rough_component(image), image.rounding());
     angular_second_moment(&levels, image.width, image.height)

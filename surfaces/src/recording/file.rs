@@ -7,6 +7,7 @@ use super::{
     AnyRecording, Column, ReadError, read_archive, read_hatt, signal, write_archive, write_csv, write_hatt,
 };
 use crate::learning::processing::{ProcessingSettings, process_with_world};
+use crate::provenance::VIBRATION_UNIT;
 
 use haptograph_signal::files::{self, Bounded, MAX_RECORDING_BYTES, write_atomically};
 use std::io::{BufRead, BufReader, Read};
@@ -244,6 +245,12 @@ pub fn file_names(path: &Path) -> std::io::Result<Vec<PathBuf>> {
 /// The bytes of those files: CSV if the name ends in `.csv`, a HaTT triple if in `.xml`, else haptograph's archive. For a triple
 /// a raw recording is processed, with all axes in the world.
 pub fn contents(recording: &AnyRecording, path: &Path) -> std::io::Result<Vec<Vec<u8>>> {
+    let is_archive = !is_named(path, "csv") && !is_named(path, "xml");
+    if !is_archive && recording.provenance().settings.contains_key(VIBRATION_UNIT) {
+        let why =
+            "the unit of the vibration is not known, and these files are in m/s²; write an archive (.npz)";
+        return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, why));
+    }
     if is_named(path, "csv") {
         return Ok(vec![write_csv(recording)?]);
     }

@@ -2,6 +2,7 @@
 //! (Table A.1 of the thesis). They are read as a stream. The origin, for which the toolkit has no field, is in a comment.
 
 use super::{Gesture, ProcessedRecording, ReadError, Signals, WorldAxes};
+use crate::bounds::{MAX_FORCE_N, MAX_POSITION_M};
 use crate::files::decimal::format_thousandfold;
 use crate::files::hatt::{Xml, parse_label};
 use crate::{Origin, Provenance};
@@ -79,13 +80,18 @@ pub fn read_hatt(
     }
     // Nothing is learned from positions and forces by axis: what is unsound of them is left out.
     let samples = signals.acceleration_m_s2.len();
-    let whole = |axes: Option<Vec<[f64; 3]>>| axes.filter(|axes| axes.len() == samples);
+    let whole = |axes: Option<Vec<[f64; 3]>>, most: f64| {
+        let is_sound = |axes: &Vec<[f64; 3]>| {
+            axes.len() == samples && axes.as_flattened().iter().all(|x| x.abs() <= most)
+        };
+        axes.filter(is_sound)
+    };
     let in_mm = position.expect_unit("PositionUnits", &["mm"]).is_ok();
     let position_mm = position.axes(["Position_X", "Position_Y", "Position_Z"]);
     let in_m = |axes: Vec<[f64; 3]>| axes.into_iter().map(|axes| axes.map(|mm| mm / 1000.0)).collect();
     let world = WorldAxes {
-        position_m: whole(position_mm.filter(|_| in_mm).map(in_m)),
-        force_n: whole(force.axes(["Force_X", "Force_Y", "Force_Z"])),
+        position_m: whole(position_mm.filter(|_| in_mm).map(in_m), MAX_POSITION_M),
+        force_n: whole(force.axes(["Force_X", "Force_Y", "Force_Z"]), MAX_FORCE_N),
     };
     Ok(ProcessedRecording::new(signals, Gesture::Drag, provenance)?.with_world(world)?)
 }
@@ -225,7 +231,11 @@ impl Fields {
                 break;
             }
             let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
-            let value = value.ok_or_else(|| {
+            let is_by_axis = ["Position_", "Force_"]
+                .iter()
+                .any(|of| self.fields[field].name.starts_with(of));
+            // Those are left out as a whole.
+            let value = value.or(is_by_axis.then_some(f64::NAN)).ok_or_else(|| {
                 let start: String = word.chars().take(20).collect();
                 self.error(format!(
                     "{start:?} in {} is not a finite number",
@@ -354,6 +364,19 @@ mod tests {
         let world = recording.world();
         assert_eq!(world.position_m.as_ref().unwrap()[1], [2.5e-3; 3]);
         assert_eq!(world.force_n.as_ref().unwrap()[2], [0.3, 0.0, -2.0]);
+    }
+
+    #[test]
+    fn axes_that_nothing_is_learned_from_refuse_no_recording() {
+        for wrong in ["nan", "none", "2000000"] {
+            let mut triple = triple();
+            triple[1] = triple[1].replace("<value>2.5</value>", &format!("<value>{wrong}</value>"));
+            let recording = read(&triple).unwrap();
+            assert!(
+                recording.world().position_m.is_none() && recording.world().force_n.is_some(),
+                "{wrong}"
+            );
+        }
     }
 
     #[test]

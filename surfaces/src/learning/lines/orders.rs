@@ -2,6 +2,7 @@
 
 use super::super::whitening::Whitened;
 use super::{Stretch, WINDOW_M, windows};
+use crate::bounds::FELT_HZ;
 use crate::lines::{HIGHEST_OF_RATE, LOWEST_HZ, MAX_LINES};
 use crate::recording::ProcessedRecording;
 use haptograph_signal::Complex64;
@@ -10,8 +11,7 @@ use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::PI;
 
-/// Highest frequency that a hand feels, Hz; and range of spatial frequencies that a tool follows, cycles per metre.
-const FELT_HZ: f64 = 1000.0;
+/// Range of spatial frequencies that a tool follows, cycles per metre.
 const FINEST_PER_M: f64 = 10_000.0;
 /// Fewest cycles in a window; fewer are not enough to estimate the coherence.
 const MIN_CYCLES: f64 = 8.0;
