@@ -125,7 +125,7 @@ const MAX_WALK: f64 = 3e6;
 const WALK_HZ: f64 = 100.0;
 
 impl RandomWalk {
-    /// The same walk at the rate of a texture; shorter where it would have more than [`MAX_WALK`] samples.
+    /// The same walk at the rate of a texture; shorter where it would have more than 3 million samples.
     pub fn at(&self, rate_hz: f64) -> Self {
         let seconds = self.seconds.min(MAX_WALK / rate_hz);
         Self {
