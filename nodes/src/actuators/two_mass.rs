@@ -279,10 +279,10 @@ impl TwoMassMachine {
     pub fn advance(&mut self, current_a: f64, force_n: f64) {
         let [current_a, force_n] = [current_a, force_n].map(|u| if u.is_finite() { u } else { 0.0 });
         let [magnet_m, magnet_m_s, body_m, body_m_s] = self.state;
-        let all = [magnet_m, magnet_m_s, body_m, body_m_s, current_a, force_n];
-        let next = self
-            .transition
-            .map(|row| row.iter().zip(&all).map(|(t, x)| t * x).sum::<f64>());
+        // Written out: a sum over an iterator is a call for each row where the compiler does not inline it.
+        let next = self.transition.map(|[a, b, c, d, e, f]| {
+            a * magnet_m + b * magnet_m_s + c * body_m + d * body_m_s + e * current_a + f * force_n
+        });
         // Flush denormals, which are slow.
         self.state = if next.iter().all(|x| x.abs() < 1e-30) {
             [0.0; 4]
