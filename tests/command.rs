@@ -796,7 +796,7 @@ fn a_build_says_what_it_lacks_and_what_does_without() {
         return;
     }
     assert!(
-        listed.contains("soundcards: not in this build: --features soundcard\n"),
+        listed.contains("soundcards: not in this build; build with `cargo build --release --features soundcard`"),
         "{listed}"
     );
     let told = fail(folder.path(), &["run", &texturepad_graph(), "--live"], 1);
