@@ -26,19 +26,14 @@ fn shipped() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs");
     let entries = folder.read_dir().expect("the repository has graphs");
     let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
-    let mut graphs: Vec<PathBuf> = paths
-        .filter(|path| path.extension().is_some_and(|end| end == "ron"))
-        .collect();
+    let mut graphs: Vec<PathBuf> =
+        paths.filter(|path| path.extension().is_some_and(|end| end == "ron")).collect();
     graphs.sort();
     graphs
 }
 
 fn graph(criterion: &mut Criterion, path: &Path) {
-    let name = path
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut group = criterion.benchmark_group(name);
     group.bench_function("load and check", |bencher| bencher.iter(|| load(black_box(path))));
     let graph = load(path);
@@ -59,12 +54,8 @@ fn graph(criterion: &mut Criterion, path: &Path) {
 
 fn load(path: &Path) -> Graph {
     let document = Document::load(path, &LoadOptions::default()).expect("shipped graphs can be read");
-    check(
-        &document,
-        &haptograph::nodes::registry(),
-        &CheckOptions::default(),
-    )
-    .expect("shipped graphs are sound")
+    check(&document, &haptograph::nodes::registry(), &CheckOptions::default())
+        .expect("shipped graphs are sound")
 }
 
 /// Of a graph with several drivers what hangs from the first.

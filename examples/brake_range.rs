@@ -13,18 +13,13 @@ const MEASURED: [f64; 2] = [0.20, 0.52];
 const MAX_SHOWN_N: f64 = 6.0;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let file = std::env::args()
-        .nth(1)
-        .unwrap_or_else(|| "brake-range.svg".into());
+    let file = std::env::args().nth(1).unwrap_or_else(|| "brake-range.svg".into());
     let [least, most] = MEASURED;
     let at = |k: u32| least + (most - least) * f64::from(k) / 200.0;
     let limit = |current_a: f64| {
-        let points = (0..=200)
-            .map(at)
-            .map(move |mu| (mu, Solenoid::THESIS.most_normal_force_n(mu, current_a)));
-        points
-            .filter(|(_, force_n)| *force_n <= MAX_SHOWN_N)
-            .collect::<Vec<_>>()
+        let points =
+            (0..=200).map(at).map(move |mu| (mu, Solenoid::THESIS.most_normal_force_n(mu, current_a)));
+        points.filter(|(_, force_n)| *force_n <= MAX_SHOWN_N).collect::<Vec<_>>()
     };
     // Left of the curve the pen can be pressed harder than the plot shows.
     let corners = [(least, 0.0), (least, MAX_SHOWN_N)].into_iter();
@@ -36,10 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         y: Axis::of("Normal force (N)").over(0.0, MAX_SHOWN_N),
         marks: vec![
             Mark::Areas(Style::of(Ink::Grey), vec![reachable]),
-            Mark::Line(
-                Style::named(Ink::Blue, "0.3 A").weight(Weight::Bold),
-                limit(MAX_CURRENT_A),
-            ),
+            Mark::Line(Style::named(Ink::Blue, "0.3 A").weight(Weight::Bold), limit(MAX_CURRENT_A)),
             Mark::Line(Style::named(Ink::Orange, "0.25 A"), limit(0.25)),
             Mark::Line(Style::named(Ink::Teal, "0.2 A"), limit(0.2)),
         ],
@@ -47,34 +39,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ..Plot::default()
     };
     std::fs::write(&file, plot.to_standalone_svg())?;
-    let table = [1.1, 2.0, 2.75, 4.3].map(|n| {
-        format!(
-            "{n} N: {:.3}",
-            Solenoid::THESIS.most_friction_at(n, MAX_CURRENT_A)
-        )
-    });
+    let table = [1.1, 2.0, 2.75, 4.3]
+        .map(|n| format!("{n} N: {:.3}", Solenoid::THESIS.most_friction_at(n, MAX_CURRENT_A)));
     let mut out = std::io::stdout().lock();
-    writeln!(
-        out,
-        "largest friction at {MAX_CURRENT_A} A: {}; see {file}\n",
-        table.join(", ")
-    )?;
+    writeln!(out, "largest friction at {MAX_CURRENT_A} A: {}; see {file}\n", table.join(", "))?;
     writeln!(
         out,
         "error of the friction of {PENS} simulated pens, each constant up to 8 % off, at 0.5 to 4 N"
     )?;
-    writeln!(
-        out,
-        "wanted   open loop: rms  worst   corrected: rms  worst   out of the brake's range"
-    )?;
+    writeln!(out, "wanted   open loop: rms  worst   corrected: rms  worst   out of the brake's range")?;
     for wanted in [0.20, 0.28, 0.36, 0.44, 0.52] {
-        let open = errors(
-            wanted,
-            BrakeSettings {
-                trim_per_s: 0.0,
-                ..BrakeSettings::default()
-            },
-        );
+        let open = errors(wanted, BrakeSettings { trim_per_s: 0.0, ..BrakeSettings::default() });
         let closed = errors(wanted, BrakeSettings::default());
         let refused = closed.iter().filter(|(_, reach)| *reach != Reach::Within).count();
         let ([open_rms, open_worst], [rms, worst]) = (summary(&open, &closed), summary(&closed, &closed));
@@ -103,10 +78,7 @@ fn errors(wanted: f64, settings: BrakeSettings) -> Vec<(f64, Reach)> {
 
 /// Root of the mean square and largest magnitude, where the corrected brake was within its range.
 fn summary(errors: &[(f64, Reach)], closed: &[(f64, Reach)]) -> [f64; 2] {
-    let within = errors
-        .iter()
-        .zip(closed)
-        .filter(|(_, (_, reach))| *reach == Reach::Within);
+    let within = errors.iter().zip(closed).filter(|(_, (_, reach))| *reach == Reach::Within);
     let errors: Vec<f64> = within.map(|((error, _), _)| error.abs()).collect();
     let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64;
     [square.sqrt(), errors.iter().copied().fold(0.0, f64::max)]

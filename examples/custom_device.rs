@@ -37,12 +37,7 @@ impl DeviceKind for Workload {
         doc: "The processes of this computer that run or wait, on average over some minutes.",
         source: "",
         simulated: false,
-        senses: &[Channel::new(
-            "value",
-            Kind::SCALAR,
-            Quantity::NUMBER,
-            "How many they are.",
-        )],
+        senses: &[Channel::new("value", Kind::SCALAR, Quantity::NUMBER, "How many they are.")],
         drives: &[],
         example: r#""work": Workload()"#,
     };

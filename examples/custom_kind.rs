@@ -82,12 +82,7 @@ impl NodeKind for Turn {
         doc: "The orientation of a tool that is turned about the vertical.",
         source: "",
         inputs: &[input("angle", Kind::SCALAR, Quantity::ANGLE, "How far, rad.")],
-        outputs: &[output(
-            "orientation",
-            Orientation::KIND,
-            Quantity::NUMBER,
-            "Of the tool.",
-        )],
+        outputs: &[output("orientation", Orientation::KIND, Quantity::NUMBER, "Of the tool.")],
         example: r#""tool": Turn(angle: "wrist")"#,
     };
 
@@ -122,18 +117,8 @@ impl NodeKind for Pointing {
         group: "mine",
         doc: "The direction of a tool that lies along x before it is turned.",
         source: "",
-        inputs: &[input(
-            "orientation",
-            Orientation::KIND,
-            Quantity::NUMBER,
-            "Of the tool.",
-        )],
-        outputs: &[output(
-            "direction",
-            Kind::VECTOR,
-            Quantity::NUMBER,
-            "A unit vector.",
-        )],
+        inputs: &[input("orientation", Orientation::KIND, Quantity::NUMBER, "Of the tool.")],
+        outputs: &[output("direction", Kind::VECTOR, Quantity::NUMBER, "A unit vector.")],
         example: r#""tip": Pointing(clock: "servo", orientation: Slerp("tool"))"#,
     };
 
@@ -152,11 +137,7 @@ impl Processor<Pointing> for Axis {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Pointing>) {
         let orientations = io.read(ORIENTATION);
         for (direction, [w, x, y, z]) in io.write(DIRECTION).iter_mut().zip(orientations) {
-            *direction = [
-                1.0 - 2.0 * (y * y + z * z),
-                2.0 * (x * y + w * z),
-                2.0 * (x * z - w * y),
-            ];
+            *direction = [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)];
         }
     }
 }

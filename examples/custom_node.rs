@@ -32,21 +32,13 @@ impl NodeKind for Detents {
         group: "mine",
         doc: "Pulls the tool to the nearest of evenly spaced rest positions: F = -F0 sin(2 pi x / pitch).",
         source: "",
-        inputs: &[input(
-            "position",
-            Kind::SCALAR,
-            Quantity::LENGTH,
-            "Where the tool is, m.",
-        )],
+        inputs: &[input("position", Kind::SCALAR, Quantity::LENGTH, "Where the tool is, m.")],
         outputs: &[output("force", Kind::SCALAR, Quantity::FORCE, "On the tool, N.")],
         example: r#""detents": Detents(position: "hand", pitch_mm: 5)"#,
     };
 
     fn build(settings: DetentsSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        Ok(Built::new(Pull {
-            radians_per_m: TAU / settings.pitch_mm.si(),
-            strength_n: settings.strength_n,
-        }))
+        Ok(Built::new(Pull { radians_per_m: TAU / settings.pitch_mm.si(), strength_n: settings.strength_n }))
     }
 }
 

@@ -18,14 +18,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut current_a = graph.output::<Scalar>("haptuator.current")?;
     let (mut player, _session) = Player::open(&graph, &PlayOptions::default().rested())?;
 
-    let card = cpal::default_host()
-        .default_output_device()
-        .ok_or("there is no soundcard")?;
-    let config = cpal::StreamConfig {
-        channels: 2,
-        sample_rate: 48_000,
-        buffer_size: cpal::BufferSize::Default,
-    };
+    let card = cpal::default_host().default_output_device().ok_or("there is no soundcard")?;
+    let config =
+        cpal::StreamConfig { channels: 2, sample_rate: 48_000, buffer_size: cpal::BufferSize::Default };
     let callback = move |samples: &mut [f32], _: &cpal::OutputCallbackInfo| {
         player.process(samples.len() / 2);
         for frame in samples.chunks_exact_mut(2) {

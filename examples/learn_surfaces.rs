@@ -18,29 +18,19 @@ use std::sync::atomic::AtomicBool;
 /// File and name of each material's surface. The first five share stiffness, friction and fineness with materials of the thesis;
 /// they are simulated, not those materials.
 pub const SHIPPED: [(MaterialName, &str, &str); 6] = [
-    (
-        MaterialName::T1,
-        "t1-plastic.ron",
-        "T1, like rough plastic (simulated)",
-    ),
+    (MaterialName::T1, "t1-plastic.ron", "T1, like rough plastic (simulated)"),
     (MaterialName::T2, "t2-canvas.ron", "T2, like canvas (simulated)"),
     (MaterialName::T3, "t3-tile.ron", "T3, like floor tile (simulated)"),
     (MaterialName::T4, "t4-silk.ron", "T4, like silk (simulated)"),
     (MaterialName::T5, "t5-vinyl.ron", "T5, like vinyl (simulated)"),
-    (
-        MaterialName::T6,
-        "t6-coarse.ron",
-        "T6, coarse and sticky (simulated, made up)",
-    ),
+    (MaterialName::T6, "t6-coarse.ron", "T6, coarse and sticky (simulated, made up)"),
 ];
 /// Rate at which taps are kept: that of the arms that play them.
 const TAP_RATE_HZ: f64 = 1000.0;
 
 #[allow(dead_code)] // The test of the shipped files includes this one for `learned` alone.
 fn main() -> Result<(), Box<dyn Error>> {
-    let folder = std::env::args()
-        .nth(1)
-        .ok_or("name the folder to write to, such as graphs/surfaces")?;
+    let folder = std::env::args().nth(1).ok_or("name the folder to write to, such as graphs/surfaces")?;
     for (material, file, name) in SHIPPED {
         let surface = learned(material, name)?;
         let text = files::native::write(&surface);
@@ -51,20 +41,10 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// The surface of a material.
 pub fn learned(material: MaterialName, name: &str) -> Result<Surface, Box<dyn Error>> {
-    let gestures = [
-        (Gesture::Drag, 10.0),
-        (Gesture::Circle, 10.0),
-        (Gesture::Tap, 10.0),
-        (Gesture::Press, 6.0),
-    ];
+    let gestures =
+        [(Gesture::Drag, 10.0), (Gesture::Circle, 10.0), (Gesture::Tap, 10.0), (Gesture::Press, 6.0)];
     let take = |(gesture, seconds)| {
-        let session = Session {
-            material,
-            gesture,
-            person: 1,
-            seconds,
-            seed: 1,
-        };
+        let session = Session { material, gesture, person: 1, seconds, seed: 1 };
         record(&session, &AtomicBool::new(false), &mut |_| ())
     };
     let recordings = gestures.into_iter().map(take).collect::<Result<Vec<_>, _>>()?;

@@ -28,22 +28,11 @@ impl NodeKind for Grip {
         group: "mine",
         doc: "Adds the forces of fingers, and gives the shares of some of them.",
         source: "",
-        inputs: &[input(
-            "fingers",
-            Kind::SCALAR,
-            Quantity::FORCE,
-            "Force of each finger, N.",
-        )
-        .named()],
+        inputs: &[input("fingers", Kind::SCALAR, Quantity::FORCE, "Force of each finger, N.").named()],
         outputs: &[
             output("whole", Kind::SCALAR, Quantity::FORCE, "Sum of the forces, N."),
-            output(
-                "shares",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "Part of the whole; 0 without a force.",
-            )
-            .named_by("shares"),
+            output("shares", Kind::SCALAR, Quantity::NUMBER, "Part of the whole; 0 without a force.")
+                .named_by("shares"),
         ],
         example: r#""grip": Grip(fingers: {"thumb": "a.output", "index": "b.output"}, shares: ["thumb"])"#,
     };

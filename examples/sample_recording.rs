@@ -16,13 +16,8 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 /// What is simulated: `haptograph simulate-recording --material T3 --motion drag --seconds 6 --seed 1`.
-const SESSION: Session = Session {
-    material: MaterialName::T3,
-    gesture: Gesture::Drag,
-    person: 1,
-    seconds: 6.0,
-    seed: 1,
-};
+const SESSION: Session =
+    Session { material: MaterialName::T3, gesture: Gesture::Drag, person: 1, seconds: 6.0, seed: 1 };
 const RATE_HZ: f64 = 2000.0;
 const HEAD: &str = "\
 # SIMULATED: no real material. haptograph simulate-recording --material T3 --motion drag --seconds 6 --seed 1
@@ -42,24 +37,15 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// The file's text.
 pub fn table() -> Result<String, Box<dyn Error>> {
     let raw = record(&SESSION, &AtomicBool::new(false), &mut |_| ())?;
-    let settings = ProcessingSettings {
-        rate_hz: Some(RATE_HZ),
-        ..Default::default()
-    };
+    let settings = ProcessingSettings { rate_hz: Some(RATE_HZ), ..Default::default() };
     let recording = processed(&raw, &settings)?;
     let signals = recording.signals();
-    let tangential_n = signals
-        .force_tangential_n
-        .as_ref()
-        .ok_or("no tangential force was recorded")?;
+    let tangential_n = signals.force_tangential_n.as_ref().ok_or("no tangential force was recorded")?;
     let mut text = String::from(HEAD);
     for (i, acceleration_m_s2) in signals.acceleration_m_s2.iter().enumerate() {
         let (normal_n, speed_mm_s) = (signals.force_normal_n[i], 1000.0 * signals.speed_m_s[i]);
         let tangential_n = tangential_n[i];
-        writeln!(
-            text,
-            "{acceleration_m_s2:.2},{normal_n:.2},{tangential_n:.2},{speed_mm_s:.1}"
-        )?;
+        writeln!(text, "{acceleration_m_s2:.2},{normal_n:.2},{tangential_n:.2},{speed_mm_s:.1}")?;
     }
     Ok(text)
 }

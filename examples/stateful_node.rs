@@ -31,12 +31,7 @@ impl NodeKind for Bristle {
         group: "mine",
         doc: "Dry friction: a spring from the tool to a foot that sticks until the spring pulls too hard, and then is dragged.",
         source: "",
-        inputs: &[input(
-            "position",
-            Kind::SCALAR,
-            Quantity::LENGTH,
-            "Where the tool is, m.",
-        )],
+        inputs: &[input("position", Kind::SCALAR, Quantity::LENGTH, "Where the tool is, m.")],
         outputs: &[output("force", Kind::SCALAR, Quantity::FORCE, "On the tool, N.")],
         example: r#""drag": Bristle(position: "hand", slips_at_n: 0.4)"#,
     };

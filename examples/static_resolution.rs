@@ -26,11 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (number, point) in found.points.iter().enumerate() {
         let [x, y] = point.position_m.map(|m| 1e3 * m);
         let [sd_x, sd_y] = point.deviation_m.map(|m| 1e3 * m);
-        println!(
-            "{:5}  {x:6.1}  {y:6.1}  {sd_x:8.4} {sd_y:8.4}  {:10.4}",
-            number + 1,
-            1e3 * point.largest_m
-        );
+        println!("{:5}  {x:6.1}  {y:6.1}  {sd_x:8.4} {sd_y:8.4}  {:10.4}", number + 1, 1e3 * point.largest_m);
     }
     let test = found.directions;
     println!(

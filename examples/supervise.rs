@@ -16,10 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         let status = run.status();
         for level in &status.actuators {
-            println!(
-                "{:.2} s  {}: {:.3} {}",
-                status.seconds, level.path, level.rms, level.unit
-            );
+            println!("{:.2} s  {}: {:.3} {}", status.seconds, level.path, level.rms, level.unit);
         }
         if status.seconds > 1.0 {
             run.stop();

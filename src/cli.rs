@@ -84,9 +84,7 @@ pub fn main(registry: &Registry) -> ExitCode {
         let command = commands().into_iter().find(|command| command.name == name)?;
         Some((command, matches))
     });
-    let result = chosen
-        .as_ref()
-        .map_or(Ok(()), |(command, matches)| (command.run)(matches, registry));
+    let result = chosen.as_ref().map_or(Ok(()), |(command, matches)| (command.run)(matches, registry));
     let form = match chosen.is_some_and(|(_, matches)| wants_json(matches)) {
         true => ErrorForm::Json,
         false => ErrorForm::Text,
@@ -120,28 +118,18 @@ fn program() -> clap::Command {
 
 /// Example calls, formatted for the help text.
 fn listed(examples: &[&str]) -> String {
-    let lines: Vec<String> = examples
-        .iter()
-        .map(|line| format!("  haptograph {line}"))
-        .collect();
+    let lines: Vec<String> = examples.iter().map(|line| format!("  haptograph {line}")).collect();
     format!("Examples:\n{}", lines.join("\n"))
 }
 
 /// Examples at the end of `haptograph --help`.
-const FIRST_STEPS: &[&str] = &[
-    "run graphs/texturepad.ron --open",
-    "new my-graph.ron",
-    "check my-graph.ron",
-    "nodes --find filter",
-];
+const FIRST_STEPS: &[&str] =
+    &["run graphs/texturepad.ron --open", "new my-graph.ron", "check my-graph.ron", "nodes --find filter"];
 
 /// Rewrites `help --help` to `help` and `help run --help` to `help run`.
 fn with_plain_help(mut arguments: Vec<OsString>) -> Vec<OsString> {
     let is_help = arguments.get(1).is_some_and(|word| word == "help");
-    let asks = arguments.len() > 2
-        && arguments
-            .last()
-            .is_some_and(|word| word == "--help" || word == "-h");
+    let asks = arguments.len() > 2 && arguments.last().is_some_and(|word| word == "--help" || word == "-h");
     if is_help && asks {
         arguments.pop();
     }
@@ -208,9 +196,7 @@ fn commands() -> Vec<Command> {
             .example("evaluate merge parts/1.ron parts/2.ron"),
         Command::new("lsp", lsp::run).example("lsp"),
         Command::new("completions", completions::run).example("completions bash"),
-        Command::new("man", man::run)
-            .example("man run")
-            .example("man surface show"),
+        Command::new("man", man::run).example("man run").example("man surface show"),
     ]
 }
 
@@ -230,12 +216,7 @@ impl Command {
             let arguments = A::from_arg_matches(matches).unwrap_or_else(|error| error.exit());
             run(&arguments, registry)
         };
-        Self {
-            name,
-            arguments: A::augment_args,
-            run: Box::new(run),
-            examples: Vec::new(),
-        }
+        Self { name, arguments: A::augment_args, run: Box::new(run), examples: Vec::new() }
     }
 
     fn example(mut self, arguments: &'static str) -> Self {
@@ -246,9 +227,7 @@ impl Command {
 
 /// Lets clap read `--seconds -5` as a negative number and not as a flag `-5`.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
-    command
-        .allow_negative_numbers(true)
-        .mut_subcommands(with_negative_numbers)
+    command.allow_negative_numbers(true).mut_subcommands(with_negative_numbers)
 }
 
 /// The graph file and the values that override its defaults.
@@ -287,9 +266,7 @@ pub(crate) fn refuse_repeated<'a>(
     let mut seen = HashSet::new();
     match names.into_iter().find(|name| !seen.insert(*name)) {
         None => Ok(()),
-        Some(name) => Err(Failure::Message(format!(
-            "{flag} gives `{name}` twice; give it once"
-        ))),
+        Some(name) => Err(Failure::Message(format!("{flag} gives `{name}` twice; give it once"))),
     }
 }
 
@@ -340,9 +317,7 @@ impl GraphArguments {
 
     /// The file name without its extension.
     pub(crate) fn name(&self) -> String {
-        self.graph
-            .file_stem()
-            .map_or_else(|| "graph".to_owned(), |stem| stem.to_string_lossy().into_owned())
+        self.graph.file_stem().map_or_else(|| "graph".to_owned(), |stem| stem.to_string_lossy().into_owned())
     }
 }
 
@@ -355,10 +330,7 @@ pub(crate) fn warn(graph: &Graph) {
 
 /// The warnings of a checked graph.
 pub(crate) fn warnings(graph: &Graph) -> Diagnostics {
-    Diagnostics {
-        sources: graph.sources().clone(),
-        list: graph.warnings().to_vec(),
-    }
+    Diagnostics { sources: graph.sources().clone(), list: graph.warnings().to_vec() }
 }
 
 /// Reads a whole file.
@@ -395,9 +367,7 @@ pub(crate) fn folder_of(path: &Path) -> Result<&Path, Failure> {
         return Ok(folder);
     }
     let (file, folder) = (path.display(), folder.display());
-    Err(Failure::Message(format!(
-        "cannot write {file}: the folder {folder} does not exist; create it first"
-    )))
+    Err(Failure::Message(format!("cannot write {file}: the folder {folder} does not exist; create it first")))
 }
 
 #[cfg(test)]
@@ -435,13 +405,7 @@ mod tests {
     fn help_of_help_is_help() {
         let plain = |words: &[&str]| with_plain_help(words.iter().map(OsString::from).collect());
         assert_eq!(plain(&["haptograph", "help", "--help"]), ["haptograph", "help"]);
-        assert_eq!(
-            plain(&["haptograph", "help", "run", "-h"]),
-            ["haptograph", "help", "run"]
-        );
-        assert_eq!(
-            plain(&["haptograph", "run", "--help"]),
-            ["haptograph", "run", "--help"]
-        );
+        assert_eq!(plain(&["haptograph", "help", "run", "-h"]), ["haptograph", "help", "run"]);
+        assert_eq!(plain(&["haptograph", "run", "--help"]), ["haptograph", "run", "--help"]);
     }
 }

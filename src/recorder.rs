@@ -69,9 +69,7 @@ pub fn record(
         ("person", session.person.to_string()),
     ];
     let options = CheckOptions::default().seed(session.seed);
-    let options = set
-        .into_iter()
-        .fold(options, |options, (name, value)| options.set(name, value));
+    let options = set.into_iter().fold(options, |options, (name, value)| options.set(name, value));
     let document = Document::parse("recorder.ron", GRAPH)?;
     let graph = check(&document, &haptograph_nodes::registry(), &options)?;
     let folder = tempfile::tempdir()?;

@@ -39,9 +39,7 @@ fn end(child: &mut Child) -> Option<ExitStatus> {
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).expect("a folder");
     let name = |entry: std::io::Result<fs::DirEntry>| entry.expect("an entry").file_name();
-    let mut names: Vec<_> = entries
-        .map(|entry| name(entry).to_string_lossy().into_owned())
-        .collect();
+    let mut names: Vec<_> = entries.map(|entry| name(entry).to_string_lossy().into_owned()).collect();
     names.sort();
     names
 }
@@ -182,9 +180,7 @@ fn interrupt_when_heard(child: &Child) {
         assert!(begun.elapsed() < PATIENCE, "it never hears ctrl-C");
         std::thread::sleep(Duration::from_millis(1));
     }
-    let sent = Command::new("kill")
-        .args(["-s", "INT", &child.id().to_string()])
-        .status();
+    let sent = Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status();
     assert!(sent.expect("kill").success());
 }
 
@@ -199,9 +195,7 @@ fn a_stop_waits_for_nobody_who_should_read_what_is_said() {
     let mut full = fs::OpenOptions::new().read(true).write(true).open(&fifo).unwrap();
     full.write_all(&vec![b' '; 65_536]).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_haptograph"));
-    command
-        .args(["run", "g.ron", "--live", "--out", "out"])
-        .current_dir(folder.path());
+    command.args(["run", "g.ron", "--live", "--out", "out"]).current_dir(folder.path());
     command.stdin(Stdio::null()).stdout(Stdio::null());
     let mut run = command.stderr(full.try_clone().unwrap()).spawn().unwrap();
     interrupt_when_heard(&run);
@@ -220,20 +214,9 @@ fn what_ctrl_c_cut_short_is_said() {
     fs::write(folder.path().join("g.ron"), swept).unwrap();
     let values: Vec<String> = (1..=200).map(|f| f.to_string()).collect();
     let over = format!("f={}", values.join(","));
-    let sweep = [
-        "sweep", "g.ron", "--over", &over, "--for", "600", "--out", "swept",
-    ];
-    let simulate = [
-        "simulate-recording",
-        "--material",
-        "T2",
-        "--motion",
-        "drag",
-        "--seconds",
-        "3600",
-        "-o",
-        "take.npz",
-    ];
+    let sweep = ["sweep", "g.ron", "--over", &over, "--for", "600", "--out", "swept"];
+    let simulate =
+        ["simulate-recording", "--material", "T2", "--motion", "drag", "--seconds", "3600", "-o", "take.npz"];
     let interrupted = |arguments: &[&str]| {
         let said = folder.path().join("said");
         let mut run = start(folder.path(), arguments, &said);
@@ -248,10 +231,6 @@ fn what_ctrl_c_cut_short_is_said() {
     // A recording may have too little to keep yet: then the command failed.
     let (code, said) = interrupted(&simulate);
     assert!(said.contains("stopped after"), "{said}");
-    let expected = if folder.path().join("take.npz").is_file() {
-        130
-    } else {
-        1
-    };
+    let expected = if folder.path().join("take.npz").is_file() { 130 } else { 1 };
     assert_eq!(code, Some(expected), "{said}");
 }

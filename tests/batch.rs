@@ -20,11 +20,7 @@ fn haptograph(folder: &Path, arguments: &[&str]) -> Output {
 
 fn json(folder: &Path, arguments: &[&str]) -> Value {
     let output = haptograph(folder, &[arguments, &["--json"]].concat());
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
@@ -49,9 +45,7 @@ fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let named = entries.map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), path));
     let visible = named.filter(|(name, _)| !name.starts_with('.'));
-    visible
-        .map(|(name, path)| (name, fs::read(path).unwrap()))
-        .collect()
+    visible.map(|(name, path)| (name, fs::read(path).unwrap())).collect()
 }
 
 #[test]
@@ -59,15 +53,11 @@ fn a_data_set_that_was_killed_again_and_again_is_that_of_one_run() {
     let folder = with_plan(8, 2.0);
     let folder = folder.path();
     let whole = json(folder, &["batch", "plan.ron", "-o", "whole"]);
-    assert_eq!(
-        (&whole["rendered"], &whole["complete"]),
-        (&8.into(), &true.into())
-    );
+    assert_eq!((&whole["rendered"], &whole["complete"]), (&8.into(), &true.into()));
     // Each time once another chunk is there, in the middle of the next.
     for wanted in [1, 2, 4] {
-        let mut running = command(folder, &["batch", "plan.ron", "-o", "killed", "--threads", "1"])
-            .spawn()
-            .unwrap();
+        let mut running =
+            command(folder, &["batch", "plan.ron", "-o", "killed", "--threads", "1"]).spawn().unwrap();
         let is_chunk = |name: &String| name.starts_with("chunk-") && name.ends_with(".npz");
         let there = || {
             fs::read_dir(folder.join("killed")).map_or(0, |entries| {
@@ -85,10 +75,7 @@ fn a_data_set_that_was_killed_again_and_again_is_that_of_one_run() {
         running.wait().unwrap();
     }
     let last = json(folder, &["batch", "plan.ron", "-o", "killed"]);
-    assert!(
-        last["kept"].as_u64().unwrap() >= 4 && last["complete"] == true,
-        "{last}"
-    );
+    assert!(last["kept"].as_u64().unwrap() >= 4 && last["complete"] == true, "{last}");
     assert_eq!(content(&folder.join("killed")), content(&folder.join("whole")));
     let again = json(folder, &["batch", "plan.ron", "-o", "killed"]);
     assert_eq!((&again["rendered"], &again["kept"]), (&0.into(), &8.into()));
@@ -100,46 +87,32 @@ fn parts_merge_to_the_bytes_of_one_run() {
     let folder = folder.path();
     json(folder, &["batch", "plan.ron", "-o", "whole", "--threads", "2"]);
     for part in ["1", "2", "3"] {
-        let done = json(
-            folder,
-            &["batch", "plan.ron", "-o", part, "--shard", &format!("{part}/3")],
-        );
+        let done = json(folder, &["batch", "plan.ron", "-o", part, "--shard", &format!("{part}/3")]);
         assert_eq!(done["complete"], false);
     }
     let merged = json(folder, &["batch", "merge", "1", "2", "3", "-o", "data"]);
     assert_eq!((&merged["chunks"], &merged["jobs"]), (&5.into(), &10.into()));
     assert_eq!(content(&folder.join("data")), content(&folder.join("whole")));
     let manifest: Value = serde_json::from_slice(&content(&folder.join("data"))["manifest.json"]).unwrap();
-    assert_eq!(
-        manifest["surfaces"],
-        serde_json::json!(["t1-plastic", "t2-canvas"])
-    );
+    assert_eq!(manifest["surfaces"], serde_json::json!(["t1-plastic", "t2-canvas"]));
     assert_eq!(
         (&manifest["rendered"], &manifest["inputs"][0]["origin"]),
         (&true.into(), &"simulated".into())
     );
-    assert!(
-        !haptograph(folder, &["batch", "merge", "1", "3", "-o", "less"])
-            .status
-            .success()
-    );
+    assert!(!haptograph(folder, &["batch", "merge", "1", "3", "-o", "less"]).status.success());
 }
 
 /// The vibrations of a chunk, a job a row: numbers of an uncompressed member of its archive.
 fn vibrations(chunk: &[u8], samples: usize) -> Vec<Vec<f32>> {
     let find = |from: usize, what: &[u8]| {
-        let place = chunk[from..]
-            .windows(what.len())
-            .position(|window| window == what);
+        let place = chunk[from..].windows(what.len()).position(|window| window == what);
         from + place.unwrap()
     };
     let array = find(find(0, b"vibration_m_s2.npy"), b"\x93NUMPY");
     let header = usize::from(u16::from_le_bytes([chunk[array + 8], chunk[array + 9]]));
     let numbers = chunk[array + 10 + header..].chunks_exact(4);
-    let numbers: Vec<f32> = numbers
-        .map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap()))
-        .take(2 * samples)
-        .collect();
+    let numbers: Vec<f32> =
+        numbers.map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap())).take(2 * samples).collect();
     numbers.chunks(samples).map(<[f32]>::to_vec).collect()
 }
 
@@ -150,10 +123,7 @@ fn a_wav_file_of_a_job_has_the_bits_of_its_chunk() {
     json(folder, &["batch", "plan.ron", "-o", "data"]);
     let wav = ["batch", "wav", "plan.ron", "2", "1", "-o", "wav"];
     let written = json(folder, &wav);
-    assert_eq!(
-        written["written"],
-        serde_json::json!(["wav/job-2.wav", "wav/job-1.wav"])
-    );
+    assert_eq!(written["written"], serde_json::json!(["wav/job-2.wav", "wav/job-1.wav"]));
     for (chunk, row, job) in [(1, 0, 2), (0, 1, 1)] {
         let chunk = fs::read(folder.join(format!("data/chunk-{chunk:06}.npz"))).unwrap();
         let file = folder.join(format!("wav/job-{job}.wav"));
@@ -180,23 +150,13 @@ fn a_wav_file_of_a_job_has_the_bits_of_its_chunk() {
 fn a_wrong_plan_is_shown_at_its_place() {
     let folder = with_plan(2, 0.1);
     let plan = fs::read_to_string(folder.path().join("plan.ron")).unwrap();
-    fs::write(
-        folder.path().join("plan.ron"),
-        plan.replace("t2-canvas", "t2-velvet"),
-    )
-    .unwrap();
+    fs::write(folder.path().join("plan.ron"), plan.replace("t2-canvas", "t2-velvet")).unwrap();
     let output = haptograph(folder.path(), &["batch", "plan.ron", "-o", "data"]);
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(
-        output.status.code() == Some(1) && told.contains("plan.ron:2:"),
-        "{told}"
-    );
+    assert!(output.status.code() == Some(1) && told.contains("plan.ron:2:"), "{told}");
     assert!(!folder.path().join("data").exists());
-    for wrong in [
-        &["batch"][..],
-        &["batch", "plan.ron"],
-        &["batch", "plan.ron", "-o", "d", "--shard", "3/2"],
-    ] {
+    for wrong in [&["batch"][..], &["batch", "plan.ron"], &["batch", "plan.ron", "-o", "d", "--shard", "3/2"]]
+    {
         assert_eq!(haptograph(folder.path(), wrong).status.code(), Some(2));
     }
 }
@@ -210,10 +170,7 @@ fn the_plan_in_the_book_is_sound() {
     let surfaces = concat!(env!("CARGO_MANIFEST_DIR"), "/graphs/surfaces");
     let plan = plan
         .replace("surfaces/*.ron", &format!("{surfaces}/*.ron"))
-        .replace(
-            "Recording(\"take.csv\")",
-            "Constant(seconds: 1, speed_mm_s: 1, force_n: 1)",
-        );
+        .replace("Recording(\"take.csv\")", "Constant(seconds: 1, speed_mm_s: 1, force_n: 1)");
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("plan.ron"), plan).unwrap();
     let found = json(folder.path(), &["batch", "plan.ron", "--check"]);

@@ -18,11 +18,7 @@ fn run(graph: &str, arguments: &[&str]) -> tempfile::TempDir {
         .current_dir(folder.path())
         .output()
         .unwrap();
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     folder
 }
 
@@ -38,12 +34,7 @@ fn signals(graph: &str, arguments: &[&str]) -> BTreeMap<String, Vec<u8>> {
     let files = fs::read_dir(folder.path().join("run/record")).unwrap();
     files
         .map(|file| file.unwrap().path())
-        .map(|path| {
-            (
-                path.file_name().unwrap().to_string_lossy().into_owned(),
-                fs::read(path).unwrap(),
-            )
-        })
+        .map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), fs::read(path).unwrap()))
         .collect()
 }
 
@@ -59,10 +50,7 @@ fn blocks_change_no_bit_of_a_closed_loop_and_a_seed_does() {
                 assert!(other.get(name) == Some(bytes), "{graph}, {cut:?}: {name}");
             }
         }
-        assert!(
-            signals(graph, &["--for", "1.5", "--seed", "8"]) != usual,
-            "{graph}"
-        );
+        assert!(signals(graph, &["--for", "1.5", "--seed", "8"]) != usual, "{graph}");
     }
 }
 
@@ -146,26 +134,14 @@ fn columns(table: &str) -> BTreeMap<String, Vec<f64>> {
 /// point of the same instant, while it is pressed by 0.25 N.
 fn pen_error_mm(seed: &str, arguments: &[&str]) -> f64 {
     let probes = ["truth.true_position", "truth.true_load"].map(|port| format!("{port}={port}.csv"));
-    let usual = [
-        "--for", "20", "--seed", seed, "--probe", &probes[0], "--probe", &probes[1],
-    ];
+    let usual = ["--for", "20", "--seed", seed, "--probe", &probes[0], "--probe", &probes[1]];
     let folder = run("ar-pen.ron", &[&usual, arguments].concat());
     let table = |file: &str| columns(&fs::read_to_string(folder.path().join(file)).unwrap());
     let (touch, truth) = (table("run/touch.csv"), table("truth.true_position.csv"));
-    let (load, true_load) = (
-        &touch["touch.load_n"],
-        &table("truth.true_load.csv")["truth.true_load_n"],
-    );
+    let (load, true_load) = (&touch["touch.load_n"], &table("truth.true_load.csv")["truth.true_load_n"]);
     let axis = |axis: &str| {
-        let (found, real) = (
-            format!("where.output_{axis}_m"),
-            format!("truth.true_position_{axis}_m"),
-        );
-        touch[&found]
-            .iter()
-            .zip(&truth[&real])
-            .map(|(a, b)| a - b)
-            .collect::<Vec<f64>>()
+        let (found, real) = (format!("where.output_{axis}_m"), format!("truth.true_position_{axis}_m"));
+        touch[&found].iter().zip(&truth[&real]).map(|(a, b)| a - b).collect::<Vec<f64>>()
     };
     let [x, y, z] = ["x", "y", "z"].map(axis);
     let mut errors_mm: Vec<f64> = (1000..load.len().min(true_load.len()))
@@ -182,10 +158,7 @@ fn pen_error_mm(seed: &str, arguments: &[&str]) -> f64 {
 #[expect(clippy::print_stdout, reason = "figures of the book")]
 fn the_pen_is_located_within_0_4_mm_in_95_of_100_ticks() {
     for seed in ["7", "8", "9"] {
-        let (led, late) = (
-            pen_error_mm(seed, &[]),
-            pen_error_mm(seed, &["--set", "lead_s=0"]),
-        );
+        let (led, late) = (pen_error_mm(seed, &[]), pen_error_mm(seed, &["--set", "lead_s=0"]));
         println!("seed {seed}: 95 of 100 ticks within {led:.2} mm; {late:.2} mm without the lead");
         assert!(led < 0.4 && late > 0.5, "seed {seed}: {led} mm, {late} mm");
     }
@@ -196,11 +169,7 @@ fn the_pen_is_located_within_0_4_mm_in_95_of_100_ticks() {
 fn a_recorded_sweep_tells_the_actuator() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("sweep.csv");
-    fs::write(
-        &file,
-        text_of("identify.ron", &["--set", "tolerance=0"], "sweep.csv"),
-    )
-    .unwrap();
+    fs::write(&file, text_of("identify.ron", &["--set", "tolerance=0"], "sweep.csv")).unwrap();
     let identify = |arguments: &[&str]| {
         let output = Command::new(env!("CARGO_BIN_EXE_haptograph"))
             .args(["identify", "--json"])
@@ -231,10 +200,7 @@ fn a_recorded_sweep_tells_the_actuator() {
 #[test]
 fn the_pens_latency_holds_its_filters() {
     let graph = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/ar-pen.ron");
-    let output = Command::new(env!("CARGO_BIN_EXE_haptograph"))
-        .arg("check")
-        .arg(graph)
-        .output();
+    let output = Command::new(env!("CARGO_BIN_EXE_haptograph")).arg("check").arg(graph).output();
     let said = String::from_utf8(output.unwrap().stdout).unwrap();
     let group_delay_ms = |path: &str| {
         let line = said.lines().find(|line| line.contains(path)).unwrap();
@@ -243,13 +209,7 @@ fn the_pens_latency_holds_its_filters() {
         words[at - 2].parse::<f64>().unwrap()
     };
     // 11.3 ms of the sensor, 11.7 ms of the speed, half a period of holding.
-    assert!(
-        (23.0..24.5).contains(&group_delay_ms("sensor -> coil:")),
-        "{said}"
-    );
-    assert!(
-        (11.0..11.5).contains(&group_delay_ms("sensor -> normal force:")),
-        "{said}"
-    );
+    assert!((23.0..24.5).contains(&group_delay_ms("sensor -> coil:")), "{said}");
+    assert!((11.0..11.5).contains(&group_delay_ms("sensor -> normal force:")), "{said}");
     assert!(group_delay_ms("truth -> normal force:") == 0.0, "{said}");
 }

@@ -33,9 +33,7 @@ fn root() -> PathBuf {
 }
 
 fn pages() -> Vec<PathBuf> {
-    let book = fs::read_dir(root().join("docs"))
-        .unwrap()
-        .map(|entry| entry.unwrap().path());
+    let book = fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().path());
     let pages = book.filter(|path| path.extension().is_some_and(|e| e == "md"));
     pages.chain([root().join("README.md")]).collect()
 }
@@ -44,22 +42,14 @@ fn pages() -> Vec<PathBuf> {
 fn the_reference_of_nodes_is_current() {
     let made = haptograph::report::reference::book(&haptograph::nodes::registry());
     let kept = fs::read_to_string(root().join("docs/nodes.md")).unwrap();
-    assert!(
-        kept == made,
-        "docs/nodes.md is out of date: haptograph nodes --markdown > docs/nodes.md"
-    );
+    assert!(kept == made, "docs/nodes.md is out of date: haptograph nodes --markdown > docs/nodes.md");
 }
 
 #[test]
 fn the_picture_in_the_readme_is_current() {
     let text = fs::read_to_string(root().join("graphs/texturepad.ron")).unwrap();
     let document = Document::parse(root().join("graphs/texturepad.ron"), &text).unwrap();
-    let graph = check(
-        &document,
-        &haptograph::nodes::registry(),
-        &CheckOptions::default(),
-    )
-    .unwrap();
+    let graph = check(&document, &haptograph::nodes::registry(), &CheckOptions::default()).unwrap();
     let made = haptograph::report::drawing::standalone_svg(&graph, "texturepad");
     let kept = fs::read_to_string(root().join("docs/texturepad.svg")).unwrap();
     assert!(
@@ -89,30 +79,21 @@ fn the_program_in_the_book_is_the_example_and_has_every_command() {
         .map(|name| [("rust", format!("{name}.rs")), ("ron", format!("{name}.ron"))]);
     for (language, file) in shown.into_iter().flatten() {
         let text = fs::read_to_string(root().join("examples").join(&file)).unwrap();
-        assert!(
-            page.contains(&format!("```{language}\n{text}```")),
-            "{file} is another on the page"
-        );
+        assert!(page.contains(&format!("```{language}\n{text}```")), "{file} is another on the page");
     }
     let folder = tempfile::tempdir().unwrap();
     let program = PathBuf::from(env!("CARGO_BIN_EXE_haptograph"));
     let program = program.with_file_name("examples").join("custom_node");
     let does = |arguments: &[&str]| {
         // `cargo test --test book` alone builds no example: `cargo build --examples` does.
-        let done = Command::new(&program)
-            .args(arguments)
-            .current_dir(folder.path())
-            .output()
-            .unwrap();
+        let done = Command::new(&program).args(arguments).current_dir(folder.path()).output().unwrap();
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
         String::from_utf8(done.stdout).unwrap()
     };
     let graph = root().join("examples/custom_node.ron");
     does(&["run", graph.to_str().unwrap(), "--for", "1"]);
     let rows = fs::read_to_string(folder.path().join("out/custom_node/detents.csv")).unwrap();
-    let forces = rows
-        .lines()
-        .filter_map(|row| row.rsplit(',').next()?.parse::<f64>().ok());
+    let forces = rows.lines().filter_map(|row| row.rsplit(',').next()?.parse::<f64>().ok());
     let strongest = forces.fold(0.0, |most: f64, force| most.max(force.abs()));
     assert!((0.799..=0.8).contains(&strongest), "{strongest} N");
     assert!(does(&["nodes", "Detents"]).contains("pitch_mm"));
@@ -167,16 +148,11 @@ fn the_kind_of_frames_in_the_book_is_turned_and_not_averaged() {
     // Seen at k / 20 s, one such period late.
     let seen = |k: f64| 1.5 * (std::f64::consts::PI * (k / 20.0)).sin();
     for row in &rows[50..] {
-        let [time_s, x, y, z] = row[..] else {
-            panic!("{row:?}")
-        };
+        let [time_s, x, y, z] = row[..] else { panic!("{row:?}") };
         let late = 20.0 * time_s - 1.0;
         let (k, part) = ((late + 1e-9).floor(), (late + 1e-9).fract());
         let angle = seen(k) + part * (seen(k + 1.0) - seen(k));
-        assert!(
-            (x - angle.cos()).abs() < 1e-6 && (y - angle.sin()).abs() < 1e-6,
-            "{row:?}"
-        );
+        assert!((x - angle.cos()).abs() < 1e-6 && (y - angle.sin()).abs() < 1e-6, "{row:?}");
         assert!((x.hypot(y) - 1.0).abs() < 1e-6 && z == 0.0, "{row:?}");
     }
     for (written, code) in [("\"tool\"", "E0405"), ("Linear(\"tool\")", "E0406")] {
@@ -195,23 +171,13 @@ fn the_node_with_named_ports_in_the_book_shares_what_it_adds() {
     let rows = program.rows("grip.csv", ["64", "7"]);
     assert_eq!(rows.len(), 2000);
     for row in &rows {
-        let [_, whole_n, index, thumb] = row[..] else {
-            panic!("{row:?}")
-        };
-        assert!(
-            (index + thumb - 1.0).abs() < 1e-6 && (thumb * whole_n - 3.0).abs() < 1e-5,
-            "{row:?}"
-        );
+        let [_, whole_n, index, thumb] = row[..] else { panic!("{row:?}") };
+        assert!((index + thumb - 1.0).abs() < 1e-6 && (thumb * whole_n - 3.0).abs() < 1e-5, "{row:?}");
     }
-    let text = program
-        .text
-        .replace("[\"index\", \"thumb\"]", "[\"index\", \"ring\"]");
+    let text = program.text.replace("[\"index\", \"thumb\"]", "[\"index\", \"ring\"]");
     let wrong = program.runs(&text, "8");
     let said = String::from_utf8_lossy(&wrong.stderr);
-    assert!(
-        !wrong.status.success() && said.contains("E0304") && said.contains("E0203"),
-        "{said}"
-    );
+    assert!(!wrong.status.success() && said.contains("E0304") && said.contains("E0203"), "{said}");
 }
 
 /// The bristle of the page: its force is a loop, and the same however time is cut into blocks.
@@ -223,16 +189,7 @@ fn the_node_with_state_in_the_book_remembers_and_needs_no_block() {
     let graph = root().join("examples/stateful_node.ron");
     let rows = |block: &str| {
         let done = Command::new(&program)
-            .args([
-                "run",
-                graph.to_str().unwrap(),
-                "--for",
-                "2",
-                "--block",
-                block,
-                "--out",
-                block,
-            ])
+            .args(["run", graph.to_str().unwrap(), "--for", "2", "--block", block, "--out", block])
             .current_dir(folder.path())
             .output()
             .unwrap();
@@ -241,10 +198,7 @@ fn the_node_with_state_in_the_book_remembers_and_needs_no_block() {
     };
     let found = rows("64");
     assert_eq!(rows("7"), found);
-    let forces: Vec<f64> = found
-        .lines()
-        .filter_map(|row| row.rsplit(',').next()?.parse().ok())
-        .collect();
+    let forces: Vec<f64> = found.lines().filter_map(|row| row.rsplit(',').next()?.parse().ok()).collect();
     // At the same place, a quarter and three quarters into a stroke to and fro, it drags against the motion.
     assert!(
         (forces[250] + 0.6).abs() < 1e-9 && (forces[750] - 0.6).abs() < 1e-9,
@@ -279,11 +233,7 @@ fn the_cookbook_is_current_and_every_pipeline_of_it_runs() {
         assert!(graph.warnings().is_empty(), "{name}: {:?}", graph.warnings());
         let drawn = haptograph::report::drawing::standalone_svg(&graph, name);
         let kept = fs::read_to_string(root().join(format!("docs/cookbook/{name}.svg"))).unwrap_or_default();
-        assert!(
-            drawn == kept,
-            "haptograph draw {} --force -o docs/cookbook/{name}.svg",
-            path.display()
-        );
+        assert!(drawn == kept, "haptograph draw {} --force -o docs/cookbook/{name}.svg", path.display());
         assert!(
             page.contains(&format!("(cookbook/{name}.svg)"))
                 && page.contains(&format!("(../graphs/cookbook/{name}.ron)"))
@@ -291,9 +241,7 @@ fn the_cookbook_is_current_and_every_pipeline_of_it_runs() {
         let folder = tempfile::tempdir().unwrap();
         let mut outlets = FileSinks::new(&graph);
         outlets.open_files(folder.path()).unwrap();
-        let outcome = Offline::new(outlets, 64)
-            .run(4.0, &AtomicBool::new(false), &mut |_| ())
-            .unwrap();
+        let outcome = Offline::new(outlets, 64).run(4.0, &AtomicBool::new(false), &mut |_| ()).unwrap();
         for actuator in &outcome.actuators {
             let held = actuator.clipped.peak + actuator.clipped.continuous;
             assert!(held * 20 < actuator.clipped.ticks, "{name}: {actuator:?}");
@@ -308,9 +256,7 @@ fn the_cookbook_is_current_and_every_pipeline_of_it_runs() {
 /// Blocks of RON.
 fn blocks(text: &str) -> impl Iterator<Item = &str> {
     let begun = text.split("```ron\n").skip(1);
-    begun
-        .filter_map(|rest| rest.split_once("\n```"))
-        .map(|(block, _)| block)
+    begun.filter_map(|rest| rest.split_once("\n```")).map(|(block, _)| block)
 }
 
 /// Every block of RON that is a whole graph is sound.
@@ -348,10 +294,7 @@ fn every_kind_in_the_book_exists() {
         let graphs = blocks(&text).filter(|block| !block.starts_with("Batch("));
         for (block, part) in graphs.flat_map(parts) {
             let part = part.trim_start();
-            let kind = part
-                .split(|c: char| !c.is_alphanumeric())
-                .next()
-                .unwrap_or_default();
+            let kind = part.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
             let is_kind = kind.starts_with(char::is_uppercase) && part[kind.len()..].starts_with('(');
             if !is_kind || ["Template", "Driver", "Derived", "Expr", "Param", "Setting"].contains(&kind) {
                 continue;
@@ -369,9 +312,7 @@ fn every_kind_in_the_book_exists() {
 #[test]
 fn the_template_in_the_book_is_sound() {
     let page = fs::read_to_string(root().join("docs/format.md")).unwrap();
-    let template = blocks(&page)
-        .find(|block| block.starts_with("templates:"))
-        .unwrap();
+    let template = blocks(&page).find(|block| block.starts_with("templates:")).unwrap();
     let sources = r#"nodes: {
     "stylus": Tablet(clock: "tablet", endpoint: "stylus"),
     "speed": SpeedEstimator(position: "stylus.position"),
@@ -427,9 +368,7 @@ fn every_key_of_a_surface_file_is_in_the_book() {
             continue;
         };
         let heading = format!("\n## {name}\n");
-        let (_, section) = page
-            .split_once(&heading)
-            .unwrap_or_else(|| panic!("no `## {name}`"));
+        let (_, section) = page.split_once(&heading).unwrap_or_else(|| panic!("no `## {name}`"));
         let section = section.split("\n## ").next().unwrap_or_default();
         let fields = fields.split("\n}").next().unwrap_or_default();
         let keys = fields.lines().filter_map(|line| line.trim().strip_prefix("pub "));
@@ -445,11 +384,8 @@ fn every_key_of_a_surface_file_is_in_the_book() {
 #[test]
 fn the_comparison_of_methods_is_the_measured_one() {
     let read = |page: &str| fs::read_to_string(root().join("docs").join(page)).unwrap();
-    let (learning, measured, drawn) = (
-        read("learning.md"),
-        read("texture-models.md"),
-        read("learning-comparison.svg"),
-    );
+    let (learning, measured, drawn) =
+        (read("learning.md"), read("texture-models.md"), read("learning-comparison.svg"));
     let begin = learning.find("| log-spectral distance, dB |").unwrap();
     let table = learning[begin..].split("\n\n").next().unwrap();
     let mut seen = 0;
@@ -467,11 +403,8 @@ fn the_comparison_of_methods_is_the_measured_one() {
 fn links_between_pages_lead_somewhere() {
     for page in pages() {
         let text = fs::read_to_string(&page).unwrap();
-        for target in text
-            .split("](")
-            .skip(1)
-            .filter_map(|rest| rest.split_once(')'))
-            .map(|(target, _)| target)
+        for target in
+            text.split("](").skip(1).filter_map(|rest| rest.split_once(')')).map(|(target, _)| target)
         {
             let file = target.split('#').next().unwrap_or_default();
             if file.is_empty() || file.starts_with("http") {

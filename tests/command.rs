@@ -6,11 +6,7 @@ use std::process::{Command, Output};
 
 fn haptograph(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_haptograph"));
-    command
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .expect("the program starts")
+    command.args(arguments).current_dir(folder).output().expect("the program starts")
 }
 
 fn succeed(folder: &Path, arguments: &[&str]) -> String {
@@ -27,10 +23,7 @@ fn fail(folder: &Path, arguments: &[&str], code: i32) -> String {
 }
 
 fn texturepad_graph() -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("graphs/texturepad.ron")
-        .display()
-        .to_string()
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/texturepad.ron").display().to_string()
 }
 
 /// Runs the TexturePad for a while with more arguments; returns its folder.
@@ -56,10 +49,7 @@ fn a_sink_does_not_write_what_every_run_writes() {
         let told = String::from_utf8_lossy(&output.stderr);
         let own = name == "changes/x.csv";
         assert_eq!(output.status.code(), Some(i32::from(own)), "{told}");
-        assert!(
-            !own || told.contains("the sink `file` writes changes/x.csv"),
-            "{told}"
-        );
+        assert!(!own || told.contains("the sink `file` writes changes/x.csv"), "{told}");
     }
 }
 
@@ -73,10 +63,7 @@ fn the_texturepad_leaves_sound_facts_and_a_page() {
     assert!((28_000..28_200).contains(&wav.len()), "{} bytes", wav.len());
     assert!(wav[100..].iter().any(|byte| *byte != 0), "silence");
     let facts: serde_json::Value = serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap();
-    assert_eq!(
-        (&facts["seconds"], &facts["simulated_devices"]),
-        (&0.7.into(), &true.into())
-    );
+    assert_eq!((&facts["seconds"], &facts["simulated_devices"]), (&0.7.into(), &true.into()));
 }
 
 #[test]
@@ -84,10 +71,7 @@ fn blocks_change_no_sample_and_a_seed_does() {
     let folder = tempfile::tempdir().unwrap();
     let samples = |name: &str, arguments: &[&str]| {
         let out = texturepad(folder.path(), name, arguments);
-        (
-            fs::read(out.join("texture.wav")).unwrap(),
-            fs::read(out.join("current.wav")).unwrap(),
-        )
+        (fs::read(out.join("texture.wav")).unwrap(), fs::read(out.join("current.wav")).unwrap())
     };
     let plain = samples("plain", &[]);
     for (name, arguments) in [
@@ -127,14 +111,7 @@ fn a_probe_writes_any_port_and_names_the_unit() {
 #[test]
 fn a_wrong_probe_says_what_was_meant_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let probe = [
-        "run",
-        &texturepad_graph(),
-        "--out",
-        "o",
-        "--probe",
-        "sped.speed=x.csv",
-    ];
+    let probe = ["run", &texturepad_graph(), "--out", "o", "--probe", "sped.speed=x.csv"];
     let told = fail(folder.path(), &probe, 1);
     assert!(told.contains("did you mean `speed.speed`"), "{told}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
@@ -176,15 +153,11 @@ fn all_errors_of_a_graph_are_shown_with_their_places() {
     let folder = tempfile::tempdir().unwrap();
     succeed(folder.path(), &["new", "wrong.ron"]);
     let text = fs::read_to_string(folder.path().join("wrong.ron")).unwrap();
-    let text = text
-        .replace("Hold(\"swell\")", "Hold(\"swel\")")
-        .replace("frequency_hz: 150", "frequenzy_hz: 150");
+    let text =
+        text.replace("Hold(\"swell\")", "Hold(\"swel\")").replace("frequency_hz: 150", "frequenzy_hz: 150");
     fs::write(folder.path().join("wrong.ron"), text).unwrap();
     let told = fail(folder.path(), &["check", "wrong.ron"], 1);
-    assert!(
-        told.contains("did you mean `swell`") && told.contains("`frequency_hz`"),
-        "{told}"
-    );
+    assert!(told.contains("did you mean `swell`") && told.contains("`frequency_hz`"), "{told}");
     assert!(told.contains("wrong.ron:"), "{told}");
     let output = haptograph(folder.path(), &["check", "wrong.ron", "--json"]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -195,13 +168,7 @@ fn all_errors_of_a_graph_are_shown_with_their_places() {
 fn a_graph_of_nothing_is_told_so_by_every_command() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("none.ron"), "Graph(format: 1, nodes: {})").unwrap();
-    for command in [
-        &["check"][..],
-        &["run"],
-        &["run", "--live"],
-        &["bench"],
-        &["draw"],
-    ] {
+    for command in [&["check"][..], &["run"], &["run", "--live"], &["bench"], &["draw"]] {
         let told = fail(folder.path(), &[command, &["none.ron"]].concat(), 1);
         assert!(told.contains("E0506"), "{command:?}: {told}");
     }
@@ -213,15 +180,8 @@ fn a_folder_that_no_run_left_is_not_replaced() {
     succeed(folder.path(), &["new", "mine.ron"]);
     fs::create_dir(folder.path().join("precious")).unwrap();
     fs::write(folder.path().join("precious/data"), "years of work").unwrap();
-    fail(
-        folder.path(),
-        &["run", "mine.ron", "--for", "0.1", "--out", "precious"],
-        1,
-    );
-    assert_eq!(
-        fs::read_to_string(folder.path().join("precious/data")).unwrap(),
-        "years of work"
-    );
+    fail(folder.path(), &["run", "mine.ron", "--for", "0.1", "--out", "precious"], 1);
+    assert_eq!(fs::read_to_string(folder.path().join("precious/data")).unwrap(), "years of work");
 }
 
 #[test]
@@ -230,11 +190,7 @@ fn every_node_kind_is_told_about() {
     let page = succeed(folder.path(), &["nodes", "--markdown"]);
     for entry in haptograph::nodes::registry().nodes() {
         assert!(page.contains(&format!("## {}\n", entry.spec.name)));
-        assert!(
-            !entry.spec.doc.is_empty() && !entry.spec.example.is_empty(),
-            "{}",
-            entry.spec.name
-        );
+        assert!(!entry.spec.doc.is_empty() && !entry.spec.example.is_empty(), "{}", entry.spec.name);
     }
     assert!(succeed(folder.path(), &["nodes", "Gain"]).contains("Inputs:"));
     let told = fail(folder.path(), &["nodes", "Gian"], 1);
@@ -250,26 +206,14 @@ fn what_cannot_be_meant_is_refused_before_any_work() {
         "file": CsvSink(inputs: ["x", "y"], file: "x.csv") })"#;
     fs::write(folder.path().join("rates.ron"), rates).unwrap();
     for (arguments, told) in [
-        (
-            &["run", &graph, "--for", "1e-9"][..],
-            "shorter than one frame of `audio`",
-        ),
+        (&["run", &graph, "--for", "1e-9"][..], "shorter than one frame of `audio`"),
         (&["run", &graph, "--set", "surface="], "the path is empty"),
-        (
-            &["run", &graph, "--set", "gain=1", "--set", "gain=2"],
-            "--set gives `gain` twice",
-        ),
+        (&["run", &graph, "--set", "gain=1", "--set", "gain=2"], "--set gives `gain` twice"),
         (&["sweep", &graph, "--over", "gain=1,2,1"], "gives `1` twice"),
-        (
-            &["sweep", &graph, "--over", "gain=1,2", "--over", "gain=3"],
-            "--over gives `gain` twice",
-        ),
+        (&["sweep", &graph, "--over", "gain=1,2", "--over", "gain=3"], "--over gives `gain` twice"),
         (&["draw", &graph, "-o", "no/such.svg"], "cannot write no/such.svg"),
         (&["check", "rates.ron"], "all columns of a CSV file need one rate"),
-        (
-            &["bench", &graph, "--svg", "no/such.svg"],
-            "cannot write no/such.svg",
-        ),
+        (&["bench", &graph, "--svg", "no/such.svg"], "cannot write no/such.svg"),
     ] {
         let said = fail(folder.path(), arguments, 1);
         assert!(said.contains(told), "{arguments:?}: {said}");
@@ -279,11 +223,7 @@ fn what_cannot_be_meant_is_refused_before_any_work() {
     fs::remove_file(folder.path().join("rates.ron")).unwrap();
     let many: Vec<String> = (0..15).map(|value| value.to_string()).collect();
     let over = |name: &str| format!("{name}={}", many.join(","));
-    let said = fail(
-        folder.path(),
-        &["sweep", &graph, "--over", &over("gain"), "--over", &over("seed")],
-        1,
-    );
+    let said = fail(folder.path(), &["sweep", &graph, "--over", &over("gain"), "--over", &over("seed")], 1);
     assert!(said.contains("more than 200 combinations"), "{said}");
     assert_eq!(folder.path().read_dir().unwrap().count(), 0);
 }
@@ -302,12 +242,9 @@ fn a_drawing_is_written_as_its_name_ends() {
 #[test]
 fn a_wrong_command_line_ends_with_2() {
     let folder = tempfile::tempdir().unwrap();
-    for arguments in [
-        &["run"][..],
-        &["dance"],
-        &["run", "x.ron", "--block", "0"],
-        &["run", "x.ron", "--for", "nan"],
-    ] {
+    for arguments in
+        [&["run"][..], &["dance"], &["run", "x.ron", "--block", "0"], &["run", "x.ron", "--for", "nan"]]
+    {
         fail(folder.path(), arguments, 2);
     }
     for (address, help) in [
@@ -330,11 +267,7 @@ fn a_wrong_command_line_ends_with_2() {
 #[test]
 fn the_graph_of_the_readme_is_sound_and_runs() {
     let readme = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
-    let graph = readme
-        .split("```ron\n")
-        .nth(1)
-        .and_then(|rest| rest.split("```").next())
-        .unwrap();
+    let graph = readme.split("```ron\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("scratch.ron"), graph).unwrap();
     succeed(folder.path(), &["run", "scratch.ron", "--for", "0.2"]);
@@ -346,55 +279,23 @@ fn a_simulated_recording_is_the_one_the_recorder_graph_makes() {
     let folder = tempfile::tempdir().unwrap();
     let simulate = ["simulate-recording", "--material", "T5", "--motion"];
     let rest = ["--person", "2", "--seconds", "0.5", "--seed", "3", "-o"];
-    for (motion, file) in [
-        ("circle", "circle.npz"),
-        ("tap", "tap.csv"),
-        ("circle", "again.npz"),
-    ] {
-        let told = succeed(
-            folder.path(),
-            &[&simulate[..], &[motion], &rest[..], &[file]].concat(),
-        );
+    for (motion, file) in [("circle", "circle.npz"), ("tap", "tap.csv"), ("circle", "again.npz")] {
+        let told = succeed(folder.path(), &[&simulate[..], &[motion], &rest[..], &[file]].concat());
         assert!(told.contains("simulated"), "{told}");
     }
     let bytes = fs::read(folder.path().join("circle.npz")).unwrap();
     assert!(bytes == fs::read(folder.path().join("again.npz")).unwrap());
-    let graph = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("graphs/recorder.ron")
-        .display()
-        .to_string();
-    let set = [
-        "--set",
-        "material=T5",
-        "--set",
-        "motion=Circle",
-        "--set",
-        "person=2",
-    ];
+    let graph = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/recorder.ron").display().to_string();
+    let set = ["--set", "material=T5", "--set", "motion=Circle", "--set", "person=2"];
     let run = ["run", &graph, "--for", "0.5", "--seed", "3", "--out", "run"];
     succeed(folder.path(), &[&run[..], &set[..]].concat());
     assert!(bytes == fs::read(folder.path().join("run/recording.npz")).unwrap());
     let table = fs::read_to_string(folder.path().join("tap.csv")).unwrap();
-    assert!(
-        table.contains("simulated") && table.contains("_m_s2"),
-        "{}",
-        &table[..300]
-    );
+    assert!(table.contains("simulated") && table.contains("_m_s2"), "{}", &table[..300]);
     // Nothing is left beside them but the list of what was written.
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5);
-    let told = fail(
-        folder.path(),
-        &[
-            "simulate-recording",
-            "--material",
-            "T7",
-            "--motion",
-            "drag",
-            "-o",
-            "x",
-        ],
-        2,
-    );
+    let told =
+        fail(folder.path(), &["simulate-recording", "--material", "T7", "--motion", "drag", "-o", "x"], 2);
     assert!(told.contains("T1"), "{told}");
 }
 
@@ -402,31 +303,19 @@ fn a_simulated_recording_is_the_one_the_recorder_graph_makes() {
 fn a_bench_tells_what_every_step_costs() {
     let folder = tempfile::tempdir().unwrap();
     let graph = texturepad_graph();
-    let told = succeed(
-        folder.path(),
-        &["bench", &graph, "--for", "0.1", "--json", "--svg", "cost.svg"],
-    );
+    let told = succeed(folder.path(), &["bench", &graph, "--for", "0.1", "--json", "--svg", "cost.svg"]);
     let figures: serde_json::Value = serde_json::from_str(&told).unwrap();
     let steps = figures["steps"].as_array().unwrap();
     let shares: f64 = steps.iter().map(|step| step["share"].as_f64().unwrap()).sum();
     assert!((shares - 1.0).abs() < 1e-9, "{shares}");
     assert!(steps.iter().any(|step| step["step"] == "texture/filter"));
-    let path = figures["drivers"][0]["critical_path"]["nodes"]
-        .as_array()
-        .unwrap();
+    let path = figures["drivers"][0]["critical_path"]["nodes"].as_array().unwrap();
     let at = |name: &str| path.iter().position(|node| node == name);
     assert!(at("texture/filter") < at("out"), "{path:?}");
     assert_eq!(figures["simulated"], true);
-    assert!(
-        fs::read_to_string(folder.path().join("cost.svg"))
-            .unwrap()
-            .contains("texture/filter")
-    );
+    assert!(fs::read_to_string(folder.path().join("cost.svg")).unwrap().contains("texture/filter"));
     let shown = succeed(folder.path(), &["bench", &graph, "--for", "0.1"]);
-    assert!(
-        shown.contains("% of one core") && shown.contains("critical path"),
-        "{shown}"
-    );
+    assert!(shown.contains("% of one core") && shown.contains("critical path"), "{shown}");
 }
 
 #[test]
@@ -435,16 +324,10 @@ fn a_bench_tells_what_each_of_several_drivers_costs() {
     let graph = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/two-drivers.ron");
     let graph = graph.display().to_string();
     let common = ["bench", &graph, "--for", "0.3"];
-    let told = succeed(
-        folder.path(),
-        &[&common[..], &["--json", "--svg", "cost.svg"]].concat(),
-    );
+    let told = succeed(folder.path(), &[&common[..], &["--json", "--svg", "cost.svg"]].concat());
     let figures: serde_json::Value = serde_json::from_str(&told).unwrap();
     let drivers = figures["drivers"].as_array().unwrap();
-    let names: Vec<&str> = drivers
-        .iter()
-        .map(|one| one["driver"].as_str().unwrap())
-        .collect();
+    let names: Vec<&str> = drivers.iter().map(|one| one["driver"].as_str().unwrap()).collect();
     assert_eq!(names, ["audio", "servo"]);
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
     for driver in drivers {
@@ -460,10 +343,9 @@ fn a_bench_tells_what_each_of_several_drivers_costs() {
     assert!(path(0).iter().any(|node| node == "out"), "{figures}");
     assert!(path(1).iter().any(|node| node == "stylus"), "{figures}");
     let steps = figures["steps"].as_array().unwrap();
-    for (step, driver) in [
-        ("ring moves.output to moving.input", "audio"),
-        ("send moves.output to moving.input", "servo"),
-    ] {
+    for (step, driver) in
+        [("ring moves.output to moving.input", "audio"), ("send moves.output to moving.input", "servo")]
+    {
         let found = steps.iter().find(|known| known["step"] == step).unwrap();
         assert_eq!(found["driver"], driver);
     }
@@ -487,11 +369,7 @@ fn a_replay_into_the_folder_it_repeats_is_refused_and_loses_nothing() {
     let arrivals = || fs::read(folder.path().join("live/arrivals/0.csv")).unwrap();
     let before = arrivals();
     for out in ["live", "./live/arrivals/.."] {
-        let told = fail(
-            folder.path(),
-            &[&common[..], &["--replay", "live", "--out", out]].concat(),
-            1,
-        );
+        let told = fail(folder.path(), &[&common[..], &["--replay", "live", "--out", out]].concat(), 1);
         assert!(told.contains("would be replaced"), "{told}");
         assert!(arrivals() == before);
     }
@@ -502,10 +380,7 @@ fn a_replay_knows_a_moved_graph_again_and_refuses_a_changed_one() {
     const FILES: [&str; 2] = ["two-drivers.ron", "surfaces/t2-canvas.ron"];
     let folder = tempfile::tempdir().unwrap();
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs");
-    for (place, file) in ["then", "now"]
-        .iter()
-        .flat_map(|place| FILES.map(|file| (place, file)))
-    {
+    for (place, file) in ["then", "now"].iter().flat_map(|place| FILES.map(|file| (place, file))) {
         let to = folder.path().join(place).join(file);
         fs::create_dir_all(to.parent().unwrap()).unwrap();
         fs::write(to, fs::read(shipped.join(file)).unwrap()).unwrap();
@@ -539,9 +414,7 @@ fn a_replay_knows_a_moved_graph_again_and_refuses_a_changed_one() {
     let told = fail(folder.path(), &replay, 1);
     assert!(told.contains("run.json is empty"), "{told}");
     // What was refused leaves nothing.
-    let left = fs::read_dir(folder.path())
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name());
+    let left = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
     let mut left: Vec<_> = left.collect();
     left.sort();
     assert_eq!(left, ["again", "live", "now", "then"]);
@@ -554,15 +427,9 @@ fn a_file_that_no_setting_reads_is_no_part_of_a_graph() {
         "pressed": Constant(clock: "c", value: 1, quantity: "force"),
         "felt": CsvSink(inputs: ["pressed"], file: "felt.csv") })"#;
     fs::write(folder.path().join("g.ron"), graph).unwrap();
-    succeed(
-        folder.path(),
-        &["run", "g.ron", "--live", "--for", "0.1", "--out", "live"],
-    );
+    succeed(folder.path(), &["run", "g.ron", "--live", "--for", "0.1", "--out", "live"]);
     fs::write(folder.path().join("force"), "notes").unwrap();
-    succeed(
-        folder.path(),
-        &["run", "g.ron", "--replay", "live", "--out", "again"],
-    );
+    succeed(folder.path(), &["run", "g.ron", "--replay", "live", "--out", "again"]);
 }
 
 #[test]
@@ -586,10 +453,7 @@ fn check_refuses_what_a_live_run_refuses_before_it_reaches_a_device() {
     for arguments in [&check[..], &[&check[..], &["--json"]].concat()] {
         let output = haptograph(folder.path(), arguments);
         let told = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
-        assert!(
-            output.status.code() == Some(1) && told.contains("both drive channel 1"),
-            "{told}"
-        );
+        assert!(output.status.code() == Some(1) && told.contains("both drive channel 1"), "{told}");
     }
     let device = r#"UdpDevice(listen: "127.0.0.1:9750")"#;
     graph(device, device);
@@ -611,10 +475,7 @@ fn a_run_ends_by_saying_what_to_look_at_and_what_to_listen_to() {
     let (sound, _) = sound.split_once('"').unwrap();
     // 0.7 s of 48 000 samples of two bytes, four letters for three bytes.
     assert!((89_600..89_800).contains(&sound.len()), "{}", sound.len());
-    assert!(
-        page.contains("href=\"./texture.wav\"") && page.contains("of out.delivered"),
-        "no link or label"
-    );
+    assert!(page.contains("href=\"./texture.wav\"") && page.contains("of out.delivered"), "no link or label");
 }
 
 #[test]
@@ -655,10 +516,7 @@ fn where_a_limit_struck_the_largest_request_stands_beside_it() {
         (&"out".into(), &"A".into(), &0.5.into())
     );
     let (told, page, limits) = run("0.3");
-    assert!(
-        !told.contains("limit") && !page.contains("Largest request"),
-        "{told}"
-    );
+    assert!(!told.contains("limit") && !page.contains("Largest request"), "{told}");
     assert_eq!(limits, serde_json::json!([]));
 }
 
@@ -681,11 +539,7 @@ fn the_page_is_opened_by_the_desktop_where_there_is_one() {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
     let (opener, seen) = (folder.path().join("xdg-open"), folder.path().join("seen"));
-    fs::write(
-        &opener,
-        format!("#!/bin/sh\nprintf %s \"$1\" >'{}'\n", seen.display()),
-    )
-    .unwrap();
+    fs::write(&opener, format!("#!/bin/sh\nprintf %s \"$1\" >'{}'\n", seen.display())).unwrap();
     fs::set_permissions(&opener, fs::Permissions::from_mode(0o755)).unwrap();
     let graph = texturepad_graph();
     let run = |display: &str| {
@@ -724,11 +578,7 @@ fn failures_are_json_where_that_is_asked_for() {
     let told = |arguments: &[&str], code: i32| -> serde_json::Value {
         let output = haptograph(folder.path(), arguments);
         assert_eq!(output.status.code(), Some(code), "{arguments:?}");
-        assert!(
-            output.stderr.is_empty(),
-            "{}",
-            String::from_utf8_lossy(&output.stderr)
-        );
+        assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
         serde_json::from_slice(&output.stdout).unwrap()
     };
     let graph = told(&["run", "g.ron", "--json"], 1);
@@ -747,14 +597,7 @@ fn failures_are_json_where_that_is_asked_for() {
     assert!(told(&["nodes", "NoSuchKind", "--json"], 1)["error"].is_string());
     assert!(told(&["nodes", "--no-such-flag", "--json"], 2)["error"].is_string());
     let kinds = told(&["nodes", "--find", "envelope", "--json"], 0);
-    assert!(
-        kinds
-            .as_array()
-            .unwrap()
-            .iter()
-            .any(|kind| kind["name"] == "Adsr"),
-        "{kinds}"
-    );
+    assert!(kinds.as_array().unwrap().iter().any(|kind| kind["name"] == "Adsr"), "{kinds}");
 }
 
 #[test]
@@ -773,10 +616,7 @@ fn shells_and_manuals_know_every_command() {
     assert!(page.contains("haptograph\\-surface\\-show"), "{page}");
     let told = fail(folder.path(), &["man", "surface", "shov"], 1);
     assert!(told.contains("did you mean `show`"), "{told}");
-    assert_eq!(
-        succeed(folder.path(), &["help", "--help"]),
-        succeed(folder.path(), &["help"])
-    );
+    assert_eq!(succeed(folder.path(), &["help", "--help"]), succeed(folder.path(), &["help"]));
 }
 
 #[test]
@@ -787,25 +627,17 @@ fn a_build_says_what_it_lacks_and_what_does_without() {
         let of_kind = listed.lines().filter(|line| line.starts_with(what));
         assert_eq!(of_kind.count(), 1, "{what}: {listed}");
     }
-    if cfg!(any(
-        feature = "soundcard",
-        feature = "evdev",
-        target_os = "macos",
-        windows
-    )) {
+    if cfg!(any(feature = "soundcard", feature = "evdev", target_os = "macos", windows)) {
         return;
     }
     assert!(
-        listed.contains("soundcards: not in this build; build with `cargo build --release --features soundcard`"),
+        listed.contains(
+            "soundcards: not in this build; build with `cargo build --release --features soundcard`"
+        ),
         "{listed}"
     );
     let told = fail(folder.path(), &["run", &texturepad_graph(), "--live"], 1);
-    for part in [
-        "`haptuator`",
-        "`stylus`",
-        "--features soundcard,evdev",
-        "--endpoints simulated",
-    ] {
+    for part in ["`haptuator`", "`stylus`", "--features soundcard,evdev", "--endpoints simulated"] {
         assert!(told.contains(part), "{told}");
     }
     assert_eq!(folder.path().read_dir().unwrap().count(), 0);
@@ -815,9 +647,7 @@ fn a_build_says_what_it_lacks_and_what_does_without() {
 fn a_sweep_counts_its_cases_beside_the_graph_as_it_is() {
     let folder = tempfile::tempdir().unwrap();
     succeed(folder.path(), &["new", "mine.ron"]);
-    let sweep = [
-        "sweep", "mine.ron", "--for", "0.05", "--case", "gain=0.5", "--case", "gain=0.2",
-    ];
+    let sweep = ["sweep", "mine.ron", "--for", "0.05", "--case", "gain=0.5", "--case", "gain=0.2"];
     let said = succeed(folder.path(), &sweep);
     assert!(said.contains("ran mine as it is + 2 cases\n"), "{said}");
 }
@@ -841,13 +671,7 @@ fn what_is_wrong_with_settings_is_said_in_the_words_of_the_file() {
         assert!(said.contains(&whole) && said.contains(&help), "{said}");
     }
     let said = told(r#""b": Calibrate(input: "pull", from: "speed", to: "number", factor: 1)"#);
-    assert!(
-        said.contains("E0404") && said.contains("write `from: \"force\"`"),
-        "{said}"
-    );
+    assert!(said.contains("E0404") && said.contains("write `from: \"force\"`"), "{said}");
     let said = told(r#""b": ActuatorSink(current: "pull", endpoint: "a", limit: (peak: 1))"#);
-    assert!(
-        said.contains("`limit` has no field `peak`") && !said.contains("Settings"),
-        "{said}"
-    );
+    assert!(said.contains("`limit` has no field `peak`") && !said.contains("Settings"), "{said}");
 }

@@ -16,21 +16,14 @@ const MAX_OF_PLAIN_NODES: usize = 60;
 fn metadata() -> Value {
     let rustc = Command::new("rustc").arg("-vV").output().unwrap();
     let rustc = String::from_utf8(rustc.stdout).unwrap();
-    let host = rustc
-        .lines()
-        .find_map(|line| line.strip_prefix("host: "))
-        .unwrap();
+    let host = rustc.lines().find_map(|line| line.strip_prefix("host: ")).unwrap();
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--locked", "--offline", "--format-version", "1"])
         .args(["--filter-platform", host])
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
@@ -49,10 +42,7 @@ fn listed(begin: &str) -> Vec<String> {
 
 /// Whether an SPDX expression has a choice of licences that are all allowed.
 fn is_allowed(expression: &str, allowed: &[String]) -> bool {
-    let spaced = expression
-        .replace('/', " OR ")
-        .replace('(', " ( ")
-        .replace(')', " ) ");
+    let spaced = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ");
     let mut words = spaced.split_whitespace().peekable();
     any(&mut words, allowed)
 }
@@ -125,10 +115,7 @@ fn every_crate_may_be_used() {
             true => &exceptions[1..],
             false => &allowed[..],
         };
-        assert!(
-            is_allowed(licence, allowed),
-            "{name} is under {licence}: see deny.toml"
-        );
+        assert!(is_allowed(licence, allowed), "{name} is under {licence}: see deny.toml");
     }
 }
 
@@ -159,48 +146,22 @@ fn tree(metadata: &Value, root: &str) -> BTreeSet<String> {
 #[test]
 fn the_engine_stays_small() {
     let tree = tree(&metadata(), "haptograph-engine");
-    assert!(
-        tree.contains("petgraph") && tree.contains("haptograph-signal"),
-        "{tree:?}"
-    );
+    assert!(tree.contains("petgraph") && tree.contains("haptograph-signal"), "{tree:?}");
     assert!(tree.len() <= MAX_OF_ENGINE, "{} crates: {tree:?}", tree.len());
 }
 
 #[test]
 fn a_program_that_plays_a_gain_needs_few_crates() {
     let output = Command::new(env!("CARGO"))
-        .args([
-            "tree",
-            "--locked",
-            "--offline",
-            "-p",
-            "haptograph-nodes",
-            "--no-default-features",
-        ])
-        .args([
-            "--edges",
-            "normal",
-            "--prefix",
-            "none",
-            "--no-dedupe",
-            "--format",
-            "{p}",
-        ])
+        .args(["tree", "--locked", "--offline", "-p", "haptograph-nodes", "--no-default-features"])
+        .args(["--edges", "normal", "--prefix", "none", "--no-dedupe", "--format", "{p}"])
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();
     let all = String::from_utf8(output.stdout).unwrap();
     let names: BTreeSet<&str> = all.lines().filter_map(|line| line.split(' ').next()).collect();
-    assert!(
-        names.contains("haptograph-engine"),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    assert!(
-        names.len() <= MAX_OF_PLAIN_NODES,
-        "{} crates: {names:?}",
-        names.len()
-    );
+    assert!(names.contains("haptograph-engine"), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(names.len() <= MAX_OF_PLAIN_NODES, "{} crates: {names:?}", names.len());
 }
 
 #[test]
@@ -224,9 +185,7 @@ fn no_crate_is_there_twice_but_those_of_the_list() {
 fn every_crate_has_its_licences_and_tells_its_features() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let text = |path: &str| std::fs::read_to_string(root.join(path)).unwrap();
-    for folder in [
-        ".", "signal", "engine", "surfaces", "nodes", "live", "report", "studio",
-    ] {
+    for folder in [".", "signal", "engine", "surfaces", "nodes", "live", "report", "studio"] {
         for licence in ["LICENSE-APACHE", "LICENSE-MIT"] {
             let found = std::fs::read_to_string(root.join(folder).join(licence)).ok();
             assert_eq!(found, Some(text(licence)), "{folder}/{licence}");
@@ -236,16 +195,11 @@ fn every_crate_has_its_licences_and_tells_its_features() {
             continue;
         };
         let features = features.split("\n[").next().unwrap().lines();
-        let names = features
-            .filter_map(|line| line.split_once(" = ["))
-            .map(|(name, _)| name);
+        let names = features.filter_map(|line| line.split_once(" = [")).map(|(name, _)| name);
         for name in names.filter(|name| *name != "default") {
             for page in ["README.md", "src/lib.rs"] {
                 let row = format!("| `{name}` |");
-                assert!(
-                    text(&format!("{folder}/{page}")).contains(&row),
-                    "{folder}/{page}: {row}"
-                );
+                assert!(text(&format!("{folder}/{page}")).contains(&row), "{folder}/{page}: {row}");
             }
         }
     }

@@ -25,10 +25,7 @@ fn run(folder: &Path, nodes: &str, arguments: &[&str]) -> (bool, String) {
 
 /// A file as a process leaves it that is killed half a second after the header was written last.
 fn killed(path: &Path, frames: u16) {
-    let format = Format {
-        channels: 1,
-        rate_hz: 1000,
-    };
+    let format = Format { channels: 1, rate_hz: 1000 };
     let mut writer = WavWriter::new(File::create(path).unwrap(), format).unwrap();
     for frame in 0..frames {
         writer.write(&[frame.into()]).unwrap();
@@ -117,11 +114,7 @@ fn recover_changes_no_wav_file_that_is_of_no_run() {
     assert_eq!(frames(&at("songs/mine.wav")), 10);
     assert_eq!(frames(&at("songs/now.partial-1/y.wav")), 10);
     assert_eq!(frames(&at("songs/out.partial-1/x.wav")), 510);
-    assert!(
-        haptograph(parent.path(), &["recover", "songs/mine.wav"])
-            .status
-            .success()
-    );
+    assert!(haptograph(parent.path(), &["recover", "songs/mine.wav"]).status.success());
     assert_eq!(frames(&at("songs/mine.wav")), 510);
 }
 
@@ -149,13 +142,7 @@ fn the_run_says_that_it_ended_with_its_data() {
         )
     };
     let arguments = ["run", "g.ron", "--for", "0.01", "--out", "out"];
-    let rows = || {
-        fs::read_to_string(folder.path().join("out/y.csv"))
-            .unwrap()
-            .lines()
-            .count()
-            - 1
-    };
+    let rows = || fs::read_to_string(folder.path().join("out/y.csv")).unwrap().lines().count() - 1;
     let facts = || {
         let text = fs::read_to_string(folder.path().join("out/run.json")).unwrap();
         serde_json::from_str::<serde_json::Value>(&text).unwrap()
@@ -174,10 +161,7 @@ fn a_probe_chooses_a_full_scale_that_holds_the_signal_and_says_which() {
     let tone = r#""tone": Sine(clock: "c", frequency_hz: 100, amplitude: 20, quantity: "acceleration")"#;
     let arguments = ["run", "g.ron", "--for", "0.1", "--probe", "tone.output=x.wav"];
     let (done, told) = run(folder.path(), tone, &arguments);
-    assert!(
-        done && told.contains("x.wav: a sample of 1.0 stands for 32 m/s2"),
-        "{told}"
-    );
+    assert!(done && told.contains("x.wav: a sample of 1.0 stands for 32 m/s2"), "{told}");
     let mut reader = hound::WavReader::open(folder.path().join("x.wav")).unwrap();
     assert!(reader.samples::<f32>().all(|sample| sample.unwrap().abs() <= 1.0));
 }
@@ -196,15 +180,9 @@ fn check_refuses_names_of_files_that_a_sink_does_not_write() {
 /// Runs the program where no file may be longer than some blocks of 512 bytes or 1 KiB.
 #[cfg(unix)]
 fn limited(folder: &Path, blocks: u32, arguments: &str) -> Output {
-    let line = format!(
-        "ulimit -f {blocks}; exec {} {arguments}",
-        env!("CARGO_BIN_EXE_haptograph")
-    );
+    let line = format!("ulimit -f {blocks}; exec {} {arguments}", env!("CARGO_BIN_EXE_haptograph"));
     let mut command = Command::new("sh");
-    command
-        .args(["-c", &line])
-        .current_dir(folder)
-        .stdin(std::process::Stdio::null());
+    command.args(["-c", &line]).current_dir(folder).stdin(std::process::Stdio::null());
     command.output().unwrap()
 }
 
@@ -222,10 +200,7 @@ fn a_limit_of_the_size_of_files_is_a_full_disk() {
     assert!(folder.path().join("live/run.json").is_file(), "{told}");
     let offline = limited(folder.path(), 300, "run g.ron --for 10 --out offline");
     let told = String::from_utf8_lossy(&offline.stderr);
-    assert!(
-        offline.status.code() == Some(1) && told.contains("x.wav"),
-        "{told}"
-    );
+    assert!(offline.status.code() == Some(1) && told.contains("x.wav"), "{told}");
 }
 
 #[cfg(unix)]

@@ -23,13 +23,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 fn take(material: MaterialName, person: u64, seed: u64) -> Take {
-    let session = Session {
-        material,
-        gesture: Gesture::Drag,
-        person,
-        seconds: 10.0,
-        seed,
-    };
+    let session = Session { material, gesture: Gesture::Drag, person, seconds: 10.0, seed };
     let recording = record(&session, &AtomicBool::new(false), &mut |_| ()).unwrap();
     let name = RecordingName {
         material: material.as_str().to_owned(),
@@ -60,19 +54,14 @@ fn bands(takes: &[Take]) -> Vec<f64> {
 }
 
 fn study(takes: &[Take], texture: TextureMethod, seed: u64) -> Evaluation {
-    let mut settings = StudySettings {
-        texture,
-        ..StudySettings::default()
-    };
+    let mut settings = StudySettings { texture, ..StudySettings::default() };
     settings.table.synthesis.seed = seed;
     evaluate(takes, &settings, &|_| ()).unwrap()
 }
 
 /// Materials whose own texture is the nearest of its row and of its column.
 fn own_least(table: &DifferenceTable) -> usize {
-    (0..6)
-        .filter(|&i| table.is_least_of_row(i, i) && table.is_least_of_column(i, i))
-        .count()
+    (0..6).filter(|&i| table.is_least_of_row(i, i) && table.is_least_of_column(i, i)).count()
 }
 
 #[test]
@@ -100,11 +89,7 @@ fn own_materials_are_nearest_over_ten_seeds() {
         for (count, pooling) in least.iter_mut().zip([Pooling::Pair, Pooling::All]) {
             let table = found.materials_table.pooled(pooling);
             *count += usize::from(table.diagonal_is_least());
-            print!(
-                "; by {pooling:?} {} of 6 least, baseline {:.2}",
-                own_least(&table),
-                table.baseline()
-            );
+            print!("; by {pooling:?} {} of 6 least, baseline {:.2}", own_least(&table), table.baseline());
         }
         let table = found.materials_table.pooled(Pooling::All);
         let (margin, row, column) = table.smallest_margin().unwrap();
@@ -120,9 +105,7 @@ fn own_materials_are_nearest_over_ten_seeds() {
         );
         // Where materials are told apart by the measure itself, so are their textures.
         for (i, j) in (0..6).flat_map(|i| (0..6).map(move |j| (i, j))) {
-            let own = table.differences[i][i]
-                .unwrap()
-                .max(table.differences[j][j].unwrap());
+            let own = table.differences[i][i].unwrap().max(table.differences[j][j].unwrap());
             if i != j && apart(i, j) >= 2.0 && table.differences[i][j].unwrap() <= own {
                 lost += 1;
                 println!("  lost: virtual {i} on {j}, {:.1} dB apart", apart(i, j));
@@ -135,10 +118,7 @@ fn own_materials_are_nearest_over_ten_seeds() {
     );
     println!("smallest margin of all seeds {worst:.3}");
     // T2 and T3, in one seed, by a hundredth.
-    assert!(
-        lost <= 1,
-        "{lost} pairs at least 2 dB apart that were not told apart"
-    );
+    assert!(lost <= 1, "{lost} pairs at least 2 dB apart that were not told apart");
 }
 
 #[test]
@@ -158,11 +138,7 @@ fn nine_people_and_six_materials_make_a_map() {
         "stress {:.3?}; purity {:.2} (k-means), {:.2} (tree); roughness and fineness {:.0?} degrees apart",
         map.scaling.stress, map.k_means_purity, map.tree_purity, map.angle_deg
     );
-    for (person, (mean, deviation)) in found
-        .people
-        .iter()
-        .zip(found.people_table.unwrap().row_statistics())
-    {
+    for (person, (mean, deviation)) in found.people.iter().zip(found.people_table.unwrap().row_statistics()) {
         println!("person {person}: {mean:.2} (sd {deviation:.2?})");
     }
     assert_eq!(map.names.len(), 54);
@@ -209,17 +185,11 @@ fn textures_are_too_loud_below_60_hz_because_their_models_are_short() {
         };
         let fitted = |order: usize| {
             let model = burg(signal, order).unwrap();
-            too_loud_db(
-                &recorded,
-                |frequency_hz| density_of(&model, rate_hz, frequency_hz),
-                20.0..40.0,
-            )
+            too_loud_db(&recorded, |frequency_hz| density_of(&model, rate_hz, frequency_hz), 20.0..40.0)
         };
         let low = too_loud_db(&recorded, played_at, 20.0..40.0);
-        let (rest, all) = (
-            too_loud_db(&recorded, played_at, 60.0..1000.0),
-            too_loud_db(&recorded, played_at, 1.0..5000.0),
-        );
+        let (rest, all) =
+            (too_loud_db(&recorded, played_at, 60.0..1000.0), too_loud_db(&recorded, played_at, 1.0..5000.0));
         println!(
             "{}: 20 to 40 Hz {low:.1} dB, 60 to 1000 Hz {rest:.1} dB, all {all:.1} dB too loud",
             material.as_str()
@@ -231,10 +201,7 @@ fn textures_are_too_loud_below_60_hz_because_their_models_are_short() {
         // ...until its order spans the 25 ms that tell 20 from 60 Hz.
         assert!(long.abs() < 2.0);
         let rest = too_loud_at_1_khz(&take(material, 1, 1));
-        println!(
-            "  learned at 1 kHz: 20 to 40 Hz {:.1} dB, 60 to 400 Hz {:.1} dB",
-            rest[0], rest[1]
-        );
+        println!("  learned at 1 kHz: 20 to 40 Hz {:.1} dB, 60 to 400 Hz {:.1} dB", rest[0], rest[1]);
         for (sum, db) in sums_db.iter_mut().zip([low, short, rest[0]]) {
             *sum += db;
         }
@@ -249,10 +216,7 @@ fn textures_are_too_loud_below_60_hz_because_their_models_are_short() {
 
 /// Bands of a texture learned at 1 kHz, where order 20 spans 20 ms.
 fn too_loud_at_1_khz(take: &Take) -> [f64; 2] {
-    let settings = ProcessingSettings {
-        rate_hz: Some(1000.0),
-        ..Default::default()
-    };
+    let settings = ProcessingSettings { rate_hz: Some(1000.0), ..Default::default() };
     let drag = processed(&take.recording, &settings).unwrap();
     let psd = |signal: &[f64]| welch(signal, 1000.0, 512, 256, Window::Hann).unwrap();
     let recorded = psd(&drag.signals().acceleration_m_s2);

@@ -82,11 +82,7 @@ fn what_was_recorded_stays_where_the_target_fills_meanwhile() {
     let folder = folder.path();
     let target = folder.join("t");
     let live = ["run", "g.ron", "--live", "--for", "2", "--out", "t"];
-    let mut running = command(folder, &live)
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut running = command(folder, &live).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     // As soon as the run waits beside its target.
     while !folder.join("t.partial-1/x.csv").exists() {
         assert!(running.try_wait().unwrap().is_none(), "it ended before it began");
@@ -134,26 +130,13 @@ fn outputs_of_others_are_replaced_by_force_only() {
     let surface = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/canvas-thesis.ron");
     let surface = surface.display().to_string();
     let probe = [&RUN[..], &["--probe", "s=file.csv"]].concat();
-    let resample = [
-        "surface", "resample", &surface, "--rate", "5000", "--method", "spectral", "-o", "file.ron",
-    ];
-    let record = [
-        "simulate-recording",
-        "--material",
-        "T5",
-        "--motion",
-        "drag",
-        "--seconds",
-        "0.1",
-        "-o",
-        "file.npz",
-    ];
+    let resample =
+        ["surface", "resample", &surface, "--rate", "5000", "--method", "spectral", "-o", "file.ron"];
+    let record =
+        ["simulate-recording", "--material", "T5", "--motion", "drag", "--seconds", "0.1", "-o", "file.npz"];
     for (file, arguments) in [
         ("file.svg", &["draw", "g.ron", "-o", "file.svg"][..]),
-        (
-            "file.svg",
-            &["bench", "g.ron", "--for", "0.01", "--svg", "file.svg"],
-        ),
+        ("file.svg", &["bench", "g.ron", "--for", "0.01", "--svg", "file.svg"]),
         ("file.csv", &probe),
         ("file.xml", &["surface", "convert", &surface, "file.xml"]),
         ("file.ron", &resample),
@@ -165,10 +148,7 @@ fn outputs_of_others_are_replaced_by_force_only() {
         let told = String::from_utf8_lossy(&refused.stderr);
         assert!(told.contains("--force"), "{arguments:?}: {told}");
         assert_eq!(read(folder, file), "mine", "{arguments:?}");
-        assert!(
-            succeeds(folder, &[arguments, &["--force"]].concat()),
-            "{arguments:?}"
-        );
+        assert!(succeeds(folder, &[arguments, &["--force"]].concat()), "{arguments:?}");
         assert!(fs::read(folder.join(file)).unwrap() != b"mine");
         assert!(succeeds(folder, arguments), "its own is replaced: {arguments:?}");
     }

@@ -84,10 +84,7 @@ impl Running {
             let ended = self.child.try_wait().unwrap().is_some();
             let told = self.said();
             assert!(is_said(&told) || !ended, "it ended: {told}");
-            assert!(
-                start.elapsed() < Duration::from_secs(60),
-                "no `{words}` in: {told}"
-            );
+            assert!(start.elapsed() < Duration::from_secs(60), "no `{words}` in: {told}");
             std::thread::sleep(Duration::from_millis(20));
         }
     }
@@ -163,10 +160,7 @@ fn live_and_offline_give_the_same_bytes() {
         assert!(of("offline", file) == of("live", file), "{file}");
     }
     let facts = facts(&folder.path().join("live"));
-    assert_eq!(
-        (&facts["driver_frames"], &facts["live"]),
-        (&14_400.into(), &true.into())
-    );
+    assert_eq!((&facts["driver_frames"], &facts["live"]), (&14_400.into(), &true.into()));
     assert!(facts["late_us"]["p99"].is_number() && facts["wakes"].as_u64().unwrap() >= 300);
 }
 
@@ -184,12 +178,7 @@ const TONE: &str = r#"Graph(format: 1,
 fn samples(path: &Path) -> Vec<f32> {
     let bytes = fs::read(path).unwrap();
     let at = bytes.windows(4).position(|tag| tag == b"data").unwrap() + 8;
-    bytes[at..]
-        .as_chunks()
-        .0
-        .iter()
-        .map(|bytes| f32::from_le_bytes(*bytes))
-        .collect()
+    bytes[at..].as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
 }
 
 #[test]
@@ -219,12 +208,7 @@ fn a_setting_typed_while_it_runs_glides_and_a_stop_completes_the_files() {
     assert_eq!((heard[0], *heard.last().unwrap()), (0.25, 0.75));
     assert!(heard.contains(&0.5));
     // 20 ms for a quarter: 1/80 a frame.
-    assert!(
-        heard
-            .windows(2)
-            .all(|pair| (0.0..0.013).contains(&(pair[1] - pair[0]))),
-        "a jump"
-    );
+    assert!(heard.windows(2).all(|pair| (0.0..0.013).contains(&(pair[1] - pair[0]))), "a jump");
 }
 
 /// An OSC message with one number.
@@ -247,11 +231,7 @@ fn a_graph_whose_name_is_no_text_leaves_its_files() {
     fs::write(folder.path().join(name), TONE).unwrap();
     let mut run = command(folder.path(), &["run", "--live", "--for", "0.1", "--out", "out"]);
     let output = run.arg(name).output().unwrap();
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(facts(&folder.path().join("out"))["graph"], "g\u{fffd}.ron");
 }
 
@@ -270,10 +250,7 @@ fn what_is_said_of_signals_that_are_no_numbers_stands_in_the_facts_and_on_the_pa
         let told = String::from_utf8_lossy(&told.stderr).into_owned();
         let faults = facts(&folder.path().join("out"))["faults"][0].clone();
         let ticks = faults["ticks"].as_u64().unwrap();
-        assert!(
-            ticks > 0 && told.contains(&format!("{ticks} ticks")),
-            "{faults}, {told}"
-        );
+        assert!(ticks > 0 && told.contains(&format!("{ticks} ticks")), "{faults}, {told}");
         assert_eq!(faults["origin"], "larger");
         let page = fs::read_to_string(folder.path().join("out/report.html")).unwrap();
         assert!(page.contains(&format!("origin larger, ticks {ticks}")));
@@ -295,15 +272,9 @@ fn a_live_run_ends_with_its_data() {
         let told = succeed(folder.path(), &[&run[..], more].concat());
         let told = String::from_utf8_lossy(&told.stderr).into_owned();
         let facts = facts(&folder.path().join("out"));
-        assert_eq!(
-            (&facts["driver_frames"], &facts["stopped"]),
-            (&300.into(), &false.into())
-        );
+        assert_eq!((&facts["driver_frames"], &facts["stopped"]), (&300.into(), &false.into()));
         let warnings = facts["warnings"].to_string();
-        assert!(
-            warnings.contains("`felt`") && told.contains("`felt`"),
-            "{warnings}"
-        );
+        assert!(warnings.contains("`felt`") && told.contains("`felt`"), "{warnings}");
         let kept = fs::read_to_string(folder.path().join("out/y.csv")).unwrap();
         let last = kept.lines().last().unwrap().rsplit(',').next().unwrap();
         assert_eq!((kept.lines().count(), last.parse::<f64>().unwrap()), (301, 299.0));
@@ -317,17 +288,10 @@ fn without_soundcards_a_live_run_says_what_to_install() {
     let graph = shipped("texturepad.ron");
     let endpoints = ["--endpoints", "soundcard"];
     succeed(folder.path(), &[&["check", &graph], &endpoints[..]].concat());
-    let arguments = [
-        &["run", &graph, "--live", "--for", "0.1", "--out", "o"],
-        &endpoints[..],
-    ]
-    .concat();
+    let arguments = [&["run", &graph, "--live", "--for", "0.1", "--out", "o"], &endpoints[..]].concat();
     let output = command(folder.path(), &arguments).output().unwrap();
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(
-        !output.status.success() && told.contains("libasound2-dev"),
-        "{told}"
-    );
+    assert!(!output.status.success() && told.contains("libasound2-dev"), "{told}");
     assert!(told.contains("--features soundcard"), "{told}");
     assert!(!folder.path().join("o").exists());
 }
@@ -351,22 +315,10 @@ fn offline_nothing_is_heard_of_a_soundcard_and_check_counts_its_latency() {
     let told = String::from_utf8_lossy(&told.stdout).into_owned();
     // A buffer of 64 frames at 48 kHz, and the 5 ms that the clocks are kept apart.
     assert!(told.contains("latency felt -> file: 6.33 ms transport"), "{told}");
-    let offline = [
-        "run",
-        "felt.ron",
-        "--endpoints",
-        "live",
-        "--for",
-        "0.1",
-        "--out",
-        "o",
-    ];
+    let offline = ["run", "felt.ron", "--endpoints", "live", "--for", "0.1", "--out", "o"];
     let told = succeed(folder.path(), &offline);
     let told = String::from_utf8_lossy(&told.stderr).into_owned();
-    assert!(
-        told.contains("warning: `tool` (SoundcardAccelerometer)"),
-        "{told}"
-    );
+    assert!(told.contains("warning: `tool` (SoundcardAccelerometer)"), "{told}");
     let felt = samples(&folder.path().join("o/felt.wav"));
     assert!(felt.len() == 800 && felt.iter().all(|x| *x == 0.0));
 }
@@ -382,10 +334,7 @@ fn a_device_that_never_spoke_is_told_of_live_and_offline() {
     let (before, _) = graph.split_once("\"live\"").unwrap();
     fs::write(folder.path().join("udp.ron"), format!("{before}{live} }})")).unwrap();
     for (way, words) in [
-        (
-            &["--endpoints", "live"][..],
-            "`tool` (UdpDevice) delivers data only in",
-        ),
+        (&["--endpoints", "live"][..], "`tool` (UdpDevice) delivers data only in"),
         (&["--live"][..], "sent nothing in this run"),
     ] {
         let run = ["run", "udp.ron", "--for", "0.1", "--out", "o"];
@@ -403,14 +352,9 @@ fn a_device_that_never_spoke_is_told_of_live_and_offline() {
 fn without_soundcards_nothing_is_listened_to_and_the_run_says_what_to_install() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("felt.ron"), FELT).unwrap();
-    let output = command(folder.path(), &["run", "felt.ron", "--live", "--for", "0.1"])
-        .output()
-        .unwrap();
+    let output = command(folder.path(), &["run", "felt.ron", "--live", "--for", "0.1"]).output().unwrap();
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(
-        !output.status.success() && told.contains("libasound2-dev"),
-        "{told}"
-    );
+    assert!(!output.status.success() && told.contains("libasound2-dev"), "{told}");
 }
 
 #[test]
@@ -419,10 +363,7 @@ fn the_texturepad_by_soundcard_takes_less_than_ten_milliseconds() {
     let graph = shipped("texturepad.ron");
     let told = succeed(folder.path(), &["check", &graph, "--endpoints", "live"]);
     let told = String::from_utf8_lossy(&told.stdout).into_owned();
-    let line = told
-        .lines()
-        .find(|line| line.starts_with("latency stylus -> out:"))
-        .unwrap();
+    let line = told.lines().find(|line| line.starts_with("latency stylus -> out:")).unwrap();
     let transport = line.split_whitespace().nth(4).unwrap();
     let transport_ms: f64 = transport.parse().unwrap();
     // Two buffers of 64 frames at 48 kHz are 2.67 ms of it.
@@ -450,9 +391,7 @@ fn sound_of_page(run: &Path) -> Vec<f32> {
         .collect();
     let size = bytes[40..44].try_into().map(u32::from_le_bytes).unwrap() as usize;
     let samples = bytes[44..44 + size].as_chunks().0.iter();
-    samples
-        .map(|two| f32::from(i16::from_le_bytes(*two)) / 32767.0)
-        .collect()
+    samples.map(|two| f32::from(i16::from_le_bytes(*two)) / 32767.0).collect()
 }
 
 /// Whether samples are those of a page, which are rounded to 16 bits.
@@ -483,10 +422,7 @@ fn a_stall_is_marked_where_it_stands_in_the_files() {
     let at_s: Vec<f64> = serde_json::from_value(facts["stalled_at_s"].clone()).unwrap();
     let seconds = facts["seconds"].as_f64().unwrap();
     assert_eq!(at_s.len() as u64, facts["stalls"].as_u64().unwrap());
-    assert!(
-        at_s.iter().all(|at_s| (0.0..seconds).contains(at_s)),
-        "{at_s:?} of {seconds} s"
-    );
+    assert!(at_s.iter().all(|at_s| (0.0..seconds).contains(at_s)), "{at_s:?} of {seconds} s");
     assert!(told.contains(&format!("jump at {:.3} s", at_s[0])), "{told}");
 }
 
@@ -496,18 +432,12 @@ fn a_stall_is_marked_where_it_stands_in_the_files() {
 fn in_a_minute_no_time_is_lost_that_is_not_reported() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("tone.ron"), TONE).unwrap();
-    succeed(
-        folder.path(),
-        &["run", "tone.ron", "--live", "--for", "60", "--out", "out"],
-    );
+    succeed(folder.path(), &["run", "tone.ron", "--live", "--for", "60", "--out", "out"]);
     let facts = facts(&folder.path().join("out"));
     assert_eq!(samples(&folder.path().join("out/loud.wav")).len(), 60_000);
     assert_eq!(facts["lost_numbers"], 0);
     let lost_s = facts["lost_wakes"].as_f64().unwrap() / 1000.0;
     let over_s = facts["took_s"].as_f64().unwrap() - 60.0;
     // Starting, stopping and completing the files take a while too.
-    assert!(
-        over_s - lost_s < 1.0,
-        "{over_s} s too long, {lost_s} s of them reported"
-    );
+    assert!(over_s - lost_s < 1.0, "{over_s} s too long, {lost_s} s of them reported");
 }

@@ -62,11 +62,7 @@ fn the_python_client_is_felt_by_a_live_graph_and_driven_within_its_limit() {
 fn is_felt_and_driven(client: &mut Command) {
     let folder = tempfile::tempdir().unwrap();
     let address = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    fs::write(
-        folder.path().join("graph.ron"),
-        GRAPH.replace("ADDRESS", &address.to_string()),
-    )
-    .unwrap();
+    fs::write(folder.path().join("graph.ron"), GRAPH.replace("ADDRESS", &address.to_string())).unwrap();
     let graph = Command::new(env!("CARGO_BIN_EXE_haptograph"))
         .args(["run", "graph.ron", "--live", "--for", "3"])
         .current_dir(&folder)
@@ -78,11 +74,7 @@ fn is_felt_and_driven(client: &mut Command) {
     let port = address.port().to_string();
     let client = client.args(["127.0.0.1", &port, "60"]).output().unwrap();
     let graph = graph.wait_with_output().unwrap();
-    assert!(
-        graph.status.success(),
-        "{}",
-        String::from_utf8_lossy(&graph.stderr)
-    );
+    assert!(graph.status.success(), "{}", String::from_utf8_lossy(&graph.stderr));
     let said = String::from_utf8_lossy(&client.stdout).into_owned();
     let complained = String::from_utf8_lossy(&client.stderr);
     assert!(client.status.success(), "{said}{complained}");
@@ -90,26 +82,17 @@ fn is_felt_and_driven(client: &mut Command) {
     assert!(largest > 0.0 && largest <= 0.2, "{said}");
 
     let path = fs::read_to_string(folder.path().join("out/graph/path.csv")).unwrap();
-    let furthest = path
-        .lines()
-        .skip(1)
-        .filter_map(|line| line.split(',').nth(1)?.parse::<f64>().ok());
+    let furthest = path.lines().skip(1).filter_map(|line| line.split(',').nth(1)?.parse::<f64>().ok());
     let furthest = furthest.fold(0.0, f64::max);
     assert!(furthest > 0.0, "the tool was seen to move: {furthest}");
     let facts: serde_json::Value =
         serde_json::from_slice(&fs::read(folder.path().join("out/graph/run.json")).unwrap()).unwrap();
-    assert!(
-        facts["packets"]["arm"]["accepted"].as_u64().unwrap() > 10,
-        "{facts}"
-    );
+    assert!(facts["packets"]["arm"]["accepted"].as_u64().unwrap() > 10, "{facts}");
     assert_eq!(facts["simulated_devices"], false);
     let latency = &facts["latencies_ms"]["arm to out"];
     let age_ms = latency["age_when_read"]["p50"].as_f64().unwrap();
     // Older than 2 s it counts as gone. How long the device takes to be driven is not known here.
-    assert!(
-        age_ms < 2000.0 && latency["until_played"].is_null(),
-        "{latency:#}"
-    );
+    assert!(age_ms < 2000.0 && latency["until_played"].is_null(), "{latency:#}");
     assert!(latency["transport"]["max"].as_f64().unwrap() >= age_ms);
 }
 
@@ -171,19 +154,13 @@ fn the_message_of_a_silent_sender_says_what_its_actuator_was_delivered() {
 
     let out = folder.path().join("out/graph");
     let kept = fs::read_to_string(out.join("kept.csv")).unwrap();
-    let delivered: Vec<f64> = kept
-        .lines()
-        .filter_map(|line| line.split(',').nth(1)?.parse().ok())
-        .collect();
+    let delivered: Vec<f64> = kept.lines().filter_map(|line| line.split(',').nth(1)?.parse().ok()).collect();
     let largest = delivered.iter().copied().fold(0.0, f64::max);
     assert!((largest - 0.5).abs() < 1e-9, "{largest}");
     assert!(delivered.iter().rev().take(1000).all(|x| *x == 0.0));
     let facts: serde_json::Value = serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap();
     let silence = &facts["silences"][0];
-    assert_eq!(
-        (&silence["input"], &silence["actuators"][0]["at_zero"]),
-        (&"stylus".into(), &true.into())
-    );
+    assert_eq!((&silence["input"], &silence["actuators"][0]["at_zero"]), (&"stylus".into(), &true.into()));
     let simulated = |name: &str| {
         let devices = facts["devices"].as_array().unwrap();
         let device = devices.iter().find(|device| device["name"] == name).unwrap();
@@ -191,8 +168,5 @@ fn the_message_of_a_silent_sender_says_what_its_actuator_was_delivered() {
     };
     assert_eq!((simulated("stylus"), simulated("coil")), (false, true));
     let told = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(
-        told.contains("simulated: output `coil`; real: input `stylus`"),
-        "{told}"
-    );
+    assert!(told.contains("simulated: output `coil`; real: input `stylus`"), "{told}");
 }

@@ -49,16 +49,10 @@ fn the_device_goes_on_after_an_edit_that_was_refused() {
     let sender = run.sender();
     sender.send(Request::new("path", "/nowhere/at/all")).unwrap();
     let events = wait_for(&mut run, |event| matches!(event, Event::Refused(_)));
-    assert!(
-        events.iter().any(|event| matches!(event, Event::Refused(_))),
-        "{events:?}"
-    );
+    assert!(events.iter().any(|event| matches!(event, Event::Refused(_))), "{events:?}");
     sender.send(Request::new("level", "0.4")).unwrap();
     let events = wait_for(&mut run, |event| matches!(event, Event::Changed(..)));
-    assert!(
-        events.iter().any(|event| matches!(event, Event::Changed(..))),
-        "{events:?}"
-    );
+    assert!(events.iter().any(|event| matches!(event, Event::Changed(..))), "{events:?}");
     let accepted = |run: &mut Supervisor| {
         let status = run.status();
         assert_eq!(status.inputs.len(), 1);
@@ -84,9 +78,7 @@ fn a_real_device_that_nothing_reaches_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let options = graph(folder.path(), "Workload()");
     let mut registry = haptograph::nodes::registry();
-    registry.add_device(haptograph::engine::device::DeviceEntry::of::<
-        custom_device::Workload,
-    >());
+    registry.add_device(haptograph::engine::device::DeviceEntry::of::<custom_device::Workload>());
     let refused = Supervisor::start(options, &registry, None).map(drop);
     assert!(
         matches!(&refused, Err(StartError::Backend(BackendError::Unreached { device, .. })) if device == "work"),

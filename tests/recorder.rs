@@ -21,15 +21,11 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 fn place(file: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("graphs/surfaces")
-        .join(file)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/surfaces").join(file)
 }
 
 fn shipped() -> impl Iterator<Item = (Material, Surface)> {
-    SHIPPED
-        .into_iter()
-        .map(|(name, file, _)| (Material::of(name), files::load(&place(file)).unwrap()))
+    SHIPPED.into_iter().map(|(name, file, _)| (Material::of(name), files::load(&place(file)).unwrap()))
 }
 
 #[test]
@@ -38,11 +34,7 @@ fn what_was_learned_is_what_was_simulated() {
         let name = &surface.name;
         let near = |found: f64, set: f64, by: f64| (found / set - 1.0).abs() < by;
         let (friction, stiffness) = (surface.friction.unwrap(), surface.stiffness.unwrap());
-        assert!(
-            near(friction.mu(), material.friction, 0.05),
-            "{name}: {}",
-            friction.mu()
-        );
+        assert!(near(friction.mu(), material.friction, 0.05), "{name}: {}", friction.mu());
         assert!(
             near(stiffness.n_per_m(), material.stiffness_n_per_m, 0.05),
             "{name}: {}",
@@ -50,22 +42,12 @@ fn what_was_learned_is_what_was_simulated() {
         );
         assert_eq!(surface.provenance.origin, Origin::Simulated);
         let texture = surface.texture.unwrap();
-        assert!(
-            texture.max_speed_m_s() > 0.12 && texture.max_force_n() > 1.8,
-            "{name}"
-        );
+        assert!(texture.max_speed_m_s() > 0.12 && texture.max_force_n() > 1.8, "{name}");
         // A blow is the harder the faster it comes.
         let taps = surface.taps.unwrap();
-        let peak = |k: usize| {
-            taps.taps()[k]
-                .acceleration_m_s2
-                .iter()
-                .fold(0.0_f64, |most, a| most.max(a.abs()))
-        };
-        assert!(
-            taps.taps().len() > 4 && peak(taps.taps().len() - 1) > 1.5 * peak(0),
-            "{name}"
-        );
+        let peak =
+            |k: usize| taps.taps()[k].acceleration_m_s2.iter().fold(0.0_f64, |most, a| most.max(a.abs()));
+        assert!(taps.taps().len() > 4 && peak(taps.taps().len() - 1) > 1.5 * peak(0), "{name}");
     }
 }
 
@@ -74,10 +56,7 @@ fn harder_materials_answer_a_tap_with_a_higher_tone() {
     use haptograph::surfaces::learning::taps::tap_spectral_centroid_hz;
     let mut all: Vec<(f64, f64)> = shipped()
         .map(|(material, surface)| {
-            (
-                material.stiffness_n_per_m,
-                tap_spectral_centroid_hz(&surface.taps.unwrap()),
-            )
+            (material.stiffness_n_per_m, tap_spectral_centroid_hz(&surface.taps.unwrap()))
         })
         .collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -91,10 +70,7 @@ fn peaks_ms(recording: &AnyRecording) -> Vec<f64> {
     let (_, report) = learn_taps(&[recording], &settings.processing, &settings.taps).unwrap();
     let processed = processed(
         recording,
-        &ProcessingSettings {
-            normal: SurfaceNormal::ForceDirection,
-            ..settings.processing
-        },
+        &ProcessingSettings { normal: SurfaceNormal::ForceDirection, ..settings.processing },
     );
     let processed = processed.unwrap();
     let axes = processed.signals().axes_m_s2.as_ref().unwrap();
@@ -110,11 +86,8 @@ fn peaks_ms(recording: &AnyRecording) -> Vec<f64> {
 }
 
 fn spread(values: &[f64]) -> f64 {
-    let (least, most) = values
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
-            (a.min(*x), b.max(*x))
-        });
+    let (least, most) =
+        values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
     most - least
 }
 
@@ -122,21 +95,12 @@ fn spread(values: &[f64]) -> f64 {
 fn taps_of_every_material_and_person_begin_at_contact() {
     for (material, _, name) in SHIPPED {
         for seed in 1..=3 {
-            let session = Session {
-                material,
-                gesture: Gesture::Tap,
-                person: seed,
-                seconds: 6.0,
-                seed,
-            };
+            let session = Session { material, gesture: Gesture::Tap, person: seed, seconds: 6.0, seed };
             let recording = record(&session, &AtomicBool::new(false), &mut |_| ()).unwrap();
             let peaks_ms = peaks_ms(&recording);
             assert!(peaks_ms.len() >= 3, "{name}, {seed}: {peaks_ms:?}");
             assert!(spread(&peaks_ms) <= 1.0, "{name}, {seed}: {peaks_ms:?}");
-            assert!(
-                peaks_ms.iter().all(|ms| (0.2..=2.5).contains(ms)),
-                "{name}, {seed}: {peaks_ms:?}"
-            );
+            assert!(peaks_ms.iter().all(|ms| (0.2..=2.5).contains(ms)), "{name}, {seed}: {peaks_ms:?}");
         }
     }
 }
@@ -147,18 +111,12 @@ fn the_peaks_of_shipped_taps_lie_within_a_millisecond() {
         let taps = surface.taps.unwrap();
         let peak_ms = |tap: &Tap| {
             let size = |i: &usize| tap.acceleration_m_s2[*i].abs();
-            let at = (0..taps.length())
-                .max_by(|i, j| size(i).total_cmp(&size(j)))
-                .unwrap();
+            let at = (0..taps.length()).max_by(|i, j| size(i).total_cmp(&size(j))).unwrap();
             at as f64 / taps.rate_hz() * 1e3
         };
         let peaks_ms: Vec<f64> = taps.taps().iter().map(peak_ms).collect();
         assert!(spread(&peaks_ms) <= 1.0, "{}: {peaks_ms:?}", surface.name);
-        assert!(
-            peaks_ms.iter().all(|ms| *ms <= 3.0),
-            "{}: {peaks_ms:?}",
-            surface.name
-        );
+        assert!(peaks_ms.iter().all(|ms| *ms <= 3.0), "{}: {peaks_ms:?}", surface.name);
     }
 }
 
@@ -176,13 +134,7 @@ const FROZEN_DB: [[f64; 3]; 6] = [
 #[test]
 fn simulated_materials_vibrate_as_they_did_when_they_were_measured() {
     for ((material, _, name), frozen) in SHIPPED.into_iter().zip(FROZEN_DB) {
-        let session = Session {
-            material,
-            gesture: Gesture::Drag,
-            person: 1,
-            seconds: 2.0,
-            seed: 1,
-        };
+        let session = Session { material, gesture: Gesture::Drag, person: 1, seconds: 2.0, seed: 1 };
         let recording = record(&session, &AtomicBool::new(false), &mut |_| ()).unwrap();
         let AnyRecording::Raw(raw) = recording else {
             panic!("a recorder's recordings are raw");
@@ -199,10 +151,7 @@ fn simulated_materials_vibrate_as_they_did_when_they_were_measured() {
             10.0 * (0..3).map(of).sum::<f64>().log10()
         });
         // Not to the bit: sines round differently elsewhere.
-        let near = levels
-            .iter()
-            .zip(frozen)
-            .all(|(level, frozen)| (level - frozen).abs() < 0.05);
+        let near = levels.iter().zip(frozen).all(|(level, frozen)| (level - frozen).abs() < 0.05);
         assert!(near, "{name}: {levels:.2?} for {frozen:?}");
     }
 }
@@ -211,16 +160,10 @@ fn simulated_materials_vibrate_as_they_did_when_they_were_measured() {
 #[test]
 fn a_shipped_surface_is_learned_again() {
     let (material, file, name) = SHIPPED[4];
-    let (again, shipped) = (
-        learned(material, name).unwrap(),
-        files::load(&place(file)).unwrap(),
-    );
+    let (again, shipped) = (learned(material, name).unwrap(), files::load(&place(file)).unwrap());
     assert_eq!(again.provenance, shipped.provenance);
     let close = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b.abs();
-    assert!(close(
-        again.friction.unwrap().mu(),
-        shipped.friction.unwrap().mu()
-    ));
+    assert!(close(again.friction.unwrap().mu(), shipped.friction.unwrap().mu()));
     let (again, shipped) = (again.texture.unwrap(), shipped.texture.unwrap());
     assert_eq!(again.models().len(), shipped.models().len());
     for (a, b) in again.models().iter().zip(shipped.models()) {
@@ -242,43 +185,25 @@ fn the_shipped_surfaces_are_learned_again_to_the_bit() {
 fn the_press_of_the_thesis_shows_the_stiffness_that_was_simulated() {
     let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/graphs/recorder.ron");
     let options = CheckOptions::default();
-    let set = [
-        ("motion", "Press"),
-        ("press_n", "10"),
-        ("tracker_hz", "10"),
-        ("material", "T2"),
-    ];
-    let options = set
-        .into_iter()
-        .fold(options, |options, (name, value)| options.set(name, value));
+    let set = [("motion", "Press"), ("press_n", "10"), ("tracker_hz", "10"), ("material", "T2")];
+    let options = set.into_iter().fold(options, |options, (name, value)| options.set(name, value));
     let graph = haptograph::open(graph, &options).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut sinks = FileSinks::new(&graph);
     sinks.open_files(folder.path()).unwrap();
-    Offline::new(sinks, 0)
-        .run(12.0, &AtomicBool::new(false), &mut |_| ())
-        .unwrap();
+    Offline::new(sinks, 0).run(12.0, &AtomicBool::new(false), &mut |_| ()).unwrap();
     let recording = load(&folder.path().join("recording.npz")).unwrap();
-    let AnyRecording::Raw(recording) = recording else {
-        panic!()
-    };
+    let AnyRecording::Raw(recording) = recording else { panic!() };
     let settings = LearnSettings::default();
     let (stiffness, report) =
         learn_stiffness(&recording, &settings.processing, &StiffnessSettings::default()).unwrap();
-    let hardest_n = report
-        .curve
-        .iter()
-        .fold(0.0, |most: f64, (_, force_n)| most.max(*force_n));
+    let hardest_n = report.curve.iter().fold(0.0, |most: f64, (_, force_n)| most.max(*force_n));
     assert!(
         (9.5..10.5).contains(&hardest_n) && report.curve.len() < 75,
         "{hardest_n} N in {}",
         report.curve.len()
     );
     let simulated = Material::of(MaterialName::T2).stiffness_n_per_m;
-    assert!(
-        (stiffness.n_per_m() / simulated - 1.0).abs() < 0.05,
-        "{}",
-        stiffness.n_per_m()
-    );
+    assert!((stiffness.n_per_m() / simulated - 1.0).abs() < 0.05, "{}", stiffness.n_per_m());
     assert!(report.line.r_squared > 0.99);
 }

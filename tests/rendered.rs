@@ -65,30 +65,17 @@ fn an_evaluation_plays_what_a_graph_renders() {
     let with_lines = folder.path().join("lines.ron");
     let mut tile = files::load(&root.join("graphs/surfaces/t3-tile.ron")).expect("it is a surface");
     let texture = tile.texture.take().expect("it has a texture");
-    let powers: Vec<f64> = texture
-        .models()
-        .iter()
-        .map(|at| at.speed_m_s * at.force_n)
-        .collect();
+    let powers: Vec<f64> = texture.models().iter().map(|at| at.speed_m_s * at.force_n).collect();
     let line = |cycles_per_m| SpatialLine::new(cycles_per_m, 2.0, powers.clone()).expect("a line");
     let lines = vec![line(900.0), line(2300.0)];
     tile.texture = Some(texture.with_lines(lines).expect("a texture"));
     files::save(&tile, &with_lines).expect("it is written");
-    for surface in [
-        &root.join("graphs/surfaces/t3-tile.ron"),
-        &root.join("tests/data/canvas-thesis.ron"),
-        &with_lines,
-    ] {
+    for surface in
+        [&root.join("graphs/surfaces/t3-tile.ron"), &root.join("tests/data/canvas-thesis.ron"), &with_lines]
+    {
         let [speed_m_s, force_n, rendered] = render(surface);
-        let texture = files::load(surface)
-            .expect("it is a surface")
-            .texture
-            .expect("it has a texture");
-        let along = Trajectory {
-            rate_hz: RATE_HZ,
-            speed_m_s,
-            force_n,
-        };
+        let texture = files::load(surface).expect("it is a surface").texture.expect("it has a texture");
+        let along = Trajectory { rate_hz: RATE_HZ, speed_m_s, force_n };
         let settings = SynthesisSettings {
             seed: stream_seed(SEED, "excite"),
             lines_seed: stream_seed(SEED, "filter"),
@@ -97,13 +84,7 @@ fn an_evaluation_plays_what_a_graph_renders() {
         let played = synthesise(&texture, &along, &settings).expect("it can be played");
         assert_eq!(played.len(), rendered.len());
         let differ = played.iter().zip(&rendered).position(|(a, b)| a != b);
-        assert_eq!(
-            differ,
-            None,
-            "{}: {:?}",
-            surface.display(),
-            differ.map(|at| (played[at], rendered[at]))
-        );
+        assert_eq!(differ, None, "{}: {:?}", surface.display(), differ.map(|at| (played[at], rendered[at])));
         assert!(played.iter().any(|x| x.abs() > 0.1));
     }
 }

@@ -15,9 +15,7 @@ use std::time::Instant;
 
 /// By their names, in order.
 fn seeds(target: &str) -> Vec<(String, Vec<u8>)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("fuzz/seeds")
-        .join(target);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds").join(target);
     let files = fs::read_dir(folder).unwrap_or_else(|error| panic!("{target}: {error}"));
     let seed = |file: std::io::Result<fs::DirEntry>| {
         let path = file.expect("a file").path();
@@ -39,10 +37,7 @@ fn every_fuzz_target_stands_its_seeds_and_accepts_and_refuses_some() {
             is_accepted
         };
         let accepted: Vec<bool> = seeds(name).into_iter().map(is_accepted).collect();
-        assert!(
-            accepted.contains(&true) && accepted.contains(&false),
-            "{name}: {accepted:?}"
-        );
+        assert!(accepted.contains(&true) && accepted.contains(&false), "{name}: {accepted:?}");
     }
 }
 
@@ -76,10 +71,8 @@ const EXTREMES: &str = include_str!("../fuzz/extremes.dict");
 
 /// The place of a number at or after `at`, and an extreme one for it; among bytes that are no text, the extreme as a double.
 fn extreme(bytes: &[u8], at: usize, dice: &mut Dice) -> (Range<usize>, Vec<u8>) {
-    let extremes: Vec<&str> = EXTREMES
-        .lines()
-        .filter_map(|line| line.strip_prefix('"')?.strip_suffix('"'))
-        .collect();
+    let extremes: Vec<&str> =
+        EXTREMES.lines().filter_map(|line| line.strip_prefix('"')?.strip_suffix('"')).collect();
     let extreme = extremes[dice.below(extremes.len())];
     if bytes.contains(&0) && dice.below(2) == 0 {
         let number = extreme.parse::<f64>().expect("a number");
@@ -89,19 +82,9 @@ fn extreme(bytes: &[u8], at: usize, dice: &mut Dice) -> (Range<usize>, Vec<u8>) 
     let Some(digit) = bytes[at..].iter().position(u8::is_ascii_digit) else {
         return (at..at, Vec::new());
     };
-    let before = bytes[..at + digit]
-        .iter()
-        .rev()
-        .take_while(|byte| is_part(byte))
-        .count();
-    let after = bytes[at + digit..]
-        .iter()
-        .take_while(|byte| is_part(byte))
-        .count();
-    (
-        at + digit - before..at + digit + after,
-        extreme.as_bytes().to_vec(),
-    )
+    let before = bytes[..at + digit].iter().rev().take_while(|byte| is_part(byte)).count();
+    let after = bytes[at + digit..].iter().take_while(|byte| is_part(byte)).count();
+    (at + digit - before..at + digit + after, extreme.as_bytes().to_vec())
 }
 
 /// A seed with one to four changes: digits, numbers, bytes, words and passages.
@@ -149,10 +132,7 @@ fn mutate((name, target): fuzz::Target, turn: Turn, seed: u64) {
     while goes_on(inputs) {
         let input = mutated(&pool, &mut dice);
         let is_accepted = catch_unwind(|| target(&input)).unwrap_or_else(|_| {
-            panic!(
-                "{name}, seed {seed}, input {inputs}: \"{}\"",
-                input.escape_ascii()
-            );
+            panic!("{name}, seed {seed}, input {inputs}: \"{}\"", input.escape_ascii());
         });
         inputs += 1;
         if is_accepted && input.len() <= 100_000 {

@@ -45,20 +45,11 @@ fn every_shipped_graph_takes_a_surface_of_1_khz() {
         slow(folder.path(), Method::Zoh, "arma.xml"),
         slow(folder.path(), Method::Spectral, "ar.xml"),
     ];
-    for graph in [
-        "texturepad.ron",
-        "omni.ron",
-        "omni-coil.ron",
-        "ar-pen.ron",
-        "two-drivers.ron",
-    ] {
+    for graph in ["texturepad.ron", "omni.ron", "omni-coil.ron", "ar-pen.ron", "two-drivers.ron"] {
         let text = fs::read_to_string(graphs().join(graph)).unwrap();
         for file in &files {
             let graph_of = checked(graph, &text, file).unwrap();
-            let noted = graph_of
-                .warnings()
-                .iter()
-                .filter(|warning| warning.code == "W0107");
+            let noted = graph_of.warnings().iter().filter(|warning| warning.code == "W0107");
             // The rate, and with an arm that there are no taps.
             let expected = if graph.starts_with("omni") { 2 } else { 1 };
             assert_eq!(noted.count(), expected, "{graph}, {}", file.display());
@@ -85,9 +76,7 @@ fn rendered(surface: &Path, seconds: f64) -> Vec<f64> {
     let folder = tempfile::tempdir().unwrap();
     let mut outlets = FileSinks::new(&graph);
     outlets.open_files(folder.path()).unwrap();
-    Offline::new(outlets, 0)
-        .run(seconds, &AtomicBool::new(false), &mut |_| ())
-        .unwrap();
+    Offline::new(outlets, 0).run(seconds, &AtomicBool::new(false), &mut |_| ()).unwrap();
     let text = fs::read_to_string(folder.path().join("texture.csv")).unwrap();
     let last = |line: &str| line.rsplit(',').next().unwrap().parse().unwrap();
     text.lines().skip(1).map(last).collect()
@@ -113,28 +102,15 @@ fn power_and_spectrum_below_500_hz_are_those_of_the_models() {
                 (is + d * step_hz, should + density(*f_hz) * step_hz)
             })
         };
-        for (low_hz, high_hz) in [
-            (10.0, 60.0),
-            (60.0, 120.0),
-            (120.0, 200.0),
-            (200.0, 300.0),
-            (300.0, 400.0),
-            (400.0, 480.0),
-        ] {
+        for (low_hz, high_hz) in
+            [(10.0, 60.0), (60.0, 120.0), (120.0, 200.0), (200.0, 300.0), (300.0, 400.0), (400.0, 480.0)]
+        {
             let (is, should) = power(low_hz, high_hz);
             let db = 10.0 * (is / should).log10();
-            assert!(
-                db.abs() < 0.6,
-                "{}: {db} dB from {low_hz} to {high_hz} Hz",
-                method.name()
-            );
+            assert!(db.abs() < 0.6, "{}: {db} dB from {low_hz} to {high_hz} Hz", method.name());
         }
         let (is, should) = power(10.0, 480.0);
-        assert!(
-            (is / should - 1.0).abs() < 0.06,
-            "{}: {is} for {should}",
-            method.name()
-        );
+        assert!((is / should - 1.0).abs() < 0.06, "{}: {is} for {should}", method.name());
         let above = found.power_between(550.0, 5000.0);
         assert!(above < 1e-5 * is, "{}: {above} above 550 Hz", method.name());
     }

@@ -40,10 +40,7 @@ pub fn compare(work: Work, contenders: &mut [(&str, &mut dyn FnMut())]) -> Vec<f
             ns => (ns / 1e6, "ms"),
         };
         let ratio = medians[0] / ns;
-        println!(
-            "  {name:44} {value:10.3} {prefix} a {}   {ratio:7.2} x",
-            work.unit
-        );
+        println!("  {name:44} {value:10.3} {prefix} a {}   {ratio:7.2} x", work.unit);
     }
     medians
 }

@@ -23,10 +23,7 @@ const TOLERANCE: f64 = 0.1;
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     if let Some(at) = arguments.iter().position(|argument| argument == "--run") {
-        return match (
-            arguments.get(at + 1),
-            arguments.get(at + 2).and_then(|count| count.parse().ok()),
-        ) {
+        return match (arguments.get(at + 1), arguments.get(at + 2).and_then(|count| count.parse().ok())) {
             (Some(graph), Some(blocks)) => run(graph, blocks),
             _ => ExitCode::FAILURE,
         };
@@ -53,13 +50,7 @@ fn say(line: &str) {
 fn run(graph: &str, blocks: u64) -> ExitCode {
     let path = here().join("../../graphs").join(graph).with_extension("ron");
     let graph = Document::load(&path, &LoadOptions::default())
-        .and_then(|document| {
-            check(
-                &document,
-                &haptograph::nodes::registry(),
-                &CheckOptions::default(),
-            )
-        })
+        .and_then(|document| check(&document, &haptograph::nodes::registry(), &CheckOptions::default()))
         .expect("shipped graphs are sound");
     let options = PlanOptions::default().block(FRAMES);
     let mut run = Run::new(Arc::new(Plan::of(&graph, &options).remove(0)));

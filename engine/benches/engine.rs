@@ -32,11 +32,9 @@ criterion_main!(benches);
 fn tick(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("tick, per node");
     group.throughput(Throughput::Elements(NODES as u64));
-    for (what, kind) in [
-        ("does nothing", "Nothing"),
-        ("copies its input", "Copy"),
-        ("multiplies by a law", "Product"),
-    ] {
+    for (what, kind) in
+        [("does nothing", "Nothing"), ("copies its input", "Copy"), ("multiplies by a law", "Product")]
+    {
         for block in [1, 10, 64] {
             let mut run = Run::new(Arc::new(plan(&chain(kind, NODES), block)));
             group.bench_function(BenchmarkId::new(what, block), |bencher| {
@@ -101,12 +99,7 @@ fn drivers(criterion: &mut Criterion) {
     let graph = load(
         &source()
             .driver("other", RATE_HZ)
-            .node(
-                "copy",
-                Part::new("Copy")
-                    .on("other")
-                    .wire("input", from_ring("source.output", 5.0)),
-            )
+            .node("copy", Part::new("Copy").on("other").wire("input", from_ring("source.output", 5.0)))
             .text(),
     );
     let pair = || {
@@ -202,11 +195,7 @@ fn swap(criterion: &mut Criterion) {
                 running.callback(1, |_, _| {});
                 total += start.elapsed();
                 control.poll();
-                assert_eq!(
-                    control.freed(),
-                    freed + 1,
-                    "the change came in the callback that was timed"
-                );
+                assert_eq!(control.freed(), freed + 1, "the change came in the callback that was timed");
             }
             total
         });
@@ -218,9 +207,7 @@ fn swap(criterion: &mut Criterion) {
 fn set_up(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("1000 nodes, 2000 edges");
     let text = random_text();
-    group.bench_function("load and check", |bencher| {
-        bencher.iter(|| load(black_box(&text)))
-    });
+    group.bench_function("load and check", |bencher| bencher.iter(|| load(black_box(&text))));
     let graph = load(&text);
     group.bench_function("plan", |bencher| bencher.iter(|| plan(black_box(&graph), 64)));
     let made = Arc::new(plan(&graph, 64));
@@ -280,10 +267,7 @@ fn plan(graph: &Graph, block: usize) -> Plan {
 }
 
 const INPUT: InputSpec = input("input", Kind::SCALAR, Quantity::NUMBER, "Samples.");
-const INPUTS: InputSpec = InputSpec {
-    presence: Presence::Many,
-    ..any_input("inputs", "Samples.")
-};
+const INPUTS: InputSpec = InputSpec { presence: Presence::Many, ..any_input("inputs", "Samples.") };
 
 /// Node kinds without settings, each with how it is built and what its processor does.
 macro_rules! kinds {

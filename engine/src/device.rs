@@ -48,12 +48,7 @@ pub struct Channel {
 impl Channel {
     /// Makes a channel.
     pub const fn new(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> Self {
-        Self {
-            name,
-            kind,
-            quantity,
-            doc,
-        }
+        Self { name, kind, quantity, doc }
     }
 }
 
@@ -233,10 +228,7 @@ impl DeviceEntry {
             build: |fields, reading| {
                 let settings = K::Settings::take_from(fields, reading)?;
                 Some(Box::new(|cx| {
-                    Ok(BuiltDevice {
-                        settings: Arc::new(settings.clone()),
-                        body: K::build(settings, cx)?,
-                    })
+                    Ok(BuiltDevice { settings: Arc::new(settings.clone()), body: K::build(settings, cx)? })
                 }))
             },
             is_host: false,
@@ -246,10 +238,7 @@ impl DeviceEntry {
     /// Entry of the endpoints of a program that embeds the graph.
     pub fn host() -> Self {
         let is_host = true;
-        Self {
-            is_host,
-            ..Self::of::<crate::host::Host>()
-        }
+        Self { is_host, ..Self::of::<crate::host::Host>() }
     }
 
     /// True if the device is an endpoint of the program that embeds the graph; its channels are those that the graph

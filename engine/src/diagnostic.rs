@@ -64,10 +64,7 @@ impl Sources {
         };
         let before = &source.text[..floor_boundary(&source.text, span.start)];
         let line_start = before.rfind('\n').map_or(0, |i| i + 1);
-        (
-            before.matches('\n').count() + 1,
-            before[line_start..].chars().count() + 1,
-        )
+        (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
     }
 }
 
@@ -162,18 +159,8 @@ impl Diagnostic {
     }
 
     fn new(code: &'static str, severity: Severity, span: Span, message: impl Into<String>) -> Self {
-        let primary = Some(Label {
-            span,
-            text: String::new(),
-        });
-        Self {
-            code,
-            severity,
-            message: message.into(),
-            primary,
-            secondary: Vec::new(),
-            help: Vec::new(),
-        }
+        let primary = Some(Label { span, text: String::new() });
+        Self { code, severity, message: message.into(), primary, secondary: Vec::new(), help: Vec::new() }
     }
 
     /// Sets the label of the primary span.
@@ -188,10 +175,7 @@ impl Diagnostic {
     /// Adds a related place.
     #[must_use]
     pub fn also(mut self, span: Span, text: impl Into<String>) -> Self {
-        self.secondary.push(Label {
-            span,
-            text: text.into(),
-        });
+        self.secondary.push(Label { span, text: text.into() });
         self
     }
 

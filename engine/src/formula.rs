@@ -81,10 +81,7 @@ const FUNCTIONS: [(&str, Function); 29] = [
     // Not `f64::clamp`, which panics where the bounds are the wrong way round.
     ("clamp", Function::Three(|x, low, high| x.max(low).min(high))),
     ("mix", Function::Three(|a, b, part| a + (b - a) * part)),
-    (
-        "if",
-        Function::Three(|condition, then, otherwise| if condition != 0.0 { then } else { otherwise }),
-    ),
+    ("if", Function::Three(|condition, then, otherwise| if condition != 0.0 { then } else { otherwise })),
 ];
 
 const CONSTANTS: [(&str, f64); 2] = [("pi", PI), ("e", E)];
@@ -106,10 +103,7 @@ impl Formula {
     /// [`FormulaError`] if the formula or a name is invalid.
     pub fn parse(text: &str, inputs: &[&str]) -> Result<Self, FormulaError> {
         let (steps, depth) = parser::steps(text, inputs)?;
-        Ok(Self {
-            steps: steps.into(),
-            depth,
-        })
+        Ok(Self { steps: steps.into(), depth })
     }
 
     /// Number of values that [`compute`](Self::compute) needs as working memory, for each frame.
@@ -133,12 +127,7 @@ impl Formula {
     /// The value of the formula for one value of each input, at time 0; may be NaN or infinite. Allocates.
     pub fn value(&self, inputs: &[f64]) -> f64 {
         let mut work = vec![0.0; self.depth];
-        self.run(
-            1,
-            |input| inputs.get(input..=input).unwrap_or(&[]),
-            |_| 0.0,
-            &mut work,
-        );
+        self.run(1, |input| inputs.get(input..=input).unwrap_or(&[]), |_| 0.0, &mut work);
         work.first().copied().unwrap_or(f64::NAN)
     }
 
@@ -235,11 +224,7 @@ pub fn is_free(name: &str) -> bool {
         && letters.all(|c| c.is_alphanumeric() || c == '_');
     let functions = FUNCTIONS.iter().map(|(known, _)| *known);
     let constants = CONSTANTS.iter().map(|(known, _)| *known);
-    is_word
-        && functions
-            .chain(constants)
-            .chain([TIME])
-            .all(|known| known != name)
+    is_word && functions.chain(constants).chain([TIME]).all(|known| known != name)
 }
 
 #[cfg(test)]

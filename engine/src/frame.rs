@@ -82,11 +82,7 @@ pub struct Level {
 impl Level {
     /// The length of the frame as a vector, in the unit of the port.
     pub const fn norm(name: &'static str) -> Self {
-        Self {
-            name,
-            unit: None,
-            square: |frame| frame.iter().map(|x| x * x).sum(),
-        }
+        Self { name, unit: None, square: |frame| frame.iter().map(|x| x * x).sum() }
     }
 }
 
@@ -115,9 +111,7 @@ impl Kind {
     pub const WRENCH: Self = Self(&KindSpec {
         name: "wrench",
         one: "a wrench",
-        components: &[
-            "force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z",
-        ],
+        components: &["force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z"],
         neutral: &[],
         is_linear: true,
         bridges: &[],
@@ -184,10 +178,7 @@ impl Kind {
     /// Fills frames with the neutral one.
     pub(crate) fn fill_neutral(self, frames: &mut [f64]) {
         for frame in frames.chunks_exact_mut(self.width()) {
-            frame
-                .iter_mut()
-                .zip(self.neutral())
-                .for_each(|(x, neutral)| *x = neutral);
+            frame.iter_mut().zip(self.neutral()).for_each(|(x, neutral)| *x = neutral);
         }
     }
 
@@ -517,10 +508,7 @@ impl OneKind for Event {
 
 impl Record for Event {
     fn from_components([fired, value]: &[f64; 2]) -> Self {
-        Self {
-            fired: *fired != 0.0,
-            value: *value,
-        }
+        Self { fired: *fired != 0.0, value: *value }
     }
 
     fn to_components(&self) -> [f64; 2] {

@@ -17,11 +17,7 @@ const BUCKETS: usize = 64 * PER_OCTAVE as usize;
 
 impl Default for Histogram {
     fn default() -> Self {
-        Self {
-            counts: vec![0; BUCKETS],
-            total: 0,
-            max_ns: 0,
-        }
+        Self { counts: vec![0; BUCKETS], total: 0, max_ns: 0 }
     }
 }
 
@@ -75,10 +71,7 @@ pub struct SharedHistogram {
 
 impl Default for SharedHistogram {
     fn default() -> Self {
-        Self {
-            counts: (0..BUCKETS).map(|_| AtomicU64::new(0)).collect(),
-            max_ns: AtomicU64::new(0),
-        }
+        Self { counts: (0..BUCKETS).map(|_| AtomicU64::new(0)).collect(), max_ns: AtomicU64::new(0) }
     }
 }
 
@@ -92,11 +85,7 @@ impl SharedHistogram {
     /// The counts so far.
     pub fn read(&self) -> Histogram {
         let counts: Vec<u64> = self.counts.iter().map(|count| count.load(Relaxed)).collect();
-        Histogram {
-            total: counts.iter().sum(),
-            counts,
-            max_ns: self.max_ns.load(Relaxed),
-        }
+        Histogram { total: counts.iter().sum(), counts, max_ns: self.max_ns.load(Relaxed) }
     }
 }
 
@@ -110,11 +99,7 @@ pub struct AgeMeter {
 
 impl Default for AgeMeter {
     fn default() -> Self {
-        Self {
-            since: Instant::now(),
-            newest_ns: AtomicU64::new(0),
-            ages: SharedHistogram::default(),
-        }
+        Self { since: Instant::now(), newest_ns: AtomicU64::new(0), ages: SharedHistogram::default() }
     }
 }
 
@@ -129,8 +114,7 @@ impl AgeMeter {
     pub fn read(&self, now: Instant, older_s: f64) {
         let newest_ns = self.newest_ns.load(Relaxed);
         let older_ns = (1e9 * older_s).max(0.0) as u64;
-        self.ages
-            .record(self.ns_at(now).saturating_sub(newest_ns) + older_ns);
+        self.ages.record(self.ns_at(now).saturating_sub(newest_ns) + older_ns);
     }
 
     /// Age of the newest data at this moment.
@@ -193,10 +177,7 @@ mod tests {
         // Read before it came, as far as the clock tells.
         meter.read(after(19), 0.0);
         let ages = meter.ages();
-        assert_eq!(
-            (ages.total(), ages.quantile_ns(0.5), ages.max_ns()),
-            (2, 0, 7_000_000)
-        );
+        assert_eq!((ages.total(), ages.quantile_ns(0.5), ages.max_ns()), (2, 0, 7_000_000));
     }
 
     #[test]

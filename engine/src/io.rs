@@ -106,12 +106,7 @@ impl ResolvedInput {
             Form::Absent => 0,
             _ => place.start - if behind { out.end() } else { 0 },
         };
-        Self {
-            at,
-            width: place.width,
-            behind,
-            form,
-        }
+        Self { at, width: place.width, behind, form }
     }
 
     /// First component of the port in the memory.
@@ -176,10 +171,7 @@ pub struct Io<'a, K> {
 
 impl<'a, K> Io<'a, K> {
     pub(crate) fn new(ports: Ports<'a>) -> Self {
-        Self {
-            ports,
-            kind: PhantomData,
-        }
+        Self { ports, kind: PhantomData }
     }
 
     /// Frames of this call.
@@ -238,10 +230,7 @@ impl<'a, K> Io<'a, K> {
         member: usize,
     ) -> F::FramesMut<'_> {
         let members = self.members(family);
-        assert!(
-            member < members,
-            "there are {members} members, and no member {member}"
-        );
+        assert!(member < members, "there are {members} members, and no member {member}");
         self.ports.write::<F>(family.first() + member)
     }
 
@@ -274,44 +263,21 @@ impl<'a> Ports<'a> {
     #[inline]
     pub(crate) fn new(frames: usize, offset: usize, wires: &'a Wires, memory: &'a mut [f64]) -> Self {
         let (before, out, behind) = wires.out.split(memory);
-        Self {
-            frames,
-            offset,
-            inputs: &wires.inputs,
-            outputs: &wires.outputs,
-            before,
-            out,
-            behind,
-        }
+        Self { frames, offset, inputs: &wires.inputs, outputs: &wires.outputs, before, out, behind }
     }
 
     /// One frame of a scalar input, the only one that is connected, and of a scalar output.
     #[inline]
     pub(crate) fn one_frame(x: &'a [f64; 1], y: &'a mut [f64; 1]) -> Self {
-        const INPUT: ResolvedInput = ResolvedInput {
-            at: 0,
-            width: 1,
-            behind: false,
-            form: Form::Sampled,
-        };
+        const INPUT: ResolvedInput = ResolvedInput { at: 0, width: 1, behind: false, form: Form::Sampled };
         const OUTPUT: Placing = Placing { start: 0, width: 1 };
-        Self {
-            frames: 1,
-            offset: 0,
-            inputs: &[INPUT],
-            outputs: &[OUTPUT],
-            before: x,
-            out: y,
-            behind: &[],
-        }
+        Self { frames: 1, offset: 0, inputs: &[INPUT], outputs: &[OUTPUT], before: x, out: y, behind: &[] }
     }
 
     /// True if this input is connected.
     #[inline]
     pub(crate) fn connected(&self, input: usize) -> bool {
-        self.inputs
-            .get(input)
-            .is_some_and(|wire| wire.form != Form::Absent)
+        self.inputs.get(input).is_some_and(|wire| wire.form != Form::Absent)
     }
 
     /// Components of one frame of an input.
@@ -374,14 +340,7 @@ impl<'a> Ports<'a> {
             F::KINDS.have_width(self.width(input)),
             "input {input} is not connected, or has another width"
         );
-        let absent = Runs {
-            at: 0,
-            frames: 0,
-            width: 1,
-            runs: 0,
-            components: &[],
-            kind: PhantomData,
-        };
+        let absent = Runs { at: 0, frames: 0, width: 1, runs: 0, components: &[], kind: PhantomData };
         let Some(wire) = self.inputs.get(input) else {
             return absent;
         };
@@ -427,11 +386,7 @@ impl<'a> Ports<'a> {
     #[inline]
     fn write<F: FrameKind>(&mut self, output: usize) -> F::FramesMut<'_> {
         debug_assert!(
-            F::KINDS.have_width(
-                self.outputs
-                    .get(output)
-                    .map_or(0, |placing| placing.width as usize)
-            ),
+            F::KINDS.have_width(self.outputs.get(output).map_or(0, |placing| placing.width as usize)),
             "output {output} does not exist or has another width"
         );
         F::frames_mut(self.out(output))
@@ -449,11 +404,7 @@ impl<'a> Ports<'a> {
     pub(crate) fn outs<const N: usize>(&mut self, outputs: [(usize, Kinds); N]) -> [&mut [f64]; N] {
         let places = outputs.map(|(output, kinds)| {
             debug_assert!(
-                kinds.have_width(
-                    self.outputs
-                        .get(output)
-                        .map_or(0, |placing| placing.width as usize)
-                ),
+                kinds.have_width(self.outputs.get(output).map_or(0, |placing| placing.width as usize)),
                 "output {output} does not exist or has another width"
             );
             self.place(output)
@@ -483,8 +434,7 @@ impl<'a, F: FrameKind> Connections<'a, F> {
     /// The frames of a connection, counted from 0, or of the last one for any number beyond it.
     #[inline]
     pub fn nth_or_last(&self, connection: usize) -> F::Frames<'a> {
-        self.ports
-            .sampled::<F>(connection.min(self.len().saturating_sub(1)))
+        self.ports.sampled::<F>(connection.min(self.len().saturating_sub(1)))
     }
 
     /// The frames of each connection.
@@ -513,18 +463,13 @@ impl<'a, F: FrameKind> Iterator for Runs<'a, F> {
         if self.runs == usize::MAX {
             let frame = self.at;
             self.at += 1;
-            let components = self
-                .components
-                .get(frame * self.width..(frame + 1) * self.width)?;
+            let components = self.components.get(frame * self.width..(frame + 1) * self.width)?;
             return Some((frame..frame + 1, F::frame(components)?));
         }
         let stride = self.width + 1;
         let run = self.components.get(self.at * stride..(self.at + 1) * stride)?;
         self.at += 1;
-        let end = self
-            .components
-            .get(self.at * stride)
-            .map_or(self.frames, |start| *start as usize);
+        let end = self.components.get(self.at * stride).map_or(self.frames, |start| *start as usize);
         Some((run[0] as usize..end, F::frame(&run[1..])?))
     }
 }

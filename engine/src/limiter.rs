@@ -269,11 +269,8 @@ impl<const N: usize> Limiter<N> {
     fn within_peak(&mut self, request: [f64; N]) -> [f64; N] {
         // Scaled by the largest component first: the square of a large request overflows.
         let largest = request.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        let relative = if largest > self.peak {
-            norm(scale(request, 1.0 / largest)) * largest
-        } else {
-            norm(request)
-        };
+        let relative =
+            if largest > self.peak { norm(scale(request, 1.0 / largest)) * largest } else { norm(request) };
         self.largest_request = self.largest_request.max(relative);
         if relative <= self.peak {
             return request;
@@ -337,17 +334,11 @@ impl<const N: usize> Limiter<N> {
 /// Heat that the ramp down from each magnitude needs, from the continuous limit up to the peak.
 fn ramp(peak: f64, continuous_square: f64, step: f64, weight: f64, unlimited_slew: bool) -> Box<[Rung]> {
     if unlimited_slew {
-        return Box::new([Rung {
-            magnitude: peak,
-            budget: 0.0,
-        }]);
+        return Box::new([Rung { magnitude: peak, budget: 0.0 }]);
     }
     let continuous = continuous_square.sqrt();
     let spacing = step * (1.0 - MARGIN);
-    let mut rungs = vec![Rung {
-        magnitude: continuous.min(peak),
-        budget: 0.0,
-    }];
+    let mut rungs = vec![Rung { magnitude: continuous.min(peak), budget: 0.0 }];
     let mut below = rungs[0];
     while below.magnitude < peak {
         // budget' = (1 - weight) budget - weight (m^2 - continuous^2), one rung down, must be that rung's own.
@@ -368,28 +359,12 @@ fn furthest_within<const N: usize>(start: [f64; N], end: [f64; N], radius: f64) 
     if room <= 0.0 {
         // By rounding only: the start is within the radius by construction. Heat has priority over slew.
         let magnitude = norm(start);
-        return if magnitude > 0.0 {
-            scale(start, radius / magnitude)
-        } else {
-            start
-        };
+        return if magnitude > 0.0 { scale(start, radius / magnitude) } else { start };
     }
     let (length_square, along) = (dot(way, way), dot(start, way));
     let root = (along * along + length_square * room).sqrt();
-    let fraction = if along > 0.0 {
-        room / (along + root)
-    } else {
-        (root - along) / length_square
-    };
-    add_scaled(
-        start,
-        way,
-        if fraction.is_finite() {
-            fraction.clamp(0.0, 1.0)
-        } else {
-            0.0
-        },
-    )
+    let fraction = if along > 0.0 { room / (along + root) } else { (root - along) / length_square };
+    add_scaled(start, way, if fraction.is_finite() { fraction.clamp(0.0, 1.0) } else { 0.0 })
 }
 
 #[cfg(test)]

@@ -151,22 +151,12 @@ pub struct BuildError {
 impl BuildError {
     /// An error about a whole node.
     pub fn of_node(message: impl Into<String>) -> Self {
-        Self {
-            field: None,
-            message: message.into(),
-            help: None,
-            part: None,
-            inside: None,
-            connection: None,
-        }
+        Self { field: None, message: message.into(), help: None, part: None, inside: None, connection: None }
     }
 
     /// An error about one setting, or one input.
     pub fn at(field: &'static str, message: impl Into<String>) -> Self {
-        Self {
-            field: Some(field),
-            ..Self::of_node(message)
-        }
+        Self { field: Some(field), ..Self::of_node(message) }
     }
 
     /// Points at these characters of a text setting, a half-open range.

@@ -31,11 +31,7 @@ impl Alias {
         kind: &'static str,
         rewrite: fn(&mut Fields, &mut Reading<'_>),
     ) -> Self {
-        Self {
-            former,
-            kind,
-            rewrite,
-        }
+        Self { former, kind, rewrite }
     }
 }
 
@@ -186,8 +182,7 @@ impl Registry {
             (kinds, Namespace::Kinds),
             (bridges, Namespace::Bridges),
         ];
-        all.into_iter()
-            .flat_map(|(names, of)| repeated(names).map(move |name| (name, of)))
+        all.into_iter().flat_map(|(names, of)| repeated(names).map(move |name| (name, of)))
     }
 
     /// The ports whose kind of frames is not registered: the kind of node or device, the port, and the kind.
@@ -297,10 +292,7 @@ impl Default for Registry {
 
 fn repeated(mut names: Vec<&'static str>) -> impl Iterator<Item = &'static str> {
     names.sort_unstable();
-    let chunks: Vec<_> = names
-        .chunk_by(|a, b| a == b)
-        .filter(|same| same.len() > 1)
-        .map(|same| same[0])
-        .collect();
+    let chunks: Vec<_> =
+        names.chunk_by(|a, b| a == b).filter(|same| same.len() > 1).map(|same| same[0]).collect();
     chunks.into_iter()
 }

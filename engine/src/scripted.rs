@@ -74,10 +74,7 @@ impl Graph {
     pub(crate) fn refuse_scripts(&self) -> Result<(), OfflineOnly> {
         match self.scripted_nodes().next() {
             None => Ok(()),
-            Some(node) => Err(OfflineOnly {
-                node: node.path.clone(),
-                kind: node.entry.spec.name,
-            }),
+            Some(node) => Err(OfflineOnly { node: node.path.clone(), kind: node.entry.spec.name }),
         }
     }
 }

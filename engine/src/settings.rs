@@ -163,9 +163,7 @@ impl Reading<'_> {
         };
         let mut diagnostic = self.wrong(value, &expected.in_message(), &found);
         let is_written = value.span.source.0 < self.first_given;
-        diagnostic
-            .help
-            .extend(correction(value, expected.form(), self.setting, is_written));
+        diagnostic.help.extend(correction(value, expected.form(), self.setting, is_written));
         self.diagnostics.push(diagnostic);
     }
 
@@ -175,8 +173,7 @@ impl Reading<'_> {
         match &value.shape {
             Shape::String(text) if choices.contains(&text.as_str()) => {
                 let diagnostic = self.wrong(value, &expected.in_message(), value.describe());
-                self.diagnostics
-                    .push(diagnostic.help(format!("write `{text}` without quotes")));
+                self.diagnostics.push(diagnostic.help(format!("write `{text}` without quotes")));
             }
             _ => self.mismatch(value, &expected),
         }
@@ -227,9 +224,9 @@ fn correction(value: &Value, expected: Form, setting: Option<&str>, is_written: 
             Some(format!("write the number: `{}`", std::f64::consts::PI))
         }
         (_, Some(_)) if wants_number && !is_written => Some("write a number".to_owned()),
-        (_, Some(name)) if wants_number => Some(format!(
-            "write a number; in a graph the value of a parameter is `Param(\"{name}\")`"
-        )),
+        (_, Some(name)) if wants_number => {
+            Some(format!("write a number; in a graph the value of a parameter is `Param(\"{name}\")`"))
+        }
         (_, Some(name)) if expected == Form::Quoted => Some(format!("write `\"{name}\"`")),
         _ => None,
     }
@@ -242,9 +239,7 @@ fn without_unit(text: &str, setting: &str) -> Option<String> {
     let (quantity, si) = units::of_name(setting)?.scale?;
     let factor = units::si_per(unit, quantity)? / si;
     let number = fields::rounded(number.parse::<f64>().ok()? * factor);
-    Some(format!(
-        "units are in the setting's name; write `{setting}: {number}`"
-    ))
+    Some(format!("units are in the setting's name; write `{setting}: {number}`"))
 }
 
 /// Reports a name that is not in `choices`.
@@ -258,12 +253,10 @@ pub fn unknown_choice(word: &str, choices: &[&'static str], span: Span, reading:
             choices.join(", ")
         ),
     );
-    reading
-        .diagnostics
-        .push(match closest(word, choices.iter().copied()) {
-            Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
-            None => diagnostic.help(format!("choose one of {}", choices.join(", "))),
-        });
+    reading.diagnostics.push(match closest(word, choices.iter().copied()) {
+        Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
+        None => diagnostic.help(format!("choose one of {}", choices.join(", "))),
+    });
 }
 
 settings! {

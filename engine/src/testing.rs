@@ -147,10 +147,7 @@ impl Bench {
         let inputs_at = ports.iter().enumerate().map(wire).collect();
         let mut start = 0;
         let mut place = |width: usize| {
-            let placing = Placing {
-                start,
-                width: width as u32,
-            };
+            let placing = Placing { start, width: width as u32 };
             start += (MAX_FRAMES * width) as u32;
             placing
         };
@@ -164,23 +161,12 @@ impl Bench {
             KindRule::Linear | KindRule::Any => 1,
         });
         let outputs = widths.map(&mut place).collect();
-        let out = Extent {
-            start: at as u32,
-            len: start,
-        };
+        let out = Extent { start: at as u32, len: start };
         Self {
             processor,
             kinds: inputs.to_vec(),
-            tick: Tick {
-                first: 0,
-                frames: 0,
-                period_s: cx.rate.period_s(),
-            },
-            wires: Wires {
-                out,
-                inputs: inputs_at,
-                outputs,
-            },
+            tick: Tick { first: 0, frames: 0, period_s: cx.rate.period_s() },
+            wires: Wires { out, inputs: inputs_at, outputs },
             memory: Memory::new(out.end() as usize),
             outputs: names,
         }
@@ -339,9 +325,7 @@ impl Bench {
 
 /// The port of each connection: one that takes several as often as it is connected.
 fn ports(spec: &NodeSpec, connections: usize) -> Vec<&InputSpec> {
-    (0..connections)
-        .filter_map(|i| spec.inputs.get(i).or(spec.inputs.last()))
-        .collect()
+    (0..connections).filter_map(|i| spec.inputs.get(i).or(spec.inputs.last())).collect()
 }
 
 fn context(spec: &NodeSpec, rate_hz: f64, inputs: &[Option<Kind>]) -> BuildContext {

@@ -7,10 +7,7 @@ use std::path::{Path, PathBuf};
 const BANS: [(&str, &[&str]); 18] = [
     ("bridges", LEAF),
     // The body of an endpoint of the calling program is the host's.
-    (
-        "device",
-        &["crate::graph", "crate::plan", "crate::run", "petgraph"],
-    ),
+    ("device", &["crate::graph", "crate::plan", "crate::run", "petgraph"]),
     ("diagnostic", LEAF),
     ("formula", LEAF),
     ("frame", LEAF),
@@ -24,14 +21,7 @@ const BANS: [(&str, &[&str]); 18] = [
     ("silence", LEAF),
     (
         "document",
-        &[
-            "crate::graph::{",
-            "crate::graph;",
-            "crate::plan",
-            "crate::run",
-            "crate::host",
-            "petgraph",
-        ],
+        &["crate::graph::{", "crate::graph;", "crate::plan", "crate::run", "crate::host", "petgraph"],
     ),
     ("graph", &["crate::plan", "crate::run", "crate::host"]),
     ("plan", &["crate::run", "crate::host"]),
@@ -41,13 +31,7 @@ const BANS: [(&str, &[&str]); 18] = [
 ];
 
 /// What rooms do not name that graphs are made of.
-const LEAF: &[&str] = &[
-    "crate::graph",
-    "crate::plan",
-    "crate::run",
-    "crate::host",
-    "petgraph",
-];
+const LEAF: &[&str] = &["crate::graph", "crate::plan", "crate::run", "crate::host", "petgraph"];
 
 /// The source files below a folder, without tests.
 fn sources(folder: &Path) -> Vec<PathBuf> {
@@ -84,14 +68,8 @@ fn no_room_knows_those_above_it() {
     for (room, banned) in BANS {
         let alone = root.join(room).with_extension("rs");
         let folder = root.join(room);
-        let inside = if folder.is_dir() {
-            sources(&folder)
-        } else {
-            Vec::new()
-        };
-        let files: Vec<PathBuf> = { inside.into_iter() }
-            .chain(alone.exists().then_some(alone))
-            .collect();
+        let inside = if folder.is_dir() { sources(&folder) } else { Vec::new() };
+        let files: Vec<PathBuf> = { inside.into_iter() }.chain(alone.exists().then_some(alone)).collect();
         assert!(!files.is_empty(), "{room}");
         for path in files {
             let code = code(&path);
@@ -185,10 +163,7 @@ fn crates_name_those_below_them_only() {
         let below: Vec<String> = LAYERS[..layer].concat().into_iter().map(package).collect();
         for folder in *folders {
             let text = manifest(folder);
-            assert!(
-                text.contains(&format!("name = \"{}\"", package(folder))),
-                "{folder}"
-            );
+            assert!(text.contains(&format!("name = \"{}\"", package(folder))), "{folder}");
             for name in dependencies(&text) {
                 if name.starts_with("haptograph") {
                     named += 1;
@@ -209,10 +184,8 @@ const HARDWARE: [&str; 6] = ["cpal", "evdev", "midir", "rosc", "thread-priority"
 fn hardware_is_reached_by_one_crate() {
     for folder in LAYERS.concat() {
         let text = manifest(folder);
-        let named: Vec<&str> = dependencies(&text)
-            .into_iter()
-            .filter(|name| HARDWARE.contains(name))
-            .collect();
+        let named: Vec<&str> =
+            dependencies(&text).into_iter().filter(|name| HARDWARE.contains(name)).collect();
         match folder {
             "live" => assert!(named.len() > 4, "{named:?}"),
             // For an example.
@@ -266,9 +239,8 @@ fn is_known_limit(limit: &str, kinds: &[&str]) -> bool {
 #[test]
 fn files_are_read_within_the_limit_of_their_kind() {
     let limits = code(&root().join("signal/src/files/limits.rs"));
-    let kinds: Vec<&str> = { limits.split("pub const ").skip(1) }
-        .filter_map(|item| item.split(':').next())
-        .collect();
+    let kinds: Vec<&str> =
+        { limits.split("pub const ").skip(1) }.filter_map(|item| item.split(':').next()).collect();
     assert!(kinds.len() > 8, "{kinds:?}");
     let (mut read, mut breaches) = (0, Vec::new());
     for folder in LAYERS.concat() {
@@ -278,12 +250,7 @@ fn files_are_read_within_the_limit_of_their_kind() {
         }
         for path in sources(&folder) {
             let code = code(&path);
-            for function in [
-                "files::read(",
-                "files::read_text(",
-                "files::open(",
-                "bounded::read(",
-            ] {
+            for function in ["files::read(", "files::read_text(", "files::open(", "bounded::read("] {
                 for limit in last_arguments(&code, function) {
                     read += 1;
                     let is_known = is_known_limit(limit, &kinds);
@@ -294,10 +261,7 @@ fn files_are_read_within_the_limit_of_their_kind() {
     }
     assert!(read > 30, "{read} calls");
     assert!(breaches.is_empty(), "{}", breaches.join("\n"));
-    let own = last_arguments(
-        "files::read(&path(a, b), 1 << 20)?; files::open(p, MAX_BYTES)",
-        "files::read(",
-    );
+    let own = last_arguments("files::read(&path(a, b), 1 << 20)?; files::open(p, MAX_BYTES)", "files::read(");
     assert_eq!(own, ["1 << 20"]);
     assert!(!is_known_limit("1 << 20", &kinds) && !is_known_limit("MAX_BYTES", &kinds));
 }
@@ -310,17 +274,10 @@ fn public_items(code: &str) -> Vec<String> {
     let mut is_in_public_struct = false;
     for (number, line) in lines.iter().enumerate() {
         let words = line.strip_prefix("pub ").unwrap_or(line);
-        let is_item = [
-            "fn", "const", "async", "unsafe", "use", "type", "static", "trait", "struct", "enum",
-        ]
-        .iter()
-        .any(|word| words.starts_with(&format!("{word} ")));
-        let begins = |word: &str| {
-            words
-                .split("fn ")
-                .next()
-                .is_some_and(|words| words.contains(word))
-        };
+        let is_item = ["fn", "const", "async", "unsafe", "use", "type", "static", "trait", "struct", "enum"]
+            .iter()
+            .any(|word| words.starts_with(&format!("{word} ")));
+        let begins = |word: &str| words.split("fn ").next().is_some_and(|words| words.contains(word));
         if begins("struct ") || begins("enum ") || line.starts_with("impl") || line.contains("fn ") {
             is_in_public_struct = line.starts_with("pub struct ");
         }
@@ -347,9 +304,7 @@ fn without_private_fields(item: &str) -> String {
     let Some((name, fields)) = item.split_once('(').filter(|_| item.starts_with("pub struct ")) else {
         return item.to_owned();
     };
-    let public = fields
-        .split(',')
-        .filter(|field| field.trim_start().starts_with("pub "));
+    let public = fields.split(',').filter(|field| field.trim_start().starts_with("pub "));
     name.to_owned() + &public.collect::<String>()
 }
 
@@ -358,9 +313,7 @@ const PRIVATE: [&str; 5] = ["NodeIndex", "EdgeIndex", "DiGraph", "EdgeReference"
 
 fn breaches(code: &str) -> Vec<String> {
     let items = public_items(code).into_iter();
-    items
-        .filter(|item| PRIVATE.iter().any(|name| item.contains(name)))
-        .collect()
+    items.filter(|item| PRIVATE.iter().any(|name| item.contains(name))).collect()
 }
 
 #[test]

@@ -43,9 +43,7 @@ fn options_of(text: &str) -> CheckOptions {
 }
 
 fn load(path: &Path) -> Result<Graph, Diagnostics> {
-    let options = std::fs::read_to_string(path)
-        .map(|text| options_of(&text))
-        .unwrap_or_default();
+    let options = std::fs::read_to_string(path).map(|text| options_of(&text)).unwrap_or_default();
     let document = Document::load(path, &LoadOptions::default())?;
     check(&document, &common::registry(), &options)
 }
@@ -79,23 +77,15 @@ fn a_computed_value_is_the_number_it_comes_to() {
     };
     let graph = |text: &str, set: &[(&str, &str)]| {
         let options = CheckOptions::default();
-        let options = set
-            .iter()
-            .fold(options, |options, (name, value)| options.set(*name, *value));
+        let options = set.iter().fold(options, |options, (name, value)| options.set(*name, *value));
         let document = Document::parse("computed.ron", text).unwrap_or_else(|d| panic!("{d}"));
         check(&document, &common::registry(), &options).unwrap_or_else(|d| panic!("{d}"))
     };
     let live = |graph: &Graph| -> Vec<f64> {
         let nodes = graph.nodes().iter();
-        nodes
-            .flat_map(|node| node.live.iter().map(|(_, value)| *value))
-            .collect()
+        nodes.flat_map(|node| node.live.iter().map(|(_, value)| *value)).collect()
     };
-    let computed = text(
-        "Expr(\"2^4 * 3000\")",
-        "Expr(\"whole * -0.5\")",
-        "Expr(\"whole + half\")",
-    );
+    let computed = text("Expr(\"2^4 * 3000\")", "Expr(\"whole * -0.5\")", "Expr(\"whole + half\")");
     let found = graph(&computed, &[]);
     assert_eq!(found.clocks()[0].rate.hz(), 48_000.0);
     let mut values = live(&found);
@@ -112,12 +102,7 @@ fn a_computed_value_is_the_number_it_comes_to() {
 fn right_graphs_are_sound_and_without_warnings() {
     for path in files("tests/right") {
         match load(&path) {
-            Ok(graph) => assert!(
-                graph.warnings().is_empty(),
-                "{}: {:?}",
-                path.display(),
-                graph.warnings()
-            ),
+            Ok(graph) => assert!(graph.warnings().is_empty(), "{}: {:?}", path.display(), graph.warnings()),
             Err(diagnostics) => panic!("{diagnostics}"),
         }
     }
@@ -155,17 +140,13 @@ fn a_node_of_other_endpoints_is_left_out_with_what_depends_on_it() {
 
 #[test]
 fn sets_and_parameters_that_are_not_there_are_refused() {
-    let text = BY_ENDPOINTS
-        .replace("only: \"simulated\"", "only: \"simulatd\"")
-        .replace(
-            "{ \"live\": { \"frequency_hz\": 100.0 } }",
-            "{ \"live\": { \"frequency\": 1 }, \"lively\": {} }",
-        );
+    let text = BY_ENDPOINTS.replace("only: \"simulated\"", "only: \"simulatd\"").replace(
+        "{ \"live\": { \"frequency_hz\": 100.0 } }",
+        "{ \"live\": { \"frequency\": 1 }, \"lively\": {} }",
+    );
     let document = Document::parse("g.ron", &text).expect("a document");
     let checked = check(&document, &common::registry(), &CheckOptions::default());
-    let Err(found) = checked else {
-        panic!("it is sound")
-    };
+    let Err(found) = checked else { panic!("it is sound") };
     let codes: Vec<&str> = found.list.iter().map(|diagnostic| diagnostic.code).collect();
     assert_eq!(codes, ["E0209", "E0210", "E0210"]);
 }
@@ -175,13 +156,10 @@ fn parameters_begin_as_their_endpoints_want_them_and_the_command_line_says_the_l
     let document = Document::parse("g.ron", BY_ENDPOINTS).expect("a document");
     let frequency = |endpoints: &str, set: &[(&str, &str)]| {
         let options = CheckOptions::default().endpoints(endpoints);
-        let options = set
-            .iter()
-            .fold(options, |options, (name, value)| options.set(*name, *value));
+        let options = set.iter().fold(options, |options, (name, value)| options.set(*name, *value));
         let graph = check(&document, &common::registry(), &options).unwrap_or_else(|wrong| panic!("{wrong}"));
         let mut live = graph.live_settings().into_iter();
-        live.find(|live| live.name() == "tone.frequency_hz")
-            .map(|live| live.value)
+        live.find(|live| live.name() == "tone.frequency_hz").map(|live| live.value)
     };
     assert_eq!(frequency("simulated", &[]), Some(440.0));
     assert_eq!(frequency("live", &[]), Some(100.0));
@@ -219,20 +197,10 @@ fn a_template_becomes_nodes_with_paths_and_everything_inferred() {
     let lines: Vec<String> = nodes
         .iter()
         .map(|node| {
-            let clock = node
-                .clock
-                .map_or("-", |clock| graph.clocks()[clock].name.as_str());
-            let outputs: Vec<String> = node
-                .outputs
-                .iter()
-                .map(|o| format!("{} {} {}", o.name, o.kind, o.quantity))
-                .collect();
-            format!(
-                "{} @{clock} sim={} [{}]",
-                node.path,
-                node.simulated,
-                outputs.join("; ")
-            )
+            let clock = node.clock.map_or("-", |clock| graph.clocks()[clock].name.as_str());
+            let outputs: Vec<String> =
+                node.outputs.iter().map(|o| format!("{} {} {}", o.name, o.kind, o.quantity)).collect();
+            format!("{} @{clock} sim={} [{}]", node.path, node.simulated, outputs.join("; "))
         })
         .collect();
     assert_eq!(
@@ -248,17 +216,11 @@ fn a_template_becomes_nodes_with_paths_and_everything_inferred() {
             "pen @- sim=true []",
         ]
     );
-    let bridges: Vec<Bridge> = nodes
-        .connections()
-        .map(|wire| wire.edge.bridge)
-        .filter(|b| *b != Bridge::Direct)
-        .collect();
+    let bridges: Vec<Bridge> =
+        nodes.connections().map(|wire| wire.edge.bridge).filter(|b| *b != Bridge::Direct).collect();
     assert_eq!(
         bridges,
-        [
-            Bridge::Between(BridgeEntry::of::<Hold>()),
-            Bridge::Between(BridgeEntry::of::<Resample>())
-        ]
+        [Bridge::Between(BridgeEntry::of::<Hold>()), Bridge::Between(BridgeEntry::of::<Resample>())]
     );
     assert_eq!(graph.devices().len(), 2);
     assert_eq!((graph.seed(), graph.about()), (7, "A tablet, a surface, a coil."));
@@ -271,25 +233,10 @@ fn a_graph_can_be_built_in_code() {
         .driver("audio", 48_000.0)
         .derived("slow", "audio", 1000.0)
         .node("tone", Part::new("Sine").on("audio").set("quantity", "force"))
-        .node(
-            "slow",
-            Part::new("Gain")
-                .on("slow")
-                .wire("input", hold("tone.output"))
-                .set("gain", 0.5),
-        )
-        .node(
-            "mix",
-            Part::new("Sum").wires("inputs", ["tone.output".into(), delay("mix.output", 5)]),
-        )
-        .node(
-            "file",
-            Part::new("Wav").wires("inputs", ["slow"]).set("file", "a.wav"),
-        )
-        .node(
-            "other",
-            Part::new("Wav").wires("inputs", ["mix"]).set("file", "b.wav"),
-        )
+        .node("slow", Part::new("Gain").on("slow").wire("input", hold("tone.output")).set("gain", 0.5))
+        .node("mix", Part::new("Sum").wires("inputs", ["tone.output".into(), delay("mix.output", 5)]))
+        .node("file", Part::new("Wav").wires("inputs", ["slow"]).set("file", "a.wav"))
+        .node("other", Part::new("Wav").wires("inputs", ["mix"]).set("file", "b.wav"))
         .build()
         .unwrap_or_else(|d| panic!("{d}"));
     let graph =
@@ -306,42 +253,19 @@ fn the_latency_of_a_ring_is_on_every_way_through_it() {
         .driver("audio", 48_000.0)
         .driver("servo", 1000.0)
         .node("tone", Part::new("Sine").on("audio"))
-        .node(
-            "there",
-            Part::new("Sum")
-                .on("servo")
-                .wires("inputs", [ring("tone", 12.5), ring("back", 20.0)]),
-        )
-        .node(
-            "back",
-            Part::new("Sum")
-                .on("audio")
-                .wires("inputs", [ring("there", 10.0)]),
-        )
-        .node(
-            "near",
-            Part::new("Wav")
-                .wires("inputs", ["there"])
-                .set("file", "near.wav"),
-        )
-        .node(
-            "far",
-            Part::new("Wav").wires("inputs", ["back"]).set("file", "far.wav"),
-        )
+        .node("there", Part::new("Sum").on("servo").wires("inputs", [ring("tone", 12.5), ring("back", 20.0)]))
+        .node("back", Part::new("Sum").on("audio").wires("inputs", [ring("there", 10.0)]))
+        .node("near", Part::new("Wav").wires("inputs", ["there"]).set("file", "near.wav"))
+        .node("far", Part::new("Wav").wires("inputs", ["back"]).set("file", "far.wav"))
         .build()
         .unwrap_or_else(|d| panic!("{d}"));
     let graph =
         check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
-    let drivers = graph
-        .drivers()
-        .into_iter()
-        .map(|clock| graph.clocks()[clock].name.as_str());
+    let drivers = graph.drivers().into_iter().map(|clock| graph.clocks()[clock].name.as_str());
     assert_eq!(drivers.collect::<Vec<_>>(), ["audio", "servo"]);
     let latencies = graph.latencies();
     let ms = |sink: &str| {
-        let found = latencies
-            .iter()
-            .find(|path| path.source == "tone" && path.sink == sink);
+        let found = latencies.iter().find(|path| path.source == "tone" && path.sink == sink);
         found.map(|path| (path.transport_s * 1e6).round() / 1e3)
     };
     assert_eq!((ms("near"), ms("far")), (Some(12.5), Some(22.5)));
@@ -373,10 +297,7 @@ fn a_thousand_nodes_are_read_and_checked() {
     let read = started.elapsed();
     let graph =
         check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
-    println!(
-        "1000 nodes: read in {read:?}, read and checked in {:?}",
-        started.elapsed()
-    );
+    println!("1000 nodes: read in {read:?}, read and checked in {:?}", started.elapsed());
     assert_eq!(graph.nodes().len(), 1001);
     assert!(graph.warnings().is_empty());
 }
@@ -446,10 +367,7 @@ fn size_alone_breaks_nothing() {
     let document = Document::parse("bomb.ron", &text).unwrap_or_else(|d| panic!("{d}"));
     let diagnostics =
         check(&document, &common::registry(), &CheckOptions::default()).expect_err("too many nodes");
-    assert!(
-        diagnostics.list.iter().any(|d| d.code == "E0702"),
-        "{diagnostics}"
-    );
+    assert!(diagnostics.list.iter().any(|d| d.code == "E0702"), "{diagnostics}");
 }
 
 /// Whatever is done to a right file, the answer is a graph or at least one finding, and the finding can be shown.
@@ -484,10 +402,8 @@ fn mutations_of_right_files_never_panic() {
         .chain(&files("tests/wrong"))
         .map(|path| std::fs::read_to_string(path).expect("readable"))
         .collect();
-    let words: Vec<&str> = texts
-        .iter()
-        .flat_map(|text| text.split_inclusive(|c: char| !c.is_alphanumeric()))
-        .collect();
+    let words: Vec<&str> =
+        texts.iter().flat_map(|text| text.split_inclusive(|c: char| !c.is_alphanumeric())).collect();
     let (mut graphs, mut refused) = (0, 0);
     for _ in 0..20_000 {
         // Half of them begin as right files, which are the first.
@@ -505,9 +421,8 @@ fn mutations_of_right_files_never_panic() {
             let end = boundary(&text, start + length);
             let put = match random.random_range(0..4) {
                 0 => "",
-                1 => [
-                    "(", ")", "[", "]", "{", "}", "\"", ",", ":", "//", "/*", "µ", "-", "1e9",
-                ][random.random_range(0..14)],
+                1 => ["(", ")", "[", "]", "{", "}", "\"", ",", ":", "//", "/*", "µ", "-", "1e9"]
+                    [random.random_range(0..14)],
                 _ => words[random.random_range(0..words.len())],
             };
             text.replace_range(start..end.max(start), put);
@@ -534,14 +449,8 @@ fn findings_for_editors_have_their_place() {
     let first = &json[0];
     assert_eq!(first["code"], "E0204");
     assert_eq!(first["path"], "tests/wrong/syntax_many_byte_letters.ron");
-    assert_eq!(
-        (first["line"].as_u64(), first["column"].as_u64()),
-        (Some(6), Some(35))
-    );
-    assert_eq!(
-        (first["end_line"].as_u64(), first["end_column"].as_u64()),
-        (Some(6), Some(39))
-    );
+    assert_eq!((first["line"].as_u64(), first["column"].as_u64()), (Some(6), Some(35)));
+    assert_eq!((first["end_line"].as_u64(), first["end_column"].as_u64()), (Some(6), Some(39)));
     assert_eq!(first["help"][0], "did you mean `gain`?");
 }
 
@@ -571,11 +480,7 @@ fn every_code_is_documented() {
     sources(Path::new("src"), &mut source);
     let used = codes(&source, '"');
     let page = std::fs::read_to_string("../docs/diagnostics.md").expect("docs/diagnostics.md");
-    assert_eq!(
-        used,
-        codes(&page, '`'),
-        "the source and docs/diagnostics.md differ"
-    );
+    assert_eq!(used, codes(&page, '`'), "the source and docs/diagnostics.md differ");
 
     let mut printed = String::new();
     sources(Path::new("tests/wrong"), &mut printed);
@@ -626,9 +531,7 @@ fn two_kinds_of_one_name_are_an_error_and_one_in_the_place_of_another_is_none() 
     golden::compare("tests/wrong/program_name_twice.stderr", &render(&wrong, false));
     registry.replace(gain).replace_device(device);
     check(&document, &registry, &CheckOptions::default()).expect("no name stands twice any more");
-    registry
-        .add_kind(common::WEIGHTS)
-        .add_bridge(BridgeEntry::of::<Hold>());
+    registry.add_kind(common::WEIGHTS).add_bridge(BridgeEntry::of::<Hold>());
     let wrong = check(&document, &registry, &CheckOptions::default()).expect_err("names stand twice");
     let codes: Vec<_> = wrong.list.iter().map(|one| one.code).collect();
     assert_eq!(codes, ["E0212", "E0212"], "of kinds of frames and of bridges");
@@ -636,14 +539,8 @@ fn two_kinds_of_one_name_are_an_error_and_one_in_the_place_of_another_is_none() 
     assert!(kinds.message.contains("frames") && kinds.message.contains("`weights`"));
     assert!(bridges.message.contains("bridges") && bridges.message.contains("`Hold`"));
     // What replaces nodes and devices replaces neither of these; the registry has the names that are taken.
-    for (wrong, taken) in [
-        (kinds, "`wrench`, `event`, `weights`"),
-        (bridges, "`Hold`, `Linear`"),
-    ] {
-        assert!(
-            !wrong.help[0].contains("replace") && wrong.help[0].contains(taken),
-            "{wrong:?}"
-        );
+    for (wrong, taken) in [(kinds, "`wrench`, `event`, `weights`"), (bridges, "`Hold`, `Linear`")] {
+        assert!(!wrong.help[0].contains("replace") && wrong.help[0].contains(taken), "{wrong:?}");
     }
 }
 
@@ -651,10 +548,7 @@ fn two_kinds_of_one_name_are_an_error_and_one_in_the_place_of_another_is_none() 
 fn a_bridge_cannot_have_the_name_of_another_form_of_a_connection() {
     struct Ring(Hold);
     impl BridgeType for Ring {
-        const SPEC: BridgeSpec = BridgeSpec {
-            name: "Ring",
-            ..Hold::SPEC
-        };
+        const SPEC: BridgeSpec = BridgeSpec { name: "Ring", ..Hold::SPEC };
         fn new(cx: &BridgeContext) -> Self {
             Self(Hold::new(cx))
         }
@@ -671,19 +565,12 @@ fn a_bridge_cannot_have_the_name_of_another_form_of_a_connection() {
     let document = Document::load(Path::new("tests/right/texturepad.ron"), &LoadOptions::default());
     let mut registry = common::registry();
     registry.add_bridge(BridgeEntry::of::<Ring>());
-    let wrong = check(
-        &document.expect("it is right"),
-        &registry,
-        &CheckOptions::default(),
-    );
+    let wrong = check(&document.expect("it is right"), &registry, &CheckOptions::default());
     let [wrong] = &wrong.expect_err("the name is taken").list[..] else {
         panic!("one error");
     };
     assert_eq!(wrong.code, "E0212");
-    assert!(
-        wrong.message.contains("a bridge is registered as `Ring`"),
-        "{wrong:?}"
-    );
+    assert!(wrong.message.contains("a bridge is registered as `Ring`"), "{wrong:?}");
 }
 
 #[test]
@@ -702,28 +589,16 @@ fn an_actuator_is_driven_by_what_a_limiter_takes() {
     let mut device = registry.devices()[0];
     device.spec = &TWO;
     registry.add_device(device);
-    let wrong = check(
-        &document.expect("it is right"),
-        &registry,
-        &CheckOptions::default(),
-    );
+    let wrong = check(&document.expect("it is right"), &registry, &CheckOptions::default());
     let wrong = wrong.expect_err("no limiter takes two components");
-    assert_eq!(
-        wrong.list.iter().map(|one| one.code).collect::<Vec<_>>(),
-        ["E0213"]
-    );
-    golden::compare(
-        "tests/wrong/program_kind_unlimited.stderr",
-        &render(&wrong, false),
-    );
+    assert_eq!(wrong.list.iter().map(|one| one.code).collect::<Vec<_>>(), ["E0213"]);
+    golden::compare("tests/wrong/program_kind_unlimited.stderr", &render(&wrong, false));
 }
 
 #[test]
 fn ports_carry_registered_kinds_only() {
-    const WIDER: KindSpec = KindSpec {
-        components: &["model", "weight", "height"],
-        ..*common::WEIGHTS.spec()
-    };
+    const WIDER: KindSpec =
+        KindSpec { components: &["model", "weight", "height"], ..*common::WEIGHTS.spec() };
     let document = Document::load(Path::new("tests/right/texturepad.ron"), &LoadOptions::default());
     let document = document.expect("it is right");
     let gain = common::registry().node("Locate").expect("a kind of node");
@@ -738,14 +613,9 @@ fn ports_carry_registered_kinds_only() {
     assert_eq!(codes(&registry).len(), 1);
     let mut wrong = check(&document, &registry, &CheckOptions::default()).expect_err("it is not registered");
     wrong.list.retain(|one| one.code == "E0213");
-    golden::compare(
-        "tests/wrong/program_kind_unregistered.stderr",
-        &render(&wrong, false),
-    );
+    golden::compare("tests/wrong/program_kind_unregistered.stderr", &render(&wrong, false));
     registry.add_kind(Kind::new(&WIDER));
-    let [message] = &codes(&registry)[..] else {
-        panic!("one port")
-    };
+    let [message] = &codes(&registry)[..] else { panic!("one port") };
     assert!(message.contains("another kind `weights`"), "{message}");
     let mut registry = Registry::new();
     registry.add_kind(common::WEIGHTS).add(gain);

@@ -37,8 +37,7 @@ fn codes(found: &Result<Graph, Diagnostics>) -> Vec<&'static str> {
     };
     let own = list.iter().map(|finding| finding.code);
     // What is not used.
-    own.filter(|code| !["W0101", "W0102", "W0103"].contains(code))
-        .collect()
+    own.filter(|code| !["W0101", "W0102", "W0103"].contains(code)).collect()
 }
 
 fn node<'g>(graph: &'g Graph, path: &str) -> &'g Node {
@@ -60,9 +59,7 @@ fn connections(graph: &Graph, path: &str) -> Vec<(String, String)> {
 }
 
 fn pairs(of: &[(&str, &str)]) -> Vec<(String, String)> {
-    of.iter()
-        .map(|(a, b)| ((*a).to_owned(), (*b).to_owned()))
-        .collect()
+    of.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect()
 }
 
 #[test]
@@ -76,22 +73,11 @@ fn a_map_takes_everything_that_a_list_takes() {
         }),
         "pair": Pair(first: "tone")"#,
     );
-    let wanted = [
-        ("near", "tone"),
-        ("bridged", "slow"),
-        ("echo", "mix"),
-        ("pair", "pair/mix"),
-    ];
+    let wanted = [("near", "tone"), ("bridged", "slow"), ("echo", "mix"), ("pair", "pair/mix")];
     assert_eq!(connections(&found, "mix"), pairs(&wanted));
-    assert_eq!(
-        connections(&found, "pair/mix"),
-        pairs(&[("first", "tone"), ("own", "pair/own")])
-    );
+    assert_eq!(connections(&found, "pair/mix"), pairs(&[("first", "tone"), ("own", "pair/own")]));
     let listed = graph(r#""mix": Mix(terms: ["tone", Hold("slow")])"#);
-    assert_eq!(
-        connections(&listed, "mix"),
-        pairs(&[("terms", "tone"), ("terms", "slow")])
-    );
+    assert_eq!(connections(&listed, "mix"), pairs(&[("terms", "tone"), ("terms", "slow")]));
 }
 
 #[test]
@@ -112,13 +98,7 @@ fn names_are_part_of_the_fingerprint_and_their_absence_is_not() {
 
 #[test]
 fn a_connection_is_named_in_code_as_in_a_file() {
-    let terms = || {
-        [
-            ("near", "tone".into()),
-            ("far", hold("slow")),
-            ("echo", delay("mix", 3)),
-        ]
-    };
+    let terms = || [("near", "tone".into()), ("far", hold("slow")), ("echo", delay("mix", 3))];
     let builder = Builder::new("A mix.")
         .driver("fast", 2000.0)
         .derived("slow", "fast", 1000.0)
@@ -132,20 +112,14 @@ fn a_connection_is_named_in_code_as_in_a_file() {
     assert_eq!(connections(&built, "mix"), pairs(&wanted));
     let written =
         r#""mix": Mix(terms: {"near": "tone", "far": Hold("slow"), "echo": Delay(from: "mix", frames: 3)})"#;
-    assert_eq!(
-        node(&built, "mix").fingerprint,
-        node(&graph(written), "mix").fingerprint
-    );
+    assert_eq!(node(&built, "mix").fingerprint, node(&graph(written), "mix").fingerprint);
 }
 
 #[test]
 fn a_map_has_a_largest_size() {
     let map = |count: usize| {
         let each = (0..count).map(|i| format!("\"n{i}\": \"tone\",\n"));
-        checked(&format!(
-            "\"mix\": Mix(terms: {{\n{}}})",
-            each.collect::<String>()
-        ))
+        checked(&format!("\"mix\": Mix(terms: {{\n{}}})", each.collect::<String>()))
     };
     assert_eq!(codes(&map(1024)), [""; 0]);
     let wrong = map(1025).expect_err("it is too large");
@@ -177,27 +151,18 @@ fn settings_name_outputs() {
     assert_eq!(outputs(&found, "none"), ["count"]);
     let nodes = found.nodes();
     let reads = nodes.incoming(nodes.find("mix").unwrap());
-    let mut read: Vec<(usize, usize)> = reads
-        .iter()
-        .map(|read| (read.edge.input, read.edge.output))
-        .collect();
+    let mut read: Vec<(usize, usize)> =
+        reads.iter().map(|read| (read.edge.input, read.edge.output)).collect();
     read.sort_unstable();
     assert_eq!(read, [(0, 2), (1, 1)]);
     let spec = |output| node(&found, "fan").output_spec(output).map(|port| port.name);
-    assert_eq!(
-        [0, 1, 2].map(spec),
-        [Some("count"), Some("copies"), Some("copies")]
-    );
+    assert_eq!([0, 1, 2].map(spec), [Some("count"), Some("copies"), Some("copies")]);
 }
 
 #[test]
 fn a_renamed_output_is_another_node() {
     let of = |names: &str| {
-        node(
-            &graph(&format!(r#""fan": Fan(input: "tone", names: {names})"#)),
-            "fan",
-        )
-        .fingerprint
+        node(&graph(&format!(r#""fan": Fan(input: "tone", names: {names})"#)), "fan").fingerprint
     };
     assert_eq!(of(r#"["a", "b"]"#), of(r#"["a", "b"]"#));
     assert_ne!(of(r#"["a", "b"]"#), of(r#"["a", "c"]"#));

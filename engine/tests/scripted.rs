@@ -73,11 +73,7 @@ fn graph(fields: &str) -> Result<Graph, Diagnostics> {
     let text = format!(
         r#"Graph(format: 1, clocks: {{ "c": Driver(rate_hz: 1000) }}, nodes: {{ "n": Counter(clock: "c"{fields}) }})"#
     );
-    check(
-        &Document::parse("script.ron", &text)?,
-        &registry(),
-        &CheckOptions::default(),
-    )
+    check(&Document::parse("script.ron", &text)?, &registry(), &CheckOptions::default())
 }
 
 #[test]
@@ -89,24 +85,14 @@ fn a_scripted_node_runs_offline_with_its_settings_and_is_marked_as_slow() {
     run.advance(3);
     run.advance(2);
     assert_eq!(run.tap(0), [9.0, 12.0]);
-    let marked = graph
-        .warnings()
-        .iter()
-        .find(|warning| warning.message.contains("slow"));
+    let marked = graph.warnings().iter().find(|warning| warning.message.contains("slow"));
     assert_eq!(marked.map(|warning| warning.code), Some("W0107"));
-    assert_eq!(
-        graph.scripted_nodes().map(|node| &*node.path).collect::<Vec<_>>(),
-        ["n"]
-    );
+    assert_eq!(graph.scripted_nodes().map(|node| &*node.path).collect::<Vec<_>>(), ["n"]);
 }
 
 #[test]
 fn its_settings_are_checked_as_those_of_all_nodes() {
-    for (fields, code) in [
-        (", step: 11", "E0302"),
-        (r#", step: "a""#, "E0301"),
-        (", stepp: 1", "E0204"),
-    ] {
+    for (fields, code) in [(", step: 11", "E0302"), (r#", step: "a""#, "E0301"), (", stepp: 1", "E0204")] {
         let wrong = graph(fields).expect_err(fields);
         assert_eq!(wrong.list[0].code, code, "{fields}");
     }
@@ -115,10 +101,7 @@ fn its_settings_are_checked_as_those_of_all_nodes() {
 #[test]
 fn no_live_run_takes_it_unless_nobody_waits() {
     let graph = graph("").unwrap_or_else(|wrong| panic!("{wrong}"));
-    let only = OfflineOnly {
-        node: "n".to_owned(),
-        kind: "Counter",
-    };
+    let only = OfflineOnly { node: "n".to_owned(), kind: "Counter" };
     let refused = Player::open(&graph, &PlayOptions::default()).err();
     assert!(matches!(refused, Some(HostError::OfflineOnly(found)) if found == only));
     let refused = Session::open_all(FileSinks::new(&graph), &LiveOptions::default(), None).err();
@@ -145,9 +128,6 @@ fn what_it_raises_is_a_finding_at_its_place() {
         sources: graph.sources().clone(),
         list: vec![raised(node, "KeyError: 'x'", "line 3, in tick")],
     };
-    assert_eq!(
-        (found.list[0].code, &found.list[0].help[..]),
-        ("E0801", &["line 3, in tick".to_owned()][..])
-    );
+    assert_eq!((found.list[0].code, &found.list[0].help[..]), ("E0801", &["line 3, in tick".to_owned()][..]));
     golden::compare("tests/wrong/program_script_raised.stderr", &render(&found, false));
 }

@@ -43,9 +43,7 @@ pub const TARGETS: [Target; 11] = [
 
 /// The value, if there is one; an error has to say why not.
 fn accepted<T, E: Display>(result: Result<T, E>) -> Option<T> {
-    result
-        .map_err(|error| assert!(!error.to_string().is_empty()))
-        .ok()
+    result.map_err(|error| assert!(!error.to_string().is_empty())).ok()
 }
 
 /// A folder with a file of these bytes, for what is read from files only.
@@ -101,10 +99,7 @@ pub fn ron(bytes: &[u8]) -> bool {
         (Err(findings), Ok(_)) => {
             // The depth of brackets is bounded; a structure's fields are names.
             let bounded = |code: &str| ["E0104"].contains(&code);
-            assert!(
-                findings.list.iter().any(|one| bounded(one.code)),
-                "{text:?}: {findings}"
-            );
+            assert!(findings.list.iter().any(|one| bounded(one.code)), "{text:?}: {findings}");
         }
         (Err(_), Err(_)) => {}
     }
@@ -119,10 +114,7 @@ fn plain(value: &Value) -> ron::Value {
         Shape::Number(number, _) => number_of(*number),
         Shape::String(text) => ron::Value::String(text.clone()),
         Shape::List(items) => ron::Value::Seq(items.iter().map(plain).collect()),
-        Shape::Map(pairs) => pairs
-            .iter()
-            .map(|(key, value)| (plain(key), plain(value)))
-            .collect(),
+        Shape::Map(pairs) => pairs.iter().map(|(key, value)| (plain(key), plain(value))).collect(),
         Shape::Tagged(Tagged { name, body }) => match (name.as_ref().map(|name| name.text.as_str()), body) {
             (Some("None"), Body::Bare) => ron::Value::Option(None),
             (Some("Some"), Body::Tuple(items)) if items.len() == 1 => {
@@ -130,9 +122,9 @@ fn plain(value: &Value) -> ron::Value {
             }
             (_, Body::Bare) => nothing(),
             (_, Body::Tuple(items)) => ron::Value::Seq(items.iter().map(plain).collect()),
-            (_, Body::Fields(fields)) => { fields.iter() }
-                .map(|(name, value)| (name.text.clone(), plain(value)))
-                .collect(),
+            (_, Body::Fields(fields)) => {
+                { fields.iter() }.map(|(name, value)| (name.text.clone(), plain(value))).collect()
+            }
         },
     }
 }
@@ -153,9 +145,9 @@ fn plain_of_ron(value: ron::Value) -> ron::Value {
         ron::Value::Number(number) => number_of(number.into_f64()),
         ron::Value::Seq(items) => ron::Value::Seq(items.into_iter().map(plain_of_ron).collect()),
         ron::Value::Option(inner) => ron::Value::Option(inner.map(|inner| Box::new(plain_of_ron(*inner)))),
-        ron::Value::Map(pairs) => { pairs.into_iter() }
-            .map(|(key, value)| (plain_of_ron(key), plain_of_ron(value)))
-            .collect(),
+        ron::Value::Map(pairs) => {
+            { pairs.into_iter() }.map(|(key, value)| (plain_of_ron(key), plain_of_ron(value))).collect()
+        }
         other => other,
     }
 }
@@ -173,10 +165,7 @@ pub fn surface(bytes: &[u8]) -> bool {
 pub fn recording(bytes: &[u8]) -> bool {
     let _ = accepted(recording::read_column(bytes, "x"));
     let _ = recording::read_signal(bytes, None);
-    let read = [
-        recording::read_csv(bytes, "fuzzed"),
-        recording::read_archive(bytes),
-    ];
+    let read = [recording::read_csv(bytes, "fuzzed"), recording::read_archive(bytes)];
     let recordings: Vec<AnyRecording> = read.into_iter().filter_map(accepted).collect();
     for recording in &recordings {
         assert!(recording::write_archive(recording).is_ok());
@@ -188,18 +177,12 @@ pub fn recording(bytes: &[u8]) -> bool {
 /// Any file is a recording or an error: tables of loggers as CSV, spreadsheets, MATLAB's and WAV files.
 pub fn table(bytes: &[u8]) -> bool {
     let (_folder, path) = in_a_file(bytes);
-    let lenient = ImportSettings {
-        rate_hz: Some(1000.0),
-        full_scale_m_s2: Some(20.0),
-        ..ImportSettings::default()
-    };
+    let lenient =
+        ImportSettings { rate_hz: Some(1000.0), full_scale_m_s2: Some(20.0), ..ImportSettings::default() };
     let known = { lenient.clone().with_constant("force_normal_n", "1") }
         .and_then(|import| import.with_constant("speed_mm_s", "50"))
         .expect("known quantities");
-    let by_its_own_times = ImportSettings {
-        rate_hz: None,
-        ..lenient.clone()
-    };
+    let by_its_own_times = ImportSettings { rate_hz: None, ..lenient.clone() };
     let imports = [ImportSettings::strict(), by_its_own_times, lenient, known];
     let _ = recording::load_column(&path, "x");
     for import in &imports {
@@ -208,11 +191,7 @@ pub fn table(bytes: &[u8]) -> bool {
     let read = imports.map(|import| accepted(recording::load_with(std::slice::from_ref(&path), &import)));
     for (recording, findings) in read.iter().flatten() {
         assert!(recording::write_archive(recording).is_ok());
-        assert!(
-            findings
-                .iter()
-                .all(|(_, finding)| !finding.to_string().is_empty())
-        );
+        assert!(findings.iter().all(|(_, finding)| !finding.to_string().is_empty()));
     }
     read.iter().any(Option::is_some)
 }
@@ -223,10 +202,7 @@ pub fn learn_table(bytes: &[u8]) -> bool {
     let Some((recording, _)) = accepted(recording::load_with(&[path], &ImportSettings::default())) else {
         return false;
     };
-    let settings = LearnSettings {
-        accept_rate: true,
-        ..LearnSettings::default()
-    };
+    let settings = LearnSettings { accept_rate: true, ..LearnSettings::default() };
     let Some((surface, report)) = accepted(learn("fuzzed", &[recording], &settings, &|_| ())) else {
         return false;
     };
@@ -276,20 +252,12 @@ pub fn packet(bytes: &[u8]) -> bool {
     for setting in parsed.iter().flatten() {
         assert!(!setting.name.is_empty());
         for text in [&setting.name, &setting.value.to_string()] {
-            assert!(
-                text.len() <= 200 && !text.chars().any(char::is_control),
-                "{setting:?}"
-            );
+            assert!(text.len() <= 200 && !text.chars().any(char::is_control), "{setting:?}");
         }
     }
     let state = accepted(State::from_bytes(bytes));
     if let Some(state) = &state {
-        let numbers = [
-            state.position_m,
-            state.orientation_rad,
-            state.force_n,
-            state.torque_n_m,
-        ];
+        let numbers = [state.position_m, state.orientation_rad, state.force_n, state.torque_n_m];
         assert!(numbers.as_flattened().iter().all(|x| x.abs() <= 1e6));
         assert_eq!(State::from_bytes(&state.to_bytes()).as_ref(), Ok(state));
     }

@@ -151,11 +151,7 @@ impl Connected {
 
     /// A running driver of a clock: its name and its index in the graph.
     pub fn driver(name: &str, clock: usize, place: impl Into<String>) -> Self {
-        Self {
-            role: Role::Driver,
-            clock: Some(clock),
-            ..Self::link(name, place)
-        }
+        Self { role: Role::Driver, clock: Some(clock), ..Self::link(name, place) }
     }
 }
 

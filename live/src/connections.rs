@@ -65,15 +65,8 @@ impl Connections {
 
     fn of(registry: &Registry, is_member: impl FnMut(&BackendEntry) -> bool) -> Self {
         let (members, left_out): (Vec<_>, Vec<_>) = backends(registry).into_iter().partition(is_member);
-        let member = |entry: BackendEntry| Member {
-            backend: entry.make(),
-            entry,
-        };
-        Self {
-            backends: members.into_iter().map(member).collect(),
-            left_out,
-            is_undoable: false,
-        }
+        let member = |entry: BackendEntry| Member { backend: entry.make(), entry };
+        Self { backends: members.into_iter().map(member).collect(), left_out, is_undoable: false }
     }
 
     /// Refuses real devices that nothing reaches, and reached ones that would count as simulated.

@@ -65,13 +65,7 @@ pub(crate) struct Reader<F> {
 impl<F> Reader<F> {
     /// A new reader with a link of its own.
     pub fn new(device: &str, field: F, timeout: Duration) -> Self {
-        Self {
-            device: device.to_owned(),
-            field,
-            timeout,
-            link: Arc::default(),
-            is_new: true,
-        }
+        Self { device: device.to_owned(), field, timeout, link: Arc::default(), is_new: true }
     }
 }
 
@@ -129,13 +123,7 @@ impl<S: NumberSource> Listener<S> {
     pub fn open(address: &S::Address) -> std::io::Result<Self> {
         let (readers, stop) = (Readers::default(), Arc::<AtomicBool>::default());
         let thread = S::listen(address, readers.clone(), Arc::clone(&stop))?;
-        Ok(Self {
-            address: address.clone(),
-            readers,
-            stop,
-            thread: Some(thread),
-            is_new: true,
-        })
+        Ok(Self { address: address.clone(), readers, stop, thread: Some(thread), is_new: true })
     }
 
     /// The link of an input: that of an input that reads the same field, or a new one.
@@ -191,21 +179,14 @@ impl<S: NumberSource> Listeners<S> {
     fn each_reader<T>(&self, of: impl Fn(&S::Address, &Reader<S::Field>) -> T) -> Vec<T> {
         let of_listener = |listener: &Listener<S>| -> Vec<T> {
             let readers = listener.readers.list();
-            readers
-                .iter()
-                .map(|reader| of(&listener.address, reader))
-                .collect()
+            readers.iter().map(|reader| of(&listener.address, reader)).collect()
         };
         self.0.iter().flat_map(of_listener).collect()
     }
 }
 
 fn failed(device: &str, address: &impl Display, error: std::io::Error) -> BackendError {
-    BackendError::Place {
-        device: device.to_owned(),
-        place: address.to_string(),
-        error,
-    }
+    BackendError::Place { device: device.to_owned(), place: address.to_string(), error }
 }
 
 impl<S: NumberSource> Backend for Listeners<S> {
@@ -240,9 +221,7 @@ impl<S: NumberSource> Backend for Listeners<S> {
         for (device, cell) in graph.devices().iter().filter_map(cell) {
             for listener in &self.0 {
                 let mut readers = listener.readers.list();
-                let own = readers
-                    .iter_mut()
-                    .filter(|reader| Arc::ptr_eq(&reader.link.input, &cell));
+                let own = readers.iter_mut().filter(|reader| Arc::ptr_eq(&reader.link.input, &cell));
                 own.for_each(|reader| device.name.clone_into(&mut reader.device));
             }
         }

@@ -52,18 +52,10 @@ impl Rig {
         let nodes = graph.nodes();
         let out = nodes.find("out");
         let mut outlets = FileSinks::new(&graph);
-        outlets.probe(Probe {
-            node: out.unwrap(),
-            output: 0,
-            writer: Box::new(Nowhere),
-        });
+        outlets.probe(Probe { node: out.unwrap(), output: 0, writer: Box::new(Nowhere) });
         let (mut lives, session) = Session::open_all(outlets, &LiveOptions::default(), None).unwrap();
         open(&graph, &mut lives);
-        Self {
-            lives,
-            session,
-            signal: Vec::new(),
-        }
+        Self { lives, session, signal: Vec::new() }
     }
 
     /// With the link of a device.
@@ -98,9 +90,7 @@ impl Rig {
     /// That the status of the input's only actuator is that of the signal; returns what was delivered.
     pub fn assert_true_status(&self, device: &str, at_zero: bool) -> f64 {
         let status = self.status(device);
-        let [actuator] = &status.actuators[..] else {
-            panic!("{status:?}")
-        };
+        let [actuator] = &status.actuators[..] else { panic!("{status:?}") };
         let delivered = self.signal.last().unwrap().abs();
         assert_eq!((&*actuator.path, &*actuator.unit), ("out", "A"));
         assert_eq!((actuator.delivered, actuator.at_zero), (delivered, at_zero));
@@ -109,9 +99,7 @@ impl Rig {
 
     /// The largest step of the signal from frame `from` on.
     pub fn leap(&self, from: usize) -> f64 {
-        let steps = self.signal[from..]
-            .windows(2)
-            .map(|pair| (pair[1] - pair[0]).abs());
+        let steps = self.signal[from..].windows(2).map(|pair| (pair[1] - pair[0]).abs());
         steps.fold(0.0, f64::max)
     }
 }
@@ -157,11 +145,7 @@ fn falls_silent_and_comes_back(device: &str) {
         assert!((back - 0.5).abs() < 1e-9, "{back}");
         rig.assert_true_status("stylus", false);
         // Ramps of 10 ms down and up, of two factors where the force falls too.
-        assert!(
-            rig.leap(frames) <= 0.11 && before <= 0.11,
-            "no leap: {}",
-            rig.leap(0)
-        );
+        assert!(rig.leap(frames) <= 0.11 && before <= 0.11, "no leap: {}", rig.leap(0));
     }
 }
 
@@ -206,11 +190,8 @@ fn silence_reaches_through_bodies_and_rings() {
     assert!((rig.pass(200, speaks) - 0.4).abs() < 0.01);
     assert_eq!(rig.pass(100, || {}), 0.0);
     let status = rig.status("stylus");
-    let zeros: Vec<(&str, f64, bool)> = status
-        .actuators
-        .iter()
-        .map(|a| (&*a.path, a.delivered, a.at_zero))
-        .collect();
+    let zeros: Vec<(&str, f64, bool)> =
+        status.actuators.iter().map(|a| (&*a.path, a.delivered, a.at_zero)).collect();
     assert_eq!(zeros.len(), 2);
     assert!(zeros.contains(&("out", 0.0, true)) && zeros.contains(&("on_arm", 0.0, true)));
 }

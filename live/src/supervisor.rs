@@ -185,10 +185,7 @@ impl Supervisor {
         }
         match self.parameters.iter().any(|(known, _)| known == name) {
             true => Err(SettingError::Parameter(name.to_owned())),
-            false => Err(SettingError::Unknown {
-                name: name.to_owned(),
-                help: self.live_choices(name),
-            }),
+            false => Err(SettingError::Unknown { name: name.to_owned(), help: self.live_choices(name) }),
         }
     }
 
@@ -242,8 +239,7 @@ impl Supervisor {
         // The final warnings summarise these notes, one line per input.
         let silences = self.silence.poll(Instant::now(), &inputs, &self.drivers);
         self.events.extend(silences.into_iter().map(Event::Silence));
-        self.events
-            .extend(self.session.failing_files().map(Event::FileFailed));
+        self.events.extend(self.session.failing_files().map(Event::FileFailed));
         self.session.poll();
         if self.drivers.is_partly_finished() {
             self.stop();
@@ -251,10 +247,7 @@ impl Supervisor {
         let stopping = self.stop.load(Ordering::Relaxed);
         self.handle_requests();
         if self.watch.as_mut().is_some_and(FileWatch::has_changed)
-            && !self
-                .waiting
-                .iter()
-                .any(|change| matches!(change, PendingChange::Saved))
+            && !self.waiting.iter().any(|change| matches!(change, PendingChange::Saved))
         {
             self.waiting.push_back(PendingChange::Saved);
         }
@@ -302,14 +295,7 @@ impl Supervisor {
         let latencies = latency::measured(&self.graph, output_latency.as_ref());
         report.add_outcome(&self.graph, took_s, &outcome, &latencies);
         warnings.extend(report::warnings_of(&outcome, &report.timing.stalled_at_s));
-        Ok(Ended {
-            outcome,
-            report,
-            warnings,
-            latencies,
-            devices: self.devices,
-            took_s,
-        })
+        Ok(Ended { outcome, report, warnings, latencies, devices: self.devices, took_s })
     }
 
     /// Description of the drivers of the run.

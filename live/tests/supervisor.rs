@@ -86,10 +86,7 @@ fn a_setting_and_a_parameter_are_set_and_reported() {
     let given = fs::read_to_string(out.join("given.csv")).unwrap();
     let given: Vec<f64> = given.lines().skip(1).map(last_cell).collect();
     let highest = given.iter().fold(0.0, |most: f64, value| most.max(*value));
-    assert!(
-        highest <= 0.5 + 1e-9 && given.last().unwrap().abs() < 0.06,
-        "{highest}"
-    );
+    assert!(highest <= 0.5 + 1e-9 && given.last().unwrap().abs() < 0.06, "{highest}");
     let value = serde_json::to_value(report).unwrap();
     assert_eq!(serde_json::from_value::<RunReport>(value).unwrap(), *report);
 }
@@ -136,10 +133,7 @@ fn a_live_setting_gets_exactly_the_bits_that_were_set() {
     assert_eq!(number(&run, "out.gain"), 0.5);
     run.stop();
     let (ended, _) = ended(run, |_| false);
-    assert_eq!(
-        (ended.report.changes, ended.report.set_while_running.len()),
-        (0, 31)
-    );
+    assert_eq!((ended.report.changes, ended.report.set_while_running.len()), (0, 31));
     assert_eq!(handle.set(0.5), Err(SendError::Ended));
     // What the real-time side got, as its replay log has it.
     let log = fs::read_to_string(out.join("arrivals/0.settings.csv")).unwrap();
@@ -189,10 +183,7 @@ fn a_handle_is_refused_once_and_follows_its_name_to_another_graph() {
     let mut options = options(folder.path(), GRAPH);
     options.watch = true;
     let mut run = Supervisor::start(options, &registry(), None).unwrap();
-    assert_eq!(
-        run.setting("level").unwrap_err(),
-        SettingError::Parameter("level".to_owned())
-    );
+    assert_eq!(run.setting("level").unwrap_err(), SettingError::Parameter("level".to_owned()));
     let unknown = run.setting("out.gian").unwrap_err();
     assert!(
         matches!(&unknown, SettingError::Unknown { name, help } if name == "out.gian" && help.contains("out.gain"))
@@ -200,10 +191,7 @@ fn a_handle_is_refused_once_and_follows_its_name_to_another_graph() {
     let handle = run.setting("out.gain").unwrap();
     let refusals = |run: &mut Supervisor, value| {
         handle.set(value).unwrap();
-        run.poll()
-            .iter()
-            .filter(|event| matches!(event, Event::Refused(_)))
-            .count()
+        run.poll().iter().filter(|event| matches!(event, Event::Refused(_))).count()
     };
     for (value, refused) in [(f64::NAN, 1), (f64::INFINITY, 0), (0.5, 0), (f64::NAN, 1)] {
         assert_eq!(refusals(&mut run, value), refused, "{value}");
@@ -265,9 +253,7 @@ fn a_saved_file_is_swapped_in_unless_it_is_not_accepted() {
         });
         let run = Supervisor::start(options, &registry(), None).unwrap();
         fs::write(folder.path().join("g.ron"), text + " ").unwrap();
-        let (ended, events) = ended(run, |event| {
-            matches!(event, Event::Changed(..) | Event::Refused(_))
-        });
+        let (ended, events) = ended(run, |event| matches!(event, Event::Changed(..) | Event::Refused(_)));
         let refused = |event: &Event| matches!(event, Event::Refused(why) if why.contains("not wanted"));
         assert_eq!(events.iter().any(refused), !is_accepted, "{events:?}");
         assert_eq!(ended.report.swaps, u32::from(is_accepted));
@@ -285,13 +271,9 @@ fn a_saved_file_that_gains_live_endpoints_moves_nothing_real() {
     let live = r#"endpoints: { "live": { "coil": UdpDevice(listen: "127.0.0.1:0") }, "simulated""#;
     let text = GRAPH.replace(r#"endpoints: { "simulated""#, live);
     fs::write(folder.path().join("g.ron"), text.replace("0.5 }", "0.25 }")).unwrap();
-    let (ended, events) = ended(run, |event| {
-        matches!(event, Event::Changed(..) | Event::Set(..) | Event::Refused(_))
-    });
-    assert!(
-        !events.iter().any(|event| matches!(event, Event::Refused(_))),
-        "{events:?}"
-    );
+    let (ended, events) =
+        ended(run, |event| matches!(event, Event::Changed(..) | Event::Set(..) | Event::Refused(_)));
+    assert!(!events.iter().any(|event| matches!(event, Event::Refused(_))), "{events:?}");
     assert!(
         !ended.devices.is_empty() && ended.devices.iter().all(|device| device.is_simulated),
         "{:?}",
@@ -307,10 +289,7 @@ fn a_graph_with_errors_and_a_device_that_is_taken_do_not_start() {
     let taken = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let device = format!("UdpDevice(listen: \"{}\")", taken.local_addr().unwrap());
     let refused = start(&GRAPH.replace("SimulatedHaptuator()", &device));
-    assert!(
-        matches!(refused, Err(StartError::Backend(BackendError::Bind { .. }))),
-        "{refused:?}"
-    );
+    assert!(matches!(refused, Err(StartError::Backend(BackendError::Bind { .. }))), "{refused:?}");
 }
 
 #[test]
@@ -338,10 +317,7 @@ fn a_run_is_replayed_from_its_report() {
     let mut run = Supervisor::start(options, &registry(), Some(&live)).unwrap();
     run.set("out.gain", 0.1 + 0.2);
     let (ended, _) = ended(run, |_| false);
-    assert_eq!(
-        (ended.report.driver_frames, &*ended.report.clocks),
-        (200, &["servo 1000 Hz".to_owned()][..])
-    );
+    assert_eq!((ended.report.driver_frames, &*ended.report.clocks), (200, &["servo 1000 Hz".to_owned()][..]));
     let document = Document::load(folder.path().join("g.ron"), &Default::default()).unwrap();
     let graph = check(&document, &registry(), &CheckOptions::default()).unwrap();
     let report = serde_json::to_value(&ended.report).unwrap();
@@ -350,9 +326,7 @@ fn a_run_is_replayed_from_its_report() {
     let mut sinks = FileSinks::new(&graph);
     sinks.open_files(&again).unwrap();
     let offline = Offline::new(sinks, 64);
-    offline
-        .replay((&live, &bounds), &AtomicBool::new(false), &mut |_| {})
-        .unwrap();
+    offline.replay((&live, &bounds), &AtomicBool::new(false), &mut |_| {}).unwrap();
     let of = |folder: &Path| fs::read(folder.join("given.csv")).unwrap();
     assert!(of(&live) == of(&again) && of(&live).len() > 200);
     // A file that cannot be written is named by the error and has a cause.
@@ -364,10 +338,7 @@ fn a_run_is_replayed_from_its_report() {
     let Err(StartError::File(error)) = refused else {
         panic!("it started");
     };
-    assert_eq!(
-        (error.error.kind(), error.path.ends_with("given.csv")),
-        (std::io::ErrorKind::NotFound, true)
-    );
+    assert_eq!((error.error.kind(), error.path.ends_with("given.csv")), (std::io::ErrorKind::NotFound, true));
 }
 
 #[test]
@@ -382,13 +353,7 @@ fn a_run_that_is_finished_early_or_dropped_stops_its_actuators() {
     drop(run);
 }
 
-const WAKE: Wake = Wake {
-    late_ns: 0,
-    work_ns: 0,
-    frames: 10,
-    lost: 0,
-    overrun: false,
-};
+const WAKE: Wake = Wake { late_ns: 0, work_ns: 0, frames: 10, lost: 0, overrun: false };
 
 /// Drives a whole graph from a thread of its own, as a program's own hardware would.
 #[derive(Default)]
@@ -433,10 +398,7 @@ impl<const REPORTS: bool> Backend for OwnClock<REPORTS> {
 
     fn close(&mut self) -> Result<Lives, BackendError> {
         let ended = |(clock, thread): (usize, thread::JoinHandle<Live>)| Some((clock, thread.join().ok()?));
-        let all = self
-            .0
-            .drain(..)
-            .map(|driver| ended(driver).ok_or(BackendError::Lost));
+        let all = self.0.drain(..).map(|driver| ended(driver).ok_or(BackendError::Lost));
         all.collect()
     }
 }
@@ -456,20 +418,14 @@ fn with_backend(entry: BackendEntry, seed: u64) -> Result<Ended, StartError> {
 fn a_programs_own_backend_opens_drives_and_is_reported() {
     let entry = BackendEntry::new("oscillators", &[], || Box::new(OwnClock::<true>::default()));
     let refused = with_backend(entry.driving(), 13).err();
-    assert!(
-        matches!(refused, Some(StartError::Backend(BackendError::Stream(_)))),
-        "{refused:?}"
-    );
+    assert!(matches!(refused, Some(StartError::Backend(BackendError::Stream(_)))), "{refused:?}");
     let driven_by = |entry| {
         let ended = with_backend(entry, 1).unwrap();
         assert_eq!(ended.outcome.outcome.driver_frames, 500);
         ended.report.driver
     };
     assert!(driven_by(entry.driving()).contains("the oscillator of the experiment"));
-    assert!(
-        driven_by(entry).contains("timer"),
-        "it did not declare that it drives"
-    );
+    assert!(driven_by(entry).contains("timer"), "it did not declare that it drives");
 }
 
 #[test]
@@ -480,9 +436,8 @@ fn a_backend_that_cannot_be_supervised_is_refused() {
         matches!(&refused, Some(StartError::Backend(BackendError::Unreported { clock, .. })) if clock == "servo"),
         "{refused:?}"
     );
-    let of_simulation = BackendEntry::new("coils", &["SimulatedHaptuator"], || {
-        Box::new(OwnClock::<true>::default())
-    });
+    let of_simulation =
+        BackendEntry::new("coils", &["SimulatedHaptuator"], || Box::new(OwnClock::<true>::default()));
     let refused = with_backend(of_simulation, 1).err();
     assert!(
         matches!(&refused, Some(StartError::Backend(BackendError::Simulated { device, .. })) if device == "coil"),
@@ -493,20 +448,11 @@ fn a_backend_that_cannot_be_supervised_is_refused() {
 #[test]
 fn every_device_kind_without_a_simulation_has_one_backend() {
     let registry = registry();
-    let real = registry
-        .devices()
-        .iter()
-        .filter(|entry| !entry.spec.simulated && !entry.is_host());
+    let real = registry.devices().iter().filter(|entry| !entry.spec.simulated && !entry.is_host());
     for entry in real {
-        let reaching = BACKENDS
-            .iter()
-            .filter(|backend| backend.kinds.contains(&entry.spec.name));
+        let reaching = BACKENDS.iter().filter(|backend| backend.kinds.contains(&entry.spec.name));
         assert_eq!(reaching.count(), 1, "{}", entry.spec.name);
     }
-    let kinds: Vec<&str> = BACKENDS
-        .iter()
-        .flat_map(|backend| backend.kinds)
-        .copied()
-        .collect();
+    let kinds: Vec<&str> = BACKENDS.iter().flat_map(|backend| backend.kinds).copied().collect();
     assert!(kinds.len() >= 10 && kinds.iter().all(|kind| registry.device(kind).is_some()));
 }

@@ -86,14 +86,7 @@ impl Record for Contact {
 impl Contact {
     /// No contact.
     pub const fn free(hip_m: Vec3) -> Self {
-        Self {
-            touching: false,
-            hip_m,
-            ihip_m: hip_m,
-            penetration_m: 0.0,
-            normal: [0.0; 3],
-            face: 0,
-        }
+        Self { touching: false, hip_m, ihip_m: hip_m, penetration_m: 0.0, normal: [0.0; 3], face: 0 }
     }
 }
 

@@ -52,9 +52,6 @@ pub(crate) fn si_of_column(header: &str, quantity: &str) -> Result<f64, BuildErr
         return Ok(scale);
     }
     let message = format!("the name of column {header} has unit {unit}; {wanted} was expected");
-    let help = format!(
-        "set `quantity` to what the column is, or rename it: ..{}",
-        units::suffix(wanted)
-    );
+    let help = format!("set `quantity` to what the column is, or rename it: ..{}", units::suffix(wanted));
     Err(BuildError::at("quantity", message).help(help))
 }

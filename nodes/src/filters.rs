@@ -53,10 +53,7 @@ impl<K: NodeKind> Frequency<K> {
 
     /// The setting of a fallback, and its input.
     pub const fn or_input(fallback: Fallback<K>) -> Self {
-        Self {
-            setting: fallback.setting,
-            input: Some(fallback.input),
-        }
+        Self { setting: fallback.setting, input: Some(fallback.input) }
     }
 }
 
@@ -100,13 +97,8 @@ impl LaneFilter {
         if follows {
             filter.latency = Latency::default();
         }
-        filter.tuning = Some(Tuning {
-            prototype,
-            rate_hz,
-            settings: frequencies,
-            asked: frequencies,
-            follows,
-        });
+        filter.tuning =
+            Some(Tuning { prototype, rate_hz, settings: frequencies, asked: frequencies, follows });
         Ok(filter)
     }
 
@@ -235,12 +227,10 @@ pub(crate) fn design_error(cutoff_field: &'static str) -> impl Fn(DesignError) -
         DesignError::Order { .. } => BuildError::at("order", error.to_string()),
         DesignError::EmptyBand { .. } => BuildError::at("low_hz", error.to_string()).help("swap the edges"),
         DesignError::NarrowBand { .. } => BuildError::at("low_hz", error.to_string()),
-        DesignError::Extreme {
-            frequency_hz,
-            rate_hz,
-            ..
-        } if frequency_hz / rate_hz < 0.25 => BuildError::at(cutoff_field, error.to_string())
-            .help("raise it, or run the node on a slower clock"),
+        DesignError::Extreme { frequency_hz, rate_hz, .. } if frequency_hz / rate_hz < 0.25 => {
+            BuildError::at(cutoff_field, error.to_string())
+                .help("raise it, or run the node on a slower clock")
+        }
         DesignError::Cutoff { .. } | DesignError::Rate { .. } | DesignError::Extreme { .. } => {
             BuildError::at(cutoff_field, error.to_string())
                 .help("lower it, or run the node on a faster clock")

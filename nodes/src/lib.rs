@@ -171,9 +171,7 @@ fn texture(all: &mut Registry) {
         .add_device(DeviceEntry::of::<network::UdpDevice>())
         .add_device(DeviceEntry::of::<network::OscDevice>())
         .add_device(DeviceEntry::of::<network::EvdevDevice>())
-        .add(NodeEntry::source_with::<network::inputs::LiveInputSettings>(
-            &network::inputs::LIVE_INPUT,
-        ))
+        .add(NodeEntry::source_with::<network::inputs::LiveInputSettings>(&network::inputs::LIVE_INPUT))
         .add_device(DeviceEntry::of::<network::inputs::OscInput>())
         .add_device(DeviceEntry::of::<network::inputs::MidiInput>())
         .add_device(DeviceEntry::of::<network::inputs::SerialInput>())

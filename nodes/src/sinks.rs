@@ -34,15 +34,9 @@ fn inside_the_run(file: &str, endings: &[&str]) -> Result<PathBuf, BuildError> {
         return refused(format!("`{file}` is not a file name inside the run's folder"));
     }
     if let Some(part) = file.split('/').find(|part| !is_portable(part)) {
-        return refused(format!(
-            "`{}` is not a valid file name on every system",
-            part.escape_debug()
-        ));
+        return refused(format!("`{}` is not a valid file name on every system", part.escape_debug()));
     }
-    let ending = path
-        .extension()
-        .and_then(|ending| ending.to_str())
-        .unwrap_or_default();
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     if !endings.iter().any(|known| known.eq_ignore_ascii_case(ending)) {
         let known: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
         return refused(format!("`{file}` does not end in {}", known.join(" or ")));
@@ -68,15 +62,7 @@ mod tests {
 
     #[test]
     fn file_names_stay_inside_the_run_and_end_as_what_is_written() {
-        for name in [
-            "x.wav",
-            "X.WAV",
-            "a/b.wav",
-            "a b.wav",
-            "..x.wav",
-            "comb.wav",
-            "größe.wav",
-        ] {
+        for name in ["x.wav", "X.WAV", "a/b.wav", "a b.wav", "..x.wav", "comb.wav", "größe.wav"] {
             assert!(inside_the_run(name, &["wav"]).is_ok(), "{name}");
         }
         let long = format!("{}.wav", "x".repeat(300));

@@ -102,10 +102,7 @@ mod tests {
     use super::*;
     use std::io::Cursor;
 
-    const FORMAT: Format = Format {
-        channels: 2,
-        rate_hz: 1000,
-    };
+    const FORMAT: Format = Format { channels: 2, rate_hz: 1000 };
 
     /// A file of these frames, as RF64 where its form has more than `most_bytes`.
     fn written(frames: &[[f32; 2]], most_bytes: u64) -> Vec<u8> {
@@ -237,9 +234,6 @@ mod tests {
             let mut file = Cursor::new(&whole[..cut]);
             assert!(read_layout(&mut file).is_err(), "{cut}");
         }
-        assert!(matches!(
-            read_layout(&mut Cursor::new(b"PK nothing of that kind")),
-            Err(WavError::NotWav)
-        ));
+        assert!(matches!(read_layout(&mut Cursor::new(b"PK nothing of that kind")), Err(WavError::NotWav)));
     }
 }

@@ -11,10 +11,7 @@ use std::sync::atomic::AtomicBool;
 
 /// A driver of 1 kHz and a slower clock of 300 Hz; a file of 37 samples at the latter.
 fn graph(folder: &Path, at_end: &str) -> Graph {
-    let format = Format {
-        channels: 1,
-        rate_hz: 300,
-    };
+    let format = Format { channels: 1, rate_hz: 300 };
     let mut writer = WavWriter::new(File::create(folder.join("x.wav")).unwrap(), format).unwrap();
     for sample in 1..=37_u8 {
         writer.write(&[sample.into()]).unwrap();
@@ -65,11 +62,7 @@ fn the_run_ends_with_the_data_to_the_frame_whatever_the_block() {
 #[test]
 fn the_run_goes_on_where_the_graph_asks_for_it() {
     let folder = tempfile::tempdir().unwrap();
-    for (at_end, follows) in [
-        ("Hold", [37.0, 37.0]),
-        ("Silence", [0.0, 0.0]),
-        ("Loop", [1.0, 2.0]),
-    ] {
+    for (at_end, follows) in [("Hold", [37.0, 37.0]), ("Silence", [0.0, 0.0]), ("Loop", [1.0, 2.0])] {
         let graph = graph(folder.path(), &format!(", at_end: {at_end}"));
         let (outcome, [played, _]) = run(&graph, 64);
         assert_eq!((outcome.driver_frames, played.len()), (500, 150));

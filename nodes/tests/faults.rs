@@ -106,33 +106,12 @@ const CONTINUOUS: f64 = 0.5;
 const WINDOW_S: f64 = 0.2;
 const SLEW_PER_S: f64 = 400.0;
 
-type Sink = (
-    &'static str,
-    &'static str,
-    &'static str,
-    &'static str,
-    &'static str,
-    u32,
-);
+type Sink = (&'static str, &'static str, &'static str, &'static str, &'static str, u32);
 
 /// Kind of the sink and its port, the source that plagues it, its unit, the device that it drives and the device's rate.
 const SINKS: [Sink; 4] = [
-    (
-        "ActuatorSink",
-        "current",
-        "EvilCurrent",
-        "a",
-        "SimulatedHaptuator()",
-        10_000,
-    ),
-    (
-        "SoundcardSink",
-        "voltage",
-        "EvilVoltage",
-        "v",
-        "SoundcardVoltage(volts_full_scale: 2)",
-        48_000,
-    ),
+    ("ActuatorSink", "current", "EvilCurrent", "a", "SimulatedHaptuator()", 10_000),
+    ("SoundcardSink", "voltage", "EvilVoltage", "v", "SoundcardVoltage(volts_full_scale: 2)", 48_000),
     (
         "ForceSink",
         "force",
@@ -190,17 +169,10 @@ impl Judge {
         self.faults = run.faults().ticks;
         for frame in run.tap(0).chunks(self.before.len()) {
             let now = norm(frame);
-            assert!(
-                now.is_finite() && now <= PEAK * (1.0 + 1e-12),
-                "{sink}: {frame:?}"
-            );
+            assert!(now.is_finite() && now <= PEAK * (1.0 + 1e-12), "{sink}: {frame:?}");
             let change: Vec<f64> = frame.iter().zip(&self.before).map(|(a, b)| a - b).collect();
             let step = norm(&change) * self.rate_hz;
-            assert!(
-                step <= SLEW_PER_S * (1.0 + 1e-9),
-                "{sink}: {:?} to {frame:?}",
-                self.before
-            );
+            assert!(step <= SLEW_PER_S * (1.0 + 1e-9), "{sink}: {:?} to {frame:?}", self.before);
             self.heat += weight * (now * now - self.heat);
             let most = CONTINUOUS * CONTINUOUS * (1.0 + 1e-9);
             assert!(self.heat <= most, "{sink}: {}", self.heat);
@@ -249,24 +221,14 @@ fn plague(ticks: impl Fn(&str) -> u64) {
             judge.strongest,
             judge.faults
         );
-        assert!(
-            faded > 2,
-            "{sink}: {faded} cross-fades, {through_zero} swaps at zero"
-        );
+        assert!(faded > 2, "{sink}: {faded} cross-fades, {through_zero} swaps at zero");
         let origin = live.faults().origin;
-        assert!(
-            matches!(origin.as_deref(), Some("evil" | "worse")),
-            "{sink}: {origin:?}"
-        );
+        assert!(matches!(origin.as_deref(), Some("evil" | "worse")), "{sink}: {origin:?}");
         met.push(sink);
     }
     let registry = haptograph_nodes::registry();
-    let mut sinks: Vec<&str> = registry
-        .nodes()
-        .iter()
-        .filter(|entry| entry.is_actuator())
-        .map(|entry| entry.spec.name)
-        .collect();
+    let mut sinks: Vec<&str> =
+        registry.nodes().iter().filter(|entry| entry.is_actuator()).map(|entry| entry.spec.name).collect();
     sinks.sort_unstable();
     met.sort_unstable();
     assert_eq!(met, sinks, "a new kind of sink has to be plagued too");
@@ -299,23 +261,17 @@ fn a_limit_above_what_the_device_can_give_is_lowered_and_said() {
         let graph = check(&document, &haptograph_nodes::registry(), &options);
         graph.unwrap_or_else(|wrong| panic!("{wrong}"))
     };
-    for (full_scale_a, peak, continuous, said) in [
-        (1.0, 0.5, 0.2, false),
-        (0.3, 0.3, 0.2, true),
-        (0.1, 0.1, 0.1, true),
-    ] {
+    for (full_scale_a, peak, continuous, said) in
+        [(1.0, 0.5, 0.2, false), (0.3, 0.3, 0.2, true), (0.1, 0.1, 0.1, true)]
+    {
         let graph = limited(full_scale_a);
         let (_, limit) = graph.limits().next().unwrap();
         assert_eq!((limit.peak, limit.continuous), (peak, continuous));
-        assert_eq!(
-            graph.warnings().iter().any(|warning| warning.code == "W0108"),
-            said
-        );
+        assert_eq!(graph.warnings().iter().any(|warning| warning.code == "W0108"), said);
         // What is delivered is what the card plays.
         let taps = vec![(graph.nodes().find("out").unwrap(), 0)];
-        let mut run = Run::new(Arc::new(
-            Plan::of(&graph, &PlanOptions::default().block(64).taps(taps)).remove(0),
-        ));
+        let mut run =
+            Run::new(Arc::new(Plan::of(&graph, &PlanOptions::default().block(64).taps(taps)).remove(0)));
         run.advance(64);
         assert!((run.tap(0)[63] - peak).abs() < 1e-12);
     }

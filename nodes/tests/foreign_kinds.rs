@@ -53,11 +53,7 @@ impl OneKind for Tint {
 /// A kind of the same frames by another name.
 struct Hue;
 impl OneKind for Hue {
-    const KIND: Kind = Kind::new(&KindSpec {
-        name: "hue",
-        one: "a hue",
-        ..TINT_SPEC
-    });
+    const KIND: Kind = Kind::new(&KindSpec { name: "hue", one: "a hue", ..TINT_SPEC });
     type Array = [f64; 3];
 }
 
@@ -77,12 +73,7 @@ macro_rules! painter {
                     input("green", Kind::SCALAR, Quantity::NUMBER, "Second."),
                     input("blue", Kind::SCALAR, Quantity::NUMBER, "Third."),
                 ],
-                outputs: &[output(
-                    "output",
-                    <$kind>::KIND,
-                    Quantity::NUMBER,
-                    "All three.",
-                )],
+                outputs: &[output("output", <$kind>::KIND, Quantity::NUMBER, "All three.")],
                 example: "",
             };
             fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
@@ -96,11 +87,8 @@ macro_rules! painter {
         }
         impl Processor<$node> for $node {
             fn process(&mut self, _: &Tick, io: &mut Io<'_, $node>) {
-                const PARTS: [Input<$node, Scalar>; 3] = [
-                    Input::named("red"),
-                    Input::named("green"),
-                    Input::named("blue"),
-                ];
+                const PARTS: [Input<$node, Scalar>; 3] =
+                    [Input::named("red"), Input::named("green"), Input::named("blue")];
                 const JOINED: Output<$node, $kind> = Output::named("output");
                 let parts = PARTS.map(|part| io.read(part));
                 for (n, frame) in io.write(JOINED).iter_mut().enumerate() {
@@ -152,8 +140,7 @@ const OTHER: &str = r#""idle": Constant(clock: "other", value: 0),"#;
 
 fn id(graph: &Graph, path: &str) -> NodeId {
     let mut ids = graph.nodes().ids();
-    ids.find(|id| graph.nodes()[*id].path == path)
-        .unwrap_or_else(|| panic!("no {path}"))
+    ids.find(|id| graph.nodes()[*id].path == path).unwrap_or_else(|| panic!("no {path}"))
 }
 
 #[derive(Clone, Default)]
@@ -174,26 +161,15 @@ fn play<const N: usize>(graph: &Graph, paths: [&str; N]) -> [Vec<f64>; N] {
     let mut sinks = FileSinks::new(graph);
     let heard = paths.map(|path| {
         let heard = Heard::default();
-        sinks.probe(Probe {
-            node: id(graph, path),
-            output: 0,
-            writer: Box::new(heard.clone()),
-        });
+        sinks.probe(Probe { node: id(graph, path), output: 0, writer: Box::new(heard.clone()) });
         heard
     });
-    Offline::new(sinks, 64)
-        .run(0.3, &AtomicBool::new(false), &mut |_| {})
-        .unwrap();
+    Offline::new(sinks, 64).run(0.3, &AtomicBool::new(false), &mut |_| {}).unwrap();
     heard.map(|heard| std::mem::take(&mut *heard.0.lock().unwrap()))
 }
 
 fn component(frames: &[f64], component: usize) -> Vec<u64> {
-    frames
-        .iter()
-        .skip(component)
-        .step_by(3)
-        .map(|x| x.to_bits())
-        .collect()
+    frames.iter().skip(component).step_by(3).map(|x| x.to_bits()).collect()
 }
 
 fn bits(frames: &[f64]) -> Vec<u64> {
@@ -206,10 +182,7 @@ fn both_ways(way: &str) -> [Vec<f64>; 4] {
         |name: &str, from: &str| format!("\"{name}\": {},", way.replace("FROM", &format!("\"{from}\"")));
     let ends =
         [("a", "tint"), ("b", "red"), ("c", "green"), ("d", "blue")].map(|(name, from)| node(name, from));
-    play(
-        &graph(&format!("{TINT} {OTHER} {}", ends.concat())),
-        ["a", "b", "c", "d"],
-    )
+    play(&graph(&format!("{TINT} {OTHER} {}", ends.concat())), ["a", "b", "c", "d"])
 }
 
 #[test]
@@ -231,10 +204,7 @@ fn what_treats_linear_frames_treats_each_component_of_a_foreign_kind_as_a_scalar
         let [tint, scalars @ ..] = both_ways(way);
         for (number, scalar) in scalars.iter().enumerate() {
             assert!(scalar.len() >= 300, "{way}");
-            assert!(
-                component(&tint, number) == bits(scalar),
-                "{way}, component {number}"
-            );
+            assert!(component(&tint, number) == bits(scalar), "{way}, component {number}");
         }
     }
 }
@@ -251,10 +221,7 @@ fn a_resampled_signal_begins_at_the_neutral_frame() {
             assert!((tint - (neutral + scalar - neutral * step)).abs() < 1e-12);
         }
     }
-    assert!(
-        component(&tint, 2) == bits(&scalars[2]),
-        "where neutral is zero no bit differs"
-    );
+    assert!(component(&tint, 2) == bits(&scalars[2]), "where neutral is zero no bit differs");
 }
 
 #[test]
@@ -266,16 +233,10 @@ fn a_ring_rises_from_the_neutral_frame() {
         // Full after 12 ms, of which 5 ms and the length of the resampler go to the rise.
         let (begun, risen) = (40, 120);
         assert_eq!(tint[..begun], vec![neutral; begun], "component {number}");
-        assert!(
-            bits(&tint[risen..]) == bits(&scalar[risen..]),
-            "component {number}"
-        );
+        assert!(bits(&tint[risen..]) == bits(&scalar[risen..]), "component {number}");
         assert!(scalar[risen..].iter().any(|x| x.abs() > 0.1));
     }
-    assert!(
-        component(&tint, 2) == bits(&scalars[2]),
-        "where neutral is zero no bit differs"
-    );
+    assert!(component(&tint, 2) == bits(&scalars[2]), "where neutral is zero no bit differs");
 }
 
 #[test]
@@ -296,13 +257,7 @@ fn a_delay_gives_the_neutral_frame_until_a_frame_has_passed() {
         assert!(bits(&delayed[15..]) == bits(&tint[..later]));
     }
     let first = tint.iter().zip(NEUTRAL.repeat(5)).map(|(x, neutral)| x + neutral);
-    assert!(
-        looped
-            .iter()
-            .copied()
-            .zip(first)
-            .all(|(y, x)| y.to_bits() == x.to_bits())
-    );
+    assert!(looped.iter().copied().zip(first).all(|(y, x)| y.to_bits() == x.to_bits()));
     assert_eq!(turned[..20], [1.0, 0.0, 0.0, 0.0].repeat(5));
     assert!(bits(&turned[20..]) == bits(&turn[..turn.len() - 20]) && turn[0] < 1.0);
 }
@@ -368,10 +323,7 @@ fn a_delay_line_does_not_go_on_as_one_of_another_kind_of_the_same_width() {
 fn a_ring_does_not_go_on_as_one_of_another_kind_of_the_same_width() {
     let tint =
         format!(r#"{TINT} "out": Gain(clock: "other", input: Ring(from: "tint", latency_ms: 12), gain: 1),"#);
-    for (next, goes_on) in [
-        (format!("{tint} {MORE}"), true),
-        (tint.replace("MakeTint", "MakeHue"), false),
-    ] {
+    for (next, goes_on) in [(format!("{tint} {MORE}"), true), (tint.replace("MakeTint", "MakeHue"), false)] {
         let old = graph(&tint);
         let options = LiveOptions::default();
         let (mut lives, mut session) = Session::open_all(FileSinks::new(&old), &options, None).unwrap();
@@ -400,8 +352,5 @@ fn the_fingerprint_of_a_node_has_the_kinds_of_its_inputs() {
         graph.nodes()[id(&graph, "out")].fingerprint
     };
     assert_eq!(fingerprint(&tint), fingerprint(&tint));
-    assert_ne!(
-        fingerprint(&tint),
-        fingerprint(&tint.replace("MakeTint", "MakeHue"))
-    );
+    assert_ne!(fingerprint(&tint), fingerprint(&tint.replace("MakeTint", "MakeHue")));
 }

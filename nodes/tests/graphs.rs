@@ -42,9 +42,7 @@ fn another_graph(path: &Path) -> Graph {
     let surface = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t5-vinyl.ron");
     let surface = CheckOptions::default().set("surface", surface.display().to_string());
     let seed = CheckOptions::default().seed(1);
-    graph_with(path, &surface)
-        .or_else(|_| graph_with(path, &seed))
-        .unwrap_or_else(|wrong| panic!("{wrong}"))
+    graph_with(path, &surface).or_else(|_| graph_with(path, &seed)).unwrap_or_else(|wrong| panic!("{wrong}"))
 }
 
 /// All outputs.
@@ -87,9 +85,7 @@ fn touching(folder: &Path, touch: &str) -> Result<Graph, Diagnostics> {
 fn contacts(folder: &Path, touch: &str) -> Vec<f64> {
     let graph = touching(folder, touch).unwrap_or_else(|wrong| panic!("{wrong}"));
     let taps = outputs(&graph);
-    let at = taps
-        .iter()
-        .position(|(node, output)| graph.nodes()[*node].path == "touch" && *output == 0);
+    let at = taps.iter().position(|(node, output)| graph.nodes()[*node].path == "touch" && *output == 0);
     let (at, mut samples) = (at.unwrap(), Vec::new());
     let mut runner = Runner::new(&plans(&graph, 50));
     while samples.len() < 12 * 500 {
@@ -141,10 +137,7 @@ fn former_names_of_contacts_give_the_same_samples() {
         ),
     ] {
         let samples = contacts(folder.path(), former);
-        assert!(
-            samples.iter().step_by(12).any(|touching| *touching == 1.0),
-            "{former}"
-        );
+        assert!(samples.iter().step_by(12).any(|touching| *touching == 1.0), "{former}");
         let bits = |samples: Vec<f64>| samples.into_iter().map(f64::to_bits).collect::<Vec<_>>();
         assert_eq!(bits(samples), bits(contacts(folder.path(), now)), "{former}");
     }
@@ -154,40 +147,16 @@ fn former_names_of_contacts_give_the_same_samples() {
 fn what_is_wrong_in_a_former_contact_is_said_where_it_stands() {
     let folder = with_a_mesh();
     for (former, code, place) in [
-        (
-            "ContactPlane(position: \"at\", normal: [0, 0, 0])",
-            "E0304",
-            "[0, 0, 0]",
-        ),
-        (
-            "ContactPlane(position: \"at\", norml: [0, 0, 1])",
-            "E0204",
-            "norml",
-        ),
+        ("ContactPlane(position: \"at\", normal: [0, 0, 0])", "E0304", "[0, 0, 0]"),
+        ("ContactPlane(position: \"at\", norml: [0, 0, 1])", "E0204", "norml"),
         ("ContactSphere(position: \"at\", diameter_mm: -1)", "E0302", "-1"),
         ("ContactSphere(diameter_mm: 5)", "E0401", "ContactSphere"),
         ("ContactBox(position: \"at\")", "E0205", "ContactBox"),
-        (
-            "ContactBox(position: \"at\", size_mm: [1, 1, 1], inside: 3)",
-            "E0301",
-            "3",
-        ),
-        (
-            "ContactBox(position: \"at\", size_mm: Param(\"no\"))",
-            "E0209",
-            "Param(\"no\")",
-        ),
-        (
-            "ContactMesh(position: \"at\", file: \"wedge.step\")",
-            "E0304",
-            "\"wedge.step\"",
-        ),
+        ("ContactBox(position: \"at\", size_mm: [1, 1, 1], inside: 3)", "E0301", "3"),
+        ("ContactBox(position: \"at\", size_mm: Param(\"no\"))", "E0209", "Param(\"no\")"),
+        ("ContactMesh(position: \"at\", file: \"wedge.step\")", "E0304", "\"wedge.step\""),
         ("ContactScene(position: \"at\", solids: [])", "E0304", "[]"),
-        (
-            "Contact(position: \"at\", solids: [Plane(), Box(size_mm: [0, 1, 1])])",
-            "E0304",
-            "[0, 1, 1]",
-        ),
+        ("Contact(position: \"at\", solids: [Plane(), Box(size_mm: [0, 1, 1])])", "E0304", "[0, 1, 1]"),
     ] {
         let wrong = touching(folder.path(), former).err().unwrap();
         let span = wrong.list[0].primary.as_ref().unwrap().span;
@@ -246,10 +215,8 @@ fn every_graph_runs_for_an_hour_without_a_fault() {
         let graph = graph(&path);
         let plans = plans(&graph, 1024);
         let mut runner = Runner::new(&plans).ending_after(3600.0);
-        let mut largest: Vec<Vec<f64>> = plans
-            .iter()
-            .map(|plan| vec![0.0; plan.tap_streams().count()])
-            .collect();
+        let mut largest: Vec<Vec<f64>> =
+            plans.iter().map(|plan| vec![0.0; plan.tap_streams().count()]).collect();
         let mut first_minute = Vec::new();
         while !runner.is_over() {
             round(&mut runner, |driver, run| {
@@ -273,10 +240,7 @@ fn every_graph_runs_for_an_hour_without_a_fault() {
             let troubles = (counts.underruns, counts.overruns, counts.lost_frames);
             assert_eq!(troubles, (0, 0, 0), "{}: {ring:?}", path.display());
         }
-        println!(
-            "{}: largest values after a minute and after an hour:",
-            path.display()
-        );
+        println!("{}: largest values after a minute and after an hour:", path.display());
         for (minute, hour) in first_minute.iter().flatten().zip(largest.iter().flatten()) {
             println!("  {minute:12.6} {hour:12.6}");
         }
@@ -317,16 +281,10 @@ fn surfaces_of_every_kind(folder: &Path) -> Vec<PathBuf> {
         let mut surface = surface.clone();
         surface.texture = surface.texture.map(|texture| {
             let rests = |at: &ModelAt| at.speed_m_s == 0.0 || at.force_n == 0.0;
-            let powers = texture
-                .models()
-                .iter()
-                .map(|at| if rests(at) { 0.0 } else { 0.5 });
+            let powers = texture.models().iter().map(|at| if rests(at) { 0.0 } else { 0.5 });
             let line = SpatialLine::new(900.0, 20.0, powers.collect()).unwrap();
             let crackle = Crackle::new(0.8, 0.008).unwrap();
-            texture
-                .with_crackle(Some(crackle))
-                .with_lines(vec![line])
-                .unwrap()
+            texture.with_crackle(Some(crackle)).with_lines(vec![line]).unwrap()
         });
         surface
     };
@@ -426,13 +384,7 @@ fn no_callback_of_several_drivers_allocates() {
         session.poll();
         assert_eq!(session.freed(), 2 * lives.len() as u64);
         let ended = session.finish_all(lives);
-        assert!(
-            ended
-                .outcome
-                .rings
-                .iter()
-                .all(|ring| ring.counts.fill_s.is_some())
-        );
+        assert!(ended.outcome.rings.iter().all(|ring| ring.counts.fill_s.is_some()));
     }
     assert!(met > 0, "no shipped graph has several drivers");
 }
@@ -459,11 +411,7 @@ fn an_hour_of_drift_goes_by_between_two_drivers() {
     }
     for ring in runner.rings() {
         let counts = ring.counts();
-        assert_eq!(
-            (counts.underruns, counts.overruns, counts.lost_frames),
-            (0, 0, 0),
-            "{ring:?}"
-        );
+        assert_eq!((counts.underruns, counts.overruns, counts.lost_frames), (0, 0, 0), "{ring:?}");
         let (least_s, most_s) = counts.range_s.unwrap();
         assert!(least_s > 0.025 && most_s < 0.035, "{counts:?}");
     }

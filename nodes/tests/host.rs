@@ -75,17 +75,11 @@ fn a_hand_of_the_callers_feels_what_the_simulated_one_does_to_the_bit() {
     let mut force = graph.input::<Scalar>("stylus.force").expect("a force");
     let mut touching = graph.input::<Scalar>("stylus.touching").expect("a touch");
     let mut current = graph.output::<Scalar>("haptuator").expect("a current");
-    let options = PlayOptions::default()
-        .rested()
-        .probe("texture/filter.acceleration");
+    let options = PlayOptions::default().rested().probe("texture/filter.acceleration");
     let (mut player, session) = Player::open(&graph, &options).expect("plays");
-    let mut vibration = player
-        .probe::<Scalar>("texture/filter.acceleration")
-        .expect("a probe");
+    let mut vibration = player.probe::<Scalar>("texture/filter.acceleration").expect("a probe");
     for (at, newton) in felt[1].iter().enumerate() {
-        position
-            .push([felt[0][3 * at], felt[0][3 * at + 1], felt[0][3 * at + 2]])
-            .expect("room");
+        position.push([felt[0][3 * at], felt[0][3 * at + 1], felt[0][3 * at + 2]]).expect("room");
         force.push(*newton).expect("room");
         touching.push(felt[2][at]).expect("room");
     }
@@ -108,13 +102,7 @@ fn servo() -> Graph {
         .driver("audio", 48_000.0)
         .derived("servo", "audio", 1000.0)
         .node("stylus", Part::new("Tablet").on("servo").set("endpoint", "hand"))
-        .node(
-            "level",
-            Part::new("Gain")
-                .on("audio")
-                .wire("input", hold("stylus.force"))
-                .set("gain", 1.0),
-        )
+        .node("level", Part::new("Gain").on("audio").wire("input", hold("stylus.force")).set("gain", 1.0))
         .build()
         .unwrap_or_else(|wrong| panic!("{wrong}"));
     check(&document, &haptograph_nodes::registry(), &CheckOptions::hosted())
@@ -161,9 +149,7 @@ fn a_hand_that_falls_silent_takes_the_current_to_zero_and_back_when_it_is_heard_
         for _ in 0..25 {
             if heard {
                 *at += 0.05;
-                position
-                    .set([0.03 * at.cos(), 0.03 * at.sin(), 0.0])
-                    .expect("room");
+                position.set([0.03 * at.cos(), 0.03 * at.sin(), 0.0]).expect("room");
                 force.set(1.0).expect("room");
                 touching.set(1.0).expect("room");
             }
@@ -177,18 +163,9 @@ fn a_hand_that_falls_silent_takes_the_current_to_zero_and_back_when_it_is_heard_
     let mut at = 0.0;
     assert!(loudest(&mut player, true, &mut at) > 0.01);
     loudest(&mut player, false, &mut at);
-    assert_eq!(
-        loudest(&mut player, false, &mut at),
-        0.0,
-        "a quarter of a second later"
-    );
+    assert_eq!(loudest(&mut player, false, &mut at), 0.0, "a quarter of a second later");
     assert_eq!(session.live_inputs()[0].device, "stylus");
-    assert!(
-        session.live_inputs()[0]
-            .actuators
-            .iter()
-            .all(|actuator| actuator.at_zero)
-    );
+    assert!(session.live_inputs()[0].actuators.iter().all(|actuator| actuator.at_zero));
     assert!(loudest(&mut player, true, &mut at) > 0.01);
 }
 
@@ -207,38 +184,24 @@ fn an_edit_keeps_the_callers_handles_and_gives_probes_of_what_is_new() {
     let mut position = first.input::<Vector>("stylus.position").expect("a position");
     let mut touching = first.input::<Scalar>("stylus.touching").expect("a touch");
     let mut current = first.output::<Scalar>("haptuator").expect("a current");
-    let options = PlayOptions::default()
-        .rested()
-        .probe("texture/filter.acceleration");
+    let options = PlayOptions::default().rested().probe("texture/filter.acceleration");
     let (mut player, mut session) = Player::open(&first, &options).expect("plays");
-    let mut vibration = player
-        .probe::<Scalar>("texture/filter.acceleration")
-        .expect("a probe");
+    let mut vibration = player.probe::<Scalar>("texture/filter.acceleration").expect("a probe");
     let mut play = |player: &mut Player, calls: std::ops::Range<u32>| {
         for call in calls {
             let angle = 0.05 * f64::from(call);
-            position
-                .set([0.03 * angle.cos(), 0.03 * angle.sin(), 0.0])
-                .expect("room");
+            position.set([0.03 * angle.cos(), 0.03 * angle.sin(), 0.0]).expect("room");
             force.set(1.0).and(touching.set(1.0)).expect("room");
             player.process(480);
         }
     };
     play(&mut player, 0..50);
     while vibration.take().is_some() {}
-    let second = graph(&text.replace(
-        "nodes: {",
-        r#"nodes: { "twice": Gain(input: "texture", gain: 2),"#,
-    ));
+    let second = graph(&text.replace("nodes: {", r#"nodes: { "twice": Gain(input: "texture", gain: 2),"#));
     let probes = ["texture/filter.acceleration", "twice.output"].map(str::to_owned);
-    let (changed, mut new) = session
-        .change_and_probe(&second, None, &probes)
-        .expect("it takes over");
+    let (changed, mut new) = session.change_and_probe(&second, None, &probes).expect("it takes over");
     assert_eq!((changed.begun.len(), changed.ended.len()), (0, 0));
-    assert!(
-        new.take::<Scalar>("texture/filter.acceleration").is_err(),
-        "it is read already"
-    );
+    assert!(new.take::<Scalar>("texture/filter.acceleration").is_err(), "it is read already");
     let mut twice = new.take::<Scalar>("twice.output").expect("it is new");
     while current.take().is_some() {}
     play(&mut player, 50..100);
@@ -256,9 +219,7 @@ fn an_edit_keeps_the_callers_handles_and_gives_probes_of_what_is_new() {
     let mut driven = [0.0; 20_000];
     assert!(current.read(&mut driven) == 20_000 && driven.iter().any(|a| a.abs() > 1e-3));
     // What is not named any more ends.
-    let (_, mut none) = session
-        .change_and_probe(&second, None, &probes[1..])
-        .expect("it takes over");
+    let (_, mut none) = session.change_and_probe(&second, None, &probes[1..]).expect("it takes over");
     play(&mut player, 100..110);
     assert!(none.take::<Scalar>("twice.output").is_err());
     while vibration.take().is_some() {}
@@ -284,23 +245,11 @@ fn what_cannot_be_had_is_an_error_that_says_what_can() {
         matches!(&unknown, Some(HostError::Unknown { known, .. }) if known.contains("stylus.force")),
         "{unknown:?}"
     );
-    assert!(matches!(
-        graph.input::<Scalar>("haptuator.current"),
-        Err(HostError::Unknown { .. })
-    ));
-    assert!(matches!(
-        graph.input::<Wrench>("stylus.position"),
-        Err(HostError::Kind { .. })
-    ));
-    assert!(matches!(
-        graph.input::<Vector>("stylus"),
-        Err(HostError::Several { .. })
-    ));
+    assert!(matches!(graph.input::<Scalar>("haptuator.current"), Err(HostError::Unknown { .. })));
+    assert!(matches!(graph.input::<Wrench>("stylus.position"), Err(HostError::Kind { .. })));
+    assert!(matches!(graph.input::<Vector>("stylus"), Err(HostError::Several { .. })));
     let mut force = graph.input::<Scalar>("stylus.force").expect("a force");
-    assert!(matches!(
-        graph.input::<Scalar>("stylus.force"),
-        Err(HostError::Taken { .. })
-    ));
+    assert!(matches!(graph.input::<Scalar>("stylus.force"), Err(HostError::Taken { .. })));
     assert_eq!(force.set(f64::NAN), Err(Full::NotFinite));
     assert_eq!(force.set_at(f64::NAN, 1.0), Err(Full::NotFinite));
     assert_eq!(force.set_at(f64::INFINITY, 1.0), Err(Full::NotFinite));
@@ -310,15 +259,9 @@ fn what_cannot_be_had_is_an_error_that_says_what_can() {
     let wrong = Player::open(&graph, &PlayOptions::default().probe("texture/filter.sound")).err();
     assert!(matches!(wrong, Some(HostError::Unknown { .. })), "{wrong:?}");
     let (player, session) = Player::open(&graph, &PlayOptions::default()).expect("plays");
-    assert!(matches!(
-        Player::open(&graph, &PlayOptions::default()),
-        Err(HostError::Playing { .. })
-    ));
+    assert!(matches!(Player::open(&graph, &PlayOptions::default()), Err(HostError::Playing { .. })));
     let mut position = graph.any_input("stylus.position").expect("a position");
-    assert_eq!(
-        (position.kind(), position.name()),
-        (Kind::VECTOR, "stylus.position")
-    );
+    assert_eq!((position.kind(), position.name()), (Kind::VECTOR, "stylus.position"));
     assert_eq!(position.set(&[1.0]), Err(Full::Shape));
     assert_eq!(position.push(&[0.0; 6]), Err(Full::Shape));
     assert_eq!(position.set(&[0.0, f64::NAN, 0.0]), Err(Full::NotFinite));
@@ -333,10 +276,7 @@ fn what_cannot_be_had_is_an_error_that_says_what_can() {
     assert!(Player::open(&graph, &PlayOptions::default()).is_ok());
     let two = shipped("two-drivers.ron", &CheckOptions::hosted());
     let refused = Player::open(&two, &PlayOptions::default()).err();
-    assert!(
-        matches!(refused, Some(HostError::Drivers { count: 2, .. })),
-        "{refused:?}"
-    );
+    assert!(matches!(refused, Some(HostError::Drivers { count: 2, .. })), "{refused:?}");
 }
 
 #[test]
@@ -363,9 +303,7 @@ fn playing_allocates_nothing() {
     let (mut player, mut session) = Player::open(&graph, &options).expect("plays");
     let gain = session.settings().find(|live| live.name() == "out.gain").cloned();
     let gain = gain.expect("a live gain");
-    let mut vibration = player
-        .probe::<Scalar>("texture/filter.acceleration")
-        .expect("a probe");
+    let mut vibration = player.probe::<Scalar>("texture/filter.acceleration").expect("a probe");
     let mut frames = [0.0; 480];
     let count = allocations(|| {
         for k in 0..50 {
@@ -461,16 +399,9 @@ fn a_live_setting_is_set_in_the_unit_of_its_name_and_means_the_same_as_when_it_i
     let written = last(&after, &mut |_| {});
     assert_eq!(written, (31.7 * 1e-3_f64).to_bits());
     let set = last(&before, &mut |session| {
-        session
-            .set_by_name("felt.constant_mm_s", 31.7)
-            .expect("it is live");
-        let live = session
-            .settings()
-            .find(|live| live.name() == "felt.constant_mm_s");
-        assert_eq!(
-            live.map(|live| (live.value, live.si_per_unit)),
-            Some((31.7, 1e-3))
-        );
+        session.set_by_name("felt.constant_mm_s", 31.7).expect("it is live");
+        let live = session.settings().find(|live| live.name() == "felt.constant_mm_s");
+        assert_eq!(live.map(|live| (live.value, live.si_per_unit)), Some((31.7, 1e-3)));
     });
     let reloaded = last(&before, &mut |session| {
         let changed = session.change_without_files(&after).expect("it is swapped");
@@ -516,13 +447,7 @@ fn the_numbers_of_a_live_list_are_set_one_by_one() {
         session.set_by_name("mix.gains[1]", 2.0).expect("it is live");
         session.set_by_name("wind.value[0]", 10.0).expect("it is live");
         play(&mut player);
-        for unknown in [
-            "mix.gains",
-            "mix.gains[2]",
-            "mix.gains[-1]",
-            "mix.gains[]",
-            "wind.value[3]",
-        ] {
+        for unknown in ["mix.gains", "mix.gains[2]", "mix.gains[-1]", "mix.gains[]", "wind.value[3]"] {
             let refused = session.set_by_name(unknown, 1.0);
             assert_eq!(refused, Err(ControlError::NotLive), "{unknown}");
         }
@@ -532,10 +457,7 @@ fn the_numbers_of_a_live_list_are_set_one_by_one() {
     let whole = samples(128);
     assert_eq!((whole[0], whole[255]), (0.5, 20.0));
     // It ramps within 20 ms.
-    let rising = whole[128..148]
-        .windows(2)
-        .filter(|pair| pair[0] != pair[1])
-        .count();
+    let rising = whole[128..148].windows(2).filter(|pair| pair[0] != pair[1]).count();
     assert!(rising > 10 && whole[148..].iter().all(|y| *y == 20.0), "{rising}");
     let bits = |samples: &[f64]| -> Vec<u64> { samples.iter().map(|x| x.to_bits()).collect() };
     for block in [1, 2, 32] {
@@ -579,10 +501,7 @@ fn a_list_of_many_numbers_is_not_live() {
         let live = graph.live_settings();
         live.iter().filter(|live| live.field == "gains").count()
     };
-    assert_eq!(
-        [names(MAX_LIVE_ITEMS), names(MAX_LIVE_ITEMS + 1)],
-        [MAX_LIVE_ITEMS, 0]
-    );
+    assert_eq!([names(MAX_LIVE_ITEMS), names(MAX_LIVE_ITEMS + 1)], [MAX_LIVE_ITEMS, 0]);
 }
 
 #[test]
@@ -600,10 +519,7 @@ fn an_optional_live_setting_is_set_in_place_however_it_is_written() {
     let change = |before: &str, after: &str| {
         let (mut player, mut session) = Player::open(&graph(before), &PlayOptions::default()).expect("plays");
         player.process(10);
-        let change = session
-            .change_without_files(&graph(after))
-            .expect("it is swapped")
-            .change;
+        let change = session.change_without_files(&graph(after)).expect("it is swapped").change;
         player.finish(session);
         change
     };

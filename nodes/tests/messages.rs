@@ -27,10 +27,7 @@ fn each_kind_that_doubts_its_settings_says_why() {
     let document = document.unwrap_or_else(|wrong| panic!("{wrong}"));
     let graph = check(&document, &haptograph_nodes::registry(), &CheckOptions::default());
     let graph = graph.unwrap_or_else(|wrong| panic!("{wrong}"));
-    let doubts = Diagnostics {
-        sources: graph.sources().clone(),
-        list: graph.warnings().to_vec(),
-    };
+    let doubts = Diagnostics { sources: graph.sources().clone(), list: graph.warnings().to_vec() };
     golden::compare("tests/wrong/doubtful.stderr", &render(&doubts, false));
     assert!(doubts.list.iter().all(|one| one.code == "W0107"));
     assert_eq!(doubts.list.len(), 3);

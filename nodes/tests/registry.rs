@@ -41,13 +41,10 @@ fn live_frequencies_stay_below_half_the_rate() {
     let mut found = 0;
     for entry in registry.nodes() {
         let settings = entry.settings();
-        let frequencies = settings
-            .iter()
-            .filter(|setting| setting.live && is_frequency(setting));
+        let frequencies = settings.iter().filter(|setting| setting.live && is_frequency(setting));
         for setting in frequencies {
-            let excepted = ABOVE_NYQUIST
-                .iter()
-                .any(|(kind, name, _)| (*kind, *name) == (entry.spec.name, setting.name));
+            let excepted =
+                ABOVE_NYQUIST.iter().any(|(kind, name, _)| (*kind, *name) == (entry.spec.name, setting.name));
             assert_ne!(
                 setting.below_nyquist, excepted,
                 "{}.{}: mark it `[live, below_nyquist]`, or list it with a reason",
@@ -63,13 +60,8 @@ fn live_frequencies_stay_below_half_the_rate() {
 }
 
 /// What is neither a frequency nor a gain nor a level: where, how long, how heavy, how warm.
-const OTHERS: [Quantity; 5] = [
-    Quantity::LENGTH,
-    Quantity::TIME,
-    Quantity::ANGLE,
-    Quantity::MASS,
-    Quantity::TEMPERATURE,
-];
+const OTHERS: [Quantity; 5] =
+    [Quantity::LENGTH, Quantity::TIME, Quantity::ANGLE, Quantity::MASS, Quantity::TEMPERATURE];
 
 /// Settings of processors that are a frequency, a gain or a level and do not change while a graph runs: (kind, setting,
 /// why).
@@ -86,36 +78,16 @@ const NOT_LIVE: [(&str, &str, &str); 21] = [
     ),
     ("SecondOrderSection", "b", COEFFICIENTS),
     ("SecondOrderSection", "a", COEFFICIENTS),
-    (
-        "WavOverPosition",
-        "axis",
-        "a direction, neither a gain nor a level: its length does not count",
-    ),
-    (
-        "Integrator",
-        "start",
-        "it has its effect at the start and at a reset",
-    ),
-    (
-        "WavOverPosition",
-        "recorded_mm_s",
-        "it lays the recording out, which is done once",
-    ),
+    ("WavOverPosition", "axis", "a direction, neither a gain nor a level: its length does not count"),
+    ("Integrator", "start", "it has its effect at the start and at a reset"),
+    ("WavOverPosition", "recorded_mm_s", "it lays the recording out, which is done once"),
     (
         "DynamicCompensator",
         "most_a_per_m_s2",
         "a bound: the corner that keeps another one takes longer to find than a tick lasts",
     ),
-    (
-        "NormalForce",
-        "device_damping_n_s_per_m",
-        "only the check of the stiffness reads it",
-    ),
-    (
-        "ContactFromWrench",
-        "press_n",
-        "only the check of the object's size reads it",
-    ),
+    ("NormalForce", "device_damping_n_s_per_m", "only the check of the stiffness reads it"),
+    ("ContactFromWrench", "press_n", "only the check of the object's size reads it"),
     ("AccelerometerModel", "m_s2_per_v", SENSOR),
     ("AccelerometerModel", "zero_v", SENSOR),
     ("AccelerometerModel", "range_m_s2", SENSOR),
@@ -144,18 +116,14 @@ fn frequencies_gains_and_levels_are_live() {
             let quantity = setting.unit.as_ref().and_then(|unit| unit.scale);
             let is_other = quantity.is_some_and(|(quantity, _)| OTHERS.contains(&quantity));
             let is_one = setting.expected.is_numeric() && !setting.whole && !is_other;
-            let excepted = NOT_LIVE
-                .iter()
-                .any(|(kind, name, _)| (*kind, *name) == (entry.spec.name, setting.name));
+            let excepted =
+                NOT_LIVE.iter().any(|(kind, name, _)| (*kind, *name) == (entry.spec.name, setting.name));
             if is_one && setting.live == excepted || excepted && !is_one {
                 wrong.push(format!("{}.{}", entry.spec.name, setting.name));
             }
         }
     }
-    assert!(
-        wrong.is_empty(),
-        "make them live, or list them with a reason: {wrong:?}"
-    );
+    assert!(wrong.is_empty(), "make them live, or list them with a reason: {wrong:?}");
 }
 
 /// Settings beside which others have an effect on the bench: (kind, settings).
@@ -179,10 +147,7 @@ fn tries(entry: &NodeEntry) -> Vec<String> {
     let unconnected: String = optional.map(|port| format!("{}: None, ", port.name)).collect();
     let beside = BESIDE.iter().filter(|(kind, _)| *kind == entry.spec.name);
     let beside = beside.map(|(_, settings)| format!("{unconnected}{settings}"));
-    [String::new(), unconnected.clone()]
-        .into_iter()
-        .chain(beside)
-        .collect()
+    [String::new(), unconnected.clone()].into_iter().chain(beside).collect()
 }
 
 #[test]
@@ -232,27 +197,20 @@ fn every_live_setting_changes_what_its_node_puts_out() {
                 })
             });
             tested += 1;
-            let is_excepted = UNSEEN
-                .iter()
-                .any(|(kind, name, _)| (*kind, *name) == (entry.spec.name, setting.name));
+            let is_excepted =
+                UNSEEN.iter().any(|(kind, name, _)| (*kind, *name) == (entry.spec.name, setting.name));
             if is_seen == is_excepted {
                 wrong.push(format!("{}.{}", entry.spec.name, setting.name));
             }
         }
     }
-    assert!(
-        wrong.is_empty(),
-        "a change of these is not seen, or seen and listed: {wrong:?}"
-    );
+    assert!(wrong.is_empty(), "a change of these is not seen, or seen and listed: {wrong:?}");
     assert!(tested > 60, "only {tested} were tested");
 }
 
 /// Live settings with another effect when the node is built: (kind, setting, why).
-const OTHERWISE_WHEN_BUILT: [(&str, &str, &str); 1] = [(
-    "DynamicCompensator",
-    "corner_hz",
-    "`most_a_per_m_s2` bounds it when it is built",
-)];
+const OTHERWISE_WHEN_BUILT: [(&str, &str, &str); 1] =
+    [("DynamicCompensator", "corner_hz", "`most_a_per_m_s2` bounds it when it is built")];
 
 #[test]
 fn a_live_setting_means_the_same_whether_built_with_or_set() {
@@ -287,10 +245,9 @@ fn a_live_setting_means_the_same_whether_built_with_or_set() {
                 if settings.contains(setting.name) {
                     continue;
                 }
-                let (Some(mut set), Some(mut built)) = (
-                    build(settings),
-                    build(format!("{settings}, {written}").trim_start_matches(", ")),
-                ) else {
+                let (Some(mut set), Some(mut built)) =
+                    (build(settings), build(format!("{settings}, {written}").trim_start_matches(", ")))
+                else {
                     continue;
                 };
                 for id in &handles {
@@ -349,18 +306,12 @@ fn folder() -> tempfile::TempDir {
     }
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t3-tile.ron");
     std::fs::copy(shipped, folder.path().join("surfaces/t3-tile.ron")).unwrap();
-    std::fs::write(
-        folder.path().join("recordings/stroke.csv"),
-        "time_s,force_n\n0,1\n0.05,2\n0.2,0.5\n",
-    )
-    .unwrap();
+    std::fs::write(folder.path().join("recordings/stroke.csv"), "time_s,force_n\n0,1\n0.05,2\n0.2,0.5\n")
+        .unwrap();
     let wedge = "solid wedge\nfacet normal 0 0 1\nouter loop\nvertex -50 -50 0\nvertex 50 -50 0\nvertex 0 50 0\n\
                  endloop\nendfacet\nendsolid wedge\n";
     std::fs::write(folder.path().join("shapes/wedge.stl"), wedge).unwrap();
-    let format = Format {
-        channels: 1,
-        rate_hz: RATE_HZ as u32,
-    };
+    let format = Format { channels: 1, rate_hz: RATE_HZ as u32 };
     let felt = File::create(folder.path().join("recordings/felt.wav")).unwrap();
     let mut felt = WavWriter::new(felt, format).unwrap();
     let samples: Vec<f32> = (0..3000).map(|k| (0.1 * k as f32).sin()).collect();
@@ -380,10 +331,7 @@ fn from_example(entry: &NodeEntry, folder: &Path, linear: Kind) -> Option<Bench>
 const AS_WELL: [(&str, &str); 3] = [
     ("Contact", "solids: Plane(), proxy_diameter_mm: 0.0"),
     ("Contact", "solids: Box(size_mm: [20.0, 20.0, 2.0])"),
-    (
-        "Contact",
-        "solids: [Mesh(file: \"shapes/wedge.stl\"), Sphere(diameter_mm: 10.0)]",
-    ),
+    ("Contact", "solids: [Mesh(file: \"shapes/wedge.stl\"), Sphere(diameter_mm: 10.0)]"),
 ];
 
 fn is_processor(entry: &NodeEntry, folder: &Path) -> bool {
@@ -403,14 +351,11 @@ fn each_processor(mut test: impl FnMut(&NodeEntry, &dyn Fn() -> Bench)) {
             }
         }
         for (_, settings) in AS_WELL.iter().filter(|(kind, _)| *kind == entry.spec.name) {
-            test(
-                entry,
-                &|| match node_from_example(entry, settings, folder.path(), RATE_HZ, Kind::VECTOR) {
-                    Ok(ExampleNode::Processor(bench)) => bench,
-                    Ok(_) => panic!("{settings} makes no processor"),
-                    Err(wrong) => panic!("{wrong}"),
-                },
-            );
+            test(entry, &|| match node_from_example(entry, settings, folder.path(), RATE_HZ, Kind::VECTOR) {
+                Ok(ExampleNode::Processor(bench)) => bench,
+                Ok(_) => panic!("{settings} makes no processor"),
+                Err(wrong) => panic!("{wrong}"),
+            });
         }
     }
     assert!(tested > 80, "only {tested} processors were tested");
@@ -427,15 +372,7 @@ fn signal(kind: Kind, frames: usize, bad: bool, rng: &mut Xoshiro256PlusPlus) ->
         }
         lanes.extend_from_slice(&frame);
         if bad && rng.random_bool(0.1) {
-            let evil = [
-                f64::NAN,
-                f64::INFINITY,
-                f64::NEG_INFINITY,
-                1e308,
-                -1e308,
-                5e-324,
-                -0.0,
-            ];
+            let evil = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e308, -1e308, 5e-324, -0.0];
             let at = lanes.len() - 1 - rng.random_range(0..kind.width());
             lanes[at] = evil[rng.random_range(0..evil.len())];
         }
@@ -447,18 +384,8 @@ fn fill(kind: Kind, frame: &mut [f64], rng: &mut Xoshiro256PlusPlus) {
     match kind {
         coefficients if coefficients == Coefficients::KIND => {
             let ar = [rng.random_range(-0.5..0.5), rng.random_range(-0.4..0.4)];
-            let variance = if rng.random_bool(0.2) {
-                0.0
-            } else {
-                rng.random_range(0.0..2.0)
-            };
-            let filter = Coefficients {
-                ar: &ar,
-                ma: &[0.2],
-                gain: 1.5,
-                variance,
-                warping: 0.0,
-            };
+            let variance = if rng.random_bool(0.2) { 0.0 } else { rng.random_range(0.0..2.0) };
+            let filter = Coefficients { ar: &ar, ma: &[0.2], gain: 1.5, variance, warping: 0.0 };
             if let Ok(frame) = frame.try_into() {
                 filter.write(frame);
             }
@@ -507,10 +434,7 @@ fn slices(inputs: &[Vec<f64>]) -> Vec<&[f64]> {
 /// Equal bits; one not-a-number is as good as another.
 fn same(a: &[Vec<f64>], b: &[Vec<f64>]) -> bool {
     let equal = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
-    a.len() == b.len()
-        && a.iter()
-            .zip(b)
-            .all(|(a, b)| a.len() == b.len() && a.iter().zip(b).all(equal))
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.len() == b.len() && a.iter().zip(b).all(equal))
 }
 
 #[test]
@@ -555,11 +479,7 @@ fn the_same_bits_for_any_blocks() {
             let whole = build().run_frames(3000, &slices(&inputs), &[MAX_FRAMES]);
             for blocks in [&[1][..], &[64], &[7, 1, 130, 33, 2]] {
                 let cut = build().run_frames(3000, &slices(&inputs), blocks);
-                assert!(
-                    same(&whole, &cut),
-                    "{} in blocks of {blocks:?}, bad: {bad}",
-                    entry.spec.name
-                );
+                assert!(same(&whole, &cut), "{} in blocks of {blocks:?}, bad: {bad}", entry.spec.name);
             }
         }
     });
@@ -578,12 +498,7 @@ fn a_single_frame_has_the_bits_of_a_block() {
             let (mut done, mut single) = (0, false);
             while done < 3000 {
                 // Single frames and blocks in turn, so that each goes on from the state that the other left.
-                let frames = if rng.random_bool(0.9) {
-                    1
-                } else {
-                    rng.random_range(1..150)
-                }
-                .min(3000 - done);
+                let frames = if rng.random_bool(0.9) { 1 } else { rng.random_range(1..150) }.min(3000 - done);
                 let kinds = bench.kinds().iter().flatten();
                 let part = |(x, kind): (&Vec<f64>, &Kind)| {
                     x[done * kind.width()..(done + frames) * kind.width()].to_vec()
@@ -633,11 +548,7 @@ fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
         for (id, setting) in live_numbers(entry) {
             let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
             // As the engine has it: below half the rate of the slowest bench.
-            let high = if setting.below_nyquist {
-                high.min(0.499 * SERVO_HZ)
-            } else {
-                high
-            };
+            let high = if setting.below_nyquist { high.min(0.499 * SERVO_HZ) } else { high };
             let mut bench = build();
             for (seed, value) in (1..).zip([high, low, 0.5 * (low + high), high, low.midpoint(1.0)]) {
                 let inputs = inputs(&bench, 200, false, seed);

@@ -58,9 +58,7 @@ struct Map {
 
 impl Map {
     fn of(surface: &Path) -> Self {
-        let settings = || SurfaceSettings {
-            surface: surface.to_owned(),
-        };
+        let settings = || SurfaceSettings { surface: surface.to_owned() };
         let texture = texture(surface);
         Self {
             locator: Bench::new::<TriangleLocator>(settings(), 240.0, &[Kind::SCALAR; 2]).unwrap(),
@@ -73,14 +71,8 @@ impl Map {
 
     /// The coefficients at fractions of the largest modelled speed and force.
     fn at(&mut self, speed: f64, force: f64) -> Frame {
-        let weights = self
-            .locator
-            .run(&[&[speed * self.most_m_s], &[force * self.most_n]])
-            .remove(0);
-        self.interpolator.run(&[&weights])[0]
-            .as_slice()
-            .try_into()
-            .unwrap()
+        let weights = self.locator.run(&[&[speed * self.most_m_s], &[force * self.most_n]]).remove(0);
+        self.interpolator.run(&[&weights])[0].as_slice().try_into().unwrap()
     }
 }
 
@@ -109,9 +101,7 @@ impl Voice {
 
     /// The vibration while the coefficients stay.
     fn play(&mut self, coefficients: &Frame, frames: usize) -> Vec<f64> {
-        self.filtered(coefficients, frames, |excitation, held| {
-            excitation.run(&[held]).remove(0)
-        })
+        self.filtered(coefficients, frames, |excitation, held| excitation.run(&[held]).remove(0))
     }
 
     /// What the filter makes of a single 1.
@@ -184,11 +174,7 @@ fn the_power_is_the_variance_times_the_power_gain() {
             // The variance of the mean of squares of a Gaussian process.
             let spread = r[1..].iter().fold(r[0] * r[0], |sum, r| sum + 2.0 * r * r);
             let deviation = (2.0 * spread / FRAMES as f64).sqrt();
-            assert!(
-                (power - r[0]).abs() < 4.0 * deviation,
-                "{power} instead of {} +- {deviation}",
-                r[0]
-            );
+            assert!((power - r[0]).abs() < 4.0 * deviation, "{power} instead of {} +- {deviation}", r[0]);
         }
     }
 }
@@ -212,11 +198,7 @@ fn the_spectrum_is_the_models_convolved_with_the_window() {
             for bin in inner {
                 let (seen, wanted) = (seen.density[bin], wanted.density[bin]);
                 let deviations = (seen / wanted - 1.0) * segments.sqrt();
-                assert!(
-                    deviations.abs() < 4.0,
-                    "{} bin {bin}: {deviations}",
-                    surface.display()
-                );
+                assert!(deviations.abs() < 4.0, "{} bin {bin}: {deviations}", surface.display());
             }
             let mean = |density: &[f64]| density[1..SEGMENT / 2].iter().sum::<f64>();
             let total = mean(&seen.density) / mean(&wanted.density);
@@ -257,9 +239,7 @@ fn the_power_of_a_warped_surface_is_the_stored_one() {
             let spot = locator.locate(speed * map.most_m_s, force * map.most_n);
             // Between models the amplitude is interpolated.
             let amplitude_of = |vertex: u32| texture.models()[vertex as usize].model.power().sqrt();
-            let mixed: f64 = (0..3)
-                .map(|i| spot.weights[i] * amplitude_of(spot.vertices[i]))
-                .sum();
+            let mixed: f64 = (0..3).map(|i| spot.weights[i] * amplitude_of(spot.vertices[i])).sum();
             let stored = mixed * mixed;
             let coefficients = map.at(speed, force);
             let variance = Coefficients::from_components(&coefficients).variance;
@@ -333,9 +313,7 @@ fn the_spectrum_of_a_warped_surface_is_the_models_through_its_high_pass() {
                     };
                     responses.iter().map(power_of).sum::<f64>() / due.len() as f64
                 };
-                for f_hz in [
-                    6.0, 20.0, 33.0, 80.0, 150.0, 250.0, 400.0, 900.0, 2100.0, 4000.0, 4850.0,
-                ] {
+                for f_hz in [6.0, 20.0, 33.0, 80.0, 150.0, 250.0, 400.0, 900.0, 2100.0, 4000.0, 4850.0] {
                     let off = db(seen(f_hz) / wanted(f_hz));
                     assert!(off.abs() < 0.1, "{off} dB at {f_hz} Hz of {clock_hz}");
                 }
@@ -365,15 +343,9 @@ fn rest_is_silence() {
                 let mut voice = Voice::new(map.rate_hz, form.clone());
                 assert!(voice.play(&sliding, 1000).iter().any(|y| *y != 0.0));
                 let tail = voice.play(&resting, 100_000);
-                assert!(
-                    tail[99_000..].iter().all(|y| *y == 0.0),
-                    "it decays to exactly zero"
-                );
+                assert!(tail[99_000..].iter().all(|y| *y == 0.0), "it decays to exactly zero");
                 let mut voice = Voice::new(map.rate_hz, form.clone());
-                assert!(
-                    voice.play(&resting, 1000).iter().all(|y| *y == 0.0),
-                    "and starts so"
-                );
+                assert!(voice.play(&resting, 1000).iter().all(|y| *y == 0.0), "and starts so");
             }
         }
     }
@@ -381,10 +353,7 @@ fn rest_is_silence() {
 
 /// A filter that renders a surface file.
 fn renderer(surface: &Path, rate_hz: f64) -> Bench {
-    let settings = ArmaFilterSettings {
-        form: Form::Lattice,
-        surface: Some(surface.to_owned()),
-    };
+    let settings = ArmaFilterSettings { form: Form::Lattice, surface: Some(surface.to_owned()) };
     Bench::new::<ArmaFilter>(settings, rate_hz, &[Coefficients::KIND, Kind::SCALAR]).unwrap()
 }
 
@@ -394,10 +363,7 @@ fn lines_are_added_to_the_noise_with_the_maps_power() {
     let mut surface = haptograph_surfaces::files::load(&plain).unwrap();
     surface.texture = surface.texture.map(|texture| {
         let rests = |at: &ModelAt| at.speed_m_s == 0.0 || at.force_n == 0.0;
-        let powers = texture
-            .models()
-            .iter()
-            .map(|at| if rests(at) { 0.0 } else { 8.0 });
+        let powers = texture.models().iter().map(|at| if rests(at) { 0.0 } else { 8.0 });
         let line = SpatialLine::new(1000.0, 0.0, powers.collect()).unwrap();
         texture.with_lines(vec![line]).unwrap()
     });
@@ -412,20 +378,14 @@ fn lines_are_added_to_the_noise_with_the_maps_power() {
     assert_eq!(at[..tail], without[..tail]);
     let (at, without) = (at.repeat(frames), without.repeat(frames));
     let noise: Vec<f64> = (0..frames).map(|n| (n as f64 * n as f64 * 0.37).sin()).collect();
-    let play = |e: &[f64]| {
-        renderer(file.path(), bare.rate_hz)
-            .run_in_blocks(&[&at, e], &[7, 64, 1])
-            .remove(0)
-    };
+    let play =
+        |e: &[f64]| renderer(file.path(), bare.rate_hz).run_in_blocks(&[&at, e], &[7, 64, 1]).remove(0);
     let line = play(&vec![0.0; frames]);
     let power = line[1000..].iter().map(|y| y * y).sum::<f64>() / (frames - 1000) as f64;
     assert!((power / 8.0 - 1.0).abs() < 0.02, "{power}");
     let crossings = line.windows(2).filter(|y| y[0] < 0.0 && y[1] >= 0.0).count();
     let expected = 1000.0 * 0.8 * bare.most_m_s * frames as f64 / bare.rate_hz;
-    assert!(
-        (crossings as f64 - expected).abs() <= 1.0,
-        "{crossings} for {expected}"
-    );
+    assert!((crossings as f64 - expected).abs() <= 1.0, "{crossings} for {expected}");
     let noisy = renderer(&plain, bare.rate_hz).run(&[&without, &noise]).remove(0);
     let sum: Vec<f64> = noisy.iter().zip(&line).map(|(a, b)| a + b).collect();
     assert_eq!(play(&noise), sum);
@@ -454,10 +414,7 @@ fn trace(sets: &[Frame; 2], rate_hz: f64, form: Form) -> [f64; 2] {
         let away = values.as_flattened().iter().map(|x| (x - expected).abs() / error);
         away.fold(0.0, f64::max)
     };
-    [
-        largest(mean, 0.0, standard_error),
-        largest(square, 1.0, 2.0_f64.sqrt() * standard_error),
-    ]
+    [largest(mean, 0.0, standard_error), largest(square, 1.0, 2.0_f64.sqrt() * standard_error)]
 }
 
 #[test]

@@ -15,9 +15,7 @@ fn texturepad(set: &[(&str, &str)]) -> Graph {
     let document = Document::load(graphs().join("texturepad.ron"), &LoadOptions::default())
         .unwrap_or_else(|wrong| panic!("{wrong}"));
     let options = CheckOptions::default();
-    let options = set
-        .iter()
-        .fold(options, |options, (name, value)| options.set(*name, *value));
+    let options = set.iter().fold(options, |options, (name, value)| options.set(*name, *value));
     check(&document, &haptograph_nodes::registry(), &options).unwrap_or_else(|wrong| panic!("{wrong}"))
 }
 
@@ -41,10 +39,7 @@ fn it_is_sound_and_renders_vibration() {
     assert!(graph.warnings().is_empty(), "{:?}", graph.warnings());
     let [vibration, current] = render(&graph, 1.0, 0);
     assert_eq!((vibration.len(), current.len()), (10_000, 48_000));
-    assert!(
-        vibration.iter().any(|a| a.abs() > 1e-3),
-        "there is something to feel"
-    );
+    assert!(vibration.iter().any(|a| a.abs() > 1e-3), "there is something to feel");
     assert!(current.iter().any(|i| i.abs() > 1e-3));
     assert!(current.iter().all(|i| i.abs() <= 0.5), "the limit holds");
 }
@@ -72,11 +67,7 @@ fn a_node_is_another_one_once_its_file_has_changed() {
     std::fs::copy(graphs().join("surfaces/t3-tile.ron"), &surface).unwrap();
     let fingerprints = || {
         let graph = texturepad(&[("surface", surface.to_str().unwrap())]);
-        graph
-            .nodes()
-            .iter()
-            .map(|node| node.fingerprint)
-            .collect::<Vec<_>>()
+        graph.nodes().iter().map(|node| node.fingerprint).collect::<Vec<_>>()
     };
     let before = fingerprints();
     assert_eq!(before, fingerprints());
@@ -84,8 +75,5 @@ fn a_node_is_another_one_once_its_file_has_changed() {
     std::fs::write(&surface, format!("// Saved again.\n{text}")).unwrap();
     let after = fingerprints();
     assert!(before.iter().zip(&after).any(|(before, after)| before != after));
-    assert!(
-        before.iter().zip(&after).any(|(before, after)| before == after),
-        "the tablet is the same"
-    );
+    assert!(before.iter().zip(&after).any(|(before, after)| before == after), "the tablet is the same");
 }

@@ -109,11 +109,8 @@ fn arrange(sketch: &Sketch, members: &[usize], prefix: &str) -> Scene {
         if child_of[*member].is_some() {
             continue;
         }
-        let inside: Vec<usize> = members
-            .iter()
-            .copied()
-            .filter(|m| sketch.boxes[*m].path.starts_with(&group))
-            .collect();
+        let inside: Vec<usize> =
+            members.iter().copied().filter(|m| sketch.boxes[*m].path.starts_with(&group)).collect();
         inside.iter().for_each(|m| child_of[*m] = Some(children.len()));
         let scene = arrange(sketch, &inside, &group);
         children.push(Child::Group(group, scene));
@@ -125,11 +122,7 @@ fn arrange(sketch: &Sketch, members: &[usize], prefix: &str) -> Scene {
                 Child::Node(node) => box_size(&sketch.boxes[*node]),
                 Child::Group(_, scene) => scene.size,
             };
-            Block {
-                width,
-                height,
-                side: Side::Free,
-            }
+            Block { width, height, side: Side::Free }
         })
         .collect();
     let (links, wires, pins) = connect(sketch, &children, &child_of, &mut blocks);
@@ -161,11 +154,7 @@ fn connect(
         }
         let mut pin = |left: bool| {
             let side = if left { Side::Left } else { Side::Right };
-            blocks.push(Block {
-                width: 0.0,
-                height: 0.0,
-                side,
-            });
+            blocks.push(Block { width: 0.0, height: 0.0, side });
             pins.push((blocks.len() - 1, number, left));
             (blocks.len() - 1, 0.0)
         };
@@ -183,11 +172,7 @@ fn connect(
         // Labels stand at the ends of a wire, not where it crosses a frame.
         let at_node = |child: Option<usize>| child.is_some_and(|c| matches!(children[c], Child::Node(_)));
         let written = |word: &str, room: f64| {
-            if word.is_empty() {
-                0.0
-            } else {
-                text_width(word, 9.0) + room
-            }
+            if word.is_empty() { 0.0 } else { text_width(word, 9.0) + room }
         };
         links.push(Link {
             from: start.0,
@@ -195,16 +180,8 @@ fn connect(
             to: finish.0,
             to_y: finish.1,
             room: (
-                if at_node(from) {
-                    written(&wire.unit, 4.0)
-                } else {
-                    0.0
-                },
-                if at_node(to) {
-                    written(&wire.bridge, 16.0)
-                } else {
-                    0.0
-                },
+                if at_node(from) { written(&wire.unit, 4.0) } else { 0.0 },
+                if at_node(to) { written(&wire.bridge, 16.0) } else { 0.0 },
             ),
             closes_loop: wire.closes_loop,
         });
@@ -223,17 +200,10 @@ fn collect(
     prefix: &str,
 ) -> Scene {
     let framed = !prefix.is_empty();
-    let (pad_x, pad_top, pad_bottom) = if framed {
-        (0.0, FRAME_TITLE + 8.0, FRAME)
-    } else {
-        (0.0, 0.0, 0.0)
-    };
+    let (pad_x, pad_top, pad_bottom) = if framed { (0.0, FRAME_TITLE + 8.0, FRAME) } else { (0.0, 0.0, 0.0) };
     let move_by = |route: &Route, by: (f64, f64)| {
         let mut route = route.clone();
-        route
-            .points_mut()
-            .iter_mut()
-            .for_each(|p| *p = (p.0 + by.0, p.1 + by.1));
+        route.points_mut().iter_mut().for_each(|p| *p = (p.0 + by.0, p.1 + by.1));
         route
     };
     let mut scene = Scene {
@@ -245,55 +215,23 @@ fn collect(
         match child {
             Child::Node(node) => {
                 let (width, height) = box_size(&sketch.boxes[node]);
-                scene.boxes.push((
-                    node,
-                    Rect {
-                        x: at.0,
-                        y: at.1,
-                        width,
-                        height,
-                    },
-                ));
+                scene.boxes.push((node, Rect { x: at.0, y: at.1, width, height }));
             }
             Child::Group(path, inner) => {
-                let moved = |r: Rect| Rect {
-                    x: r.x + at.0,
-                    y: r.y + at.1,
-                    ..r
-                };
-                let frame = Rect {
-                    x: at.0,
-                    y: at.1,
-                    width: inner.size.0,
-                    height: inner.size.1,
-                };
+                let moved = |r: Rect| Rect { x: r.x + at.0, y: r.y + at.1, ..r };
+                let frame = Rect { x: at.0, y: at.1, width: inner.size.0, height: inner.size.1 };
                 scene.groups.push((path, frame));
-                scene
-                    .groups
-                    .extend(inner.groups.into_iter().map(|(path, r)| (path, moved(r))));
-                scene
-                    .boxes
-                    .extend(inner.boxes.into_iter().map(|(node, r)| (node, moved(r))));
-                scene.routes.extend(
-                    inner
-                        .routes
-                        .iter()
-                        .map(|(wire, route)| (*wire, move_by(route, at))),
-                );
+                scene.groups.extend(inner.groups.into_iter().map(|(path, r)| (path, moved(r))));
+                scene.boxes.extend(inner.boxes.into_iter().map(|(node, r)| (node, moved(r))));
+                scene.routes.extend(inner.routes.iter().map(|(wire, route)| (*wire, move_by(route, at))));
             }
         }
     }
     let own = placed.routes.iter();
-    scene
-        .routes
-        .extend(own.map(|(link, route)| (wires[*link], move_by(route, (pad_x, pad_top)))));
+    scene.routes.extend(own.map(|(link, route)| (wires[*link], move_by(route, (pad_x, pad_top)))));
     for (block, wire, left) in pins {
         let crossing = (*wire, placed.corners[*block].1 + pad_top);
-        if *left {
-            scene.entering.push(crossing)
-        } else {
-            scene.leaving.push(crossing)
-        }
+        if *left { scene.entering.push(crossing) } else { scene.leaving.push(crossing) }
     }
     // Without pins on a side the frame needs a margin there.
     let slack = |pinned: bool| if framed && !pinned { FRAME } else { 0.0 };
@@ -318,12 +256,7 @@ fn port_height(i: usize) -> f64 {
 }
 
 fn box_size(node: &NodeBox) -> (f64, f64) {
-    let words = |ports: &[sketch::Port]| {
-        ports
-            .iter()
-            .map(|p| text_width(&p.name, 10.0))
-            .fold(0.0, f64::max)
-    };
+    let words = |ports: &[sketch::Port]| ports.iter().map(|p| text_width(&p.name, 10.0)).fold(0.0, f64::max);
     let ports = words(&node.inputs) + words(&node.outputs) + 44.0;
     let head = text_width(&node.name, 12.0).max(text_width(&node.kind, 10.0)) * 1.04 + 34.0;
     let settings = node.settings.iter().map(|line| text_width(line, 9.0) + 18.0);

@@ -15,10 +15,7 @@ use haptograph_surfaces::metrics::Pooling;
 
 /// The page of an evaluation, with the surface of each material and its learning report.
 pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport)]) -> String {
-    let mut sections = vec![
-        ("", cards(&headlines(found))),
-        ("Textures and materials", materials(found)),
-    ];
+    let mut sections = vec![("", cards(&headlines(found))), ("Textures and materials", materials(found))];
     if let Some(people) = &found.people_table {
         sections.push(("People", people_table(people)));
     }
@@ -61,11 +58,7 @@ fn headlines(found: &Evaluation) -> Vec<Headline> {
     ];
     if let Some(map) = found.map.as_ref().filter(|map| map_figures::has_groups(map)) {
         let purity = format!("{} %", fixed(100.0 * map.k_means_purity, 0));
-        list.push(Headline::new(
-            "Grouped with their own material",
-            purity,
-            "of the textures on the map",
-        ));
+        list.push(Headline::new("Grouped with their own material", purity, "of the textures on the map"));
     }
     list
 }
@@ -96,23 +89,15 @@ fn materials(found: &Evaluation) -> String {
 /// The cells are tinted by their values, the diagonal is framed.
 fn materials_table(table: &DifferenceTable) -> String {
     let values = || table.differences.iter().flatten().flatten().copied();
-    let (least, most) = values().fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
-        (low.min(x), high.max(x))
-    });
+    let (least, most) = values().fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
     let cell = |row: usize, column: usize| {
         let Some(value) = table.differences[row][column] else {
             return "<td>–</td>".to_owned();
         };
         let tint = 60.0 * (1.0 - (value - least) / (most - least).max(1e-12));
         let best = table.is_least_of_row(row, column) && table.is_least_of_column(row, column);
-        let (frame, weight) = (
-            if row == column {
-                ";outline:2px solid #2166ac"
-            } else {
-                ""
-            },
-            if best { "b" } else { "span" },
-        );
+        let (frame, weight) =
+            (if row == column { ";outline:2px solid #2166ac" } else { "" }, if best { "b" } else { "span" });
         format!(
             "<td style=\"background:color-mix(in srgb,#5cc9ae {tint:.0}%,transparent){frame}\"><{weight}>{value:.2}</{weight}></td>"
         )
@@ -135,10 +120,7 @@ fn materials_table(table: &DifferenceTable) -> String {
 }
 
 fn head(names: &[String]) -> String {
-    names
-        .iter()
-        .map(|name| format!("<th>{}</th>", escape(name)))
-        .collect()
+    names.iter().map(|name| format!("<th>{}</th>", escape(name))).collect()
 }
 
 /// Table 2.2.
@@ -153,10 +135,7 @@ fn people_table(table: &DifferenceTable) -> String {
                 })
                 .collect();
             let deviation = deviation.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
-            format!(
-                "<tr><td>{}</td>{cells}<td>{mean:.2}</td><td>{deviation}</td></tr>",
-                escape(name)
-            )
+            format!("<tr><td>{}</td>{cells}<td>{mean:.2}</td><td>{deviation}</td></tr>", escape(name))
         },
     );
     format!(
@@ -187,13 +166,8 @@ fn map_section(map: &PerceptualMap) -> String {
 }
 
 fn scree(map: &PerceptualMap) -> Plot {
-    let points: Vec<(f64, f64)> = map
-        .scaling
-        .stress
-        .iter()
-        .enumerate()
-        .map(|(i, s)| ((i + 1) as f64, *s))
-        .collect();
+    let points: Vec<(f64, f64)> =
+        map.scaling.stress.iter().enumerate().map(|(i, s)| ((i + 1) as f64, *s)).collect();
     let most = points.iter().fold(0.0_f64, |most, point| most.max(point.1));
     Plot {
         title: "Stress by dimensions of the map".into(),
@@ -220,8 +194,7 @@ fn conditions(losses: &[ConditionLoss]) -> String {
             one.condition.symbol(),
             fixed(one.loss.power, 3),
             fixed(one.loss.centroid_hz, 1),
-            one.difference
-                .map_or_else(|| "–".to_owned(), |difference| fixed(difference, 2))
+            one.difference.map_or_else(|| "–".to_owned(), |difference| fixed(difference, 2))
         )
     };
     if losses.is_empty() {
@@ -246,10 +219,7 @@ fn surfaces(learned: &[(Surface, LearningReport)]) -> String {
             })
             .collect();
         let open = if number == 0 { " open" } else { "" };
-        format!(
-            "<details{open}><summary>{}</summary>{sections}</details>",
-            escape(&surface.name)
-        )
+        format!("<details{open}><summary>{}</summary>{sections}</details>", escape(&surface.name))
     };
     learned.iter().enumerate().map(one).collect()
 }

@@ -42,9 +42,7 @@ impl Facts {
         files.dedup();
         let files: Vec<_> = files.iter().map(|path| path.to_string_lossy()).collect();
         let clocks = graph.clocks().iter();
-        let clocks: Vec<_> = clocks
-            .map(|clock| format!("{} {}", clock.name, clock.rate))
-            .collect();
+        let clocks: Vec<_> = clocks.map(|clock| format!("{} {}", clock.name, clock.rate)).collect();
         let set: Vec<_> = set.map(|(name, value)| format!("{name}={value}")).collect();
         let mut facts = vec![
             ("graph", "Graph", json!(path.to_string_lossy())),
@@ -58,11 +56,7 @@ impl Facts {
             ("driver_frames", "Driver frames", json!(outcome.driver_frames)),
             ("stopped", "Stopped early", json!(outcome.stopped)),
             ("faults", "NaN or infinity at actuators", faults(outcome)),
-            (
-                LIMITS,
-                "Limits that reduced a signal",
-                limits_that_struck(outcome),
-            ),
+            (LIMITS, "Limits that reduced a signal", limits_that_struck(outcome)),
             ("haptograph", "haptograph", json!(env!("CARGO_PKG_VERSION"))),
         ];
         if !outcome.rings.is_empty() {
@@ -70,33 +64,27 @@ impl Facts {
             facts.push(("rings", "Rings", Value::Object(rings)));
         }
         let scripts = graph.scripted_nodes();
-        let scripts: Vec<_> = scripts
-            .map(|node| format!("{} ({})", node.path, node.entry.spec.name))
-            .collect();
+        let scripts: Vec<_> =
+            scripts.map(|node| format!("{} ({})", node.path, node.entry.spec.name)).collect();
         if !scripts.is_empty() {
             facts.push(("scripts", "Slow nodes (scripts)", json!(scripts)));
         }
         let warnings = warnings(outcome).into_iter().chain(ended_data(graph, outcome));
-        Self {
-            facts,
-            warnings: warnings.collect(),
-        }
+        Self { facts, warnings: warnings.collect() }
     }
 
     /// Adds facts; a fact replaces an earlier one with the same key.
     pub fn extend(&mut self, facts: impl IntoIterator<Item = Fact>) {
         let facts: Vec<Fact> = facts.into_iter().collect();
-        self.facts
-            .retain(|(key, ..)| facts.iter().all(|(new, ..)| new != key));
+        self.facts.retain(|(key, ..)| facts.iter().all(|(new, ..)| new != key));
         self.facts.extend(facts);
     }
 
     /// The text of `run.json`.
     pub fn to_json(&self) -> String {
         let facts = self.facts.iter();
-        let mut object: Map<String, Value> = facts
-            .map(|(key, _, value)| ((*key).to_owned(), value.clone()))
-            .collect();
+        let mut object: Map<String, Value> =
+            facts.map(|(key, _, value)| ((*key).to_owned(), value.clone())).collect();
         object.insert("warnings".to_owned(), json!(self.warnings));
         format!("{:#}\n", Value::Object(object))
     }
@@ -138,21 +126,13 @@ fn limited_one(actuator: &ActuatorReport) -> impl Iterator<Item = Headline> {
 
 /// Ticks in which a limit reduced the signal of an actuator.
 fn held_ticks(actuator: &ActuatorReport) -> u64 {
-    let ClipCounts {
-        peak,
-        continuous,
-        slew,
-        ..
-    } = actuator.clipped;
+    let ClipCounts { peak, continuous, slew, .. } = actuator.clipped;
     peak.max(continuous).max(slew)
 }
 
 /// The largest request to each actuator with a limit that reduced its signal, beside its limits.
 fn limits_that_struck(outcome: &Outcome) -> Value {
-    let struck = outcome
-        .actuators
-        .iter()
-        .filter(|actuator| held_ticks(actuator) > 0);
+    let struck = outcome.actuators.iter().filter(|actuator| held_ticks(actuator) > 0);
     let facts = struck.map(|actuator| {
         json!({
             "actuator": actuator.path, "unit": actuator.unit, "largest_request": actuator.largest_request,
@@ -170,9 +150,7 @@ pub fn files_beside(graph: &Graph, own: &[(&str, &str)]) -> Vec<(String, String)
         // Plots are on the page.
         (node.entry.spec.group != PLOTS).then(|| (file.to_string_lossy().into_owned(), holds))
     });
-    let own = own
-        .iter()
-        .map(|(file, holds)| ((*file).to_owned(), (*holds).to_owned()));
+    let own = own.iter().map(|(file, holds)| ((*file).to_owned(), (*holds).to_owned()));
     let facts = (FILE.to_owned(), "the facts of the run, for programs".to_owned());
     written.chain([facts]).chain(own).collect()
 }
@@ -246,10 +224,7 @@ fn warnings(outcome: &Outcome) -> Vec<String> {
         let ticks = clipped.ticks;
         let largest = rounded(actuator.largest_request);
         let beside = |limit: f64| {
-            format!(
-                ": the largest request was {largest} {unit}, the limit is {} {unit}",
-                rounded(limit)
-            )
+            format!(": the largest request was {largest} {unit}, the limit is {} {unit}", rounded(limit))
         };
         for (count, name, beside) in [
             (clipped.peak, "peak", beside(limit.peak)),

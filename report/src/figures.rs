@@ -34,11 +34,7 @@ impl Unit {
                 (symbol, si, 0.0)
             }
         };
-        Self {
-            symbol,
-            factor: 1.0 / si,
-            offset,
-        }
+        Self { symbol, factor: 1.0 / si, offset }
     }
 
     /// Converts an SI value to this unit.
@@ -89,9 +85,7 @@ pub(super) fn switch_label(name: &str) -> String {
 /// The text with a capital first letter.
 pub(super) fn capitalised(text: &str) -> String {
     let mut letters = text.chars();
-    letters
-        .next()
-        .map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// Unit of the power spectral density of a quantity: `A²/Hz`, `(m/s²)²/Hz`.
@@ -104,11 +98,7 @@ fn density_unit(quantity: Quantity) -> String {
 }
 
 fn note(recorded: &Recorded) -> String {
-    let simulated = if recorded.stream.simulated {
-        "simulated, "
-    } else {
-        ""
-    };
+    let simulated = if recorded.stream.simulated { "simulated, " } else { "" };
     format!("{simulated}{}", recorded.stream.rate)
 }
 
@@ -181,17 +171,12 @@ fn components(recorded: &Recorded, envelopes: &[Envelope], ink: Ink) -> Vec<Plot
         let marks = envelopes.iter().zip(styles);
         let label = match envelopes.as_slice() {
             [envelope] if envelope.is_switch() => switch_label(&recorded.stream.name),
-            _ => axis_label(&Stream {
-                quantity,
-                ..recorded.stream.clone()
-            }),
+            _ => axis_label(&Stream { quantity, ..recorded.stream.clone() }),
         };
         Plot {
             title: format!("{}{suffix}", recorded.stream.name),
             y: Axis::of(label),
-            marks: marks
-                .map(|(envelope, style)| Mark::signal(style, envelope, |si| unit.show(si)))
-                .collect(),
+            marks: marks.map(|(envelope, style)| Mark::signal(style, envelope, |si| unit.show(si))).collect(),
             caption: levels(recorded, &envelopes, &unit),
             ..frame(recorded)
         }
@@ -202,10 +187,7 @@ fn components(recorded: &Recorded, envelopes: &[Envelope], ink: Ink) -> Vec<Plot
 /// The most informative level of a signal, as a sentence.
 fn levels(recorded: &Recorded, envelopes: &[&Envelope], unit: &Unit) -> String {
     let [envelope] = envelopes else {
-        let most = envelopes
-            .iter()
-            .map(|envelope| envelope.peak())
-            .fold(0.0, f64::max);
+        let most = envelopes.iter().map(|envelope| envelope.peak()).fold(0.0, f64::max);
         return format!("Largest component {}.", unit.text(most));
     };
     level(&recorded.stream, envelope).map_or_else(
@@ -264,18 +246,12 @@ pub(super) fn heating(stream: &Stream, envelope: &Envelope) -> String {
 
 fn events(recorded: &Recorded, kept: &[(f64, f64)], count: u64, ink: Ink) -> Plot {
     let unit = Unit::of(recorded.stream.quantity);
-    let stems = kept
-        .iter()
-        .map(|(t, v)| [(*t, unit.show(0.0)), (*t, unit.show(*v))])
-        .collect();
+    let stems = kept.iter().map(|(t, v)| [(*t, unit.show(0.0)), (*t, unit.show(*v))]).collect();
     let heads = kept.iter().map(|(t, v)| (*t, unit.show(*v))).collect();
     Plot {
         title: format!("{}, {count} events", recorded.stream.name),
         y: Axis::of(axis_label(&recorded.stream)),
-        marks: vec![
-            Mark::Segments(Style::of(ink), stems),
-            Mark::Dots(Style::of(ink), heads),
-        ],
+        marks: vec![Mark::Segments(Style::of(ink), stems), Mark::Dots(Style::of(ink), heads)],
         caption: "A stem for each event, as high as its value.".to_owned(),
         ..frame(recorded)
     }
@@ -308,11 +284,7 @@ pub(super) fn explain_once(plots: &mut [Plot]) {
 
 fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
     let bin_hz = spectra.bin_hz();
-    let bins = spectra
-        .columns()
-        .first()?
-        .len()
-        .min((HIGHEST_SHOWN_HZ / bin_hz) as usize + 1);
+    let bins = spectra.columns().first()?.len().min((HIGHEST_SHOWN_HZ / bin_hz) as usize + 1);
     let width = spectra.columns().len();
     let decibel = |density: f64| 10.0 * density.max(1e-300).log10();
     let rows = (0..bins).flat_map(|bin| spectra.columns().iter().map(move |column| decibel(column[bin])));
@@ -327,11 +299,7 @@ fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
         x: Axis::time().over(0.0, recorded.duration_s()),
         y: Axis::of("Frequency (Hz)").over(0.0, (bins as f64 - 0.5) * bin_hz),
         marks: vec![Mark::Image(Image {
-            cells: Grid {
-                width,
-                height: bins,
-                values,
-            },
+            cells: Grid { width, height: bins, values },
             // The first and last half segments have no column of their own.
             x: (0.0, recorded.duration_s()),
             y: (-0.5 * bin_hz, (bins as f64 - 0.5) * bin_hz),
@@ -359,19 +327,13 @@ pub fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
         note: note(recorded),
         x: Axis::of("Frequency (Hz)").over(SHOWN_HZ.0, SHOWN_HZ.1).log(),
         y: Axis::of(format!("Density ({})", density_unit(recorded.stream.quantity)))
-            .over(
-                loudest * 10f64.powf(-DEPTH_DB / 10.0),
-                top_with_receptors(loudest),
-            )
+            .over(loudest * 10f64.powf(-DEPTH_DB / 10.0), top_with_receptors(loudest))
             .log(),
         marks: { receptors(SHOWN_HZ, loudest).into_iter() }
             .chain([Mark::Line(Style::of(ink), points)])
             .collect(),
         size: (0.0, 230.0),
-        caption: format!(
-            "Over the whole run, strongest at {strongest_hz:.0} Hz. {}",
-            EXPLAINED[1]
-        ),
+        caption: format!("Over the whole run, strongest at {strongest_hz:.0} Hz. {}", EXPLAINED[1]),
         ..Plot::default()
     })
 }

@@ -23,11 +23,7 @@ pub struct Headline {
 impl Headline {
     /// A headline from label, value and reference.
     pub fn new(label: &str, value: impl Into<String>, of: impl Into<String>) -> Self {
-        Self {
-            label: label.to_owned(),
-            value: value.into(),
-            of: of.into(),
-        }
+        Self { label: label.to_owned(), value: value.into(), of: of.into() }
     }
 }
 
@@ -44,14 +40,12 @@ pub(super) fn of_signals(
     found.extend(
         coefficient(signals, friction).map(|(mu, of)| Headline::new("Friction coefficient", plain(mu), of)),
     );
-    let hand = signals
-        .iter()
-        .filter(|signal| vibrating.is_none_or(|other| other.stream.name != signal.stream.name));
+    let hand =
+        signals.iter().filter(|signal| vibrating.is_none_or(|other| other.stream.name != signal.stream.name));
     let hand: Vec<&Recorded> = hand.collect();
-    for (quantity, mean, largest) in [
-        (Quantity::FORCE, "Mean force", Some("Largest force")),
-        (Quantity::SPEED, "Mean speed", None),
-    ] {
+    for (quantity, mean, largest) in
+        [(Quantity::FORCE, "Mean force", Some("Largest force")), (Quantity::SPEED, "Mean speed", None)]
+    {
         found.extend(sizes(&hand, quantity, mean, largest));
     }
     found
@@ -76,20 +70,12 @@ fn vibrating<'a>(sound: Option<&Sound>, signals: &'a [Recorded]) -> Option<&'a R
     };
     let fast: Vec<&Recorded> = signals.iter().filter(vibrates).collect();
     let heard = fast.iter().copied().find(|signal| is_heard(signal));
-    let first = |quantity: Quantity| {
-        fast.iter()
-            .copied()
-            .find(|signal| signal.stream.quantity == quantity)
-    };
+    let first = |quantity: Quantity| fast.iter().copied().find(|signal| signal.stream.quantity == quantity);
     heard
         .filter(|signal| signal.stream.quantity == Quantity::ACCELERATION)
         .or_else(|| first(Quantity::ACCELERATION))
         .or(heard)
-        .or_else(|| {
-            [Quantity::CURRENT, Quantity::FORCE, Quantity::VOLTAGE]
-                .into_iter()
-                .find_map(first)
-        })
+        .or_else(|| [Quantity::CURRENT, Quantity::FORCE, Quantity::VOLTAGE].into_iter().find_map(first))
 }
 
 fn vibration(signal: &Recorded) -> Vec<Headline> {
@@ -112,11 +98,7 @@ fn vibration(signal: &Recorded) -> Vec<Headline> {
     };
     let mut found = vec![first];
     if let [component] = components(signal) {
-        found.push(Headline::new(
-            &format!("{what}, peak"),
-            unit.text(component.peak()),
-            name,
-        ));
+        found.push(Headline::new(&format!("{what}, peak"), unit.text(component.peak()), name));
     }
     if let Content::Components(_, Some(spectra)) = &signal.content {
         let mut spectra = spectra.as_ref().clone();
@@ -129,11 +111,7 @@ fn vibration(signal: &Recorded) -> Vec<Headline> {
 
 /// RMS over all components.
 fn rms(components: &[Envelope]) -> f64 {
-    components
-        .iter()
-        .map(|component| component.rms().powi(2))
-        .sum::<f64>()
-        .sqrt()
+    components.iter().map(|component| component.rms().powi(2)).sum::<f64>().sqrt()
 }
 
 fn constant_current(signal: &Recorded) -> Option<Headline> {
@@ -151,10 +129,7 @@ pub(super) fn coefficient(signals: &[Recorded], friction: Option<&Friction>) -> 
     let (mu, of) = match friction? {
         Friction::Measured(name) => {
             let component = components(find(name)?).first()?;
-            (
-                component.mean_size(),
-                format!("mean of {name}{}", meanwhile(component)),
-            )
+            (component.mean_size(), format!("mean of {name}{}", meanwhile(component)))
         }
         Friction::Forces { tangential, normal } => {
             let (across, along) = (rms(components(find(tangential)?)), rms(components(find(normal)?)));
@@ -184,11 +159,7 @@ fn sizes(signals: &[&Recorded], quantity: Quantity, mean: &str, largest: Option<
             };
             signal.stream.kind == kind && of == quantity
         });
-        fitting.filter(|signal| {
-            components(signal)
-                .iter()
-                .any(|component| component.presence() > 0.0)
-        })
+        fitting.filter(|signal| components(signal).iter().any(|component| component.presence() > 0.0))
     };
     let slow = of_kind(Kind::SCALAR).find(|signal| signal.stream.rate.hz() < SPECTRAL_RATE_HZ);
     if let Some(signal) = slow.or_else(|| of_kind(Kind::SCALAR).next())
@@ -203,9 +174,7 @@ fn sizes(signals: &[&Recorded], quantity: Quantity, mean: &str, largest: Option<
         let largest = largest.map(|label| Headline::new(label, unit.text(component.peak()), name.as_str()));
         return std::iter::once(mean).chain(largest).collect();
     }
-    let vector = of_kind(Kind::VECTOR)
-        .next()
-        .or_else(|| of_kind(Kind::WRENCH).next());
+    let vector = of_kind(Kind::VECTOR).next().or_else(|| of_kind(Kind::WRENCH).next());
     let of_vector = |signal: &Recorded| {
         let label = format!("{}, RMS", quantity_name(quantity));
         let size = rms(components(signal).get(..3).unwrap_or_default());
@@ -239,12 +208,8 @@ pub(super) fn cards(headlines: &[Headline]) -> String {
 fn columns(cards: usize, most: usize) -> usize {
     let gaps = |columns: &usize| (columns - cards % columns) % columns;
     let is_alone = |columns: &usize| cards > *columns && cards % columns == 1;
-    let fitting = (most / 2 + 1..=most)
-        .rev()
-        .map(|columns| columns.min(cards).max(1));
-    fitting
-        .min_by_key(|columns| (is_alone(columns), gaps(columns)))
-        .unwrap_or(1)
+    let fitting = (most / 2 + 1..=most).rev().map(|columns| columns.min(cards).max(1));
+    fitting.min_by_key(|columns| (is_alone(columns), gaps(columns))).unwrap_or(1)
 }
 
 /// Allows line breaks after slashes and dots in the names of signals: `texture/filter.acceleration`.
@@ -283,9 +248,7 @@ mod tests {
 
     fn value(found: &[Headline], label: &str) -> (String, String) {
         let found = found.iter().find(|headline| headline.label == label);
-        found
-            .map(|headline| (headline.value.clone(), headline.of.clone()))
-            .unwrap()
+        found.map(|headline| (headline.value.clone(), headline.of.clone())).unwrap()
     }
 
     fn hum(t: f64) -> f64 {
@@ -294,11 +257,8 @@ mod tests {
 
     #[test]
     fn an_acceleration_is_the_vibration_and_else_the_current_with_its_mean() {
-        let current = || {
-            signal("out.delivered", Kind::SCALAR, Quantity::CURRENT, 48_000, |t| {
-                0.5 + 0.1 * hum(t)
-            })
-        };
+        let current =
+            || signal("out.delivered", Kind::SCALAR, Quantity::CURRENT, 48_000, |t| 0.5 + 0.1 * hum(t));
         let felt = signal("felt", Kind::SCALAR, Quantity::ACCELERATION, 10_000, hum);
         let found = of_signals(None, &[current(), felt], None);
         assert_eq!(value(&found, "Vibration, RMS").0, "0.707 m/s\u{b2}");
@@ -306,9 +266,7 @@ mod tests {
         let found = of_signals(None, &[current()], None);
         assert_eq!(value(&found, "Current to out, peak").0, "0.6 A");
         assert_eq!(value(&found, "Constant current").0, "0.5 A");
-        let text = figures::over_time(&current(), crate::theme::Ink::Blue)
-            .remove(0)
-            .caption;
+        let text = figures::over_time(&current(), crate::theme::Ink::Blue).remove(0).caption;
         assert!(text.contains("heats the coil"), "{text}");
     }
 
@@ -326,53 +284,28 @@ mod tests {
 
     #[test]
     fn gravity_is_no_vibration() {
-        let tool = signal(
-            "tool.acceleration",
-            Kind::VECTOR,
-            Quantity::ACCELERATION,
-            10_000,
-            |t| 5.0 + hum(t),
-        );
+        let tool =
+            signal("tool.acceleration", Kind::VECTOR, Quantity::ACCELERATION, 10_000, |t| 5.0 + hum(t));
         let found = of_signals(None, &[tool], None);
         // Three axes with 0.707 m/s² each.
-        assert_eq!(
-            value(&found, "Acceleration about its mean, RMS").0,
-            "1.22 m/s\u{b2}"
-        );
+        assert_eq!(value(&found, "Acceleration about its mean, RMS").0, "1.22 m/s\u{b2}");
     }
 
     #[test]
     fn a_force_is_taken_while_there_is_one_and_friction_by_what_measures_it() {
         let half = |t: f64| if t < 1.0 { 0.0 } else { 2.0 };
         let load = signal("tip.load", Kind::SCALAR, Quantity::FORCE, 1000, half);
-        let drag = signal("drag", Kind::VECTOR, Quantity::FORCE, 1000, |t| {
-            0.4 * half(t) / 3f64.sqrt()
-        });
-        let mu = signal("brake.mu", Kind::SCALAR, Quantity::NUMBER, 1000, |t| {
-            0.15 * half(t)
-        });
+        let drag = signal("drag", Kind::VECTOR, Quantity::FORCE, 1000, |t| 0.4 * half(t) / 3f64.sqrt());
+        let mu = signal("brake.mu", Kind::SCALAR, Quantity::NUMBER, 1000, |t| 0.15 * half(t));
         let signals = [load, drag, mu];
-        let forces = Friction::Forces {
-            tangential: "drag".into(),
-            normal: "tip.load".into(),
-        };
+        let forces = Friction::Forces { tangential: "drag".into(), normal: "tip.load".into() };
         let found = of_signals(None, &signals, Some(&forces));
         let (mean, of) = value(&found, "Mean force");
         assert!(mean == "2 N" && of.contains("50 %"), "{mean} {of}");
         assert_eq!(value(&found, "Friction coefficient").0, "0.4");
         let measured = Friction::Measured("brake.mu".into());
-        assert_eq!(
-            value(
-                &of_signals(None, &signals, Some(&measured)),
-                "Friction coefficient"
-            )
-            .0,
-            "0.3"
-        );
-        assert_eq!(
-            coefficient(&signals, Some(&Friction::Measured("gone".into()))),
-            None
-        );
+        assert_eq!(value(&of_signals(None, &signals, Some(&measured)), "Friction coefficient").0, "0.3");
+        assert_eq!(coefficient(&signals, Some(&Friction::Measured("gone".into()))), None);
         let only_vector = of_signals(None, &signals[1..2], None);
         assert_eq!(value(&only_vector, "Force, RMS").0, "0.566 N");
     }

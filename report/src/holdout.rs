@@ -19,11 +19,7 @@ use tables::{Measures, Table};
 pub fn page(title: &str, found: &Holdout, contact: &[ContactResult], simulated: bool) -> String {
     let splits = found.splits();
     let mut sections = vec![("", splits.first().map_or_else(String::new, result))];
-    sections.extend(
-        splits
-            .iter()
-            .map(|split| (split.split.as_str(), section(found, split))),
-    );
+    sections.extend(splits.iter().map(|split| (split.split.as_str(), section(found, split))));
     let contacts: String = tables::contacts(contact).iter().map(html).collect();
     if !contacts.is_empty() {
         sections.push(("Taps, friction and stiffness", format!("{CONTACTS}{contacts}")));
@@ -36,14 +32,8 @@ pub fn page(title: &str, found: &Holdout, contact: &[ContactResult], simulated: 
         },
         found.seeds
     );
-    Sheet {
-        title,
-        about: &about,
-        badge: learning::badge(simulated),
-        warnings: &[],
-        sections: &sections,
-    }
-    .to_html()
+    Sheet { title, about: &about, badge: learning::badge(simulated), warnings: &[], sections: &sections }
+        .to_html()
 }
 
 /// Headlines of the first split: the default method, the floor, and the better plain baseline.
@@ -74,11 +64,7 @@ fn section(found: &Holdout, split: &SplitResult) -> String {
          * worse than a plain baseline.</p>{}{TERMS}<p>{}</p>{materials}{}",
         html(&tables::methods(split, Measures::All)),
         tables::limits(split).replace('\n', " "),
-        figures_of(&[
-            signed_by_band(split),
-            size_by_band(split),
-            by_material(found, split)
-        ])
+        figures_of(&[signed_by_band(split), size_by_band(split), by_material(found, split)])
     )
 }
 
@@ -96,19 +82,11 @@ const CONTACTS: &str = "<p>Errors at held-out speeds and forces; in brackets the
     alternative.</p>";
 
 fn html(table: &Table) -> String {
-    let head: String = table
-        .head
-        .iter()
-        .map(|name| format!("<th>{}</th>", escape(name)))
-        .collect();
+    let head: String = table.head.iter().map(|name| format!("<th>{}</th>", escape(name))).collect();
     let row = |row: &Vec<String>| {
-        let (name, cells) = row
-            .split_first()
-            .map_or(("", &[][..]), |(name, cells)| (name.as_str(), cells));
-        let cells: String = cells
-            .iter()
-            .map(|cell| format!("<td>{}</td>", escape(&cell.replace('-', "\u{2212}"))))
-            .collect();
+        let (name, cells) = row.split_first().map_or(("", &[][..]), |(name, cells)| (name.as_str(), cells));
+        let cells: String =
+            cells.iter().map(|cell| format!("<td>{}</td>", escape(&cell.replace('-', "\u{2212}")))).collect();
         format!("<tr><td>{}</td>{cells}</tr>", escape(name))
     };
     format!(
@@ -118,11 +96,7 @@ fn html(table: &Table) -> String {
 }
 
 fn ink(method: Method) -> Ink {
-    if method == Method::Floor {
-        Ink::Grey
-    } else {
-        Ink::CYCLE[(method as usize - 1) % Ink::CYCLE.len()]
-    }
+    if method == Method::Floor { Ink::Grey } else { Ink::CYCLE[(method as usize - 1) % Ink::CYCLE.len()] }
 }
 
 fn signed_by_band(split: &SplitResult) -> Plot {

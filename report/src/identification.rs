@@ -64,11 +64,7 @@ fn headlines(found: &Identified) -> Vec<Headline> {
             },
             "of the power in the band",
         ),
-        Headline::new(
-            "Delay",
-            format!("{} ms", plain(1e3 * found.delay_s)),
-            "of the recording",
-        ),
+        Headline::new("Delay", format!("{} ms", plain(1e3 * found.delay_s)), "of the recording"),
     ]
 }
 
@@ -79,9 +75,7 @@ fn plots(bands: &[BandAnswer]) -> Vec<Plot> {
     let frequency = || {
         let ends = [bands.first(), bands.last()].map(|band| band.map_or(1.0, |band| band.frequency_hz));
         // Margin for the dots at both ends.
-        Axis::of("Frequency (Hz)")
-            .log()
-            .over(ends[0] / 1.03, ends[1] * 1.03)
+        Axis::of("Frequency (Hz)").log().over(ends[0] / 1.03, ends[1] * 1.03)
     };
     let both = |measured, fitted| {
         vec![
@@ -96,9 +90,7 @@ fn plots(bands: &[BandAnswer]) -> Vec<Plot> {
         .map(|i| low_deg + 90.0 * i as f64)
         .map(|deg| (deg, fixed(deg, 0)));
     let sizes = || bands.iter().flat_map(|b| [b.measured.norm(), b.fitted.norm()]);
-    let (low, high) = sizes().fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
-        (low.min(x), high.max(x))
-    });
+    let (low, high) = sizes().fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
     vec![
         Plot {
             title: "Magnitude".into(),
@@ -154,16 +146,13 @@ fn unwrapped(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
 /// Shifts phases by whole turns towards `to`.
 fn near(points: Vec<(f64, f64)>, to: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let pairs = points.into_iter().zip(to);
-    pairs
-        .map(|((hz, deg), (_, other))| (hz, deg - 360.0 * ((deg - other) / 360.0).round()))
-        .collect()
+    pairs.map(|((hz, deg), (_, other))| (hz, deg - 360.0 * ((deg - other) / 360.0).round())).collect()
 }
 
 /// Multiples of 90 degrees that enclose all points.
 fn quarters<'a>(points: impl Iterator<Item = &'a (f64, f64)>) -> (f64, f64) {
-    let (low, high) = points.fold((0.0_f64, 0.0_f64), |(low, high), (_, deg)| {
-        (low.min(*deg), high.max(*deg))
-    });
+    let (low, high) =
+        points.fold((0.0_f64, 0.0_f64), |(low, high), (_, deg)| (low.min(*deg), high.max(*deg)));
     ((low / 90.0).floor() * 90.0, (high / 90.0).ceil() * 90.0)
 }
 

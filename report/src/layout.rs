@@ -107,10 +107,7 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
         let start = (from.0 + blocks[link.from].width, from.1 + link.from_y);
         let end = (to.0, to.1 + link.to_y);
         if backward[number] {
-            let span = (
-                layers[link.to].min(layers[link.from]),
-                layers[link.from].max(layers[link.to]),
-            );
+            let span = (layers[link.to].min(layers[link.from]), layers[link.from].max(layers[link.to]));
             let within = (0..items.len()).filter(|i| (span.0..=span.1).contains(&items[*i].layer));
             // A self-loop stays close to its block.
             let floor = if link.from == link.to {
@@ -138,15 +135,8 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
             Route::Forward(points)
         }
     };
-    let routes = links
-        .iter()
-        .enumerate()
-        .map(|(number, link)| (number, route(number, link, &mut lanes)));
-    let mut layout = Layout {
-        routes: routes.collect(),
-        corners,
-        size: (0.0, 0.0),
-    };
+    let routes = links.iter().enumerate().map(|(number, link)| (number, route(number, link, &mut lanes)));
+    let mut layout = Layout { routes: routes.collect(), corners, size: (0.0, 0.0) };
     layout.settle(blocks);
     layout
 }
@@ -154,26 +144,15 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
 impl Layout {
     /// Moves everything to the origin and computes the size.
     fn settle(&mut self, blocks: &[Block]) {
-        let ends = self
-            .corners
-            .iter()
-            .zip(blocks)
-            .flat_map(|(c, b)| [*c, (c.0 + b.width, c.1 + b.height)]);
-        let points: Vec<_> = ends
-            .chain(self.routes.iter().flat_map(|(_, r)| r.points().iter().copied()))
-            .collect();
-        let low = points.iter().fold((f64::INFINITY, f64::INFINITY), |l, p| {
-            (l.0.min(p.0), l.1.min(p.1))
-        });
-        let high = points.iter().fold((0.0_f64, 0.0_f64), |h, p| {
-            (h.0.max(p.0 - low.0), h.1.max(p.1 - low.1))
-        });
+        let ends = self.corners.iter().zip(blocks).flat_map(|(c, b)| [*c, (c.0 + b.width, c.1 + b.height)]);
+        let points: Vec<_> =
+            ends.chain(self.routes.iter().flat_map(|(_, r)| r.points().iter().copied())).collect();
+        let low = points.iter().fold((f64::INFINITY, f64::INFINITY), |l, p| (l.0.min(p.0), l.1.min(p.1)));
+        let high =
+            points.iter().fold((0.0_f64, 0.0_f64), |h, p| (h.0.max(p.0 - low.0), h.1.max(p.1 - low.1)));
         let moved = |p: &mut (f64, f64)| *p = (p.0 - low.0, p.1 - low.1);
         self.corners.iter_mut().for_each(moved);
-        self.routes
-            .iter_mut()
-            .flat_map(|(_, r)| r.points_mut())
-            .for_each(moved);
+        self.routes.iter_mut().flat_map(|(_, r)| r.points_mut()).for_each(moved);
         self.size = high;
     }
 }
@@ -193,10 +172,7 @@ impl Route {
 
 /// Finds backward links: preferably those that close a loop, then any others.
 fn backward_links(blocks: usize, links: &[Link]) -> Vec<bool> {
-    let mut backward: Vec<bool> = links
-        .iter()
-        .map(|link| link.closes_loop || link.from == link.to)
-        .collect();
+    let mut backward: Vec<bool> = links.iter().map(|link| link.closes_loop || link.from == link.to).collect();
     let mut outgoing = vec![Vec::new(); blocks];
     for (number, link) in links.iter().enumerate().filter(|(n, _)| !backward[*n]) {
         outgoing[link.from].push((number, link.to));
@@ -233,17 +209,9 @@ fn backward_links(blocks: usize, links: &[Link]) -> Vec<bool> {
 /// Layer of every block: as far left as its inputs allow; blocks that begin signals as far right as their
 /// readers allow.
 fn layers(blocks: &[Block], links: &[Link], backward: &[bool]) -> Vec<usize> {
-    let forward: Vec<&Link> = links
-        .iter()
-        .zip(backward)
-        .filter(|(_, b)| !**b)
-        .map(|(l, _)| l)
-        .collect();
+    let forward: Vec<&Link> = links.iter().zip(backward).filter(|(_, b)| !**b).map(|(l, _)| l).collect();
     let first = usize::from(blocks.iter().any(|b| b.side == Side::Left));
-    let mut layer: Vec<usize> = blocks
-        .iter()
-        .map(|b| if b.side == Side::Left { 0 } else { first })
-        .collect();
+    let mut layer: Vec<usize> = blocks.iter().map(|b| if b.side == Side::Left { 0 } else { first }).collect();
     let mut waiting = vec![0; blocks.len()];
     let mut outgoing = vec![Vec::new(); blocks.len()];
     for link in &forward {
@@ -262,11 +230,7 @@ fn layers(blocks: &[Block], links: &[Link], backward: &[bool]) -> Vec<usize> {
             }
         }
     }
-    let inner = blocks
-        .iter()
-        .zip(&layer)
-        .filter(|(b, _)| b.side != Side::Right)
-        .map(|(_, l)| *l);
+    let inner = blocks.iter().zip(&layer).filter(|(b, _)| b.side != Side::Right).map(|(_, l)| *l);
     let last = inner.max().map_or(0, |l| l + 1);
     for (block, layer) in blocks.iter().zip(&mut layer) {
         if block.side == Side::Right {
@@ -309,38 +273,20 @@ fn subdivide(blocks: &[Block], links: &[Link], backward: &[bool], layers: &[usiz
     let mut items: Vec<Item> = blocks
         .iter()
         .zip(layers)
-        .map(|(block, layer)| Item {
-            layer: *layer,
-            height: block.height,
-            solid: true,
-        })
+        .map(|(block, layer)| Item { layer: *layer, height: block.height, solid: true })
         .collect();
     let mut segments = Vec::new();
     let mut chains = vec![Vec::new(); links.len()];
     for (number, link) in links.iter().enumerate().filter(|(n, _)| !backward[*n]) {
         let mut at = (link.from, link.from_y);
         for layer in layers[link.from] + 1..layers[link.to] {
-            items.push(Item {
-                layer,
-                height: 0.0,
-                solid: false,
-            });
+            items.push(Item { layer, height: 0.0, solid: false });
             let item = items.len() - 1;
-            segments.push(Segment {
-                from: at.0,
-                from_y: at.1,
-                to: item,
-                to_y: 0.0,
-            });
+            segments.push(Segment { from: at.0, from_y: at.1, to: item, to_y: 0.0 });
             chains[number].push(item);
             at = (item, 0.0);
         }
-        segments.push(Segment {
-            from: at.0,
-            from_y: at.1,
-            to: link.to,
-            to_y: link.to_y,
-        });
+        segments.push(Segment { from: at.0, from_y: at.1, to: link.to, to_y: link.to_y });
     }
     (items, segments, chains)
 }
@@ -380,10 +326,7 @@ impl Columns {
             }
             (x, width[layer])
         });
-        Self {
-            columns: columns.collect(),
-            rooms,
-        }
+        Self { columns: columns.collect(), rooms }
     }
 }
 
@@ -412,14 +355,7 @@ impl Lanes {
             lowest = taken.2 + LANE;
         }
         self.taken.push((span.0, span.1, lowest));
-        vec![
-            start,
-            (right, start.1),
-            (right, lowest),
-            (left, lowest),
-            (left, end.1),
-            end,
-        ]
+        vec![start, (right, start.1), (right, lowest), (left, lowest), (left, end.1), end]
     }
 }
 

@@ -29,14 +29,9 @@ pub fn page(surface: &Surface, report: &LearningReport) -> String {
         .map(|(name, value)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(value)))
         .collect();
     let band = report.band.iter().map(ToString::to_string);
-    let warnings: Vec<String> = band
-        .chain(report.missing.iter().map(ToString::to_string))
-        .collect();
+    let warnings: Vec<String> = band.chain(report.missing.iter().map(ToString::to_string)).collect();
     let mut sections = sections(surface, report);
-    sections.push((
-        "",
-        format!("<details><summary>How it was made</summary><dl>{made}</dl></details>"),
-    ));
+    sections.push(("", format!("<details><summary>How it was made</summary><dl>{made}</dl></details>")));
     let source = match surface.provenance.source.as_str() {
         tool @ ("recording tool" | "simulated recording tool") => format!("a {tool}"),
         source => source.to_owned(),
@@ -68,15 +63,9 @@ pub(super) fn sections(surface: &Surface, report: &LearningReport) -> Vec<(&'sta
     let mut sections = vec![("", cards(&headlines(surface, report)))];
     if let (Some(texture), Some(found)) = (&surface.texture, &report.texture) {
         sections.push(("Texture map", figures_of(&[map(texture, found)])));
-        sections.push((
-            "What it was learned from",
-            segments(surface, &report.drags, found),
-        ));
+        sections.push(("What it was learned from", segments(surface, &report.drags, found)));
         if let Some(drag) = report.drags.first() {
-            sections.push((
-                "Recorded and synthesised",
-                recorded_and_synthesised(texture, drag),
-            ));
+            sections.push(("Recorded and synthesised", recorded_and_synthesised(texture, drag)));
         }
         sections.push(("Response to force and speed", responses::section(texture)));
     }
@@ -86,11 +75,7 @@ pub(super) fn sections(surface: &Surface, report: &LearningReport) -> Vec<(&'sta
     if let (Some(taps), Some(found)) = (&surface.taps, &report.taps) {
         sections.push((
             "Taps",
-            figures_of(&[
-                responses::tap_waves(taps),
-                responses::tap_spectra(taps),
-                contacts(taps, found),
-            ]),
+            figures_of(&[responses::tap_waves(taps), responses::tap_spectra(taps), contacts(taps, found)]),
         ));
     }
     if let Some(found) = &report.stiffness {
@@ -113,48 +98,30 @@ fn headlines(surface: &Surface, report: &LearningReport) -> Vec<Headline> {
         let rate_of = |s: &SegmentReport| report.drags.get(s.recording).map(|drag| drag.signals().rate_hz);
         let length = |s: &&SegmentReport| Some(s.samples.len() as f64 / rate_of(s)?);
         let used_s: f64 = used.iter().filter_map(length).sum();
-        let all_s: f64 = (report.drags.iter())
-            .map(|drag| drag.samples() as f64 / drag.signals().rate_hz)
-            .sum();
+        let all_s: f64 =
+            (report.drags.iter()).map(|drag| drag.samples() as f64 / drag.signals().rate_hz).sum();
         let of = format!("of {} s of dragging", plain(all_s));
         found.push(Headline::new("Used", format!("{} s", plain(used_s)), of));
         let range = |value: &dyn Fn(&SegmentReport) -> f64| {
             let values = used.iter().map(|s| value(s));
-            let (low, high) = values.fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
-                (low.min(x), high.max(x))
-            });
+            let (low, high) =
+                values.fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
             format!("{} to {}", plain(low), plain(high))
         };
         if !used.is_empty() {
             let speeds = format!("{} mm/s", range(&|s| 1e3 * s.speed_m_s));
             let forces = format!("{} N", range(&|s| s.force_n));
-            found.push(Headline::new(
-                "Speeds covered",
-                speeds,
-                "medians of the segments used",
-            ));
-            found.push(Headline::new(
-                "Forces covered",
-                forces,
-                "medians of the segments used",
-            ));
+            found.push(Headline::new("Speeds covered", speeds, "medians of the segments used"));
+            found.push(Headline::new("Forces covered", forces, "medians of the segments used"));
         }
     }
     if let Some(friction) = &report.friction {
         let fit = format!("mu, R² = {}", plain(friction.line.r_squared));
-        found.push(Headline::new(
-            "Friction coefficient",
-            plain(friction.line.slope),
-            fit,
-        ));
+        found.push(Headline::new("Friction coefficient", plain(friction.line.slope), fit));
     }
     if let Some(taps) = &report.taps {
         let used = taps.contacts.iter().filter(|contact| contact.used).count();
-        found.push(Headline::new(
-            "Taps",
-            used.to_string(),
-            format!("of {} contacts", taps.contacts.len()),
-        ));
+        found.push(Headline::new("Taps", used.to_string(), format!("of {} contacts", taps.contacts.len())));
     }
     if let Some(press) = &report.stiffness {
         let stiffness = format!("{} N/mm", plain(1e-3 * press.line.slope));
@@ -201,15 +168,9 @@ fn segments(surface: &Surface, drags: &[ProcessedRecording], found: &TextureRepo
             |fate: fn(&Fate) -> bool, ink: Ink, name: &str, value: &dyn Fn(&SegmentReport) -> f64| {
                 let chosen = of_drag.iter().filter(|s| fate(&s.fate));
                 let line = |s: &&SegmentReport| {
-                    [
-                        (time_s(s.samples.start), value(s)),
-                        (time_s(s.samples.end), value(s)),
-                    ]
+                    [(time_s(s.samples.start), value(s)), (time_s(s.samples.end), value(s))]
                 };
-                Mark::Segments(
-                    Style::named(ink, name).weight(Weight::Bold),
-                    chosen.map(line).collect(),
-                )
+                Mark::Segments(Style::named(ink, name).weight(Weight::Bold), chosen.map(line).collect())
             };
         let labelled = |value: &dyn Fn(&SegmentReport) -> f64| {
             let mut marks = vec![medians(
@@ -241,46 +202,16 @@ fn segments(surface: &Surface, drags: &[ProcessedRecording], found: &TextureRepo
             &signals.acceleration_m_s2,
             1.0,
         );
-        plots.push(plot(
-            title,
-            note,
-            "Acceleration (m/s²)",
-            -loudest,
-            loudest,
-            vec![acceleration],
-        ));
-        let speed = Mark::samples(
-            Style::named(Ink::Teal, "speed"),
-            signals.rate_hz,
-            &signals.speed_m_s,
-            1e3,
-        );
+        plots.push(plot(title, note, "Acceleration (m/s²)", -loudest, loudest, vec![acceleration]));
+        let speed = Mark::samples(Style::named(Ink::Teal, "speed"), signals.rate_hz, &signals.speed_m_s, 1e3);
         let speeds = [vec![speed], labelled(&|s| s.speed_m_s * 1e3)].concat();
         let fastest = 1.05e3 * peak(&signals.speed_m_s);
-        plots.push(plot(
-            "Speed".into(),
-            String::new(),
-            "Speed (mm/s)",
-            0.0,
-            fastest,
-            speeds,
-        ));
-        let force = Mark::samples(
-            Style::named(Ink::Plum, "force"),
-            signals.rate_hz,
-            &signals.force_normal_n,
-            1.0,
-        );
+        plots.push(plot("Speed".into(), String::new(), "Speed (mm/s)", 0.0, fastest, speeds));
+        let force =
+            Mark::samples(Style::named(Ink::Plum, "force"), signals.rate_hz, &signals.force_normal_n, 1.0);
         let forces = [vec![force], labelled(&|s| s.force_n)].concat();
         let hardest = 1.05 * peak(&signals.force_normal_n);
-        plots.push(plot(
-            "Normal force".into(),
-            String::new(),
-            "Force (N)",
-            0.0,
-            hardest,
-            forces,
-        ));
+        plots.push(plot("Normal force".into(), String::new(), "Force (N)", 0.0, hardest, forces));
     }
     figures_of(&plots)
 }
@@ -289,20 +220,14 @@ fn segments(surface: &Surface, drags: &[ProcessedRecording], found: &TextureRepo
 fn map(texture: &TextureModel, found: &TextureReport) -> Plot {
     let (speed, force) = (texture.max_speed_m_s() * 1e3, texture.max_force_n());
     let mut marks = figures::triangulation(texture);
-    let outliers = found
-        .segments
-        .iter()
-        .filter(|s| matches!(s.fate, Fate::Outlier { .. }));
+    let outliers = found.segments.iter().filter(|s| matches!(s.fate, Fate::Outlier { .. }));
     let outliers: Vec<_> = outliers.map(|s| (s.speed_m_s * 1e3, s.force_n)).collect();
     if !outliers.is_empty() {
         marks.push(Mark::Dots(Style::named(Ink::Rose, "outlier"), outliers));
     }
     // Vertices at rest and in the air are drawn at the lower end of the logarithmic axes.
     let least = |value: &dyn Fn((f64, f64)) -> f64| {
-        let values = texture
-            .models()
-            .iter()
-            .map(|at| value((at.speed_m_s * 1e3, at.force_n)));
+        let values = texture.models().iter().map(|at| value((at.speed_m_s * 1e3, at.force_n)));
         0.7 * values.filter(|x| *x > 0.0).fold(f64::INFINITY, f64::min)
     };
     let (slowest, lightest) = (least(&|(speed, _)| speed), least(&|(_, force)| force));
@@ -353,13 +278,7 @@ fn recorded_and_synthesised(texture: &TextureModel, drag: &ProcessedRecording) -
                 .to_owned(),
             ..over_time("Synthesised along the same speed and force", Ink::Orange, &played)
         },
-        spectra(
-            rate_hz,
-            &[
-                ("recorded", Ink::Blue, recorded),
-                ("synthesised", Ink::Orange, &played),
-            ],
-        ),
+        spectra(rate_hz, &[("recorded", Ink::Blue, recorded), ("synthesised", Ink::Orange, &played)]),
     ];
     figures_of(&plots)
 }
@@ -378,14 +297,7 @@ fn highest(curve: &Mark) -> f64 {
 fn spectra(rate_hz: f64, signals: &[(&str, Ink, &[f64])]) -> Plot {
     let segment = (0.2 * rate_hz) as usize;
     let line = |&(name, ink, samples): &(&str, Ink, &[f64])| {
-        let psd = welch(
-            samples,
-            rate_hz,
-            segment.min(samples.len()),
-            segment / 2,
-            Window::Hann,
-        )
-        .ok()?;
+        let psd = welch(samples, rate_hz, segment.min(samples.len()), segment / 2, Window::Hann).ok()?;
         let points = psd.frequency_hz.iter().copied().zip(psd.density.iter().copied());
         let shown = points.filter(|(f, d)| (SHOWN_HZ.0..=SHOWN_HZ.1).contains(f) && *d > 0.0);
         Some(Mark::Line(Style::named(ink, name), shown.collect()))
@@ -393,12 +305,7 @@ fn spectra(rate_hz: f64, signals: &[(&str, Ink, &[f64])]) -> Plot {
     let mut marks: Vec<Mark> = signals.iter().filter_map(line).collect();
     let shown_hz = (SHOWN_HZ.0, SHOWN_HZ.1.min(0.5 * rate_hz));
     let loudest = marks.iter().map(highest).fold(0.0, f64::max);
-    marks.extend(
-        (loudest > 0.0)
-            .then(|| receptors(shown_hz, loudest))
-            .into_iter()
-            .flatten(),
-    );
+    marks.extend((loudest > 0.0).then(|| receptors(shown_hz, loudest)).into_iter().flatten());
     Plot {
         title: "Mean spectra".into(),
         x: Axis::of("Frequency (Hz)").over(shown_hz.0, shown_hz.1).log(),

@@ -32,15 +32,9 @@ pub(super) fn section(texture: &TextureModel) -> String {
              apart: both ways give the same filters.</p>"
         );
     }
-    let own: Vec<(f64, f64)> = models
-        .iter()
-        .flat_map(|model| places(model.ar(), model.warping()))
-        .collect();
+    let own: Vec<(f64, f64)> = models.iter().flat_map(|model| places(model.ar(), model.warping())).collect();
     let [by_coefficients, by_frequencies] = paths;
-    let pair = [
-        plot("Coefficients", &by_coefficients, &own),
-        plot("Frequencies", &by_frequencies, &own),
-    ];
+    let pair = [plot("Coefficients", &by_coefficients, &own), plot("Frequencies", &by_frequencies, &own)];
     let figures = figures_of(&pair);
     let axis = match texture.warping() {
         0.0 => String::new(),
@@ -123,9 +117,7 @@ fn radius(places: &[(f64, f64)]) -> f64 {
 }
 
 fn plot(title: &str, path: &[(f64, f64)], own: &[(f64, f64)]) -> Plot {
-    let circle = (0..=180)
-        .map(|i| (TAU * f64::from(i) / 180.0).sin_cos())
-        .collect();
+    let circle = (0..=180).map(|i| (TAU * f64::from(i) / 180.0).sin_cos()).collect();
     Plot {
         title: title.into(),
         note: format!("largest radius {:.4}", radius(path)),
@@ -133,10 +125,7 @@ fn plot(title: &str, path: &[(f64, f64)], own: &[(f64, f64)]) -> Plot {
         y: Axis::of("Imaginary part (1)").over(-1.1, 1.1),
         marks: vec![
             Mark::Line(Style::named(Ink::Grey, "unit circle"), circle),
-            Mark::Dots(
-                Style::named(Ink::Orange, "between").weight(Weight::Hair),
-                path.to_vec(),
-            ),
+            Mark::Dots(Style::named(Ink::Orange, "between").weight(Weight::Hair), path.to_vec()),
             Mark::Dots(Style::named(Ink::Blue, "models"), own.to_vec()),
         ],
         size: (384.0, 378.0),

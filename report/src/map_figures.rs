@@ -22,29 +22,17 @@ pub(super) fn places(map: &PerceptualMap) -> Plot {
         (place[0], place.get(1).copied().unwrap_or(0.0))
     };
     let all: Vec<(f64, f64)> = (0..map.names.len()).map(place).collect();
-    let half = all
-        .iter()
-        .fold(1e-9_f64, |half, (x, y)| half.max(y.abs()).max(x.abs() / ASPECT))
-        * 1.12;
+    let half = all.iter().fold(1e-9_f64, |half, (x, y)| half.max(y.abs()).max(x.abs() / ASPECT)) * 1.12;
     let mut groups: BTreeMap<usize, Vec<(f64, f64)>> = BTreeMap::new();
-    all.iter()
-        .zip(&map.k_means)
-        .for_each(|(place, group)| groups.entry(*group).or_default().push(*place));
+    all.iter().zip(&map.k_means).for_each(|(place, group)| groups.entry(*group).or_default().push(*place));
     let outlines = match has_groups(map) {
-        true => groups
-            .into_values()
-            .map(|group| outline(group, 0.05 * half))
-            .collect(),
+        true => groups.into_values().map(|group| outline(group, 0.05 * half)).collect(),
         false => Vec::new(),
     };
     let mut marks = vec![Mark::Areas(Style::of(Ink::Grey), outlines)];
     for (name, direction, weight) in [
         ("rougher (power)", &map.roughness_direction, Weight::Normal),
-        (
-            "finer (spectral centroid)",
-            &map.fineness_direction,
-            Weight::Dashed,
-        ),
+        ("finer (spectral centroid)", &map.fineness_direction, Weight::Dashed),
     ] {
         marks.extend(
             arrow(direction, half)
@@ -52,11 +40,8 @@ pub(super) fn places(map: &PerceptualMap) -> Plot {
         );
     }
     for (number, material) in materials(map).into_iter().enumerate() {
-        let of_material = all
-            .iter()
-            .zip(&map.names)
-            .filter(|(_, (_, m))| m == material)
-            .map(|(place, _)| *place);
+        let of_material =
+            all.iter().zip(&map.names).filter(|(_, (_, m))| m == material).map(|(place, _)| *place);
         marks.push(Mark::Dots(
             Style::named(Ink::number(number), material).weight(Weight::Bold),
             of_material.collect(),
@@ -94,11 +79,7 @@ fn arrow(direction: &[f64], half: f64) -> Option<Vec<[(f64, f64); 2]>> {
     }
     let at = |along: f64, across: f64| (half * (along * x - across * y), half * (along * y + across * x));
     let tip = at(0.95, 0.0);
-    Some(vec![
-        [at(-0.95, 0.0), tip],
-        [at(0.89, 0.03), tip],
-        [at(0.89, -0.03), tip],
-    ])
+    Some(vec![[at(-0.95, 0.0), tip], [at(0.89, 0.03), tip], [at(0.89, -0.03), tip]])
 }
 
 /// The convex hull of points (Andrew's monotone chain), widened by `margin`.
@@ -134,10 +115,7 @@ pub(super) fn tree(map: &PerceptualMap) -> Plot {
     let order = leaves(map);
     // Position of each group: distance and row.
     let mut at = vec![(0.0, 0.0); count];
-    order
-        .iter()
-        .enumerate()
-        .for_each(|(row, &leaf)| at[leaf] = (0.0, (count - row) as f64));
+    order.iter().enumerate().for_each(|(row, &leaf)| at[leaf] = (0.0, (count - row) as f64));
     let mut lines = vec![];
     for merge in &map.tree {
         let (a, b) = (at[merge.groups.0], at[merge.groups.1]);

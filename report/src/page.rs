@@ -136,10 +136,7 @@ impl Page<'_> {
     fn list_files(&self) -> String {
         let entry = |(name, holds): &(String, String)| {
             let (address, name) = (address(name), escape(name));
-            format!(
-                "<dt><a href=\"{address}\">{name}</a></dt><dd>{}</dd>",
-                prose(holds)
-            )
+            format!("<dt><a href=\"{address}\">{name}</a></dt><dd>{}</dd>", prose(holds))
         };
         match self.files.as_slice() {
             [] => String::new(),
@@ -199,11 +196,8 @@ impl Sheet<'_> {
             "" => String::new(),
             badge => format!("<span class=\"badge\">{badge}</span>"),
         };
-        let warnings: String = self
-            .warnings
-            .iter()
-            .map(|w| format!("<p class=\"warning\">{}</p>", prose(w)))
-            .collect();
+        let warnings: String =
+            self.warnings.iter().map(|w| format!("<p class=\"warning\">{}</p>", prose(w))).collect();
         let sections: String = self
             .sections
             .iter()

@@ -51,9 +51,7 @@ fn close_up(sound: &Sound) -> String {
     let strongest = (0..sound.samples.len())
         .max_by(|a, b| sound.samples[*a].abs().total_cmp(&sound.samples[*b].abs()))
         .unwrap_or(0);
-    let first = strongest
-        .saturating_sub(count / 2)
-        .min(sound.samples.len() - count);
+    let first = strongest.saturating_sub(count / 2).min(sound.samples.len() - count);
     let at = |i: usize| (first + i) as f64 / rate_hz;
     let value = |i: usize| f64::from(sound.samples[first + i]) * sound.full_scale;
     let most = 1.08 * sound.peak;
@@ -62,10 +60,7 @@ fn close_up(sound: &Sound) -> String {
         note: if sound.stream.simulated { "simulated" } else { "" }.to_owned(),
         x: Axis::time().over(at(0), at(count)),
         y: Axis::of(axis_label(&sound.stream)).over(-most, most),
-        marks: vec![Mark::Line(
-            Style::of(Ink::Blue),
-            (0..count).map(|i| (at(i), value(i))).collect(),
-        )],
+        marks: vec![Mark::Line(Style::of(Ink::Blue), (0..count).map(|i| (at(i), value(i))).collect())],
         caption: "The highest peak; click on a plot over time to show another moment.".to_owned(),
         ..Plot::default()
     }

@@ -130,18 +130,11 @@ pub enum Weight {
 impl Style {
     /// A mark without a name.
     pub fn of(ink: Ink) -> Self {
-        Self {
-            ink,
-            name: String::new(),
-            weight: Weight::Normal,
-        }
+        Self { ink, name: String::new(), weight: Weight::Normal }
     }
     /// A mark with a name in the legend.
     pub fn named(ink: Ink, name: impl Into<String>) -> Self {
-        Self {
-            name: name.into(),
-            ..Self::of(ink)
-        }
+        Self { name: name.into(), ..Self::of(ink) }
     }
     /// Sets the weight.
     #[must_use]
@@ -163,34 +156,22 @@ impl Style {
 impl Axis {
     /// An axis that fits the marks.
     pub fn of(label: impl Into<String>) -> Self {
-        Self {
-            label: label.into(),
-            ..Self::default()
-        }
+        Self { label: label.into(), ..Self::default() }
     }
     /// Sets a fixed range.
     #[must_use]
     pub fn over(self, low: f64, high: f64) -> Self {
-        Self {
-            range: Some((low, high)),
-            ..self
-        }
+        Self { range: Some((low, high)), ..self }
     }
     /// Makes the axis logarithmic.
     #[must_use]
     pub fn log(self) -> Self {
-        Self {
-            spread: Spread::Log,
-            ..self
-        }
+        Self { spread: Spread::Log, ..self }
     }
     /// Sets names in place of numbers.
     #[must_use]
     pub fn named(self, names: impl IntoIterator<Item = (f64, String)>) -> Self {
-        Self {
-            names: names.into_iter().collect(),
-            ..self
-        }
+        Self { names: names.into_iter().collect(), ..self }
     }
 }
 
@@ -228,11 +209,7 @@ impl Mark {
             Self::Band(_, points) => Box::new(points.iter().flat_map(|(x, l, h)| [(*x, *l), (*x, *h)])),
             Self::Bars(_, points, width) => {
                 let half = width / 2.0;
-                Box::new(
-                    points
-                        .iter()
-                        .flat_map(move |(x, y)| [(x - half, 0.0), (x + half, *y)]),
-                )
+                Box::new(points.iter().flat_map(move |(x, y)| [(x - half, 0.0), (x + half, *y)]))
             }
             Self::Segments(_, segments) => Box::new(segments.iter().flatten().copied()),
             Self::Areas(_, areas) => Box::new(areas.iter().flatten().copied()),
@@ -272,12 +249,7 @@ impl Plot {
             (false, true) => 52.0,
         };
         let left = self.left_margin(size.1 - top - bottom);
-        let frame = Rect {
-            x: left,
-            y: top,
-            width: size.0 - left - right,
-            height: size.1 - top - bottom,
-        };
+        let frame = Rect { x: left, y: top, width: size.0 - left - right, height: size.1 - top - bottom };
         let (x, y) = self.scales(frame);
         let mut svg = Svg::on_paper(size);
         self.draw_head(&mut svg, frame);
@@ -311,13 +283,7 @@ impl Plot {
     /// Width of the longest tick label of the vertical axis.
     fn widest_tick(&self, height: f64) -> f64 {
         let (low, high) = self.range(&self.y, 1);
-        let scale = Scale {
-            low,
-            high,
-            from: height,
-            to: 0.0,
-            spread: self.y.spread,
-        };
+        let scale = Scale { low, high, from: height, to: 0.0, spread: self.y.spread };
         let ticks = Self::ticks(&self.y, &scale, height);
         let widths = ticks.iter().map(|(_, text)| text_width(text, 10.0));
         widths.fold(0.0, f64::max)
@@ -330,18 +296,12 @@ impl Plot {
         if let Some(range) = axis.range.filter(usable) {
             return range;
         }
-        let values = self
-            .marks
-            .iter()
-            .flat_map(Mark::extent)
-            .map(|p| if which == 0 { p.0 } else { p.1 });
+        let values = self.marks.iter().flat_map(Mark::extent).map(|p| if which == 0 { p.0 } else { p.1 });
         if which == 0 && axis.spread == Spread::Linear {
             // Time and similar quantities fill the frame to its edges.
             let (low, high) = values
                 .filter(|v| v.is_finite())
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-                    (l.min(v), h.max(v))
-                });
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
             if low < high {
                 return (low, high);
             }
@@ -352,20 +312,8 @@ impl Plot {
 
     fn scales(&self, frame: Rect) -> (Scale, Scale) {
         let ((x_low, x_high), (y_low, y_high)) = (self.range(&self.x, 0), self.range(&self.y, 1));
-        let x = Scale {
-            low: x_low,
-            high: x_high,
-            from: frame.x,
-            to: frame.right(),
-            spread: self.x.spread,
-        };
-        let y = Scale {
-            low: y_low,
-            high: y_high,
-            from: frame.bottom(),
-            to: frame.y,
-            spread: self.y.spread,
-        };
+        let x = Scale { low: x_low, high: x_high, from: frame.x, to: frame.right(), spread: self.x.spread };
+        let y = Scale { low: y_low, high: y_high, from: frame.bottom(), to: frame.y, spread: self.y.spread };
         (x, y)
     }
 
@@ -376,11 +324,7 @@ impl Plot {
         // The horizontal axis has the direction of the pixels, the vertical one the opposite.
         let room = if scale.from < scale.to { 80.0 } else { 28.0 };
         let most = ((pixels / room) as usize).clamp(2, 12);
-        scale
-            .ticks(most)
-            .into_iter()
-            .map(|tick| (tick.value, tick.text))
-            .collect()
+        scale.ticks(most).into_iter().map(|tick| (tick.value, tick.text)).collect()
     }
 
     /// The marks with a name.
@@ -390,9 +334,7 @@ impl Plot {
     }
 
     fn legend_width(&self) -> f64 {
-        self.named()
-            .map(|(_, style)| text_width(&style.name, 10.0) + 30.0)
-            .sum()
+        self.named().map(|(_, style)| text_width(&style.name, 10.0) + 30.0).sum()
     }
 
     /// The title with the legend beside it, or below it if both do not fit in a line.
@@ -417,20 +359,10 @@ impl Plot {
     fn draw_axes(&self, svg: &mut Svg, frame: Rect, x: &Scale, y: &Scale) {
         svg.rect("axis", frame, 0.0);
         for (value, text) in Self::ticks(&self.x, x, frame.width) {
-            svg.text(
-                "small soft",
-                (x.pixel(value), frame.bottom() + 15.0),
-                Anchor::Middle,
-                &text,
-            );
+            svg.text("small soft", (x.pixel(value), frame.bottom() + 15.0), Anchor::Middle, &text);
         }
         for (value, text) in Self::ticks(&self.y, y, frame.height) {
-            svg.text(
-                "small soft",
-                (frame.x - 7.0, y.pixel(value) + 3.5),
-                Anchor::End,
-                &text,
-            );
+            svg.text("small soft", (frame.x - 7.0, y.pixel(value) + 3.5), Anchor::End, &text);
         }
         if !self.x.label.is_empty() {
             let at = (frame.x + frame.width / 2.0, frame.bottom() + 34.0);
@@ -463,10 +395,7 @@ mod tests {
             vec![Mark::Band(Style::of(Ink::Grey), vec![(0.0, f64::NAN, 1.0)])],
         ] {
             for spread in [Spread::Linear, Spread::Log] {
-                let x = Axis {
-                    spread,
-                    ..Axis::of("x & y")
-                };
+                let x = Axis { spread, ..Axis::of("x & y") };
                 let plot = Plot {
                     title: "a < b".into(),
                     x: x.clone(),

@@ -44,9 +44,7 @@ pub enum Form {
 /// The plots requested by a graph, in its order.
 pub fn plot_requests(graph: &Graph) -> Vec<PlotRequest> {
     let nodes = graph.nodes();
-    let plots = nodes
-        .ids()
-        .filter(|index| nodes[*index].entry.spec.group == GROUP);
+    let plots = nodes.ids().filter(|index| nodes[*index].entry.spec.group == GROUP);
     plots
         .map(|index| {
             let name = |signal: &WatchedOutput| match &nodes[signal.node] {
@@ -110,10 +108,7 @@ impl PlotRequest {
         if let [first, ..] = runs
             && self.is_same(runs)
         {
-            let one = RunTraces {
-                name: "",
-                traces: first.traces,
-            };
+            let one = RunTraces { name: "", traces: first.traces };
             let mut plots = self.plots(&[one], inks);
             for plot in &mut plots {
                 let separator = if plot.note.is_empty() { "" } else { ", " };
@@ -144,10 +139,7 @@ impl PlotRequest {
                 group.iter().filter_map(|i| run.traces.get(*i)).collect()
             });
             if let Some(text) = constant(&curves) {
-                plots.push(Plot {
-                    caption: text,
-                    ..self.frame_of(&plots, &curves, runs.len() > 1)
-                });
+                plots.push(Plot { caption: text, ..self.frame_of(&plots, &curves, runs.len() > 1) });
                 continue;
             }
             let mut zeros = String::new();
@@ -164,11 +156,7 @@ impl PlotRequest {
                 true => curves.chunks(1).collect(),
                 false => vec![&curves[..]],
             };
-            let range = if frames.len() > 1 {
-                common_range(&curves)
-            } else {
-                None
-            };
+            let range = if frames.len() > 1 { common_range(&curves) } else { None };
             for frame in frames {
                 let mut plot = self.frame_of(&plots, frame, range.is_some() || runs.len() > 1);
                 plot.x = Axis::time();
@@ -245,11 +233,7 @@ impl PlotRequest {
             .map_or_else(String::new, |trace| Unit::of(trace.way_quantity()).symbol);
         plot.size = PATH_SIZE;
         plot.aspect = Some(PATH_FRAME.0 / PATH_FRAME.1);
-        plot.caption = match self
-            .signals
-            .iter()
-            .all(|signal| signal.stream.kind == Contact::KIND)
-        {
+        plot.caption = match self.signals.iter().all(|signal| signal.stream.kind == Contact::KIND) {
             true => "Seen from above, both axes in one scale; the line is interrupted without contact.",
             false => "Seen from above, both axes in one scale.",
         }
@@ -276,10 +260,7 @@ impl PlotRequest {
             }
             _ => self.title.clone(),
         };
-        Plot {
-            title,
-            ..self.frame()
-        }
+        Plot { title, ..self.frame() }
     }
 
     fn frame(&self) -> Plot {
@@ -330,10 +311,7 @@ fn square(marks: &[Mark]) -> ((f64, f64), (f64, f64)) {
     let per_pixel = 1.06 * per_pixel.max(1e-9);
     let around = |i: usize, pixels: f64| {
         let middle = 0.5 * (low[i] + high[i]);
-        (
-            middle - 0.5 * pixels * per_pixel,
-            middle + 0.5 * pixels * per_pixel,
-        )
+        (middle - 0.5 * pixels * per_pixel, middle + 0.5 * pixels * per_pixel)
     };
     (around(0, PATH_FRAME.0), around(1, PATH_FRAME.1))
 }

@@ -87,30 +87,16 @@ impl PlottedSignals {
                 };
                 let ticks: TickCounts = (0..=reasons.len()).map(|_| AtomicU64::new(0)).collect();
                 attach(&watch, Box::new(ShortfallWriter(Arc::clone(&ticks))));
-                shortfalls.push(Shortfalls {
-                    output: watch.stream.name,
-                    reasons,
-                    ticks,
-                });
+                shortfalls.push(Shortfalls { output: watch.stream.name, reasons, ticks });
             }
         }
-        Self {
-            records,
-            requests,
-            clips,
-            shortfalls,
-        }
+        Self { records, requests, clips, shortfalls }
     }
 
     /// Warnings of the nodes that could not do what was asked of them: the reason, and the number of ticks.
     pub fn shortfalls(&self) -> Vec<String> {
         let mut list = Vec::new();
-        for Shortfalls {
-            output,
-            reasons,
-            ticks,
-        } in &self.shortfalls
-        {
+        for Shortfalls { output, reasons, ticks } in &self.shortfalls {
             let ticks: Vec<u64> = ticks.iter().map(|ticks| ticks.load(Relaxed)).collect();
             let all: u64 = ticks.iter().sum();
             let struck = reasons.iter().zip(&ticks[1..]).filter(|(_, count)| **count > 0);
@@ -129,8 +115,7 @@ impl PlottedSignals {
     /// The requested plots, each with its traces.
     pub fn plots(&self) -> Vec<(&PlotRequest, &[Trace])> {
         let each = self.requests.iter();
-        each.map(|(request, traces)| (request, traces.as_slice()))
-            .collect()
+        each.map(|(request, traces)| (request, traces.as_slice())).collect()
     }
 
     /// The sound to play; `None` if nothing vibrates.
@@ -154,9 +139,7 @@ pub fn surfaces(graph: &Graph) -> Vec<(String, Surface)> {
             continue;
         };
         found.extend(
-            node.outputs
-                .iter()
-                .map(|port| (format!("{}.{}", node.path, port.name), surface.clone())),
+            node.outputs.iter().map(|port| (format!("{}.{}", node.path, port.name), surface.clone())),
         );
     }
     found
@@ -175,9 +158,8 @@ mod tests {
         let graph = check(&document, &haptograph_nodes::registry(), &CheckOptions::default());
         let graph = graph.unwrap_or_else(|wrong| panic!("{wrong}"));
         let mut writers = Vec::new();
-        let plotted = PlottedSignals::of(&graph, |watch, writer| {
-            writers.push((watch.stream.name.clone(), writer))
-        });
+        let plotted =
+            PlottedSignals::of(&graph, |watch, writer| writers.push((watch.stream.name.clone(), writer)));
         assert!(plotted.shortfalls().is_empty());
         for (name, writer) in &mut writers {
             let frames: &[f64] = match name.as_str() {
@@ -188,16 +170,10 @@ mod tests {
             writer.write(0, frames).expect("memory");
         }
         let all = plotted.shortfalls();
-        for (output, ticks) in [
-            ("touch.saturated", "1 of 3"),
-            ("brake.reach", "1 of 4"),
-            ("brake.reach", "2 of 4"),
-        ] {
-            assert!(
-                all.iter()
-                    .any(|one| one.starts_with(output) && one.contains(ticks)),
-                "{all:?}"
-            );
+        for (output, ticks) in
+            [("touch.saturated", "1 of 3"), ("brake.reach", "1 of 4"), ("brake.reach", "2 of 4")]
+        {
+            assert!(all.iter().any(|one| one.starts_with(output) && one.contains(ticks)), "{all:?}");
         }
         assert_eq!(all.len(), 3);
     }

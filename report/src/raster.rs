@@ -23,10 +23,7 @@ impl Grid {
     /// The same in light greys, as a background.
     pub(crate) fn to_grey_address(&self, low: f64, high: f64) -> String {
         let grey = |level: u8| 120 + (u16::from(level) * 120 / 255) as u8;
-        self.address(
-            (low, high),
-            (0..=255u8).flat_map(|level| [grey(level); 3]).collect(),
-        )
+        self.address((low, high), (0..=255u8).flat_map(|level| [grey(level); 3]).collect())
     }
 
     fn address(&self, (low, high): (f64, f64), palette: Vec<u8>) -> String {
@@ -70,11 +67,7 @@ mod tests {
 
     #[test]
     fn the_first_row_is_at_the_bottom_of_the_picture() {
-        let grid = Grid {
-            width: 2,
-            height: 2,
-            values: vec![0.0, 0.0, 1.0, f64::NAN],
-        };
+        let grid = Grid { width: 2, height: 2, values: vec![0.0, 0.0, 1.0, f64::NAN] };
         let address = grid.to_address(0.0, 1.0);
         let data = address.strip_prefix("data:image/png;base64,").unwrap();
         use base64::Engine as _;

@@ -46,12 +46,7 @@ pub fn watched(graph: &Graph) -> Vec<WatchedOutput> {
             .for_each(|output| want((index, output)));
         let on_map = node.outputs.iter().any(|output| output.kind == Weights::KIND);
         let shown = |kind: Kind| kind == Weights::KIND || kind == Contact::KIND;
-        for (output, _) in node
-            .outputs
-            .iter()
-            .enumerate()
-            .filter(|(_, port)| shown(port.kind))
-        {
+        for (output, _) in node.outputs.iter().enumerate().filter(|(_, port)| shown(port.kind)) {
             want((index, output));
         }
         let kept = node.entry.is_file() && node.entry.spec.group != PLOTS;
@@ -62,10 +57,7 @@ pub fn watched(graph: &Graph) -> Vec<WatchedOutput> {
         }
     }
     wanted.truncate(MAX_WATCHED);
-    wanted
-        .into_iter()
-        .filter_map(|(node, output)| watch(graph, node, output))
-        .collect()
+    wanted.into_iter().filter_map(|(node, output)| watch(graph, node, output)).collect()
 }
 
 /// The signals that yield the friction coefficient of a run.
@@ -86,9 +78,8 @@ pub enum Friction {
 /// the inputs of ports named `friction` and `load`, if there is one of each.
 pub fn friction(graph: &Graph) -> Option<Friction> {
     let nodes = graph.nodes();
-    let mut outputs = nodes
-        .ids()
-        .flat_map(|node| (0..nodes[node].outputs.len()).map(move |output| (node, output)));
+    let mut outputs =
+        nodes.ids().flat_map(|node| (0..nodes[node].outputs.len()).map(move |output| (node, output)));
     let name = |(node, output): (NodeId, usize)| watch(graph, node, output).map(|watch| watch.stream.name);
     if let Some(measured) = outputs.find(|(node, output)| is_friction_coefficient(&nodes[*node], *output)) {
         return name(measured).map(Friction::Measured);
@@ -110,10 +101,7 @@ pub fn friction(graph: &Graph) -> Option<Friction> {
             _ => None,
         }
     };
-    Some(Friction::Forces {
-        tangential: read_as("friction")?,
-        normal: read_as("load")?,
-    })
+    Some(Friction::Forces { tangential: read_as("friction")?, normal: read_as("load")? })
 }
 
 /// True if an output is declared as a coefficient of friction. Its quantity is a plain number and does not show this.
@@ -176,18 +164,9 @@ pub struct Record {
 
 /// A recorder for a signal, and the access to its recording.
 pub fn recorder(stream: Stream) -> (Recorder, Record) {
-    let recorded = Recorded {
-        content: Content::of(&stream),
-        stream,
-        frames: 0,
-    };
+    let recorded = Recorded { content: Content::of(&stream), stream, frames: 0 };
     let shared = Arc::new(Mutex::new(recorded));
-    (
-        Recorder {
-            shared: Arc::clone(&shared),
-        },
-        Record { shared },
-    )
+    (Recorder { shared: Arc::clone(&shared) }, Record { shared })
 }
 
 impl Record {
@@ -199,10 +178,7 @@ impl Record {
 
 impl FrameWriter for Recorder {
     fn write(&mut self, _: usize, frames: &[f64]) -> std::io::Result<()> {
-        self.shared
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .extend(frames);
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner).extend(frames);
         Ok(())
     }
 
@@ -221,12 +197,8 @@ impl Content {
         let rate_hz = stream.rate.hz();
         match stream.kind {
             linear if linear.is_linear() => {
-                let vibrates = [
-                    Quantity::ACCELERATION,
-                    Quantity::FORCE,
-                    Quantity::VOLTAGE,
-                    Quantity::CURRENT,
-                ];
+                let vibrates =
+                    [Quantity::ACCELERATION, Quantity::FORCE, Quantity::VOLTAGE, Quantity::CURRENT];
                 let spectral = linear == Kind::SCALAR
                     && rate_hz >= SPECTRAL_RATE_HZ
                     && vibrates.contains(&stream.quantity);
@@ -295,13 +267,7 @@ mod tests {
     use haptograph_signal::time::Rate;
 
     fn stream(kind: Kind, quantity: Quantity, hz: u64) -> Stream {
-        Stream {
-            name: "a.b".into(),
-            kind,
-            quantity,
-            rate: Rate::from_hz(hz).unwrap(),
-            simulated: true,
-        }
+        Stream { name: "a.b".into(), kind, quantity, rate: Rate::from_hz(hz).unwrap(), simulated: true }
     }
 
     #[test]
@@ -320,15 +286,11 @@ mod tests {
     #[test]
     fn a_fast_scalar_that_vibrates_has_a_spectrum() {
         let (mut recorder, record) = recorder(stream(Kind::SCALAR, Quantity::ACCELERATION, 10_000));
-        let tone: Vec<f64> = (0..50_000)
-            .map(|i| (f64::from(i) * 0.1 * std::f64::consts::PI).sin())
-            .collect();
+        let tone: Vec<f64> = (0..50_000).map(|i| (f64::from(i) * 0.1 * std::f64::consts::PI).sin()).collect();
         for block in tone.chunks(777) {
             recorder.write(0, block).unwrap();
         }
-        let Content::Components(components, Some(mut spectra)) = record.content().content else {
-            panic!()
-        };
+        let Content::Components(components, Some(mut spectra)) = record.content().content else { panic!() };
         spectra.finish();
         assert!((components[0].rms() - 0.5f64.sqrt()).abs() < 1e-3);
         assert!((spectra.strongest_hz().unwrap() - 500.0).abs() < 0.5);
@@ -339,9 +301,7 @@ mod tests {
         let (mut recorder, record) = recorder(stream(Kind::EVENT, Quantity::SPEED, 1000));
         recorder.write(0, &[0.0, 0.0, 1.0, 0.3]).unwrap();
         recorder.write(0, &[0.0, 0.0, 1.0, 0.4]).unwrap();
-        let Content::Events(points, 2) = record.content().content else {
-            panic!()
-        };
+        let Content::Events(points, 2) = record.content().content else { panic!() };
         assert_eq!(points.kept(), [(0.001, 0.3), (0.003, 0.4)]);
     }
 }

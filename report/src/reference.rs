@@ -28,10 +28,7 @@ const WITH_SETTINGS: [(&str, &str); 2] = [
         "Ring",
         "Band-limited interpolation between two drivers, `latency_ms` late: `Ring(from: \"a.b\", latency_ms: 12)`.",
     ),
-    (
-        "Delay",
-        "The frame n ticks earlier, on one clock: `Delay(from: \"a.b\", frames: 1)`.",
-    ),
+    ("Delay", "The frame n ticks earlier, on one clock: `Delay(from: \"a.b\", frames: 1)`."),
 ];
 
 /// The group of the templates, which are used like kinds of nodes once their file is included.
@@ -53,9 +50,7 @@ impl Filter {
         if !self.words.is_empty() {
             add_words(&mut text, settings);
         }
-        self.group
-            .as_deref()
-            .is_none_or(|wanted| wanted.eq_ignore_ascii_case(group))
+        self.group.as_deref().is_none_or(|wanted| wanted.eq_ignore_ascii_case(group))
             && self.words.iter().all(|word| has_word(&text, word))
     }
 }
@@ -87,26 +82,16 @@ fn add_words(text: &mut String, settings: &[SettingSpec]) {
 
 /// A line per kind, by group, wrapped at `width` characters; empty if the filter selects nothing.
 pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
-    let entries = registry.nodes().iter().map(|entry| {
-        (
-            entry.spec.group,
-            entry.spec.name,
-            entry.spec.doc,
-            entry.settings(),
-        )
-    });
-    let devices = registry
-        .devices()
+    let entries = registry
+        .nodes()
         .iter()
-        .map(|entry| (DEVICES, entry.spec.name, entry.spec.doc, entry.settings()));
+        .map(|entry| (entry.spec.group, entry.spec.name, entry.spec.doc, entry.settings()));
+    let devices =
+        registry.devices().iter().map(|entry| (DEVICES, entry.spec.name, entry.spec.doc, entry.settings()));
     let bridges: Vec<_> = bridges(registry).collect();
-    let bridges = bridges
-        .iter()
-        .map(|(name, doc)| (BRIDGES, *name, &**doc, Vec::new()));
+    let bridges = bridges.iter().map(|(name, doc)| (BRIDGES, *name, &**doc, Vec::new()));
     let templates = templates(registry.library());
-    let shelved = templates
-        .iter()
-        .map(|template| (TEMPLATES, &*template.name, &*template.about, Vec::new()));
+    let shelved = templates.iter().map(|template| (TEMPLATES, &*template.name, &*template.about, Vec::new()));
     let found: Vec<_> = entries
         .chain(shelved)
         .chain(devices)
@@ -133,11 +118,7 @@ pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
         for (_, name, doc, _) in of_group {
             let indent = names + 4;
             let lines = wrapped(&first_sentence(doc), width.saturating_sub(indent).max(20));
-            let _ = writeln!(
-                text,
-                "  {name:names$}  {}",
-                lines.join(&format!("\n{:indent$}", ""))
-            );
+            let _ = writeln!(text, "  {name:names$}  {}", lines.join(&format!("\n{:indent$}", "")));
         }
     }
     text
@@ -197,16 +178,9 @@ fn body_of_template(template: &LibraryTemplate) -> String {
     }
     let given = template.settings.iter().filter(|(_, default)| default.is_none());
     let given = given.map(|(name, _)| format!("{name}: ..."));
-    let connected = template
-        .inputs
-        .iter()
-        .map(|name| format!("{name}: \"node.output\""));
+    let connected = template.inputs.iter().map(|name| format!("{name}: \"node.output\""));
     let fields: Vec<String> = given.chain(connected).collect();
-    text + &format!(
-        "\nExample:\n\n```text\n\"name\": {}({})\n```\n",
-        template.name,
-        fields.join(", ")
-    )
+    text + &format!("\nExample:\n\n```text\n\"name\": {}({})\n```\n", template.name, fields.join(", "))
 }
 
 fn bridge_text(registry: &Registry, name: &str) -> Option<String> {
@@ -218,14 +192,8 @@ fn bridge_text(registry: &Registry, name: &str) -> Option<String> {
 
 /// The settings with a choice of this name, each with its kind.
 pub fn choosing(registry: &Registry, name: &str) -> Vec<(&'static str, &'static str)> {
-    let nodes = registry
-        .nodes()
-        .iter()
-        .map(|entry| (entry.spec.name, entry.settings()));
-    let devices = registry
-        .devices()
-        .iter()
-        .map(|entry| (entry.spec.name, entry.settings()));
+    let nodes = registry.nodes().iter().map(|entry| (entry.spec.name, entry.settings()));
+    let devices = registry.devices().iter().map(|entry| (entry.spec.name, entry.settings()));
     let mut found = Vec::new();
     for (kind, settings) in nodes.chain(devices) {
         for setting in settings {
@@ -270,12 +238,7 @@ fn groups(registry: &Registry) -> Vec<&'static str> {
 }
 
 fn node_text(entry: &NodeEntry) -> String {
-    format!(
-        "{} ({})\n\n{}",
-        entry.spec.name,
-        entry.spec.group,
-        body_of_node(entry)
-    )
+    format!("{} ({})\n\n{}", entry.spec.name, entry.spec.group, body_of_node(entry))
 }
 
 fn device_text(entry: &DeviceEntry) -> String {
@@ -317,11 +280,7 @@ fn body_of_node(entry: &NodeEntry) -> String {
 
 fn body_of_device(entry: &DeviceEntry) -> String {
     let spec = entry.spec;
-    let mut text = format!(
-        "{}{}\n",
-        one_line(spec.doc),
-        if spec.simulated { " Simulated." } else { "" }
-    );
+    let mut text = format!("{}{}\n", one_line(spec.doc), if spec.simulated { " Simulated." } else { "" });
     source(&mut text, spec.source);
     let channel = |c: &'static Channel| (c.name, format!("{}, {}", c.kind, c.quantity), c.doc);
     ports(&mut text, "Read by sources", spec.senses.iter().map(channel));
@@ -360,13 +319,11 @@ fn settings(text: &mut String, list: &[SettingSpec]) {
 fn fields(text: &mut String, list: &[SettingSpec], depth: usize) {
     let indent = "  ".repeat(depth);
     for setting in list {
-        let default = setting
-            .default
-            .as_ref()
-            .map_or_else(|| "required".to_owned(), |d| format!("default `{d}`"));
-        let range = setting.range.map_or_else(String::new, |(low, high)| {
-            format!(", {} to {}", shortly(low), shortly(high))
-        });
+        let default =
+            setting.default.as_ref().map_or_else(|| "required".to_owned(), |d| format!("default `{d}`"));
+        let range = setting
+            .range
+            .map_or_else(String::new, |(low, high)| format!(", {} to {}", shortly(low), shortly(high)));
         let live = match (setting.live, &setting.expected) {
             (false, _) => "".to_owned(),
             (true, Expected::List(_)) => {
@@ -378,10 +335,7 @@ fn fields(text: &mut String, list: &[SettingSpec], depth: usize) {
         let unit = setting.unit.as_ref();
         let unit = unit.map_or_else(String::new, |unit| format!(", in {}", unit.symbol));
         let (name, expected, doc) = (setting.name, &setting.expected, one_line(&setting.doc));
-        let _ = writeln!(
-            text,
-            "{indent}- `{name}` ({expected}{unit}{range}, {default}{live}): {doc}"
-        );
+        let _ = writeln!(text, "{indent}- `{name}` ({expected}{unit}{range}, {default}{live}): {doc}");
         for part in &setting.parts {
             let Some(choice) = part.choice else {
                 fields(text, &part.fields, depth + 1);

@@ -39,26 +39,14 @@ fn plots(texture: &TextureModel, responses: &Responses) -> Vec<Plot> {
     let (speed, force) = (texture.max_speed_m_s() * 1e3, texture.max_force_n());
     let mut path = Decimated::new(1200);
     let hand = &responses.hand;
-    hand.speed_m_s
-        .iter()
-        .zip(&hand.force_n)
-        .for_each(|(v, f)| path.push((v * 1e3, *f)));
+    hand.speed_m_s.iter().zip(&hand.force_n).for_each(|(v, f)| path.push((v * 1e3, *f)));
     let (centre_speed, centre_force) = (responses.centre.0 * 1e3, responses.centre.1);
     let mut marks = figures::triangulation(texture);
     marks.extend([
         Mark::Line(Style::named(Ink::Orange, "FS"), path.kept().to_vec()),
-        Mark::Line(
-            Style::named(Ink::Teal, "F"),
-            vec![(centre_speed, 0.0), (centre_speed, force)],
-        ),
-        Mark::Line(
-            Style::named(Ink::Plum, "S"),
-            vec![(0.0, centre_force), (speed, centre_force)],
-        ),
-        Mark::Dots(
-            Style::named(Ink::Rose, "ϕ").weight(Weight::Bold),
-            vec![(centre_speed, centre_force)],
-        ),
+        Mark::Line(Style::named(Ink::Teal, "F"), vec![(centre_speed, 0.0), (centre_speed, force)]),
+        Mark::Line(Style::named(Ink::Plum, "S"), vec![(0.0, centre_force), (speed, centre_force)]),
+        Mark::Dots(Style::named(Ink::Rose, "ϕ").weight(Weight::Bold), vec![(centre_speed, centre_force)]),
     ]);
     let mut plots = vec![Plot {
         title: "Where the conditions are on the map".into(),
@@ -71,12 +59,7 @@ fn plots(texture: &TextureModel, responses: &Responses) -> Vec<Plot> {
             .to_owned(),
         ..Plot::default()
     }];
-    let loudest = 1.05
-        * responses
-            .played
-            .iter()
-            .map(|(_, played)| peak(played))
-            .fold(0.0, f64::max);
+    let loudest = 1.05 * responses.played.iter().map(|(_, played)| peak(played)).fold(0.0, f64::max);
     let inks = [Ink::Orange, Ink::Teal, Ink::Plum, Ink::Rose];
     let seconds = hand.speed_m_s.len() as f64 / hand.rate_hz;
     for ((condition, played), ink) in responses.played.iter().zip(inks) {
@@ -108,9 +91,7 @@ fn chosen(taps: &Taps) -> Vec<(&Tap, Ink)> {
     let last = taps.taps().len() - 1;
     let count = MAX.min(last + 1);
     let number = |i: usize| if count > 1 { i * last / (count - 1) } else { 0 };
-    (0..count)
-        .map(|i| (&taps.taps()[number(i)], Ink::number(i)))
-        .collect()
+    (0..count).map(|i| (&taps.taps()[number(i)], Ink::number(i))).collect()
 }
 
 fn name(tap: &Tap) -> String {
@@ -119,11 +100,8 @@ fn name(tap: &Tap) -> String {
 
 pub(super) fn tap_waves(taps: &Taps) -> Plot {
     let wave = |(tap, ink): (&Tap, Ink)| {
-        let points = tap
-            .acceleration_m_s2
-            .iter()
-            .enumerate()
-            .map(|(i, a)| (1e3 * i as f64 / taps.rate_hz(), *a));
+        let points =
+            tap.acceleration_m_s2.iter().enumerate().map(|(i, a)| (1e3 * i as f64 / taps.rate_hz(), *a));
         Mark::Line(Style::named(ink, name(tap)), points.collect())
     };
     Plot {

@@ -53,15 +53,9 @@ impl Scale {
 /// A range that contains all values, is not empty, and has a margin.
 pub(crate) fn padded(values: impl Iterator<Item = f64>, spread: Spread) -> (f64, f64) {
     let usable = values.filter(|v| v.is_finite() && (spread == Spread::Linear || *v > 0.0));
-    let (low, high) = usable.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-        (l.min(v), h.max(v))
-    });
+    let (low, high) = usable.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     if low > high {
-        return if spread == Spread::Log {
-            (0.1, 10.0)
-        } else {
-            (-1.0, 1.0)
-        };
+        return if spread == Spread::Log { (0.1, 10.0) } else { (-1.0, 1.0) };
     }
     match spread {
         Spread::Log if low == high => (low / 2.0, high * 2.0),
@@ -77,16 +71,8 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, spread: Spread) -> (f64,
         Spread::Linear => {
             let air = (high - low) * 0.06;
             // A quantity that is not negative keeps zero in its range.
-            let bottom = if low >= 0.0 && low < 0.4 * high {
-                0.0
-            } else {
-                low - air
-            };
-            let top = if high <= 0.0 && high > 0.4 * low {
-                0.0
-            } else {
-                high + air
-            };
+            let bottom = if low >= 0.0 && low < 0.4 * high { 0.0 } else { low - air };
+            let top = if high <= 0.0 && high > 0.4 * low { 0.0 } else { high + air };
             (bottom, top)
         }
     }
@@ -124,10 +110,7 @@ pub(crate) fn fixed(value: f64, decimals: usize) -> String {
 fn linear_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let rough = (high - low) / most.max(1) as f64;
     let decade = 10f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0]
-        .map(|m| m * decade)
-        .into_iter()
-        .find(|step| *step >= rough * 0.999);
+    let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * decade).into_iter().find(|step| *step >= rough * 0.999);
     let step = step.unwrap_or(rough);
     if !(step.is_finite() && step > 0.0) {
         return Vec::new();
@@ -137,20 +120,13 @@ fn linear_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let largest = low.abs().max(high.abs());
     (first..=last.min(first.saturating_add(50)))
         .map(|k| k as f64 * step)
-        .map(|value| Tick {
-            value,
-            text: format_value(value, step, largest),
-        })
+        .map(|value| Tick { value, text: format_value(value, step, largest) })
         .collect()
 }
 
 fn log_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let decades = (high / low).log10();
-    let labelled: &[u32] = if decades * 3.0 <= most as f64 {
-        &[1, 2, 5]
-    } else {
-        &[1]
-    };
+    let labelled: &[u32] = if decades * 3.0 <= most as f64 { &[1, 2, 5] } else { &[1] };
     let skip = (decades / most.max(1) as f64).ceil().max(1.0) as i32;
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     let mut ticks = Vec::new();
@@ -161,11 +137,7 @@ fn log_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
                 continue;
             }
             let shown = labelled.contains(&digit) && (exponent - first) % skip == 0;
-            let text = if shown {
-                format_value(value, value, value)
-            } else {
-                String::new()
-            };
+            let text = if shown { format_value(value, value, value) } else { String::new() };
             ticks.push(Tick { value, text });
         }
     }
@@ -194,15 +166,8 @@ fn format_value(value: f64, step: f64, largest: f64) -> String {
 fn superscript(exponent: i32) -> String {
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     let digits = exponent.unsigned_abs().to_string();
-    let raised = digits
-        .chars()
-        .filter_map(|c| c.to_digit(10))
-        .map(|d| DIGITS[d as usize]);
-    if exponent < 0 {
-        "⁻".chars().chain(raised).collect()
-    } else {
-        raised.collect()
-    }
+    let raised = digits.chars().filter_map(|c| c.to_digit(10)).map(|d| DIGITS[d as usize]);
+    if exponent < 0 { "⁻".chars().chain(raised).collect() } else { raised.collect() }
 }
 
 /// The largest magnitude of samples.
@@ -219,19 +184,8 @@ mod tests {
     }
 
     fn texts_of(low: f64, high: f64, spread: Spread, most: usize) -> Vec<String> {
-        let scale = Scale {
-            low,
-            high,
-            from: 0.0,
-            to: 1.0,
-            spread,
-        };
-        scale
-            .ticks(most)
-            .into_iter()
-            .map(|t| t.text)
-            .filter(|t| !t.is_empty())
-            .collect()
+        let scale = Scale { low, high, from: 0.0, to: 1.0, spread };
+        scale.ticks(most).into_iter().map(|t| t.text).filter(|t| !t.is_empty()).collect()
     }
 
     #[test]
@@ -241,19 +195,13 @@ mod tests {
             texts(-0.3, 0.31, Spread::Linear),
             ["−0.2", "0.0", "0.2"].map(|t| if t == "0.0" { "0" } else { t })
         );
-        assert_eq!(
-            texts(0.0, 3e-5, Spread::Linear),
-            ["0", "1×10⁻⁵", "2×10⁻⁵", "3×10⁻⁵"]
-        );
+        assert_eq!(texts(0.0, 3e-5, Spread::Linear), ["0", "1×10⁻⁵", "2×10⁻⁵", "3×10⁻⁵"]);
         assert_eq!(texts(10.0, 5000.0, Spread::Log), ["10", "100", "1000"]);
     }
 
     #[test]
     fn no_axis_is_left_with_a_single_value() {
-        assert_eq!(
-            texts_of(-0.17, 0.17, Spread::Linear, 2),
-            ["\u{2212}0.1", "0", "0.1"]
-        );
+        assert_eq!(texts_of(-0.17, 0.17, Spread::Linear, 2), ["\u{2212}0.1", "0", "0.1"]);
         for most in 1..12 {
             for step in 1..200 {
                 let (low, high) = (0.013 * f64::from(step), 0.9 + 0.02 * f64::from(step));
@@ -267,14 +215,7 @@ mod tests {
 
     #[test]
     fn every_range_can_be_drawn() {
-        for values in [
-            vec![],
-            vec![0.0],
-            vec![-3.0],
-            vec![f64::NAN],
-            vec![1e300, -1e300],
-            vec![1e-300],
-        ] {
+        for values in [vec![], vec![0.0], vec![-3.0], vec![f64::NAN], vec![1e300, -1e300], vec![1e-300]] {
             for spread in [Spread::Linear, Spread::Log] {
                 let (low, high) = padded(values.iter().copied(), spread);
                 assert!(low < high, "{values:?} {low} {high}");

@@ -39,13 +39,8 @@ pub fn audible(graph: &Graph) -> Vec<WatchedOutput> {
     let mut found: Vec<WatchedOutput> = Vec::new();
     for candidate in delivered.chain(written) {
         let stream = &candidate.stream;
-        let is_vibration = [
-            Quantity::ACCELERATION,
-            Quantity::FORCE,
-            Quantity::VOLTAGE,
-            Quantity::CURRENT,
-        ]
-        .contains(&stream.quantity);
+        let is_vibration = [Quantity::ACCELERATION, Quantity::FORCE, Quantity::VOLTAGE, Quantity::CURRENT]
+            .contains(&stream.quantity);
         let is_fast = stream.kind == Kind::SCALAR && stream.rate.hz() >= SLOWEST_HZ;
         if is_vibration && is_fast && !found.contains(&candidate) {
             found.push(candidate);
@@ -76,12 +71,7 @@ pub struct ClipRecord(Arc<Mutex<Clip>>);
 /// A writer that keeps the first [`LONGEST_S`] of a scalar, and the access to its clip.
 pub fn clip(stream: Stream) -> (ClipWriter, ClipRecord) {
     let most = (LONGEST_S * stream.rate.hz()) as usize;
-    let shared = Arc::new(Mutex::new(Clip {
-        stream,
-        samples: Vec::new(),
-        most,
-        frames: 0,
-    }));
+    let shared = Arc::new(Mutex::new(Clip { stream, samples: Vec::new(), most, frames: 0 }));
     (ClipWriter(Arc::clone(&shared)), ClipRecord(shared))
 }
 
@@ -133,10 +123,7 @@ impl Sound {
         let mean = clip.samples.iter().map(|x| f64::from(*x)).sum::<f64>() / count;
         let about_mean: Vec<f64> = clip.samples.iter().map(|x| f64::from(*x) - mean).collect();
         let peak = about_mean.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
-        let level = about_mean
-            .iter()
-            .chain([&mean])
-            .fold(0.0, |most: f64, x| most.max(x.abs()));
+        let level = about_mean.iter().chain([&mean]).fold(0.0, |most: f64, x| most.max(x.abs()));
         // The remainder of a constant after subtraction of its mean is rounding error.
         if count == 0.0 || peak <= 1e-6 * level {
             return None;
@@ -187,9 +174,7 @@ fn levelled(samples: &[f64], full_scale: f64) -> Vec<f32> {
     let (last, fade) = (samples.len().saturating_sub(1), FADE_S * f64::from(RATE_HZ));
     let envelope = |i: usize| (i.min(last - i) as f64 / fade).min(1.0);
     let levelled = samples.iter().enumerate();
-    levelled
-        .map(|(i, x)| (x / full_scale * envelope(i)) as f32)
-        .collect()
+    levelled.map(|(i, x)| (x / full_scale * envelope(i)) as f32).collect()
 }
 
 #[cfg(test)]
@@ -221,10 +206,7 @@ mod tests {
         let sound = sound(10_000, &tone(250.0, 1e4, 1.0)).unwrap();
         assert_eq!(sound.samples.len(), 48_000);
         let peak = sound.samples.iter().fold(0.0, |peak: f32, x| peak.max(x.abs()));
-        assert!(
-            (20.0 * f64::from(peak).log10() - PEAK_DBFS).abs() < 0.01,
-            "{peak}"
-        );
+        assert!((20.0 * f64::from(peak).log10() - PEAK_DBFS).abs() < 0.01, "{peak}");
         assert!((sound.peak - 0.2).abs() < 1e-3, "{}", sound.peak);
         // From half a period to half a period, where no sample is near zero.
         let middle = &sound.samples[4896..43_296];

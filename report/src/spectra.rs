@@ -26,16 +26,9 @@ pub fn receptors(shown_hz: (f64, f64), loudest: f64) -> [Mark; 2] {
         let (low, high) = (band.0.max(shown_hz.0), band.1.min(shown_hz.1));
         let level = loudest * 10f64.powf(db / 10.0);
         lines.push([(low, level), (high, level)]);
-        names.push((
-            (low * high).sqrt(),
-            level,
-            format!("{name}, {} to {} Hz", band.0, band.1),
-        ));
+        names.push(((low * high).sqrt(), level, format!("{name}, {} to {} Hz", band.0, band.1)));
     }
-    [
-        Mark::Segments(Style::of(Ink::Grey).weight(Weight::Hair), lines),
-        Mark::Words(names),
-    ]
+    [Mark::Segments(Style::of(Ink::Grey).weight(Weight::Hair), lines), Mark::Words(names)]
 }
 
 /// Approximate bin width of a spectrogram, Hz: separates resonances, and the segments are short enough for
@@ -74,9 +67,7 @@ impl Segments {
     fn new(rate_hz: f64, bin_hz: f64) -> Self {
         Self {
             rate_hz,
-            samples: ((rate_hz / bin_hz) as usize)
-                .next_power_of_two()
-                .clamp(64, 16_384),
+            samples: ((rate_hz / bin_hz) as usize).next_power_of_two().clamp(64, 16_384),
             waiting: Vec::new(),
         }
     }
@@ -139,8 +130,7 @@ impl Spectra {
             return;
         }
         let scale = 1.0 / self.every as f64;
-        self.columns
-            .push(self.open.drain(..).map(|sum| sum * scale).collect());
+        self.columns.push(self.open.drain(..).map(|sum| sum * scale).collect());
         self.in_open = 0;
         if self.columns.len() == MAX_COLUMNS {
             let mean = |pair: &[Vec<f64>]| match pair {
@@ -184,9 +174,7 @@ impl Spectra {
         let (bin_hz, sum, count) = match self.fine_count {
             0 => {
                 let (mut sum, mut count) = (Vec::new(), 0);
-                self.columns
-                    .iter()
-                    .for_each(|column| add(&mut sum, &mut count, column));
+                self.columns.iter().for_each(|column| add(&mut sum, &mut count, column));
                 (self.coarse.bin_hz(), sum, count)
             }
             count => (self.fine.bin_hz(), self.fine_sum.clone(), count),
@@ -211,21 +199,13 @@ impl Spectra {
         let shown = points.iter().enumerate().skip(shown_from(&points));
         let shown = shown.filter(|(_, (hz, density))| *hz <= SHOWN_HZ.1 && *density > 0.0);
         let (peak, (hz, top)) = shown.max_by(|(_, a), (_, b)| a.1.total_cmp(&b.1))?;
-        let level = |bin: usize| {
-            points
-                .get(bin)
-                .map(|(hz, density)| (*hz, density.max(1e-300).ln()))
-        };
+        let level = |bin: usize| points.get(bin).map(|(hz, density)| (*hz, density.max(1e-300).ln()));
         let Some(((_, below), (next_hz, above))) = peak.checked_sub(1).and_then(level).zip(level(peak + 1))
         else {
             return Some(*hz);
         };
         let bend = below - 2.0 * top.ln() + above;
-        let beside = if bend < 0.0 {
-            0.5 * (below - above) / bend
-        } else {
-            0.0
-        };
+        let beside = if bend < 0.0 { 0.5 * (below - above) / bend } else { 0.0 };
         Some((hz + beside.clamp(-0.5, 0.5) * (next_hz - hz)).max(SHOWN_HZ.0))
     }
 }
@@ -251,9 +231,8 @@ mod tests {
     fn tone(hz: f64, rate_hz: u32, seconds: u32) -> Spectra {
         let rate = f64::from(rate_hz);
         let mut spectra = Spectra::new(rate);
-        let samples: Vec<f64> = (0..seconds * rate_hz)
-            .map(|i| (TAU * hz * f64::from(i) / rate).sin())
-            .collect();
+        let samples: Vec<f64> =
+            (0..seconds * rate_hz).map(|i| (TAU * hz * f64::from(i) / rate).sin()).collect();
         samples.chunks(777).for_each(|block| spectra.extend(block));
         spectra.finish();
         spectra
@@ -263,11 +242,7 @@ mod tests {
     fn a_tone_stands_at_its_frequency_for_the_whole_run() {
         let spectra = tone(500.0, 10_000, 60);
         assert!(spectra.columns().len() <= MAX_COLUMNS);
-        assert!(
-            (spectra.duration_s() - 60.0).abs() < 1.0,
-            "{}",
-            spectra.duration_s()
-        );
+        assert!((spectra.duration_s() - 60.0).abs() < 1.0, "{}", spectra.duration_s());
         let mean = spectra.mean();
         let bin_hz = mean[1].0 - mean[0].0;
         assert!(bin_hz < 5.01);
@@ -283,23 +258,13 @@ mod tests {
         let bands: Vec<_> = lines.iter().map(|[from, to]| (from.0, to.0)).collect();
         assert_eq!(bands, [(20.0, 50.0), (20.0, 1000.0)]);
         assert!(names[0].2.starts_with("FA-I,") && names[1].2.starts_with("FA-II,"));
-        assert!(
-            lines
-                .iter()
-                .flatten()
-                .all(|(_, level)| *level < top_with_receptors(1.0))
-        );
+        assert!(lines.iter().flatten().all(|(_, level)| *level < top_with_receptors(1.0)));
     }
 
     #[test]
     fn the_strongest_frequency_lies_between_bins_of_the_whole_shown_range() {
-        for (rate_hz, hz) in [
-            (48_000, 120.0),
-            (10_000, 22.0),
-            (10_000, 31.5),
-            (10_000, 245.0),
-            (2_000, 60.0),
-        ] {
+        for (rate_hz, hz) in [(48_000, 120.0), (10_000, 22.0), (10_000, 31.5), (10_000, 245.0), (2_000, 60.0)]
+        {
             let found = tone(hz, rate_hz, 2).strongest_hz().unwrap();
             assert!((found - hz).abs() < 0.6, "{found} of {hz} at {rate_hz}");
         }
@@ -309,9 +274,8 @@ mod tests {
     #[test]
     fn a_mean_beside_a_tone_is_not_taken_for_it() {
         let mut spectra = Spectra::new(10_000.0);
-        let samples: Vec<f64> = (0..20_000)
-            .map(|i| 5.0 + 0.01 * (TAU * 40.0 * f64::from(i) / 1e4).sin())
-            .collect();
+        let samples: Vec<f64> =
+            (0..20_000).map(|i| 5.0 + 0.01 * (TAU * 40.0 * f64::from(i) / 1e4).sin()).collect();
         spectra.extend(&samples);
         spectra.finish();
         assert!((spectra.strongest_hz().unwrap() - 40.0).abs() < 0.6);

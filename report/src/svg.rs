@@ -34,12 +34,7 @@ impl Rect {
     }
     /// The rectangle enlarged by `by` on every side.
     pub fn inflated(&self, by: f64) -> Self {
-        Self {
-            x: self.x - by,
-            y: self.y - by,
-            width: self.width + 2.0 * by,
-            height: self.height + 2.0 * by,
-        }
+        Self { x: self.x - by, y: self.y - by, width: self.width + 2.0 * by, height: self.height + 2.0 * by }
     }
 }
 
@@ -100,9 +95,7 @@ impl Svg {
 
     pub fn line(&mut self, class: &str, from: (f64, f64), to: (f64, f64)) {
         let (x1, y1, x2, y2) = (num(from.0), num(from.1), num(to.0), num(to.1));
-        self.raw(format_args!(
-            "<line class=\"{class}\" x1=\"{x1}\" y1=\"{y1}\" x2=\"{x2}\" y2=\"{y2}\"/>"
-        ));
+        self.raw(format_args!("<line class=\"{class}\" x1=\"{x1}\" y1=\"{y1}\" x2=\"{x2}\" y2=\"{y2}\"/>"));
     }
 
     pub fn path(&mut self, class: &str, path: &Path) {
@@ -111,11 +104,7 @@ impl Svg {
 
     /// A path with data attributes for programs.
     pub fn path_of(&mut self, class: &str, what: &[(&str, &str)], path: &Path) {
-        self.raw(format_args!(
-            "<path class=\"{class}\"{} d=\"{}\"/>",
-            attributes(what),
-            path.d.trim_end()
-        ));
+        self.raw(format_args!("<path class=\"{class}\"{} d=\"{}\"/>", attributes(what), path.d.trim_end()));
     }
 
     pub fn text(&mut self, class: &str, (x, y): (f64, f64), anchor: Anchor, text: &str) {
@@ -133,10 +122,7 @@ impl Svg {
         let (x, y) = (num(x), num(y));
         let remark = match remark {
             "" => String::new(),
-            remark => format!(
-                "<tspan class=\"remark-text\" dx=\"10\">{}</tspan>",
-                escape(remark)
-            ),
+            remark => format!("<tspan class=\"remark-text\" dx=\"10\">{}</tspan>", escape(remark)),
         };
         self.raw(format_args!(
             "<text class=\"title ink\" x=\"{x}\" y=\"{y}\">{}{remark}</text>",
@@ -170,11 +156,7 @@ impl Svg {
     /// standalone file and empty within a page.
     pub fn finish(self, (width, height): (f64, f64), title: &str, style: &str) -> String {
         let (w, h) = (num(width), num(height));
-        let style = if style.is_empty() {
-            String::new()
-        } else {
-            format!("<style>{style}</style>\n")
-        };
+        let style = if style.is_empty() { String::new() } else { format!("<style>{style}</style>\n") };
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"figure\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" \
              height=\"{h}\" role=\"img\">\n<title>{}</title>\n{style}{}</svg>\n",
@@ -243,11 +225,7 @@ impl Path {
     pub fn through(points: &[(f64, f64)]) -> Self {
         let mut path = Self::default();
         for (i, point) in points.iter().enumerate() {
-            if i == 0 {
-                path.move_to(*point)
-            } else {
-                path.line_to(*point)
-            }
+            if i == 0 { path.move_to(*point) } else { path.line_to(*point) }
         }
         path
     }
@@ -260,11 +238,7 @@ pub(crate) fn num(x: f64) -> String {
     }
     let text = format!("{x:.2}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" {
-        "0".to_owned()
-    } else {
-        text.to_owned()
-    }
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
 fn attributes(what: &[(&str, &str)]) -> String {

@@ -24,28 +24,17 @@ pub fn swatch(texture: &TextureModel) -> Result<String, SynthesisError> {
     let rate_hz = texture.rate_hz();
     let each = samples_of_a_cell(rate_hz);
     let samples = each * width * height;
-    let trajectory = Trajectory {
-        rate_hz,
-        speed_m_s: vec![SPEED_M_S; samples],
-        force_n: vec![FORCE_N; samples],
-    };
+    let trajectory =
+        Trajectory { rate_hz, speed_m_s: vec![SPEED_M_S; samples], force_n: vec![FORCE_N; samples] };
     let vibration = synthesise(texture, &trajectory, &SynthesisSettings::default())?;
-    let cells: Vec<f64> = vibration
-        .chunks(each)
-        .map(|cell| cell.iter().sum::<f64>())
-        .collect();
+    let cells: Vec<f64> = vibration.chunks(each).map(|cell| cell.iter().sum::<f64>()).collect();
     let mut values = vec![0.0; width * height];
     for (at, cell) in cells.iter().take(width * height).enumerate() {
         let below = at.checked_sub(width).map_or(0.0, |below| values[below]);
         values[at] = ALONG * below + (1.0 - ALONG * ALONG).sqrt() * cell;
     }
     let spread = (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt();
-    let image = Grid {
-        width,
-        height,
-        values,
-    }
-    .to_grey_address(-4.0 * spread, 4.0 * spread);
+    let image = Grid { width, height, values }.to_grey_address(-4.0 * spread, 4.0 * spread);
     Ok(format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" preserveAspectRatio=\"xMidYMid slice\">\
          <image href=\"{image}\" width=\"{width}\" height=\"{height}\"/></svg>"
@@ -71,9 +60,7 @@ mod tests {
     #[test]
     fn surfaces_look_different_and_each_the_same_every_time() {
         let of = |name: &str| {
-            let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-                .join("../graphs/surfaces")
-                .join(name);
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces").join(name);
             swatch(&files::load(&path).unwrap().texture.unwrap()).unwrap()
         };
         let canvas = of("t2-canvas.ron");

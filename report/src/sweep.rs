@@ -65,14 +65,9 @@ impl SweepPage<'_> {
         for plots in [&mut differing, &mut same] {
             line_up(plots, self.runs.iter().flat_map(|run| &run.signals));
         }
-        [&mut spectra, &mut same]
-            .into_iter()
-            .for_each(|plots| figures::explain_once(plots));
+        [&mut spectra, &mut same].into_iter().for_each(|plots| figures::explain_once(plots));
         let sections = [
-            (
-                "How the runs differ",
-                self.links() + &self.table() + &self.simulation.remark(),
-            ),
+            ("How the runs differ", self.links() + &self.table() + &self.simulation.remark()),
             ("Side by side", figures_of(&differing)),
             ("Mean spectra", figures_of(&spectra)),
             ("", folded(&same)),
@@ -114,18 +109,9 @@ impl SweepPage<'_> {
             let runs: Vec<RunTraces<'_>> = self
                 .runs
                 .iter()
-                .filter_map(|run| {
-                    Some(RunTraces {
-                        name: &run.name,
-                        traces: run.drawn.get(i)?.traces,
-                    })
-                })
+                .filter_map(|run| Some(RunTraces { name: &run.name, traces: run.drawn.get(i)?.traces }))
                 .collect();
-            let into = if request.is_same(&runs) {
-                &mut same
-            } else {
-                &mut differing
-            };
+            let into = if request.is_same(&runs) { &mut same } else { &mut differing };
             into.extend(request.plots(&runs, &mut inks));
         }
         for signal in 0..self.signals() {
@@ -148,10 +134,7 @@ impl SweepPage<'_> {
         let links: Vec<String> = links.collect();
         match links.as_slice() {
             [] => String::new(),
-            links => format!(
-                "<p>Each run has a page of its own, with its sound: {}.</p>",
-                links.join(", ")
-            ),
+            links => format!("<p>Each run has a page of its own, with its sound: {}.</p>", links.join(", ")),
         }
     }
 
@@ -162,19 +145,16 @@ impl SweepPage<'_> {
 
     /// True if two signals are equal in every run.
     fn are_same(&self, a: usize, b: usize) -> bool {
-        self.runs
-            .iter()
-            .all(|run| match (run.signals.get(a), run.signals.get(b)) {
-                (Some(a), Some(b)) => is_same(a, b),
-                _ => false,
-            })
+        self.runs.iter().all(|run| match (run.signals.get(a), run.signals.get(b)) {
+            (Some(a), Some(b)) => is_same(a, b),
+            _ => false,
+        })
     }
 
     /// One signal in all runs.
     fn across(&self, signal: usize) -> Vec<(&str, &Recorded)> {
         let runs = self.runs.iter();
-        runs.filter_map(|run| Some((run.name.as_str(), run.signals.get(signal)?)))
-            .collect()
+        runs.filter_map(|run| Some((run.name.as_str(), run.signals.get(signal)?))).collect()
     }
 
     fn signals(&self) -> usize {
@@ -189,9 +169,7 @@ impl SweepPage<'_> {
 
     /// The spectra of the runs, one frame per signal, and whether they are equal in all runs.
     fn spectra(&self) -> Vec<(Plot, bool)> {
-        self.distinct()
-            .filter_map(|signal| self.spectra_of(signal))
-            .collect()
+        self.distinct().filter_map(|signal| self.spectra_of(signal)).collect()
     }
 
     fn spectra_of(&self, signal: usize) -> Option<(Plot, bool)> {
@@ -237,18 +215,11 @@ impl SweepPage<'_> {
         let (mut differing, same): (Vec<Row>, Vec<Row>) = rows.partition(|row| row.spread > SAME);
         differing.sort_by(|a, b| b.spread.total_cmp(&a.spread));
         let friction = self.friction_row();
-        let cells = friction
-            .iter()
-            .chain(&differing)
-            .map(Row::to_html)
-            .collect::<String>();
+        let cells = friction.iter().chain(&differing).map(Row::to_html).collect::<String>();
         let same: Vec<&str> = same.iter().map(|row| row.name.as_str()).collect();
         let same = match same.as_slice() {
             [] => String::new(),
-            names => format!(
-                "<p class=\"remark\">The same in all runs: {}.</p>",
-                escape(&names.join(", "))
-            ),
+            names => format!("<p class=\"remark\">The same in all runs: {}.</p>", escape(&names.join(", "))),
         };
         let table = match cells.as_str() {
             "" => "<p>No signal differs between the runs.</p>".to_owned(),
@@ -291,10 +262,7 @@ impl SweepPage<'_> {
             }
             _ => None,
         };
-        let levels: Vec<f64> = across
-            .iter()
-            .map(|(_, recorded)| level(recorded))
-            .collect::<Option<_>>()?;
+        let levels: Vec<f64> = across.iter().map(|(_, recorded)| level(recorded)).collect::<Option<_>>()?;
         let copies = (signal + 1..self.signals()).filter(|other| self.are_same(signal, *other));
         let copies = copies.filter_map(|other| self.runs.first()?.signals.get(other));
         let name = std::iter::once(stream.name.as_str())
@@ -360,19 +328,11 @@ struct Row {
 
 impl Row {
     fn to_html(&self) -> String {
-        let cells: String = self
-            .cells
-            .iter()
-            .map(|cell| format!("<td>{}</td>", escape(cell)))
-            .collect();
+        let cells: String = self.cells.iter().map(|cell| format!("<td>{}</td>", escape(cell))).collect();
         let spread = match self.spread.is_finite() {
             true => plain(self.spread),
             false => "only in some".to_owned(),
         };
-        format!(
-            "<tr><td>{}</td>{cells}<td>{}</td></tr>",
-            escape(&self.name),
-            escape(&spread)
-        )
+        format!("<tr><td>{}</td>{cells}<td>{}</td></tr>", escape(&self.name), escape(&spread))
     }
 }

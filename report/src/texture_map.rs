@@ -9,26 +9,20 @@ use haptograph_surfaces::{TextureModel, VertexKind};
 /// 4.9), over its triangles if they are known.
 pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureModel>) -> Option<Plot> {
     let (_, first) = strokes.first()?;
-    let paths = strokes
-        .iter()
-        .filter_map(|(name, recorded)| match &recorded.content {
-            Content::Map(points) => {
-                let path = points.kept().iter().map(|(v, f)| on_surface(v * 1e3, *f));
-                Some((*name, path.collect::<Vec<_>>()))
-            }
-            _ => None,
-        });
+    let paths = strokes.iter().filter_map(|(name, recorded)| match &recorded.content {
+        Content::Map(points) => {
+            let path = points.kept().iter().map(|(v, f)| on_surface(v * 1e3, *f));
+            Some((*name, path.collect::<Vec<_>>()))
+        }
+        _ => None,
+    });
     let paths: Vec<_> = paths.collect();
     if paths.is_empty() {
         return None;
     }
     let mut plot = Plot {
         title: format!("The stroke over speed and force, {}", first.stream.name),
-        note: if first.stream.simulated {
-            "simulated".to_owned()
-        } else {
-            String::new()
-        },
+        note: if first.stream.simulated { "simulated".to_owned() } else { String::new() },
         x: Axis::of("Speed (mm/s)"),
         y: Axis::of("Normal force (N)"),
         size: (0.0, 380.0),
@@ -46,8 +40,7 @@ pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureMod
         let ink = Ink::of_run(number);
         let line = Style::named(ink, name).weight(Weight::Hair);
         plot.marks.push(Mark::Line(line, path.clone()));
-        plot.marks
-            .push(Mark::Dots(Style::of(ink).weight(Weight::Hair), path));
+        plot.marks.push(Mark::Dots(Style::of(ink).weight(Weight::Hair), path));
     }
     Some(plot)
 }
@@ -71,14 +64,9 @@ fn extent<'a>(texture: &TextureModel, strokes: impl Iterator<Item = &'a (f64, f6
     let (speed, force) = strokes
         .copied()
         .chain(recorded)
-        .fold((0.0_f64, 0.0_f64), |most, at| {
-            (most.0.max(at.0), most.1.max(at.1))
-        });
+        .fold((0.0_f64, 0.0_f64), |most, at| (most.0.max(at.0), most.1.max(at.1)));
     let or = |value: f64, whole: f64| if value > 0.0 { value } else { whole };
-    (
-        or(speed, texture.max_speed_m_s() * 1e3),
-        or(force, texture.max_force_n()),
-    )
+    (or(speed, texture.max_speed_m_s() * 1e3), or(force, texture.max_force_n()))
 }
 
 /// Explanation of the colours of models.
@@ -95,30 +83,14 @@ pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
         let model = &texture.models()[i];
         (model.speed_m_s * 1e3, model.force_n)
     };
-    let triangles = texture
-        .triangles()
-        .iter()
-        .map(|t| t.iter().map(|i| at(*i as usize)).collect())
-        .collect();
+    let triangles = texture.triangles().iter().map(|t| t.iter().map(|i| at(*i as usize)).collect()).collect();
     let of = |kind: VertexKind| {
-        (0..texture.models().len())
-            .filter(|i| texture.models()[*i].kind == kind)
-            .map(at)
-            .collect::<Vec<_>>()
+        (0..texture.models().len()).filter(|i| texture.models()[*i].kind == kind).map(at).collect::<Vec<_>>()
     };
     let kinds = [
-        (
-            Style::named(Ink::Grey, "beyond what was recorded"),
-            VertexKind::Edge,
-        ),
-        (
-            Style::named(Ink::Blue, "recorded").weight(Weight::Bold),
-            VertexKind::Measured,
-        ),
-        (
-            Style::named(Ink::Blue, "within what was recorded"),
-            VertexKind::Fitted,
-        ),
+        (Style::named(Ink::Grey, "beyond what was recorded"), VertexKind::Edge),
+        (Style::named(Ink::Blue, "recorded").weight(Weight::Bold), VertexKind::Measured),
+        (Style::named(Ink::Blue, "within what was recorded"), VertexKind::Fitted),
     ];
     let dots = kinds.into_iter().map(|(style, kind)| (style, of(kind)));
     let dots = dots.filter(|(_, places)| !places.is_empty());
@@ -149,11 +121,7 @@ mod tests {
             simulated: true,
         });
         for (speed_m_s, force_n) in [(0.1, 1.0), (0.1, 0.0), (0.12, 1.5)] {
-            let weights = Weights {
-                speed_m_s,
-                force_n,
-                ..Weights::default()
-            };
+            let weights = Weights { speed_m_s, force_n, ..Weights::default() };
             recorder.write(0, &weights.to_components()).unwrap();
         }
         let recorded = record.content();

@@ -21,14 +21,7 @@ pub enum Ink {
 
 impl Ink {
     /// The colours of curves, in order.
-    pub const CYCLE: [Self; 6] = [
-        Self::Blue,
-        Self::Orange,
-        Self::Teal,
-        Self::Plum,
-        Self::Olive,
-        Self::Rose,
-    ];
+    pub const CYCLE: [Self; 6] = [Self::Blue, Self::Orange, Self::Teal, Self::Plum, Self::Olive, Self::Rose];
 
     /// The colour of item `i`; the cycle repeats.
     pub fn number(i: usize) -> Self {
@@ -107,34 +100,25 @@ pub(crate) fn grounds() -> String {
         };
         INKS.iter().enumerate().map(ground).collect()
     };
-    format!(
-        "{}@media (prefers-color-scheme:dark){{{}}}",
-        sheet(false),
-        sheet(true)
-    )
+    format!("{}@media (prefers-color-scheme:dark){{{}}}", sheet(false), sheet(true))
 }
 
 /// The style sheet of all figures; a page contains it once, a standalone file always.
 pub fn css() -> String {
-    let sheet =
-        |dark: bool| {
-            let pick = |light: &'static str, night: &'static str| if dark { night } else { light };
-            let rules = RULES.iter().map(|(selector, property, light, night)| {
-                format!("{selector}{{{property}:{}}}", pick(light, night))
-            });
-            let inks = INKS.iter().enumerate().map(|(i, (light, tint, night, night_tint))| {
+    let sheet = |dark: bool| {
+        let pick = |light: &'static str, night: &'static str| if dark { night } else { light };
+        let rules = RULES.iter().map(|(selector, property, light, night)| {
+            format!("{selector}{{{property}:{}}}", pick(light, night))
+        });
+        let inks = INKS.iter().enumerate().map(|(i, (light, tint, night, night_tint))| {
             let (strong, tint) = (pick(light, night), pick(tint, night_tint));
             format!(
                 ".s{i}{{stroke:{strong}}}.f{i}{{fill:{strong}}}.t{i}{{fill:{tint}}}.w{i}{{stroke:{tint}}}"
             )
         });
-            rules.chain(inks).collect::<String>()
-        };
-    format!(
-        "{SHAPES}{}@media (prefers-color-scheme:dark){{{}}}",
-        sheet(false),
-        sheet(true)
-    )
+        rules.chain(inks).collect::<String>()
+    };
+    format!("{SHAPES}{}@media (prefers-color-scheme:dark){{{}}}", sheet(false), sheet(true))
 }
 
 /// A colour of a sequential scale, dark to bright, for `x` from 0 to 1.

@@ -75,10 +75,10 @@ impl Envelope {
     }
 
     fn join_neighbours(&mut self) {
-        let joined = self.complete.chunks(2).map(|pair| {
-            pair.iter()
-                .fold(EMPTY, |(low, high), (l, h)| (low.min(*l), high.max(*h)))
-        });
+        let joined = self
+            .complete
+            .chunks(2)
+            .map(|pair| pair.iter().fold(EMPTY, |(low, high), (l, h)| (low.min(*l), high.max(*h))));
         self.complete = joined.collect();
         self.stretch *= 2;
     }
@@ -90,11 +90,7 @@ impl Envelope {
 
     /// Root mean square; 0 without samples.
     pub fn rms(&self) -> f64 {
-        if self.samples == 0 {
-            0.0
-        } else {
-            (self.sum_of_squares / self.samples as f64).sqrt()
-        }
+        if self.samples == 0 { 0.0 } else { (self.sum_of_squares / self.samples as f64).sqrt() }
     }
 
     /// Mean; 0 without samples.
@@ -120,9 +116,7 @@ impl Envelope {
 
     /// Minimum and maximum; `None` if no sample is finite.
     pub fn range(&self) -> Option<(f64, f64)> {
-        let (low, high) = self
-            .stretches()
-            .fold(EMPTY, |(low, high), (l, h)| (low.min(l), high.max(h)));
+        let (low, high) = self.stretches().fold(EMPTY, |(low, high), (l, h)| (low.min(l), high.max(h)));
         (low <= high).then_some((low, high))
     }
 
@@ -190,10 +184,7 @@ impl Envelope {
     }
 
     fn stretches(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        self.complete
-            .iter()
-            .copied()
-            .chain((self.open_samples > 0).then_some(self.open))
+        self.complete.iter().copied().chain((self.open_samples > 0).then_some(self.open))
     }
 }
 
@@ -249,12 +240,7 @@ pub struct Decimated<T> {
 impl<T> Decimated<T> {
     /// Keeps at most `most` points, and at least half as many once there were that many.
     pub fn new(most: usize) -> Self {
-        Self {
-            kept: Vec::new(),
-            every: 1,
-            seen: 0,
-            most: most.max(2),
-        }
+        Self { kept: Vec::new(), every: 1, seen: 0, most: most.max(2) }
     }
 
     /// Adds a point.
@@ -302,10 +288,7 @@ mod tests {
         let mut envelope = Envelope::new(1000.0);
         envelope.extend([0.0, 2.0, -4.0, 0.0]);
         assert_eq!((envelope.mean_size(), envelope.presence()), (3.0, 0.5));
-        assert_eq!(
-            (Envelope::new(1.0).mean_size(), Envelope::new(1.0).presence()),
-            (0.0, 0.0)
-        );
+        assert_eq!((Envelope::new(1.0).mean_size(), Envelope::new(1.0).presence()), (0.0, 0.0));
     }
 
     #[test]
@@ -313,10 +296,7 @@ mod tests {
         let mut envelope = Envelope::new(10.0);
         envelope.extend([1.0, f64::NAN, 3.0]);
         assert!(envelope.is_exact());
-        assert_eq!(
-            envelope.points().collect::<Vec<_>>(),
-            [(0.0, 1.0, 1.0), (0.2, 3.0, 3.0)]
-        );
+        assert_eq!(envelope.points().collect::<Vec<_>>(), [(0.0, 1.0, 1.0), (0.2, 3.0, 3.0)]);
     }
 
     #[test]
@@ -355,9 +335,7 @@ mod tests {
                 let speed = 2.0 + lane as f64;
                 // Any sequence without a relation to the hand.
                 let rattle = (0..10_000_i64).map(|i| noise * ((i * 7919 % 1009) as f64 / 504.0 - 1.0));
-                let moved = rattle
-                    .enumerate()
-                    .map(|(i, x)| gain * (speed * i as f64 * 1e-3).sin() + x);
+                let moved = rattle.enumerate().map(|(i, x)| gain * (speed * i as f64 * 1e-3).sin() + x);
                 envelope.extend(moved);
             }
             lanes
@@ -376,10 +354,7 @@ mod tests {
             envelope
         };
         assert_eq!(of(&[0.0, 1.0, f64::NAN, 1.0, 4.0]).rises(), Some((0.0, 4.0)));
-        assert_eq!(
-            (of(&[0.0, 2.0, 1.0]).rises(), of(&[3.0, 3.0]).rises()),
-            (None, None)
-        );
+        assert_eq!((of(&[0.0, 2.0, 1.0]).rises(), of(&[3.0, 3.0]).rises()), (None, None));
         assert!(of(&[0.0, 1.0, 1.0]).is_switch());
         assert!(!of(&[0.0, 0.5, 1.0]).is_switch() && !of(&[1.0, 1.0]).is_switch());
     }

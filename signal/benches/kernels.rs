@@ -34,21 +34,13 @@ fn main() {
 }
 
 fn samples(title: &str, units: usize) -> Work<'_> {
-    Work {
-        title,
-        unit: "sample",
-        units,
-        turns: TURNS,
-    }
+    Work { title, unit: "sample", units, turns: TURNS }
 }
 
 fn ratios() {
     noise();
     one_voice(&[], "AR(20), one voice, new coefficients every 41 samples");
-    one_voice(
-        &[0.5, -0.3, 0.2, 0.1],
-        "ARMA(20, 4), one voice, new coefficients every 41 samples",
-    );
+    one_voice(&[0.5, -0.3, 0.2, 0.1], "ARMA(20, 4), one voice, new coefficients every 41 samples");
     frozen();
     warped_voice();
     updates();
@@ -69,10 +61,8 @@ fn noise() {
         }
     };
     let mut ours = || gaussian.fill(black_box(&mut y));
-    let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [
-        ("rand_distr ziggurat", &mut ziggurat),
-        ("Gaussian::fill", &mut ours),
-    ];
+    let contenders: &mut [(&str, &mut dyn FnMut())] =
+        &mut [("rand_distr ziggurat", &mut ziggurat), ("Gaussian::fill", &mut ours)];
     contest::compare(samples("unit normal noise", BLOCK), contenders);
 }
 
@@ -86,12 +76,7 @@ struct HistoryShift {
 
 impl HistoryShift {
     fn new(p: usize, q: usize) -> Self {
-        Self {
-            ar: vec![0.0; p],
-            ma: vec![0.0; q],
-            y: vec![0.0; p],
-            e: vec![0.0; q],
-        }
+        Self { ar: vec![0.0; p], ma: vec![0.0; q], y: vec![0.0; p], e: vec![0.0; q] }
     }
 
     fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
@@ -165,19 +150,14 @@ fn one_voice(ma: &[f64], title: &str) {
     naive(&mut x);
     render(&mut direct, &mut y);
     assert!(
-        x.iter()
-            .zip(&y)
-            .all(|(x, y)| (x - y).abs() < 1e-9 * (1.0 + x.abs())),
+        x.iter().zip(&y).all(|(x, y)| (x - y).abs() < 1e-9 * (1.0 + x.abs())),
         "the direct form is wrong"
     );
     let mut naive = || naive(black_box(&mut x));
     let mut direct = || render(&mut direct, black_box(&mut y));
     let mut lattice = || render(&mut lattice, black_box(&mut z));
-    let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [
-        ("history shift", &mut naive),
-        ("DirectForm", &mut direct),
-        ("Lattice", &mut lattice),
-    ];
+    let contenders: &mut [(&str, &mut dyn FnMut())] =
+        &mut [("history shift", &mut naive), ("DirectForm", &mut direct), ("Lattice", &mut lattice)];
     contest::compare(samples(title, BLOCK), contenders);
 }
 
@@ -201,10 +181,8 @@ fn warped_voice() {
         return;
     };
     let (mut x, mut y, mut z) = (vec![0.0; BLOCK], vec![0.0; BLOCK], vec![0.0; BLOCK]);
-    for (lasting, title) in [
-        (FRAME, "new coefficients every 41 samples"),
-        (BLOCK, "one set of coefficients"),
-    ] {
+    for (lasting, title) in [(FRAME, "new coefficients every 41 samples"), (BLOCK, "one set of coefficients")]
+    {
         let chunks = || sets.iter().zip(e.chunks(lasting));
         let mut run_plain = || {
             for ((set, e), out) in chunks().zip(black_box(&mut x).chunks_mut(lasting)) {
@@ -244,12 +222,7 @@ fn updates() {
     };
     let contenders: &mut [(&str, &mut dyn FnMut())] =
         &mut [("Lattice", &mut set_plain), ("WarpedLattice", &mut set_warped)];
-    let work = Work {
-        title: "AR(20), new coefficients",
-        unit: "set",
-        units: sets.len(),
-        turns: TURNS,
-    };
+    let work = Work { title: "AR(20), new coefficients", unit: "set", units: sets.len(), turns: TURNS };
     contest::compare(work, contenders);
 }
 
@@ -274,15 +247,9 @@ fn frozen() {
     let mut naive = || shift.process(&e, black_box(&mut x));
     let mut run_direct = || direct.process(&e, black_box(&mut y));
     let mut run_lattice = || lattice.process(&e, black_box(&mut z));
-    let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [
-        ("history shift", &mut naive),
-        ("DirectForm", &mut run_direct),
-        ("Lattice", &mut run_lattice),
-    ];
-    contest::compare(
-        samples("AR(20), one voice, one set of coefficients", BLOCK),
-        contenders,
-    );
+    let contenders: &mut [(&str, &mut dyn FnMut())] =
+        &mut [("history shift", &mut naive), ("DirectForm", &mut run_direct), ("Lattice", &mut run_lattice)];
+    contest::compare(samples("AR(20), one voice, one set of coefficients", BLOCK), contenders);
 }
 
 fn voices(form: Form) {
@@ -295,12 +262,7 @@ fn voices(form: Form) {
     let mut single = ArmaFilter::new(form);
     let (mut x, mut y) = (vec![0.0; FRAME * VOICES], vec![0.0; FRAME * VOICES]);
     let mut alone = |out: &mut [f64]| {
-        for ((set, e), out) in sets
-            .iter()
-            .cycle()
-            .zip(e.chunks(FRAME))
-            .zip(out.chunks_mut(FRAME))
-        {
+        for ((set, e), out) in sets.iter().cycle().zip(e.chunks(FRAME)).zip(out.chunks_mut(FRAME)) {
             let _ = single.set_coefficients(set, &[], 1.0);
             single.process(e, out);
         }
@@ -345,13 +307,10 @@ fn warped_voices() {
     const GROUP: usize = WarpedBank::GROUP;
     let rows = |i: usize, group: usize| -> Vec<[f64; GROUP]> {
         let of = |voice: usize, k: usize| sets[(i + group * GROUP + voice) % sets.len()][k];
-        (0..20)
-            .map(|k| std::array::from_fn(|voice| of(voice, k)))
-            .collect()
+        (0..20).map(|k| std::array::from_fn(|voice| of(voice, k))).collect()
     };
-    let groups: Vec<Vec<Vec<[f64; GROUP]>>> = (0..sets.len())
-        .map(|i| (0..VOICES / GROUP).map(|group| rows(i, group)).collect())
-        .collect();
+    let groups: Vec<Vec<Vec<[f64; GROUP]>>> =
+        (0..sets.len()).map(|i| (0..VOICES / GROUP).map(|group| rows(i, group)).collect()).collect();
     let mut run_together = || {
         for rows in &groups {
             for (group, rows) in rows.iter().enumerate() {
@@ -381,10 +340,8 @@ fn warped_voices() {
     }
     let mut run_plain = || together.process(&e, black_box(&mut x));
     let mut run_warped = || warped.process(&e, black_box(&mut y));
-    let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [
-        ("VoiceBank of lattices", &mut run_plain),
-        ("WarpedBank", &mut run_warped),
-    ];
+    let contenders: &mut [(&str, &mut dyn FnMut())] =
+        &mut [("VoiceBank of lattices", &mut run_plain), ("WarpedBank", &mut run_warped)];
     let title = "AR(20), 64 voices, one set of coefficients, a voice";
     contest::compare(samples(title, FRAME * VOICES), contenders);
 }
@@ -428,9 +385,8 @@ fn regressions(criterion: &mut Criterion) {
     for form in [Form::Direct, Form::Lattice] {
         let mut filter = ArmaFilter::new(form);
         let _ = filter.set_coefficients(&sets[0], &[], 1.0);
-        group.bench_function(format!("{form:?} AR(20)"), |b| {
-            b.iter(|| filter.process(&e, black_box(&mut y)))
-        });
+        group
+            .bench_function(format!("{form:?} AR(20)"), |b| b.iter(|| filter.process(&e, black_box(&mut y))));
     }
     group.finish();
 }

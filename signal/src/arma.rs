@@ -59,10 +59,7 @@ pub enum Form {
 
 /// A synthesis filter of either form.
 #[derive(Debug, Clone)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "a box would be heap in a filter that promises none"
-)]
+#[expect(clippy::large_enum_variant, reason = "a box would be heap in a filter that promises none")]
 pub enum ArmaFilter {
     /// See [`DirectForm`].
     Direct(DirectForm),

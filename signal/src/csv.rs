@@ -24,11 +24,7 @@ pub enum CsvError {
     #[error("line {line}: {message}")]
     Row { line: u64, message: String },
     #[error("line {line}, column {column}: {message}")]
-    Cell {
-        line: u64,
-        column: usize,
-        message: String,
-    },
+    Cell { line: u64, column: usize, message: String },
 }
 
 impl CsvError {
@@ -118,11 +114,7 @@ impl<R: BufRead> CsvTable<R> {
             return Ok(None);
         };
         match row.cells() == names.len() {
-            true => Ok(Some(TableRow {
-                row,
-                names,
-                has_decimal_commas,
-            })),
+            true => Ok(Some(TableRow { row, names, has_decimal_commas })),
             false => Err(row.of_other_length(names.len())),
         }
     }
@@ -175,11 +167,7 @@ impl TableRow<'_> {
             "" => format!("the cell of {name} is empty"),
             text => format!("{text:?} in {name} is not {expected}"),
         };
-        CsvError::Cell {
-            line: self.row.line,
-            column: column + 1,
-            message,
-        }
+        CsvError::Cell { line: self.row.line, column: column + 1, message }
     }
 }
 
@@ -235,24 +223,12 @@ mod tests {
     }
 
     fn header(text: &str, wanted: &[&str]) -> Vec<String> {
-        CsvTable::new(text.as_bytes(), wanted)
-            .unwrap()
-            .head()
-            .names
-            .clone()
+        CsvTable::new(text.as_bytes(), wanted).unwrap().head().names.clone()
     }
 
     #[test]
     fn tabs_that_align_cells_do_not_separate_them() {
-        for text in [
-            "a,\t\tb",
-            "\ta,\tb",
-            "a,b\t",
-            "a;\tb",
-            "a\t;\tb",
-            "\ta\t,\t\tb\t",
-            "a\tb",
-        ] {
+        for text in ["a,\t\tb", "\ta,\tb", "a,b\t", "a;\tb", "a\t;\tb", "\ta\t,\t\tb\t", "a\tb"] {
             for wanted in [&["a", "b"][..], &["b"], &[]] {
                 assert_eq!(header(text, wanted), ["a", "b"], "{text:?} {wanted:?}");
             }
@@ -279,10 +255,7 @@ mod tests {
             assert_eq!(found, lines, "{text:?}");
             let (mut rows, _) = Rows::new(text.as_bytes(), &|name| name == "b").unwrap();
             let numbers = std::iter::from_fn(|| rows.next().unwrap().map(|row| row.line));
-            assert!(
-                numbers.eq(lines.into_iter().filter(|&line| line == 5)),
-                "{text:?}"
-            );
+            assert!(numbers.eq(lines.into_iter().filter(|&line| line == 5)), "{text:?}");
         }
     }
 
@@ -312,10 +285,7 @@ mod tests {
         let text = b"a,b,c\n5\" pipe,2, \"x,\"\"y\"\n";
         let mut table = CsvTable::new(&text[..], &["b"]).unwrap();
         let row = table.next_row().unwrap().expect("a row");
-        assert_eq!(
-            [0, 1, 2].map(|column| row.text(column)),
-            ["5\" pipe", "2", "x,\"y"]
-        );
+        assert_eq!([0, 1, 2].map(|column| row.text(column)), ["5\" pipe", "2", "x,\"y"]);
         assert_eq!(cell_start(b"5\" pipe,2,x", 3), 11);
     }
 

@@ -10,10 +10,7 @@ pub struct DelayLine {
 impl DelayLine {
     /// Makes a delay of `frames` samples; 0 passes the signal. Allocates here only.
     pub fn new(frames: usize) -> Self {
-        Self {
-            ring: vec![0.0; frames].into_boxed_slice(),
-            next: 0,
-        }
+        Self { ring: vec![0.0; frames].into_boxed_slice(), next: 0 }
     }
 
     /// The delay in samples.
@@ -28,11 +25,7 @@ impl DelayLine {
             return x;
         };
         let y = std::mem::replace(oldest, x);
-        self.next = if self.next + 1 == self.ring.len() {
-            0
-        } else {
-            self.next + 1
-        };
+        self.next = if self.next + 1 == self.ring.len() { 0 } else { self.next + 1 };
         y
     }
 

@@ -14,11 +14,7 @@ pub struct CacheLines<T>(pub T);
 /// hundred times slower.
 #[inline(always)]
 pub fn mul_add(a: f64, b: f64, c: f64) -> f64 {
-    if cfg!(target_family = "wasm") {
-        a * b + c
-    } else {
-        a.mul_add(b, c)
-    }
+    if cfg!(target_family = "wasm") { a * b + c } else { a.mul_add(b, c) }
 }
 
 /// [`mul_add`] in every lane.
@@ -143,12 +139,7 @@ mod tests {
             offset(0.3, &x[..len], &mut y);
             assert!(y.iter().zip(&x).all(|(y, x)| *y == x + 0.3), "{len}");
             mix([0.3, 0.7], &x[..len], &z, &mut y);
-            assert!(
-                y.iter()
-                    .zip(x.iter().zip(&z))
-                    .all(|(y, (a, b))| *y == 0.3 * a + 0.7 * b),
-                "{len}"
-            );
+            assert!(y.iter().zip(x.iter().zip(&z)).all(|(y, (a, b))| *y == 0.3 * a + 0.7 * b), "{len}");
         }
     }
 }

@@ -37,9 +37,8 @@ mod tests {
     #[test]
     fn they_are_the_sums_of_the_definition() {
         for length in [1, 2, 12, 17, 64, 100] {
-            let x: Vec<Complex64> = (0..length)
-                .map(|n| Complex64::new((n as f64).sin(), (n * n % 7) as f64))
-                .collect();
+            let x: Vec<Complex64> =
+                (0..length).map(|n| Complex64::new((n as f64).sin(), (n * n % 7) as f64)).collect();
             let mut y = x.clone();
             forward(length).process(&mut y);
             for (k, y) in y.iter().enumerate() {

@@ -84,12 +84,8 @@ impl Missing {
     fn of(path: &Path) -> io::Error {
         let folder = folder_of(path);
         let missing = match folder.is_dir() {
-            true => Self::File {
-                similar: similar(path),
-            },
-            false => Self::Folder {
-                folder: folder.to_owned(),
-            },
+            true => Self::File { similar: similar(path) },
+            false => Self::Folder { folder: folder.to_owned() },
         };
         io::Error::new(io::ErrorKind::NotFound, missing)
     }
@@ -110,9 +106,8 @@ pub fn similar(path: &Path) -> Option<String> {
     let wanted = path.file_stem()?.to_str()?;
     let of_kind = |name: &PathBuf| name.extension() == path.extension();
     let names = names(folder_of(path)).take(MAX_COMPARED).filter(of_kind);
-    let mut stems: Vec<String> = names
-        .filter_map(|name| Some(name.file_stem()?.to_str()?.to_owned()))
-        .collect();
+    let mut stems: Vec<String> =
+        names.filter_map(|name| Some(name.file_stem()?.to_str()?.to_owned())).collect();
     stems.sort_unstable();
     let stem = closest(wanted, stems.iter().map(String::as_str))?;
     let extension = path.extension().map(|extension| extension.to_string_lossy());
@@ -169,9 +164,7 @@ impl Bounded {
 impl Read for Bounded {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         // One byte beyond the bound shows that the file is longer.
-        let most = into
-            .len()
-            .min(usize::try_from(self.left).unwrap_or(usize::MAX).saturating_add(1));
+        let most = into.len().min(usize::try_from(self.left).unwrap_or(usize::MAX).saturating_add(1));
         let read = self.file.read(&mut into[..most])?;
         let left = self.left.checked_sub(read as u64);
         let max_bytes = self.max_bytes;
@@ -198,11 +191,7 @@ pub fn open(path: &Path, max_bytes: u64) -> io::Result<Bounded> {
     if length(&file)? > max_bytes {
         return Err(Refusal::TooLong { max_bytes }.into());
     }
-    Ok(Bounded {
-        file,
-        max_bytes,
-        left: max_bytes,
-    })
+    Ok(Bounded { file, max_bytes, left: max_bytes })
 }
 
 #[cfg(not(target_family = "wasm"))]
@@ -259,13 +248,10 @@ fn bounded<T>(
     max_names: usize,
 ) -> impl Iterator<Item = io::Result<T>> {
     let refusal = Refusal::TooManyNames { max_names };
-    entries
-        .take(max_names + 1)
-        .enumerate()
-        .map(move |(count, entry)| match count < max_names {
-            true => entry,
-            false => Err(refusal.into()),
-        })
+    entries.take(max_names + 1).enumerate().map(move |(count, entry)| match count < max_names {
+        true => entry,
+        false => Err(refusal.into()),
+    })
 }
 
 /// The regular files of a folder that may be read, unordered; none if it does not exist, and the first [`MAX_NAMES`] names of
@@ -277,10 +263,7 @@ pub fn list(folder: &Path) -> Vec<PathBuf> {
     #[cfg(not(target_family = "wasm"))]
     {
         let entries = entries(folder).into_iter().flatten().flatten();
-        entries
-            .map(|entry| folder.join(entry.file_name()))
-            .filter(|path| is_file(path))
-            .collect()
+        entries.map(|entry| folder.join(entry.file_name())).filter(|path| is_file(path)).collect()
     }
     #[cfg(target_family = "wasm")]
     memory::list(folder)
@@ -438,10 +421,7 @@ mod tests {
         ] {
             assert_eq!(refusal(read(path, 9)), Some(Refusal::NotRegular { found }));
         }
-        assert_eq!(
-            read(&folder.path().join("none"), 9).unwrap_err().kind(),
-            io::ErrorKind::NotFound
-        );
+        assert_eq!(read(&folder.path().join("none"), 9).unwrap_err().kind(), io::ErrorKind::NotFound);
     }
 
     #[test]
@@ -453,16 +433,9 @@ mod tests {
         let found = |name: &str| {
             let error = read(&folder.path().join(name), 9).unwrap_err();
             assert_eq!(error.kind(), io::ErrorKind::NotFound);
-            error
-                .get_ref()
-                .unwrap()
-                .downcast_ref::<Missing>()
-                .unwrap()
-                .clone()
+            error.get_ref().unwrap().downcast_ref::<Missing>().unwrap().clone()
         };
-        let file = |similar: Option<&str>| Missing::File {
-            similar: similar.map(str::to_owned),
-        };
+        let file = |similar: Option<&str>| Missing::File { similar: similar.map(str::to_owned) };
         assert_eq!(found("tlie.ron"), file(Some("tile.ron")));
         assert_eq!(found("canvsa.csv"), file(None));
         for below in ["nowhere", "tile.ron"] {
@@ -534,23 +507,11 @@ mod tests {
         ];
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
         let mut found = Vec::new();
-        for part in [
-            "signal",
-            "engine",
-            "surfaces",
-            "nodes",
-            "report",
-            "studio",
-            "bindings/c",
-            "",
-        ] {
+        for part in ["signal", "engine", "surfaces", "nodes", "report", "studio", "bindings/c", ""] {
             let before = found.len();
             sources(&root.join(part).join("src"), &mut found);
             // Where the crate stands alone there are only its own.
-            assert!(
-                found.len() > before || !root.join("Cargo.toml").is_file(),
-                "{part}"
-            );
+            assert!(found.len() > before || !root.join("Cargo.toml").is_file(), "{part}");
         }
         for path in found.iter().filter(|path| !path.ends_with("signal/src/files.rs")) {
             let text = std::fs::read_to_string(path).unwrap();

@@ -40,10 +40,7 @@ pub struct Biquad {
 
 impl Biquad {
     /// The section that passes the signal unchanged.
-    pub const IDENTITY: Self = Self {
-        b: [1.0, 0.0, 0.0],
-        a: [0.0, 0.0],
-    };
+    pub const IDENTITY: Self = Self { b: [1.0, 0.0, 0.0], a: [0.0, 0.0] };
 
     /// True if both poles lie inside the unit circle.
     pub fn is_stable(&self) -> bool {
@@ -95,20 +92,14 @@ impl Biquad {
         let band = 0.5 * (b0 - b2) / (g * loop_gain);
         let low = 0.25 * (b0 + b1 + b2) / (g * g * loop_gain);
         // Outputs of both integrators for a sample without input, by their states.
-        let given = [
-            [loop_gain, -g * loop_gain],
-            [g * loop_gain, 1.0 - g * g * loop_gain],
-        ];
+        let given = [[loop_gain, -g * loop_gain], [g * loop_gain, 1.0 - g * g * loop_gain]];
         let mixed = |[first, second]: [f64; 2]| -> [f64; 2] {
             std::array::from_fn(|i| first * given[0][i] + second * given[1][i])
         };
         let next = mixed([band - high * damping, low - high]);
         // Their next states: twice the output minus the state.
         let after = mixed(next);
-        [
-            next,
-            std::array::from_fn(|i| 2.0 * after[i] + (a1 - 1.0) * next[i]),
-        ]
+        [next, std::array::from_fn(|i| 2.0 * after[i] + (a1 - 1.0) * next[i])]
     }
 }
 
@@ -163,14 +154,8 @@ struct Running {
 impl SectionsState {
     /// Makes a filter with zero state. Allocates here only.
     pub fn new(filter: &Sections) -> Self {
-        let at_rest = |biquad: &Biquad| Running {
-            biquad: *biquad,
-            state: [0.0; 2],
-        };
-        Self {
-            sections: filter.sections.iter().map(at_rest).collect(),
-            since_settled: 0,
-        }
+        let at_rest = |biquad: &Biquad| Running { biquad: *biquad, state: [0.0; 2] };
+        Self { sections: filter.sections.iter().map(at_rest).collect(), since_settled: 0 }
     }
 
     /// Filters `x` into `y`, up to the shorter of the two.
@@ -245,20 +230,11 @@ impl SectionsState {
         for (running, biquad) in self.sections.iter_mut().zip(sections) {
             let ([[m11, m12], [m21, m22]], [s1, s2]) = (running.biquad.integrators_to_state(), running.state);
             let determinant = m11 * m22 - m12 * m21;
-            let held = [
-                (m22 * s1 - m12 * s2) / determinant,
-                (m11 * s2 - m21 * s1) / determinant,
-            ];
-            let state = biquad
-                .integrators_to_state()
-                .map(|row| row[0] * held[0] + row[1] * held[1]);
+            let held = [(m22 * s1 - m12 * s2) / determinant, (m11 * s2 - m21 * s1) / determinant];
+            let state = biquad.integrators_to_state().map(|row| row[0] * held[0] + row[1] * held[1]);
             running.biquad = *biquad;
             // The state overflowed.
-            running.state = if state.iter().all(|s| s.is_finite()) {
-                state
-            } else {
-                [0.0; 2]
-            };
+            running.state = if state.iter().all(|s| s.is_finite()) { state } else { [0.0; 2] };
         }
     }
 
@@ -328,12 +304,7 @@ pub fn filtfilt(filter: &Sections, x: &[f64]) -> Vec<f64> {
     let mut extended = Vec::with_capacity(x.len() + 2 * pad);
     extended.extend(x[1..=pad].iter().rev().map(|v| 2.0 * first - v));
     extended.extend_from_slice(x);
-    extended.extend(
-        x[x.len() - 1 - pad..x.len() - 1]
-            .iter()
-            .rev()
-            .map(|v| 2.0 * last - v),
-    );
+    extended.extend(x[x.len() - 1 - pad..x.len() - 1].iter().rev().map(|v| 2.0 * last - v));
     let mut state = SectionsState::new(filter);
     for _ in 0..2 {
         state.reset();
@@ -347,11 +318,7 @@ pub fn filtfilt(filter: &Sections, x: &[f64]) -> Vec<f64> {
 /// Samples until the slowest pole has decayed to a millionth.
 fn memory(filter: &Sections) -> usize {
     let radius = filter.sections.iter().map(slowest_pole).fold(0.0, f64::max);
-    let samples = if radius > 0.0 {
-        (1e-6_f64.ln() / radius.ln()).abs()
-    } else {
-        0.0
-    };
+    let samples = if radius > 0.0 { (1e-6_f64.ln() / radius.ln()).abs() } else { 0.0 };
     3 * filter.sections.len() + samples.min(1e9) as usize
 }
 
@@ -359,11 +326,7 @@ fn memory(filter: &Sections) -> usize {
 fn slowest_pole(section: &Biquad) -> f64 {
     let [a1, a2] = section.a;
     let discriminant = a1 * a1 / 4.0 - a2;
-    if discriminant < 0.0 {
-        a2.sqrt()
-    } else {
-        a1.abs() / 2.0 + discriminant.sqrt()
-    }
+    if discriminant < 0.0 { a2.sqrt() } else { a1.abs() / 2.0 + discriminant.sqrt() }
 }
 
 #[cfg(test)]

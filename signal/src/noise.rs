@@ -38,9 +38,7 @@ pub struct Gaussian {
 impl Gaussian {
     /// A stream; see [`stream_seed`].
     pub fn new(seed: u64) -> Self {
-        Self {
-            source: Batched::new(seed, normal_batch),
-        }
+        Self { source: Batched::new(seed, normal_batch) }
     }
 
     /// The next sample.
@@ -66,9 +64,7 @@ pub struct Uniform {
 impl Uniform {
     /// A stream; see [`stream_seed`].
     pub fn new(seed: u64) -> Self {
-        Self {
-            source: Batched::new(seed, uniform_batch),
-        }
+        Self { source: Batched::new(seed, uniform_batch) }
     }
 
     /// The next sample.
@@ -99,13 +95,7 @@ struct Batched {
 
 impl Batched {
     fn new(seed: u64, make: MakeBatch) -> Self {
-        Self {
-            lanes: Lanes::new(seed),
-            make,
-            arch: Arch::new(),
-            batch: [0.0; BATCH],
-            next: BATCH,
-        }
+        Self { lanes: Lanes::new(seed), make, arch: Arch::new(), batch: [0.0; BATCH], next: BATCH }
     }
 
     #[inline]
@@ -246,11 +236,7 @@ fn direction(word: u64) -> (f64, f64) {
     // and a sign.
     let two_to_four = f64::from_bits(0x4000_0000_0000_0000 | (word << 26 & 0x000f_ffff_f000_0000));
     let (cosine, sine) = quarter_circle(two_to_four - 3.0);
-    let (x, y) = if word & 1 == 0 {
-        (cosine, sine)
-    } else {
-        (sine, cosine)
-    };
+    let (x, y) = if word & 1 == 0 { (cosine, sine) } else { (sine, cosine) };
     let signed = |v: f64| f64::from_bits(v.to_bits() ^ (word << 62 & 1 << 63));
     (signed(x), signed(y))
 }

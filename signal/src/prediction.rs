@@ -100,11 +100,7 @@ pub fn levinson(r: &[f64], order: usize) -> Result<Prediction, PredictionError> 
         reflection[m - 1] = k;
         variance *= 1.0 - k * k;
     }
-    Ok(Prediction {
-        ar,
-        reflection,
-        variance,
-    })
+    Ok(Prediction { ar, reflection, variance })
 }
 
 /// The autoregressive model that minimises forward and backward prediction errors inside the record (Burg).
@@ -144,11 +140,7 @@ pub fn burg(x: &[f64], order: usize) -> Result<Prediction, PredictionError> {
         reflection[m - 1] = k;
         variance *= 1.0 - k * k;
     }
-    Ok(Prediction {
-        ar,
-        reflection,
-        variance,
-    })
+    Ok(Prediction { ar, reflection, variance })
 }
 
 /// Reflection coefficients of a stable polynomial (step-down recursion).
@@ -198,9 +190,7 @@ pub fn arma_autocovariance(
     let q = ma.len();
     let plain = ar_autocovariance(ar, variance, max_lag + q)?;
     let b = |i: usize| if i == 0 { 1.0 } else { ma[i - 1] };
-    let correlation: Vec<f64> = (0..=q)
-        .map(|lag| (lag..=q).map(|i| b(i) * b(i - lag)).sum())
-        .collect();
+    let correlation: Vec<f64> = (0..=q).map(|lag| (lag..=q).map(|i| b(i) * b(i - lag)).sum()).collect();
     Ok((0..=max_lag)
         .map(|lag| {
             let both_sides = (1..=q).map(|j| correlation[j] * (plain[lag + j] + plain[lag.abs_diff(j)]));
@@ -360,11 +350,7 @@ pub(crate) fn ladder(
             deviation *= cosine[m - 1];
         }
     }
-    if taps.iter().all(|tap| tap.is_finite()) {
-        Ok(())
-    } else {
-        Err(PredictionError::NotFinite)
-    }
+    if taps.iter().all(|tap| tap.is_finite()) { Ok(()) } else { Err(PredictionError::NotFinite) }
 }
 
 /// Steps up from the polynomial of order m - 1 in `ar[..m-1]` to that of order m.

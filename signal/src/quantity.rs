@@ -16,9 +16,7 @@ pub struct Quantity {
 const BASE_UNITS: [&str; 6] = ["m", "kg", "s", "A", "K", "rad"];
 
 const fn quantity(m: i8, kg: i8, s: i8, a: i8, k: i8, rad: i8) -> Quantity {
-    Quantity {
-        exponents: [m, kg, s, a, k, rad],
-    }
+    Quantity { exponents: [m, kg, s, a, k, rad] }
 }
 
 impl Quantity {
@@ -80,18 +78,12 @@ impl Quantity {
 
     /// The named quantity called `name`, if there is one.
     pub fn by_name(name: &str) -> Option<Self> {
-        Self::NAMED
-            .iter()
-            .find(|(_, known, _)| *known == name)
-            .map(|(quantity, ..)| *quantity)
+        Self::NAMED.iter().find(|(_, known, _)| *known == name).map(|(quantity, ..)| *quantity)
     }
 
     /// The name of the quantity, if it has one.
     pub fn name(self) -> Option<&'static str> {
-        Self::NAMED
-            .iter()
-            .find(|(known, ..)| *known == self)
-            .map(|(_, name, _)| *name)
+        Self::NAMED.iter().find(|(known, ..)| *known == self).map(|(_, name, _)| *name)
     }
 
     /// The SI unit of the quantity: the usual symbol, or the product of base units.
@@ -99,19 +91,9 @@ impl Quantity {
         if let Some((.., unit)) = Self::NAMED.iter().find(|(known, ..)| *known == self) {
             return (*unit).to_owned();
         }
-        let parts = BASE_UNITS
-            .iter()
-            .zip(self.exponents)
-            .filter(|(_, exponent)| *exponent != 0);
-        let parts: Vec<String> = parts
-            .map(|(unit, e)| {
-                if e == 1 {
-                    (*unit).to_owned()
-                } else {
-                    format!("{unit}^{e}")
-                }
-            })
-            .collect();
+        let parts = BASE_UNITS.iter().zip(self.exponents).filter(|(_, exponent)| *exponent != 0);
+        let parts: Vec<String> =
+            parts.map(|(unit, e)| if e == 1 { (*unit).to_owned() } else { format!("{unit}^{e}") }).collect();
         parts.join(" ")
     }
 
@@ -169,10 +151,7 @@ mod tests {
     #[test]
     fn names_and_units_read_as_a_person_writes_them() {
         assert_eq!(Quantity::FORCE.to_string(), "force (N)");
-        assert_eq!(
-            Quantity::FORCE.per(Quantity::CURRENT).to_string(),
-            "m kg s^-2 A^-1"
-        );
+        assert_eq!(Quantity::FORCE.per(Quantity::CURRENT).to_string(), "m kg s^-2 A^-1");
         for (quantity, name, _) in Quantity::NAMED {
             assert_eq!(Quantity::by_name(name), Some(*quantity));
         }

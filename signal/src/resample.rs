@@ -29,23 +29,11 @@ pub struct Quality {
 
 impl Quality {
     /// Flat to half of Nyquist, 100 dB from 1.5: delays by 7 samples of the lower rate.
-    pub const LOW_LATENCY: Self = Self {
-        passband: 0.5,
-        stopband: 1.5,
-        attenuation_db: 100.0,
-    };
+    pub const LOW_LATENCY: Self = Self { passband: 0.5, stopband: 1.5, attenuation_db: 100.0 };
     /// Flat to 0.8 of Nyquist, 100 dB from 1.2: delays by 17 samples of the lower rate.
-    pub const STANDARD: Self = Self {
-        passband: 0.8,
-        stopband: 1.2,
-        attenuation_db: 100.0,
-    };
+    pub const STANDARD: Self = Self { passband: 0.8, stopband: 1.2, attenuation_db: 100.0 };
     /// Flat to 0.9 of Nyquist, 120 dB from 1.0: delays by 79 samples of the lower rate. For recordings.
-    pub const FINE: Self = Self {
-        passband: 0.9,
-        stopband: 1.0,
-        attenuation_db: 120.0,
-    };
+    pub const FINE: Self = Self { passband: 0.9, stopband: 1.0, attenuation_db: 120.0 };
 }
 
 /// Progress of a call. It ends when the inputs run out or the outputs are full.

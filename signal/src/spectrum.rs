@@ -101,17 +101,11 @@ pub fn welch(
     let count = starts.clone().count() as f64;
     let mut density = vec![0.0; periodogram.bins()];
     for start in starts {
-        for (sum, d) in density
-            .iter_mut()
-            .zip(periodogram.densities(&x[start..start + segment]))
-        {
+        for (sum, d) in density.iter_mut().zip(periodogram.densities(&x[start..start + segment])) {
             *sum += d / count;
         }
     }
-    Ok(Psd {
-        frequency_hz: periodogram.frequency_hz(),
-        density,
-    })
+    Ok(Psd { frequency_hz: periodogram.frequency_hz(), density })
 }
 
 impl Spectrogram {
@@ -174,10 +168,7 @@ impl Psd {
     /// Third-octave bands (base ten, centres `1000 * 10^(k/10)` Hz) that lie wholly between the first bin above 0
     /// and the Nyquist frequency.
     pub fn third_octave_bands(&self) -> Vec<ThirdOctaveBand> {
-        let (lowest, highest) = (
-            self.resolution_hz(),
-            self.frequency_hz.last().copied().unwrap_or(0.0),
-        );
+        let (lowest, highest) = (self.resolution_hz(), self.frequency_hz.last().copied().unwrap_or(0.0));
         let half = 10_f64.powf(0.05);
         (-40..=60)
             .map(|k| 1000.0 * 10_f64.powf(f64::from(k) / 10.0))
@@ -213,11 +204,7 @@ pub fn arma_density(ar: &[f64], ma: &[f64], variance: f64, rate_hz: f64, frequen
             .fold(Complex64::new(1.0, 0.0), |sum, term| sum + term)
             .norm_sqr()
     };
-    let sides = if frequency_hz == 0.0 || frequency_hz == rate_hz / 2.0 {
-        1.0
-    } else {
-        2.0
-    };
+    let sides = if frequency_hz == 0.0 || frequency_hz == rate_hz / 2.0 { 1.0 } else { 2.0 };
     sides * variance / rate_hz * magnitude_squared(ma) / magnitude_squared(ar)
 }
 
@@ -243,13 +230,8 @@ pub fn expected_welch(
         }
     }
     fft::forward(2 * segment).process(&mut lags);
-    let density = (0..periodogram.bins())
-        .map(|bin| lags[2 * bin].re * periodogram.scale(bin))
-        .collect();
-    Ok(Psd {
-        frequency_hz: periodogram.frequency_hz(),
-        density,
-    })
+    let density = (0..periodogram.bins()).map(|bin| lags[2 * bin].re * periodogram.scale(bin)).collect();
+    Ok(Psd { frequency_hz: periodogram.frequency_hz(), density })
 }
 
 /// First samples of the segments that fit.
@@ -304,18 +286,12 @@ impl Periodogram {
 
     fn frequency_hz(&self) -> Vec<f64> {
         let segment = self.window.len() as f64;
-        (0..self.bins())
-            .map(|bin| bin as f64 * self.rate_hz / segment)
-            .collect()
+        (0..self.bins()).map(|bin| bin as f64 * self.rate_hz / segment).collect()
     }
 
     /// Factor from squared magnitude to one-sided density; 0 and Nyquist have no negative twin.
     fn scale(&self, bin: usize) -> f64 {
-        let sides = if bin == 0 || 2 * bin == self.window.len() {
-            1.0
-        } else {
-            2.0
-        };
+        let sides = if bin == 0 || 2 * bin == self.window.len() { 1.0 } else { 2.0 };
         sides / (self.rate_hz * self.window_energy)
     }
 
@@ -323,8 +299,7 @@ impl Periodogram {
         for ((bin, x), w) in self.bins.iter_mut().zip(segment).zip(&self.window) {
             *bin = Complex64::new(x * w, 0.0);
         }
-        self.transform
-            .process_with_scratch(&mut self.bins, &mut self.scratch);
+        self.transform.process_with_scratch(&mut self.bins, &mut self.scratch);
         let this = &*self;
         (0..this.bins()).map(|bin| this.bins[bin].norm_sqr() * this.scale(bin))
     }
@@ -338,9 +313,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     fn sine(amplitude: f64, frequency_hz: f64, rate_hz: f64, n: usize) -> Vec<f64> {
-        (0..n)
-            .map(|i| amplitude * (TAU * frequency_hz * i as f64 / rate_hz).sin())
-            .collect()
+        (0..n).map(|i| amplitude * (TAU * frequency_hz * i as f64 / rate_hz).sin()).collect()
     }
 
     #[test]
@@ -410,11 +383,8 @@ mod tests {
                 .map(|i| {
                     let g = (f64::from(i) + 0.5) / f64::from(fine) * rate_hz - rate_hz / 2.0;
                     let turn = TAU * (f - g) / rate_hz;
-                    let response: Complex64 = w
-                        .iter()
-                        .enumerate()
-                        .map(|(n, w)| Complex64::from_polar(*w, turn * n as f64))
-                        .sum();
+                    let response: Complex64 =
+                        w.iter().enumerate().map(|(n, w)| Complex64::from_polar(*w, turn * n as f64)).sum();
                     let two_sided = arma_density(&ar, &ma, 2.0, rate_hz, g.abs()) / 2.0;
                     two_sided * response.norm_sqr() / (energy * f64::from(fine))
                 })
@@ -440,10 +410,7 @@ mod tests {
 
     #[test]
     fn third_octave_bands_tile_the_axis_and_split_its_power() {
-        let psd = Psd {
-            frequency_hz: (0..=5000).map(f64::from).collect(),
-            density: vec![2.0; 5001],
-        };
+        let psd = Psd { frequency_hz: (0..=5000).map(f64::from).collect(), density: vec![2.0; 5001] };
         let bands = psd.third_octave_bands();
         assert!(bands.iter().any(|b| (b.centre_hz - 1000.0).abs() < 1e-9));
         for pair in bands.windows(2) {
@@ -457,22 +424,10 @@ mod tests {
     #[test]
     fn impossible_questions_are_refused() {
         let x = [0.0; 10];
-        assert_eq!(
-            welch(&x, 1.0, 0, 0, Window::Hann),
-            Err(SpectrumError::EmptySegment)
-        );
-        assert!(matches!(
-            welch(&x, 1.0, 4, 4, Window::Hann),
-            Err(SpectrumError::OverlapTooLarge { .. })
-        ));
-        assert!(matches!(
-            welch(&x, 1.0, 11, 0, Window::Hann),
-            Err(SpectrumError::SignalTooShort { .. })
-        ));
-        assert!(matches!(
-            welch(&x, f64::NAN, 4, 0, Window::Hann),
-            Err(SpectrumError::BadRate { .. })
-        ));
+        assert_eq!(welch(&x, 1.0, 0, 0, Window::Hann), Err(SpectrumError::EmptySegment));
+        assert!(matches!(welch(&x, 1.0, 4, 4, Window::Hann), Err(SpectrumError::OverlapTooLarge { .. })));
+        assert!(matches!(welch(&x, 1.0, 11, 0, Window::Hann), Err(SpectrumError::SignalTooShort { .. })));
+        assert!(matches!(welch(&x, f64::NAN, 4, 0, Window::Hann), Err(SpectrumError::BadRate { .. })));
         assert_eq!(spectral_centroid(&[1.0, 2.0], &[0.0, 0.0]), 0.0);
     }
 }

@@ -33,9 +33,7 @@ pub fn closest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     if distance <= allowed {
         return Some(nearest);
     }
-    let mut begun = comparable
-        .iter()
-        .filter(|(_, candidate)| rest(candidate).is_some());
+    let mut begun = comparable.iter().filter(|(_, candidate)| rest(candidate).is_some());
     match (begun.next(), begun.next()) {
         (Some((only, _)), None) if letters >= LEAST_BEGINNING => Some(only),
         _ => None,
@@ -68,16 +66,7 @@ mod tests {
 
     #[test]
     fn near_words_are_guessed_and_far_ones_are_not() {
-        let words = [
-            "gain",
-            "Hold",
-            "frequency_hz",
-            "x",
-            "low_hz",
-            "loudest",
-            "load_n",
-            "lead",
-        ];
+        let words = ["gain", "Hold", "frequency_hz", "x", "low_hz", "loudest", "load_n", "lead"];
         for (written, meant) in [
             ("gian", Some("gain")),
             ("hodl", Some("Hold")),

@@ -52,10 +52,7 @@ impl Rate {
             return Err(RateError::OutOfRange);
         }
         let divisor = gcd(numerator, denominator);
-        Ok(Self {
-            numerator: numerator / divisor,
-            denominator: denominator / divisor,
-        })
+        Ok(Self { numerator: numerator / divisor, denominator: denominator / divisor })
     }
 
     /// A whole number of hertz.
@@ -85,9 +82,7 @@ impl Rate {
         }
         let digits: u64 = digits.parse().map_err(|_| RateError::OutOfRange)?;
         let places = i64::from(exponent) - fraction.len() as i64;
-        let power = u32::try_from(places.unsigned_abs())
-            .ok()
-            .and_then(|p| 10_u64.checked_pow(p));
+        let power = u32::try_from(places.unsigned_abs()).ok().and_then(|p| 10_u64.checked_pow(p));
         let power = power.ok_or(RateError::OutOfRange)?;
         if places >= 0 {
             Self::new(digits.checked_mul(power).ok_or(RateError::OutOfRange)?, 1)
@@ -155,23 +150,13 @@ impl TimeBase {
         for rate in rates {
             let (n, d) = rate.parts();
             let period = (numerator / n).checked_mul(d / denominator);
-            periods.push(
-                period
-                    .filter(|p| *p < 1 << 48)
-                    .ok_or(RateError::Incommensurable)?,
-            );
+            periods.push(period.filter(|p| *p < 1 << 48).ok_or(RateError::Incommensurable)?);
         }
-        let units_per_second = Rate {
-            numerator,
-            denominator,
-        };
+        let units_per_second = Rate { numerator, denominator };
         if units_per_second.hz() > (1_u64 << 39) as f64 {
             return Err(RateError::Incommensurable);
         }
-        Ok(Self {
-            units_per_second,
-            periods,
-        })
+        Ok(Self { units_per_second, periods })
     }
 
     /// The period of clock `i` in units.
@@ -233,10 +218,7 @@ mod tests {
     fn the_rates_of_the_thesis_share_a_unit_of_a_240_thousandth_of_a_second() {
         let base = TimeBase::new(&[hz("48000"), hz("10000"), hz("240"), hz("125"), hz("1000")]).unwrap();
         assert_eq!(base.units_per_second(), 240_000.0);
-        assert_eq!(
-            (0..5).map(|i| base.period(i)).collect::<Vec<_>>(),
-            [5, 24, 1000, 1920, 240]
-        );
+        assert_eq!((0..5).map(|i| base.period(i)).collect::<Vec<_>>(), [5, 24, 1000, 1920, 240]);
     }
 
     #[test]

@@ -24,12 +24,7 @@ struct Row {
 }
 
 const fn unit(suffix: &'static str, symbol: &'static str, quantity: Quantity, si: f64) -> Row {
-    Row {
-        suffix,
-        symbol,
-        quantity,
-        si,
-    }
+    Row { suffix, symbol, quantity, si }
 }
 
 /// All units. The first of a quantity is the one that is written into files.
@@ -67,19 +62,9 @@ const UNITS: &[Row] = &[
     unit("_n_per_mm", "N/mm", Quantity::STIFFNESS, 1e3),
     unit("_n_s_per_m", "N s/m", Quantity::DAMPING, 1.0),
     unit("_n_per_a", "N/A", Quantity::FORCE.per(Quantity::CURRENT), 1.0),
-    unit(
-        "_n_per_a2",
-        "N/A²",
-        Quantity::FORCE.per(Quantity::CURRENT).per(Quantity::CURRENT),
-        1.0,
-    ),
+    unit("_n_per_a2", "N/A²", Quantity::FORCE.per(Quantity::CURRENT).per(Quantity::CURRENT), 1.0),
     unit("_ohm", "Ω", Quantity::VOLTAGE.per(Quantity::CURRENT), 1.0),
-    unit(
-        "_j_per_k",
-        "J/K",
-        Quantity::FORCE.times(Quantity::LENGTH).per(Quantity::TEMPERATURE),
-        1.0,
-    ),
+    unit("_j_per_k", "J/K", Quantity::FORCE.times(Quantity::LENGTH).per(Quantity::TEMPERATURE), 1.0),
 ];
 
 /// The unit at the end of a setting's name, in constants too: the length of its suffix, and SI per unit. The dividend of a
@@ -245,10 +230,7 @@ pub fn suffix(quantity: Quantity) -> String {
     }
     match of(quantity).find(|unit| unit.si == 1.0) {
         Some(unit) => unit.suffix.to_owned(),
-        None => format!(
-            "_{}",
-            quantity.unit().replace([' ', '^'], "_").replace('-', "minus")
-        ),
+        None => format!("_{}", quantity.unit().replace([' ', '^'], "_").replace('-', "minus")),
     }
 }
 
@@ -289,18 +271,12 @@ pub fn of_header_as(name: &str, quantity: Quantity) -> Option<f64> {
 /// of its unit is known, as in `counts_per_mm`.
 pub fn of_name(name: &str) -> Option<Unit> {
     if let Some((_, symbol)) = WITHOUT_A_FACTOR.iter().find(|(suffix, _)| name.ends_with(suffix)) {
-        return Some(Unit {
-            symbol: (*symbol).into(),
-            scale: None,
-        });
+        return Some(Unit { symbol: (*symbol).into(), scale: None });
     }
     let unit = at_end(name).last()?;
     let before = name.get(..name.len().checked_sub(unit.suffix.len())?)?;
     let Some(dividend) = before.strip_suffix("_per") else {
-        return Some(Unit {
-            symbol: unit.symbol.into(),
-            scale: Some((unit.quantity, unit.si)),
-        });
+        return Some(Unit { symbol: unit.symbol.into(), scale: Some((unit.quantity, unit.si)) });
     };
     // It may be all of the name: `m_s2_per_v`.
     let dividend = at_end(&format!("_{dividend}")).last()?;
@@ -381,10 +357,7 @@ mod tests {
         }
         for (name, scale) in [
             ("mass_g", Some((Quantity::MASS, 1e-3))),
-            (
-                "slope_s_per_mm",
-                Some((Quantity::TIME.per(Quantity::LENGTH), 1e3)),
-            ),
+            ("slope_s_per_mm", Some((Quantity::TIME.per(Quantity::LENGTH), 1e3))),
             ("level_db", None),
         ] {
             assert_eq!(of_name(name).and_then(|unit| unit.scale), scale, "{name}");
@@ -393,11 +366,7 @@ mod tests {
             (Quantity::STIFFNESS, "N/mm", 1e3),
             (Quantity::SPEED, "mm/s", 1e-3),
             (Quantity::ACCELERATION, "m/s²", 1.0),
-            (
-                Quantity::FORCE.per(Quantity::LENGTH).per(Quantity::LENGTH),
-                "m^-1 kg s^-2",
-                1.0,
-            ),
+            (Quantity::FORCE.per(Quantity::LENGTH).per(Quantity::LENGTH), "m^-1 kg s^-2", 1.0),
         ] {
             assert_eq!(shown(quantity), (symbol.to_owned(), si));
         }
@@ -443,11 +412,7 @@ mod tests {
         let more = ["slope_s_per_mm", "m_s2_per_v", "most_a_per_m_s2", "slew_a_per_s"];
         for name in scaled.chain(more.map(str::to_owned)) {
             let scale = of_name(&name).and_then(|unit| unit.scale);
-            assert_eq!(
-                at_end_of(&name).map(|(_, si)| si),
-                scale.map(|(_, si)| si),
-                "{name}"
-            );
+            assert_eq!(at_end_of(&name).map(|(_, si)| si), scale.map(|(_, si)| si), "{name}");
         }
         assert_eq!(at_end_of("counts_per_mm"), Some(("_per_mm".len(), 1e3)));
         assert_eq!(at_end_of("slope_s_per_mm"), Some(("_s_per_mm".len(), 1e3)));

@@ -39,11 +39,7 @@ pub fn dot<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
 /// a x b
 #[inline]
 pub fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// |a|
@@ -87,12 +83,7 @@ mod tests {
 
     #[test]
     fn tangents_make_a_right_handed_frame() {
-        for n in [
-            [0.0, 0.0, 1.0],
-            [0.0, -1.0, 0.0],
-            [0.6, 0.0, 0.8],
-            [-0.36, 0.48, 0.8],
-        ] {
+        for n in [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [0.6, 0.0, 0.8], [-0.36, 0.48, 0.8]] {
             let [a, b] = tangents(n);
             assert!(distance(cross(a, b), n) < 1e-15);
             assert!(dot(a, n).abs() < 1e-15 && dot(b, n).abs() < 1e-15);

@@ -53,10 +53,7 @@ pub(crate) fn residual_share(ar: &[f64], warping: f64, product: &mut [f64]) -> R
         before = *a;
     }
     step_down(product)?;
-    Ok(product
-        .iter()
-        .map(|kappa| (1.0 - kappa) * (1.0 + kappa))
-        .product())
+    Ok(product.iter().map(|kappa| (1.0 - kappa) * (1.0 + kappa)).product())
 }
 
 /// The error of the first refused model among the models in lanes, with its lane.
@@ -67,9 +64,7 @@ pub(crate) fn first_error<const L: usize, E: From<PredictionError>>(
 ) -> (usize, E) {
     let of_lane = |lane: usize| ar.iter().map(|row| row[lane]).collect::<Vec<_>>();
     let mut errors = (0..L).filter_map(|lane| Some((lane, check(lane, &of_lane(lane)).err()?)));
-    errors
-        .next()
-        .unwrap_or_else(|| (0, PredictionError::NotFinite.into()))
+    errors.next().unwrap_or_else(|| (0, PredictionError::NotFinite.into()))
 }
 
 /// `1 / |A(D)|^2` at `frequency_rad`, radians a sample.
@@ -91,18 +86,15 @@ pub fn cell_autocovariance(cells: &[f64], max_lag: usize) -> Vec<f64> {
     let count = cells.len().max(1);
     let width = PI / count as f64;
     // Every cosine that is needed is one of half a cell's width times a whole number.
-    let cosines: Vec<f64> = (0..4 * count)
-        .map(|halves| (0.5 * width * halves as f64).cos())
-        .collect();
+    let cosines: Vec<f64> = (0..4 * count).map(|halves| (0.5 * width * halves as f64).cos()).collect();
     (0..=max_lag)
         .map(|lag| {
             let half = 0.5 * lag as f64 * width;
             // The mean of cos(lag W) over a cell is its middle value times this.
             let smear = if lag == 0 { 1.0 } else { half.sin() / half };
             let middles = cells.iter().enumerate();
-            let sum: f64 = middles
-                .map(|(cell, density)| density * cosines[lag * (2 * cell + 1) % (4 * count)])
-                .sum();
+            let sum: f64 =
+                middles.map(|(cell, density)| density * cosines[lag * (2 * cell + 1) % (4 * count)]).sum();
             sum * smear / count as f64
         })
         .collect()
@@ -135,10 +127,7 @@ mod tests {
 
     #[test]
     fn the_power_is_the_integral_of_the_density_on_the_plain_axis() {
-        for (model, warping) in random_models(50, 12, 0.9)
-            .iter()
-            .zip([0.0, 0.5, 0.8, 0.9].iter().cycle())
-        {
+        for (model, warping) in random_models(50, 12, 0.9).iter().zip([0.0, 0.5, 0.8, 0.9].iter().cycle()) {
             // The midpoint rule on the warped axis, where the response is smooth, with the Jacobian.
             let count = 200_000;
             let step = PI / f64::from(count);
@@ -177,13 +166,7 @@ mod tests {
             let found = levinson(&cell_autocovariance(&cells, 8), 8).unwrap();
             assert!((found.variance / 3.0 - 1.0).abs() < 1e-3);
             let largest = model.iter().fold(1.0_f64, |most, a| most.max(a.abs()));
-            assert!(
-                found
-                    .ar
-                    .iter()
-                    .zip(&model)
-                    .all(|(a, b)| (a - b).abs() < 2e-3 * largest)
-            );
+            assert!(found.ar.iter().zip(&model).all(|(a, b)| (a - b).abs() < 2e-3 * largest));
         }
     }
 }

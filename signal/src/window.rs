@@ -51,9 +51,7 @@ fn raised_cosine(length: usize, symmetry: Symmetry, mean: f64) -> Vec<f64> {
         Symmetry::Symmetric => length.saturating_sub(1),
         Symmetry::Periodic => length,
     };
-    (0..length)
-        .map(|n| mean - (1.0 - mean) * (TAU * n as f64 / period as f64).cos())
-        .collect()
+    (0..length).map(|n| mean - (1.0 - mean) * (TAU * n as f64 / period as f64).cos()).collect()
 }
 
 #[cfg(test)]

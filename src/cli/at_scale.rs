@@ -88,16 +88,10 @@ enum By {
 
 pub fn evaluate(arguments: &Evaluate, registry: &Registry) -> Result<(), Failure> {
     match arguments {
-        Evaluate {
-            merge: Some(Merge::Merge { parts, json }),
-            ..
-        } => merge(parts, *json),
-        Evaluate {
-            given,
-            shard: Some(shard),
-            output: Some(output),
-            ..
-        } => evaluate_part(given, *shard, output),
+        Evaluate { merge: Some(Merge::Merge { parts, json }), .. } => merge(parts, *json),
+        Evaluate { given, shard: Some(shard), output: Some(output), .. } => {
+            evaluate_part(given, *shard, output)
+        }
         Evaluate { given, .. } => evaluate::run(given, registry),
     }
 }
@@ -131,9 +125,7 @@ fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Resu
     let compared: Vec<_> = found.into_iter().map(|(_, compared)| compared).collect();
     let head = StudyHead::of(study, &settings, &whole, &takes);
     let part = StudyPart::new(head, &compared);
-    let text = part
-        .to_text()
-        .map_err(|error| Failure::file("write", path, &error))?;
+    let text = part.to_text().map_err(|error| Failure::file("write", path, &error))?;
     part_facts(given.json, &output.write(&text)?, &part, false)
 }
 
@@ -158,9 +150,7 @@ fn merge(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
     let read = |path: &PathBuf| Ok((path.clone(), read_part(path)?));
     let parts = paths.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
     let Some(StudyPart { head, .. }) = parts.first().map(|(_, part)| part) else {
-        return Err(Failure::Message(
-            "no part given; name the files of all parts".to_owned(),
-        ));
+        return Err(Failure::Message("no part given; name the files of all parts".to_owned()));
     };
     let settings = evaluate::seeded(head.pooling, head.seed);
     let progress = Progress::of("evaluating");
@@ -229,12 +219,11 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
     }
     let stop = run::stop_on_interrupt()?;
     let progress = Progress::of("learning");
-    let outcomes = on_all_cores(&items, &stop, &progress, &|item| match learn_item(
-        given, item, &import, &settings,
-    ) {
-        Ok((surface, kept)) => Outcome::Learned(Box::new(surface), kept),
-        Err(failure) => Outcome::Failed(failure.to_string()),
-    });
+    let outcomes =
+        on_all_cores(&items, &stop, &progress, &|item| match learn_item(given, item, &import, &settings) {
+            Ok((surface, kept)) => Outcome::Learned(Box::new(surface), kept),
+            Err(failure) => Outcome::Failed(failure.to_string()),
+        });
     drop(progress);
     let stopped = stop.load(Ordering::Relaxed) && outcomes.len() < items.len();
     let counted = report(given, &items, outcomes)?;
@@ -304,16 +293,8 @@ fn learn_item(
     }
     let output = Output::claim(&path, given.force)?;
     let load = |path: &PathBuf| Ok(recording::load_with(path, import)?.recording);
-    let recordings = item
-        .recordings
-        .iter()
-        .map(load)
-        .collect::<Result<Vec<_>, Failure>>()?;
-    let named: Vec<_> = item
-        .recordings
-        .iter()
-        .map(|path| (path.as_path(), None))
-        .collect();
+    let recordings = item.recordings.iter().map(load).collect::<Result<Vec<_>, Failure>>()?;
+    let named: Vec<_> = item.recordings.iter().map(|path| (path.as_path(), None)).collect();
     learn::refuse_twins(&named, &recordings)?;
     let (mut surface, report) = library::learn(&item.name, &recordings, settings, &|_| ())
         .map_err(|error| Failure::Message(by_file(&error.to_string(), &error, &named, &recordings)))?;
@@ -361,10 +342,7 @@ fn report(
         });
         return print_json(&facts).map(|()| counts);
     }
-    let narrow = surfaces
-        .iter()
-        .filter(|(_, surface)| surface.provenance.highest_hz().is_some())
-        .count();
+    let narrow = surfaces.iter().filter(|(_, surface)| surface.provenance.highest_hz().is_some()).count();
     if narrow > 0 {
         eprint(&format!(
             "warning: {narrow} of {} surfaces do not hold all frequencies that a hand feels; `haptograph surface show` says which\n",
@@ -373,17 +351,12 @@ fn report(
     }
     if !surfaces.is_empty() {
         let header = ["surface", "recordings", "origin", "models", "mu", "taps", "N/mm"];
-        let rows: Vec<_> = surfaces
-            .iter()
-            .map(|(item, surface)| row(item, surface))
-            .collect();
+        let rows: Vec<_> = surfaces.iter().map(|(item, surface)| row(item, surface)).collect();
         print(&table(&header, &rows))?;
     }
     if !failed.is_empty() {
         // The whole error first, with its place in the file.
-        failed
-            .iter()
-            .for_each(|(_, why)| eprint(&format!("{}\n", why.trim_end())));
+        failed.iter().for_each(|(_, why)| eprint(&format!("{}\n", why.trim_end())));
         let row = |(item, why): &(&Item, String)| {
             let line = why.lines().next().unwrap_or_default();
             vec![item.name.clone(), line.trim_start_matches("error: ").to_owned()]
@@ -392,9 +365,7 @@ fn report(
         eprint(&format!("\n{}", table(&["not learned", "why"], &rows)));
     }
     let (learned, folder) = (counts.0 - kept, given.output.display());
-    eprint(&format!(
-        "learned {learned} surfaces, kept {kept} existing ones: {folder}\n"
-    ));
+    eprint(&format!("learned {learned} surfaces, kept {kept} existing ones: {folder}\n"));
     Ok(counts)
 }
 
@@ -439,27 +410,19 @@ fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
         let note = file.strip_suffix(".ron");
         let file = note.unwrap_or(&file);
         let parts = ["Accel_", "Position_", "Force_"];
-        let file = parts
-            .iter()
-            .find_map(|part| file.strip_prefix(part))
-            .unwrap_or(file);
+        let file = parts.iter().find_map(|part| file.strip_prefix(part)).unwrap_or(file);
         let take = file.rsplit_once('.').map_or(file, |(take, _)| take).to_owned();
         takes.entry(take).or_default().push(path);
     }
     let mut items: BTreeMap<String, Item> = BTreeMap::new();
     for (take, files) in takes {
         let of = |extension: &str| {
-            let is = |path: &&PathBuf| {
-                path.extension()
-                    .is_some_and(|own| own.eq_ignore_ascii_case(extension))
-            };
+            let is =
+                |path: &&PathBuf| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension));
             files.iter().find(is)
         };
         let is_note = |path: &&PathBuf| path.extension() == Some(OsStr::new("ron"));
-        let Some(recording) = of("wav")
-            .or_else(|| files.iter().find(|path| !is_note(path)))
-            .cloned()
-        else {
+        let Some(recording) = of("wav").or_else(|| files.iter().find(|path| !is_note(path))).cloned() else {
             continue;
         };
         let name = match (by, RecordingName::parse(&format!("{take}."))) {
@@ -473,11 +436,8 @@ fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
                 continue;
             }
         };
-        let item = items.entry(name.clone()).or_insert_with(|| Item {
-            name,
-            recordings: vec![],
-            files: vec![],
-        });
+        let item =
+            items.entry(name.clone()).or_insert_with(|| Item { name, recordings: vec![], files: vec![] });
         item.recordings.push(recording);
         item.files.extend(files);
     }
@@ -504,10 +464,7 @@ fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
 /// A hash over the names and contents of files, the settings and the version.
 fn hash<'a>(files: impl Iterator<Item = &'a PathBuf>, settings: &dyn Debug) -> Result<String, Failure> {
     let mut hash = Sha256::new();
-    hash.update(format!(
-        "haptograph {}\n{settings:?}\n",
-        env!("CARGO_PKG_VERSION")
-    ));
+    hash.update(format!("haptograph {}\n{settings:?}\n", env!("CARGO_PKG_VERSION")));
     for path in files {
         let bytes = read_file(path)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy();

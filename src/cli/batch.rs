@@ -87,13 +87,9 @@ enum Command {
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     match &arguments.command {
         Some(Command::Merge { parts, output, json }) => return merge(parts, output, *json),
-        Some(Command::Wav {
-            plan,
-            jobs,
-            output,
-            force,
-            json,
-        }) => return wav(plan, jobs, (output, *force), *json),
+        Some(Command::Wav { plan, jobs, output, force, json }) => {
+            return wav(plan, jobs, (output, *force), *json);
+        }
         None => {}
     }
     let plan = arguments.plan.as_deref().unwrap_or(Path::new(""));
@@ -132,20 +128,12 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
     drop(progress);
     let done = done.map_err(|error| Failure::Message(error.to_string()))?;
     for (path, why) in &done.replaced {
-        eprint(&format!(
-            "note: chunk {} was broken and is rendered again: {why}\n",
-            path.display()
-        ));
+        eprint(&format!("note: chunk {} was broken and is rendered again: {why}\n", path.display()));
     }
     if arguments.json {
         print_json(&facts(&done, folder))?;
     }
-    let Rendered {
-        chunks,
-        rendered,
-        kept,
-        ..
-    } = done;
+    let Rendered { chunks, rendered, kept, .. } = done;
     if done.was_stopped {
         let missing = chunks - rendered - kept;
         eprint(&format!(
@@ -164,10 +152,7 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
         true => "the data set is complete",
         false => "the other parts are missing",
     };
-    print(&format!(
-        "rendered {rendered} of {chunks} chunks{there}; {whole}: {}\n",
-        folder.display()
-    ))
+    print(&format!("rendered {rendered} of {chunks} chunks{there}; {whole}: {}\n", folder.display()))
 }
 
 fn facts(done: &Rendered, folder: &Path) -> serde_json::Value {
@@ -191,10 +176,7 @@ fn merge(parts: &[PathBuf], output: &Path, json: bool) -> Result<(), Failure> {
         return print_json(&json!({ "chunks": merged.chunks, "jobs": merged.jobs, "folder": output }));
     }
     let (parts, chunks, jobs) = (parts.len(), merged.chunks, merged.jobs);
-    print(&format!(
-        "merged {chunks} chunks, {jobs} jobs, of {parts} parts: {}\n",
-        output.display()
-    ))
+    print(&format!("merged {chunks} chunks, {jobs} jobs, of {parts} parts: {}\n", output.display()))
 }
 
 fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -> Result<(), Failure> {
@@ -222,11 +204,7 @@ fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -
     if json {
         return print_json(&json!({ "written": written }));
     }
-    print(&format!(
-        "wrote {} WAV files: {}\n",
-        written.len(),
-        folder.display()
-    ))
+    print(&format!("wrote {} WAV files: {}\n", written.len(), folder.display()))
 }
 
 /// Writes the vibration of a job and its note; returns the path of the WAV file.
@@ -255,10 +233,7 @@ fn write_wav(batch: &Batch, number: u64, folder: &Path, force: Force) -> Result<
         .tempdir_in(folder)
         .map_err(|error| unwritten(&error))?;
     let mut writer = open_to_fit(&waiting.path().join(&name), &stream).map_err(|error| unwritten(&error))?;
-    writer
-        .write(0, &vibration)
-        .and_then(|()| writer.finish())
-        .map_err(|error| unwritten(&error))?;
+    writer.write(0, &vibration).and_then(|()| writer.finish()).map_err(|error| unwritten(&error))?;
     // The note is written first, so that no WAV file exists without its full scale.
     for name in names.iter().rev() {
         output::place(&waiting.path().join(name), &folder.join(name), force)?;
@@ -268,9 +243,7 @@ fn write_wav(batch: &Batch, number: u64, folder: &Path, force: Force) -> Result<
 
 /// A plan error, shown at its place in the file.
 fn shown(error: &PlanError) -> Failure {
-    let Some((place, bytes)) = error
-        .place
-        .and_then(|place| Some((place, read_file(&error.path).ok()?)))
+    let Some((place, bytes)) = error.place.and_then(|place| Some((place, read_file(&error.path).ok()?)))
     else {
         return Failure::Message(error.to_string());
     };

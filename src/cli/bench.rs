@@ -64,11 +64,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     if let Some(svg) = &svg {
         svg.write(&report.to_svg(&arguments.graph.name()))?;
     }
-    print(&if arguments.json {
-        report.to_json()?
-    } else {
-        report.to_text()
-    })
+    print(&if arguments.json { report.to_json()? } else { report.to_text() })
 }
 
 /// Alternates three kinds of runs: plain, with every step timed, and, with several drivers, timed driver by
@@ -98,15 +94,11 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Timings 
         }
         // The order of the kinds alternates too.
         if number % 2 == 0 {
-            turns
-                .measured_s
-                .push(a_round_of(rounds, || profile.run_quantum()));
+            turns.measured_s.push(a_round_of(rounds, || profile.run_quantum()));
         }
         turns.plain_s.push(a_round_of(rounds, &mut plain_round));
         if number % 2 == 1 {
-            turns
-                .measured_s
-                .push(a_round_of(rounds, || profile.run_quantum()));
+            turns.measured_s.push(a_round_of(rounds, || profile.run_quantum()));
         }
         if plans.len() > 1 {
             let mut took_ns = vec![0.0; plans.len()];

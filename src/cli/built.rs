@@ -9,9 +9,7 @@ use crate::live::{BACKENDS, BackendEntry, midi};
 fn missing(graph: &Graph) -> Vec<(BackendEntry, Vec<&str>)> {
     let lacking = BACKENDS.iter().copied().filter(|backend| !backend.is_built);
     let with_needs = lacking.map(|backend| (backend, backend.endpoints(graph).collect()));
-    with_needs
-        .filter(|(_, endpoints): &(_, Vec<&str>)| !endpoints.is_empty())
-        .collect()
+    with_needs.filter(|(_, endpoints): &(_, Vec<&str>)| !endpoints.is_empty()).collect()
 }
 
 /// Refuses a live run of a graph whose devices this build does not support, and names all missing features.
@@ -42,10 +40,7 @@ pub fn how_to_build(features: &[&str]) -> String {
         }
         false => "",
     };
-    format!(
-        "build with `cargo build --release --features {}`{headers}",
-        features.join(",")
-    )
+    format!("build with `cargo build --release --features {}`{headers}", features.join(","))
 }
 
 /// The error that the sound of a run cannot be played, with the effect on the run and the page that plays the sound.

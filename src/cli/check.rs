@@ -39,11 +39,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     }
     let colour = is_coloured(&std::io::stdout());
     let (nodes, wires) = (graph.nodes().len(), graph.nodes().connections().count());
-    let clocks: Vec<String> = graph
-        .clocks()
-        .iter()
-        .map(|clock| format!("{} {}", clock.name, clock.rate))
-        .collect();
+    let clocks: Vec<String> =
+        graph.clocks().iter().map(|clock| format!("{} {}", clock.name, clock.rate)).collect();
     let file = arguments.graph.graph.display();
     print(&format!(
         "{}{file} is sound: {nodes} nodes, {wires} wires, clocks {}\n",

@@ -82,10 +82,7 @@ struct Envelope {
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let (column, import) = import(arguments)?;
-    let (a, b) = (
-        Signal::read(&arguments.a, column, &import)?,
-        Signal::read(&arguments.b, column, &import)?,
-    );
+    let (a, b) = (Signal::read(&arguments.a, column, &import)?, Signal::read(&arguments.b, column, &import)?);
     signal::warn_of_units([&a, &b]);
     let rate_hz = signal::common_rate_hz([&a, &b], arguments.rate_hz)?;
     let simulated = match (a.simulated, b.simulated) {
@@ -105,10 +102,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let mut shown = describe(&found);
     shown.push((
         "windows",
-        format!(
-            "{} of {} samples at {rate_hz} Hz",
-            found.windows.windows, windows.samples
-        ),
+        format!("{} of {} samples at {rate_hz} Hz", found.windows.windows, windows.samples),
     ));
     shown.extend(simulated.map(|which| ("simulated", which)));
     print(&facts(&shown))
@@ -135,11 +129,7 @@ fn import(arguments: &Arguments) -> Result<(Option<&str>, ImportSettings), Failu
 fn windows(arguments: &Arguments, rate_hz: f64) -> WindowSettings {
     let usual = WindowSettings::comparison_at(rate_hz);
     let samples = arguments.window.unwrap_or(usual.samples);
-    WindowSettings {
-        samples,
-        overlap: arguments.overlap.unwrap_or(samples / 2),
-        ..usual
-    }
+    WindowSettings { samples, overlap: arguments.overlap.unwrap_or(samples / 2), ..usual }
 }
 
 fn found(
@@ -161,9 +151,7 @@ fn found(
         bands: BandErrors::new(&bands.of_signal([a], rate_hz), &bands.of_signal([b], rate_hz)),
         kurtosis: [a, b].map(excess_kurtosis),
         envelope: None,
-        sd: arguments
-            .deviations
-            .map(|by| compared.nse / by.nse + compared.pe / by.pe),
+        sd: arguments.deviations.map(|by| compared.nse / by.nse + compared.pe / by.pe),
     })
 }
 
@@ -201,14 +189,8 @@ fn describe(found: &Found) -> Vec<(&'static str, String)> {
         ("mean absolute error of bands", db(any(bands.absolute_db))),
         ("error from 20 to 40 Hz", db(bands.low_db)),
         ("error of the total power", db(any(bands.total_db))),
-        (
-            "energy in the wrong of nine bands",
-            format!("{:.1} %", 100.0 * bands.misplaced),
-        ),
-        (
-            "excess kurtosis",
-            format!("{:.2} and {:.2}", found.kurtosis[0], found.kurtosis[1]),
-        ),
+        ("energy in the wrong of nine bands", format!("{:.1} %", 100.0 * bands.misplaced)),
+        ("excess kurtosis", format!("{:.2} and {:.2}", found.kurtosis[0], found.kurtosis[1])),
         (
             "levels over 50 ms",
             found.envelope.as_ref().map_or_else(
@@ -221,16 +203,11 @@ fn describe(found: &Found) -> Vec<(&'static str, String)> {
                 },
             ),
         ),
-        (
-            "normalized spectral error (NSE)",
-            significant(found.windows.nse, 4),
-        ),
+        ("normalized spectral error (NSE)", significant(found.windows.nse, 4)),
         ("power error (PE)", significant(found.windows.pe, 4)),
         (
             "spectral difference (SD)",
-            found
-                .sd
-                .map_or_else(|| format!("none: {NO_SD}"), |sd| significant(sd, 4)),
+            found.sd.map_or_else(|| format!("none: {NO_SD}"), |sd| significant(sd, 4)),
         ),
     ]
 }

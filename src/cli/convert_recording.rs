@@ -58,7 +58,5 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     if arguments.json {
         return print_json(&json!({ "written": written }));
     }
-    written
-        .iter()
-        .try_for_each(|path| print(&format!("wrote {}\n", path.display())))
+    written.iter().try_for_each(|path| print(&format!("wrote {}\n", path.display())))
 }

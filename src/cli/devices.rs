@@ -41,19 +41,13 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     }
     let cards = found.iter().map(|card| shown(card, arguments.formats)).collect();
     let sections = [
-        (
-            soundcard::BACKEND,
-            "`Soundcard`, `SoundcardAccelerometer` and others",
-            cards,
-        ),
+        (soundcard::BACKEND, "`Soundcard`, `SoundcardAccelerometer` and others", cards),
         (evdev::BACKEND, "`EvdevDevice`", pointers),
         (serial::BACKEND, "`SerialInput`", serial_ports),
         (midi::BACKEND, "`MidiInput`", ports),
     ];
-    let text: String = sections
-        .iter()
-        .map(|(backend, kinds, names)| section(*backend, kinds, names))
-        .collect();
+    let text: String =
+        sections.iter().map(|(backend, kinds, names)| section(*backend, kinds, names)).collect();
     print(&text)
 }
 
@@ -96,10 +90,7 @@ fn shown(card: &Listed, formats: bool) -> String {
         let _ = write!(text, "  ({about})");
     }
     let ways = [("plays", &card.plays), ("listens", &card.listens)];
-    let able = || {
-        ways.iter()
-            .filter_map(|(does, ability)| Some((does, ability.as_ref()?)))
-    };
+    let able = || ways.iter().filter_map(|(does, ability)| Some((does, ability.as_ref()?)));
     let does = able().map(|(does, ability)| match ability.default {
         true => format!("{does} by default"),
         false => (*does).to_owned(),

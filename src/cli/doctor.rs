@@ -31,11 +31,7 @@ struct Finding {
 
 impl Finding {
     fn new(what: &'static str, found: impl Into<String>, is_well: bool, advice: &'static str) -> Self {
-        Self {
-            what,
-            found: found.into(),
-            advice: (!is_well).then_some(advice),
-        }
+        Self { what, found: found.into(), advice: (!is_well).then_some(advice) }
     }
 }
 
@@ -45,10 +41,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         findings.extend(limits(&read(Path::new("/proc/self/limits"))));
         findings.push(kernel(&read(Path::new("/proc/version"))));
         findings.push(governors(Path::new("/sys/devices/system/cpu")));
-        findings.push(group(
-            &read(Path::new("/etc/group")),
-            &read(Path::new("/proc/self/status")),
-        ));
+        findings.push(group(&read(Path::new("/etc/group")), &read(Path::new("/proc/self/status"))));
         findings.push(cards(&read(Path::new("/proc/asound/cards"))));
         findings.push(servers());
         findings.push(headers());
@@ -142,11 +135,7 @@ fn governors(cpus: &Path) -> Finding {
         .into_iter()
         .flatten()
         .flatten()
-        .map(|cpu| {
-            read(&cpu.path().join("cpufreq/scaling_governor"))
-                .trim()
-                .to_owned()
-        })
+        .map(|cpu| read(&cpu.path().join("cpufreq/scaling_governor")).trim().to_owned())
         .filter(|governor| !governor.is_empty())
         .collect();
     found.sort();
@@ -167,12 +156,7 @@ fn governors(cpus: &Path) -> Finding {
 fn group(groups: &str, status: &str) -> Finding {
     let audio = groups.lines().find(|line| line.starts_with("audio:"));
     let id = audio.and_then(|line| line.split(':').nth(2));
-    let own = |name: &str| {
-        status
-            .lines()
-            .find_map(|line| line.strip_prefix(name))
-            .unwrap_or_default()
-    };
+    let own = |name: &str| status.lines().find_map(|line| line.strip_prefix(name)).unwrap_or_default();
     let is_root = own("Uid:").split_whitespace().next() == Some("0");
     let is_in = id.is_some_and(|id| own("Groups:").split_whitespace().any(|own| own == id));
     Finding::new(
@@ -189,11 +173,8 @@ fn group(groups: &str, status: &str) -> Finding {
 
 fn cards(text: &str) -> Finding {
     // Two lines per card; the first is ` 0 [PCH            ]: HDA-Intel - HDA Intel PCH`.
-    let names: Vec<&str> = text
-        .lines()
-        .filter_map(|line| line.split_once("]: "))
-        .map(|(_, name)| name)
-        .collect();
+    let names: Vec<&str> =
+        text.lines().filter_map(|line| line.split_once("]: ")).map(|(_, name)| name).collect();
     let shown = match names.as_slice() {
         [] => "none".to_owned(),
         names => names.join("; "),
@@ -207,9 +188,7 @@ fn cards(text: &str) -> Finding {
 }
 
 fn servers() -> Finding {
-    let run = std::env::var_os("XDG_RUNTIME_DIR")
-        .map(PathBuf::from)
-        .unwrap_or_default();
+    let run = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).unwrap_or_default();
     let jack = std::env::var_os("PATH")
         .is_some_and(|path| std::env::split_paths(&path).any(|folder| folder.join("jackd").exists()));
     let found: Vec<&str> = [
@@ -228,10 +207,7 @@ fn servers() -> Finding {
 }
 
 fn headers() -> Finding {
-    let places = [
-        "/usr/include/alsa/asoundlib.h",
-        "/usr/local/include/alsa/asoundlib.h",
-    ];
+    let places = ["/usr/include/alsa/asoundlib.h", "/usr/local/include/alsa/asoundlib.h"];
     let there = places.iter().any(|place| Path::new(place).exists());
     Finding::new(
         "ALSA's headers",
@@ -245,11 +221,7 @@ fn feature() -> Finding {
     let built = !matches!(list(), Err(SoundcardError::NotBuilt));
     Finding::new(
         "this program",
-        if built {
-            "built with soundcards"
-        } else {
-            "built without soundcards"
-        },
+        if built { "built with soundcards" } else { "built without soundcards" },
         built,
         "`cargo build --release --features soundcard`, with ALSA's headers installed",
     )
@@ -312,10 +284,7 @@ mod tests {
         let text = " 0 [PCH            ]: HDA-Intel - HDA Intel PCH\n                      HDA Intel PCH at 0x1 irq 1\n";
         assert_eq!(cards(text).found, "HDA-Intel - HDA Intel PCH");
         assert!(cards("--- no soundcards ---\n").advice.is_some());
-        assert_eq!(
-            kernel("Linux version 6.1 SMP PREEMPT_RT Debian").found,
-            "PREEMPT_RT"
-        );
+        assert_eq!(kernel("Linux version 6.1 SMP PREEMPT_RT Debian").found, "PREEMPT_RT");
         assert!(kernel("Linux version 6.1 SMP").advice.is_some());
     }
 }

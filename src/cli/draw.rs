@@ -59,9 +59,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let graph = arguments.graph.load_and_warn(registry, None)?;
     let is_text = arguments.output.as_ref().is_some_and(|output| !output.is_svg);
     if let (false, Some(why)) = (is_text, drawing::too_large(&graph)) {
-        return Err(Failure::Message(format!(
-            "{why}: write a .dot file, which Graphviz's `sfdp` can draw"
-        )));
+        return Err(Failure::Message(format!("{why}: write a .dot file, which Graphviz's `sfdp` can draw")));
     }
     let Some(DrawingFile { path, draw, .. }) = &arguments.output else {
         let picture = drawing::standalone_svg(&graph, &arguments.graph.name());

@@ -72,9 +72,7 @@ enum PoolingArgument {
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let page = arguments.report.as_deref();
-    let page = page
-        .map(|folder| Output::claim_page(folder, arguments.force))
-        .transpose()?;
+    let page = page.map(|folder| Output::claim_page(folder, arguments.force)).transpose()?;
     let import = arguments.settings.import(&arguments.import)?;
     if arguments.holdout {
         return run_holdout(arguments, page.as_ref(), &import);
@@ -143,10 +141,7 @@ pub(super) fn print_simulated(simulated: usize, of: usize) -> Result<(), Failure
 }
 
 fn title(dir: &Path) -> String {
-    dir.file_name().map_or_else(
-        || "Evaluation".to_owned(),
-        |name| name.to_string_lossy().into_owned(),
-    )
+    dir.file_name().map_or_else(|| "Evaluation".to_owned(), |name| name.to_string_lossy().into_owned())
 }
 
 fn is_simulated(take: &impl TakeSource) -> bool {
@@ -191,11 +186,7 @@ fn write_report(
         learned.push(one);
         progress.at((number + 1) as f64 / found.materials.len() as f64);
     }
-    page.write(&crate::report::evaluation::page(
-        &title(arguments.dir()),
-        found,
-        &learned,
-    ))
+    page.write(&crate::report::evaluation::page(&title(arguments.dir()), found, &learned))
 }
 
 pub(super) fn study_settings(arguments: &Arguments) -> StudySettings {
@@ -233,16 +224,10 @@ pub(super) fn describe(found: &Evaluation) -> String {
             Pooling::Pair => "the compared pair",
             Pooling::All => "all compared pairs",
         };
-        text += &format!(
-            "Deviations over the windows of {over}:\n\n{}\n",
-            materials_table(table)
-        );
+        text += &format!("Deviations over the windows of {over}:\n\n{}\n", materials_table(table));
         let yes = if table.diagonal_is_least() { "yes" } else { "no" };
         text += &facts(&[
-            (
-                "baseline (mean + 2 sd of the diagonal)",
-                significant(table.baseline(), 3),
-            ),
+            ("baseline (mean + 2 sd of the diagonal)", significant(table.baseline(), 3)),
             ("each texture nearest to its own material", yes.to_owned()),
             ("smallest margin", margin(table)),
         ]);
@@ -265,10 +250,8 @@ pub(super) fn describe(found: &Evaluation) -> String {
             ("purity of hierarchical groups", significant(map.tree_purity, 3)),
             (
                 "angle of roughness and fineness",
-                map.angle_deg.map_or_else(
-                    || "none".to_owned(),
-                    |angle| format!("{} degrees", significant(angle, 3)),
-                ),
+                map.angle_deg
+                    .map_or_else(|| "none".to_owned(), |angle| format!("{} degrees", significant(angle, 3))),
             ),
         ]);
     }
@@ -287,8 +270,7 @@ fn losses(losses: &[ConditionLoss]) -> String {
             one.condition.symbol().to_owned(),
             significant(one.loss.power, 3),
             significant(one.loss.centroid_hz, 3),
-            one.difference
-                .map_or_else(|| "–".to_owned(), |difference| format!("{difference:.2}")),
+            one.difference.map_or_else(|| "–".to_owned(), |difference| format!("{difference:.2}")),
         ]
     };
     if losses.is_empty() {
@@ -326,10 +308,7 @@ fn margin(table: &DifferenceTable) -> String {
     table.smallest_margin().map_or_else(
         || "none".to_owned(),
         |(margin, row, column)| {
-            format!(
-                "{margin:.2} (virtual {} on {})",
-                table.rows[row], table.columns[column]
-            )
+            format!("{margin:.2} (virtual {} on {})", table.rows[row], table.columns[column])
         },
     )
 }
@@ -347,25 +326,21 @@ fn materials_table(differences: &DifferenceTable) -> String {
         .iter()
         .enumerate()
         .map(|(row, name)| {
-            let cells = differences.differences[row]
-                .iter()
-                .enumerate()
-                .map(|(column, cell)| {
-                    let least = differences.is_least_of_row(row, column)
-                        && differences.is_least_of_column(row, column);
-                    let star = if least { "*" } else { "" };
-                    match cell {
-                        Some(value) if row == column => format!("{star}[{value:.2}]"),
-                        Some(value) => format!("{star}{value:.2} "),
-                        None => "–".to_owned(),
-                    }
-                });
+            let cells = differences.differences[row].iter().enumerate().map(|(column, cell)| {
+                let least =
+                    differences.is_least_of_row(row, column) && differences.is_least_of_column(row, column);
+                let star = if least { "*" } else { "" };
+                match cell {
+                    Some(value) if row == column => format!("{star}[{value:.2}]"),
+                    Some(value) => format!("{star}{value:.2} "),
+                    None => "–".to_owned(),
+                }
+            });
             std::iter::once(format!("virtual {name}")).chain(cells).collect()
         })
         .collect();
-    let header: Vec<&str> = std::iter::once("")
-        .chain(differences.columns.iter().map(String::as_str))
-        .collect();
+    let header: Vec<&str> =
+        std::iter::once("").chain(differences.columns.iter().map(String::as_str)).collect();
     table(&header, &rows)
 }
 
@@ -377,9 +352,8 @@ fn people_table(differences: &DifferenceTable) -> String {
         .zip(&differences.differences)
         .zip(&statistics)
         .map(|((name, cells), (mean, deviation))| {
-            let cells = cells
-                .iter()
-                .map(|cell| cell.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}")));
+            let cells =
+                cells.iter().map(|cell| cell.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}")));
             let row = std::iter::once(name.clone()).chain(cells);
             let deviation = deviation.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
             row.chain([format!("{mean:.2}"), deviation]).collect()

@@ -88,10 +88,7 @@ impl Failure {
     fn to_json(&self) -> Option<serde_json::Value> {
         match self {
             Self::Graph(diagnostics) => {
-                let first = diagnostics
-                    .list
-                    .first()
-                    .map_or("", |finding| finding.message.as_str());
+                let first = diagnostics.list.first().map_or("", |finding| finding.message.as_str());
                 Some(serde_json::json!({ "error": first, "findings": findings_json(diagnostics) }))
             }
             Self::Message(text) | Self::Rendered(text) => {
@@ -113,12 +110,10 @@ pub fn print(text: &str) -> Result<(), Failure> {
     // Keeps the order of messages if both streams go to one place.
     stderr::flush();
     let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes())
-        .and_then(|()| out.flush())
-        .map_err(|error| match error.kind() {
-            std::io::ErrorKind::BrokenPipe => Failure::BrokenPipe,
-            _ => Failure::Message(format!("cannot write to standard output: {error}")),
-        })
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| match error.kind() {
+        std::io::ErrorKind::BrokenPipe => Failure::BrokenPipe,
+        _ => Failure::Message(format!("cannot write to standard output: {error}")),
+    })
 }
 
 /// Prints a value to standard output as one line of JSON.

@@ -66,14 +66,12 @@ impl Arguments {
     fn known(&self) -> Known {
         let kilograms = |grams: f64| grams * 1e-3;
         match (self.magnet_g, self.body_g, self.force_n_per_a) {
-            (Some(magnet_g), Some(body_g), _) => Known::Masses {
-                magnet_kg: kilograms(magnet_g),
-                body_kg: kilograms(body_g),
-            },
-            (Some(magnet_g), None, Some(force_n_per_a)) => Known::MagnetAndForce {
-                magnet_kg: kilograms(magnet_g),
-                force_n_per_a,
-            },
+            (Some(magnet_g), Some(body_g), _) => {
+                Known::Masses { magnet_kg: kilograms(magnet_g), body_kg: kilograms(body_g) }
+            }
+            (Some(magnet_g), None, Some(force_n_per_a)) => {
+                Known::MagnetAndForce { magnet_kg: kilograms(magnet_g), force_n_per_a }
+            }
             _ => Known::Nothing,
         }
     }
@@ -81,17 +79,12 @@ impl Arguments {
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let page = arguments.report.as_deref();
-    let page = page
-        .map(|folder| Output::claim_page(folder, arguments.force))
-        .transpose()?;
+    let page = page.map(|folder| Output::claim_page(folder, arguments.force)).transpose()?;
     let import = arguments.import.settings().map_err(Failure::Message)?;
     let (file, findings) =
         load_sweep(&arguments.recording, &import).map_err(|error| recording::failure(&error))?;
     for finding in &findings {
-        eprint(&format!(
-            "warning: {}\n",
-            recording::said(&arguments.recording, finding)
-        ));
+        eprint(&format!("warning: {}\n", recording::said(&arguments.recording, finding)));
     }
     let sweep = Sweep {
         current_a: &file.current_a,
@@ -147,11 +140,8 @@ fn as_text(found: &Identified, simulated: bool) -> String {
 }
 
 fn as_json(found: &Identified, simulated: bool) -> String {
-    let modes: Vec<Value> = found
-        .modes
-        .iter()
-        .map(|mode| json!({ "frequency_hz": mode.frequency_hz, "q": mode.q }))
-        .collect();
+    let modes: Vec<Value> =
+        found.modes.iter().map(|mode| json!({ "frequency_hz": mode.frequency_hz, "q": mode.q })).collect();
     let parameters = found.parameters.map(TwoMassSettings::from).map(|p| {
         json!({
             "force_n_per_a": p.force_n_per_a,

@@ -60,9 +60,7 @@ impl Touch {
     pub fn added_to(&self, mut settings: ImportSettings) -> ImportSettings {
         let stated = [&self.tip_diameter, &self.grip, &self.touched_with];
         for (name, value) in TOUCH.into_iter().zip(stated) {
-            settings
-                .touch
-                .extend(value.clone().map(|value| (name.to_owned(), value)));
+            settings.touch.extend(value.clone().map(|value| (name.to_owned(), value)));
         }
         settings
     }
@@ -76,9 +74,7 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 }
 
 fn pair(text: &str) -> Result<(String, String), String> {
-    let parts = text
-        .split_once('=')
-        .map(|(name, value)| (name.trim(), value.trim()));
+    let parts = text.split_once('=').map(|(name, value)| (name.trim(), value.trim()));
     match parts {
         Some((name, value)) if !name.is_empty() && !value.is_empty() => {
             Ok((name.to_lowercase(), value.to_owned()))
@@ -106,12 +102,8 @@ impl Tables {
         let settings = self.units.iter().try_fold(settings, |s, (name, unit)| {
             s.with_unit(name, unit).map_err(|why| with_nearest(why, name))
         })?;
-        let settings = columns
-            .iter()
-            .try_fold(settings, |s, (name, column)| with_column(s, name, column))?;
-        self.constants
-            .iter()
-            .try_fold(settings, |s, (name, value)| s.with_constant(name, value))
+        let settings = columns.iter().try_fold(settings, |s, (name, column)| with_column(s, name, column))?;
+        self.constants.iter().try_fold(settings, |s, (name, value)| s.with_constant(name, value))
     }
 }
 

@@ -24,9 +24,7 @@ pub fn listen() {
         // Blocked in this thread and those that it starts: a write beyond the limit fails.
         let _ = SigSet::from(Signal::SIGXFSZ).thread_block();
         if let Err(error) = guard::install() {
-            eprint(&format!(
-                "note: no device is sent zeros if this program is killed ({error})\n"
-            ));
+            eprint(&format!("note: no device is sent zeros if this program is killed ({error})\n"));
         }
     }
     let _ = ctrlc::try_set_handler(interrupted);

@@ -43,10 +43,7 @@ impl Editor {
 
     /// The text to display.
     pub fn prompt(&self) -> Prompt {
-        Prompt {
-            text: self.line.iter().collect(),
-            cursor: self.cursor,
-        }
+        Prompt { text: self.line.iter().collect(), cursor: self.cursor }
     }
 
     /// Continues an escape sequence or a multi-byte character, both bounded in length.
@@ -132,14 +129,8 @@ impl Editor {
     /// Start of the word before the cursor.
     fn word(&self) -> usize {
         let before = &self.line[..self.cursor];
-        let end = before
-            .iter()
-            .rposition(|letter| *letter != ' ')
-            .map_or(0, |last| last + 1);
-        before[..end]
-            .iter()
-            .rposition(|letter| *letter == ' ')
-            .map_or(0, |space| space + 1)
+        let end = before.iter().rposition(|letter| *letter != ' ').map_or(0, |last| last + 1);
+        before[..end].iter().rposition(|letter| *letter == ' ').map_or(0, |space| space + 1)
     }
 }
 
@@ -233,25 +224,13 @@ mod tests {
     #[test]
     fn lines_are_edited_and_recalled() {
         let mut editor = Editor::default();
-        assert_eq!(
-            typed(&mut editor, "set gain=0.5\rlisd\x7ft\r"),
-            ["set gain=0.5", "list"]
-        );
+        assert_eq!(typed(&mut editor, "set gain=0.5\rlisd\x7ft\r"), ["set gain=0.5", "list"]);
         let up = "\x1b[A";
         assert_eq!(typed(&mut editor, &format!("st{up}{up}")), [""; 0]);
-        assert_eq!(
-            editor.prompt(),
-            Prompt {
-                text: "set gain=0.5".to_owned(),
-                cursor: 12
-            }
-        );
+        assert_eq!(editor.prompt(), Prompt { text: "set gain=0.5".to_owned(), cursor: 12 });
         assert_eq!(typed(&mut editor, "\x1b[B\x1b[B"), [""; 0]);
         assert_eq!(editor.prompt().text, "st", "what was typed comes back");
-        assert_eq!(
-            typed(&mut editor, &format!("{up}{up}{up}{up}\x7f7\r")),
-            ["set gain=0.7"]
-        );
+        assert_eq!(typed(&mut editor, &format!("{up}{up}{up}{up}\x7f7\r")), ["set gain=0.7"]);
     }
 
     #[test]
@@ -261,21 +240,9 @@ mod tests {
         typed(&mut editor, "\x17");
         assert_eq!(editor.prompt().text, "stop ");
         typed(&mut editor, "\x1b[D\x1b[D\x1b[3~\x01x");
-        assert_eq!(
-            editor.prompt(),
-            Prompt {
-                text: "xsto ".to_owned(),
-                cursor: 1
-            }
-        );
+        assert_eq!(editor.prompt(), Prompt { text: "xsto ".to_owned(), cursor: 1 });
         typed(&mut editor, "\x05\x15é\x1bOHü");
-        assert_eq!(
-            editor.prompt(),
-            Prompt {
-                text: "üé".to_owned(),
-                cursor: 1
-            }
-        );
+        assert_eq!(editor.prompt(), Prompt { text: "üé".to_owned(), cursor: 1 });
     }
 
     #[test]

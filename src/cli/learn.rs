@@ -71,9 +71,7 @@ pub struct Arguments {
 
 impl Arguments {
     pub(super) fn import(&self) -> Result<ImportSettings, Failure> {
-        self.settings
-            .import(&self.import)
-            .map(|import| self.touch.added_to(import))
+        self.settings.import(&self.import).map(|import| self.touch.added_to(import))
     }
 
     /// True if a flag is given that applies to one surface only.
@@ -186,20 +184,14 @@ impl Settings {
     /// The import settings, with the low-pass of velocities from the positions of tables.
     pub fn import(&self, import: &Import) -> Result<ImportSettings, Failure> {
         let settings = import.settings().map_err(Failure::Message)?;
-        Ok(ImportSettings {
-            velocity_lowpass_hz: self.velocity_lowpass,
-            ..settings
-        })
+        Ok(ImportSettings { velocity_lowpass_hz: self.velocity_lowpass, ..settings })
     }
 
     pub fn texture(&self) -> TextureMethod {
         match self.method {
             Method::Law => {
                 let usual = LawSettings::default();
-                TextureMethod::Law(LawSettings {
-                    order: self.order.unwrap_or(usual.order),
-                    ..usual
-                })
+                TextureMethod::Law(LawSettings { order: self.order.unwrap_or(usual.order), ..usual })
             }
             Method::Thesis => TextureMethod::Thesis(self.thesis()),
         }
@@ -241,16 +233,11 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     }
     at_scale::refuse_of_files(&arguments.folder)?;
     let files = files(arguments);
-    refuse_overwrite(
-        files.iter().flat_map(|(path, _)| recording::parts(path)),
-        &arguments.output,
-    )?;
+    refuse_overwrite(files.iter().flat_map(|(path, _)| recording::parts(path)), &arguments.output)?;
     let import = arguments.import()?;
     let output = surface::claim(&arguments.output, arguments.force)?;
     let page = arguments.report.as_deref();
-    let page = page
-        .map(|folder| Output::claim_page(folder, arguments.force))
-        .transpose()?;
+    let page = page.map(|folder| Output::claim_page(folder, arguments.force)).transpose()?;
     let (mut recordings, mut warnings, mut is_implausible) = (vec![], vec![], false);
     for (path, gesture) in &files {
         let loaded = read(path, *gesture, &import)?;
@@ -269,9 +256,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     for (index, (path, _)) in files.iter().enumerate() {
         // Without the folder, so that the same recordings give the same surface wherever they lie.
         let file = path.file_name().unwrap_or_default().to_string_lossy();
-        learned.provenance = learned
-            .provenance
-            .with_setting(format!("recording {} file", index + 1), file);
+        learned.provenance = learned.provenance.with_setting(format!("recording {} file", index + 1), file);
     }
     let output = surface::save(&learned, &output)?;
     let missing = report.missing.iter();
@@ -335,13 +320,7 @@ fn files(arguments: &Arguments) -> Vec<(&Path, Option<Gesture>)> {
     fn of(paths: &[PathBuf], gesture: Option<Gesture>) -> impl Iterator<Item = (&Path, Option<Gesture>)> {
         paths.iter().map(move |path| (path.as_path(), gesture))
     }
-    let Arguments {
-        recordings,
-        circle,
-        tap,
-        press,
-        ..
-    } = arguments;
+    let Arguments { recordings, circle, tap, press, .. } = arguments;
     of(recordings, None)
         .chain(of(circle, Some(Gesture::Circle)))
         .chain(of(tap, Some(Gesture::Tap)))
@@ -375,10 +354,7 @@ pub(super) fn refuse_twins(
     recordings: &[AnyRecording],
 ) -> Result<(), Failure> {
     for (index, recording) in recordings.iter().enumerate() {
-        if let Some(first) = recordings[..index]
-            .iter()
-            .position(|earlier| earlier == recording)
-        {
+        if let Some(first) = recordings[..index].iter().position(|earlier| earlier == recording) {
             return Err(Failure::Message(format!(
                 "{} and {} are the same recording and would count twice; give it once",
                 files[first].0.display(),

@@ -26,11 +26,7 @@ use text::{Context, Positions, context, word_at};
 pub struct Arguments {}
 
 pub fn run(_: &Arguments, registry: &Registry) -> Result<(), Failure> {
-    let mut server = Server {
-        registry,
-        texts: HashMap::new(),
-        is_shut: false,
-    };
+    let mut server = Server { registry, texts: HashMap::new(), is_shut: false };
     let (mut input, mut output) = (std::io::stdin().lock(), std::io::stdout().lock());
     server
         .serve(&mut input, &mut output)
@@ -128,10 +124,7 @@ impl Server<'_> {
             },
         };
         let positions = Positions::of(text);
-        let shown = findings
-            .list
-            .iter()
-            .map(|finding| shown(finding, &findings, &path, &positions));
+        let shown = findings.list.iter().map(|finding| shown(finding, &findings, &path, &positions));
         vec![published(address, shown.collect())]
     }
 
@@ -160,9 +153,7 @@ impl Server<'_> {
         };
         let node = |output: &str| output.split('.').next().unwrap_or_default().to_owned();
         let nodes: Vec<String> = known.iter().map(|(output, _)| node(output)).collect();
-        let others = names(text)
-            .into_iter()
-            .filter(|name| !nodes.iter().any(|node| node == name));
+        let others = names(text).into_iter().filter(|name| !nodes.iter().any(|node| node == name));
         let outputs = known.iter().map(|(output, detail)| item(output, detail));
         outputs.chain(others.map(|name| item(name, ""))).collect()
     }
@@ -199,10 +190,7 @@ impl Server<'_> {
             return inputs.chain(entry.settings().iter().map(setting)).collect();
         }
         let device = self.registry.device(kind);
-        device.map_or_else(
-            || json!([]),
-            |entry| entry.settings().iter().map(setting).collect(),
-        )
+        device.map_or_else(|| json!([]), |entry| entry.settings().iter().map(setting).collect())
     }
 
     /// Explains the word at a position: a kind, or a field of the enclosing kind.
@@ -215,10 +203,7 @@ impl Server<'_> {
                 _ => None,
             })
         });
-        said.map_or(
-            Value::Null,
-            |markdown| json!({ "contents": { "kind": "markdown", "value": markdown } }),
-        )
+        said.map_or(Value::Null, |markdown| json!({ "contents": { "kind": "markdown", "value": markdown } }))
     }
 
     fn field(&self, kind: &str, name: &str) -> Option<String> {
@@ -233,11 +218,7 @@ impl Server<'_> {
             None => self.registry.device(kind)?.settings(),
         };
         let setting = settings.iter().find(|setting| setting.name == name)?;
-        Some(format!(
-            "`{name}` of {kind} ({}): {}",
-            detail(setting),
-            setting.doc
-        ))
+        Some(format!("`{name}` of {kind} ({}): {}", detail(setting), setting.doc))
     }
 
     /// The text of an open document, and the byte at a position in it.
@@ -250,9 +231,7 @@ impl Server<'_> {
 }
 
 fn detail(setting: &SettingSpec) -> String {
-    let range = setting
-        .range
-        .map_or_else(String::new, |(low, high)| format!(", {low} to {high}"));
+    let range = setting.range.map_or_else(String::new, |(low, high)| format!(", {low} to {high}"));
     let unit = setting.unit.as_ref();
     let unit = unit.map_or_else(String::new, |unit| format!(", in {}", unit.symbol));
     match &setting.default {
@@ -282,10 +261,7 @@ fn published(address: &str, findings: Vec<Value>) -> Value {
 /// A finding as the protocol's `Diagnostic`. A finding in an included file is placed at the start of this one
 /// and names that file.
 fn shown(finding: &Diagnostic, all: &Diagnostics, path: &Path, positions: &Positions) -> Value {
-    let place = finding
-        .primary
-        .as_ref()
-        .map(|label| (label.span, label.text.as_str()));
+    let place = finding.primary.as_ref().map(|label| (label.span, label.text.as_str()));
     let file = place.and_then(|(span, _)| Some(all.sources.get(span.source)?.path.as_path()));
     let (span, elsewhere) = match (place, file) {
         (Some((span, _)), Some(file)) if file == path => (span, String::new()),
@@ -347,9 +323,7 @@ fn path_of(address: &str) -> PathBuf {
     let mut bytes = Vec::with_capacity(written.len());
     let mut at = 0;
     while let Some(byte) = written.get(at) {
-        let digits = written
-            .get(at + 1..at + 3)
-            .and_then(|two| std::str::from_utf8(two).ok());
+        let digits = written.get(at + 1..at + 3).and_then(|two| std::str::from_utf8(two).ok());
         let escaped = digits.and_then(|two| u8::from_str_radix(two, 16).ok());
         match (byte, escaped) {
             (b'%', Some(escaped)) => {

@@ -56,9 +56,7 @@ fn find<'c>(all: &'c clap::Command, names: &[String]) -> Result<&'c clap::Comman
 }
 
 fn without_help(command: &clap::Command) -> impl Iterator<Item = &clap::Command> {
-    command
-        .get_subcommands()
-        .filter(|inner| inner.get_name() != "help")
+    command.get_subcommands().filter(|inner| inner.get_name() != "help")
 }
 
 /// A command and all nested commands.

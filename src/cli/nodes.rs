@@ -34,10 +34,7 @@ pub struct Arguments {
 const WIDTH: usize = 100;
 
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
-    let filter = Filter {
-        group: arguments.group.clone(),
-        words: arguments.find.clone(),
-    };
+    let filter = Filter { group: arguments.group.clone(), words: arguments.find.clone() };
     match &arguments.name {
         None if arguments.markdown => print(&reference::book(registry)),
         None if arguments.json => print_json(&kinds(registry, &|name, group, doc, settings| {
@@ -67,14 +64,11 @@ fn listed(registry: &Registry, filter: &Filter) -> Result<String, Failure> {
         );
         return Err(Failure::Message(format!("unknown group `{group}`; {help}")));
     }
-    let width = std::env::var("COLUMNS")
-        .ok()
-        .and_then(|columns| columns.parse().ok());
+    let width = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
     match reference::list(registry, filter, width.unwrap_or(WIDTH)) {
-        text if text.is_empty() => Err(Failure::Message(format!(
-            "no kind contains all of these words: {}",
-            filter.words.join(", ")
-        ))),
+        text if text.is_empty() => {
+            Err(Failure::Message(format!("no kind contains all of these words: {}", filter.words.join(", "))))
+        }
         text => Ok(text),
     }
 }
@@ -84,14 +78,8 @@ type Takes<'a> = &'a dyn Fn(&str, &str, &str, &[SettingSpec]) -> bool;
 
 fn kinds(registry: &Registry, takes: Takes<'_>) -> Value {
     let nodes = registry.nodes().iter();
-    let nodes = nodes.filter(|entry| {
-        takes(
-            entry.spec.name,
-            entry.spec.group,
-            entry.spec.doc,
-            &entry.settings(),
-        )
-    });
+    let nodes =
+        nodes.filter(|entry| takes(entry.spec.name, entry.spec.group, entry.spec.doc, &entry.settings()));
     let nodes = nodes.map(|entry| {
         let spec = entry.spec;
         let inputs = spec.inputs.iter().map(|port| {

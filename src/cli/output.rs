@@ -93,9 +93,7 @@ impl Output {
         let file = waiting.path().join(self.path.file_name().unwrap_or_default());
         // Errors name the temporary path; the user knows only the final one.
         let made = write(&file).map_err(|error| {
-            let said = error
-                .to_string()
-                .replace(&*file.to_string_lossy(), &self.path.to_string_lossy());
+            let said = error.to_string().replace(&*file.to_string_lossy(), &self.path.to_string_lossy());
             let twice = format!("cannot write {}: ", self.path.display());
             failed(&said.strip_prefix(&twice).unwrap_or(&said))
         })?;
@@ -179,10 +177,7 @@ fn note(place: &Path, change: impl FnOnce(&mut FileManifest, &Path) -> io::Resul
     let ledger = folder.join(LEDGER);
     let list = FileManifest::read(&ledger);
     if list.is_none() && fs::symlink_metadata(&ledger).is_ok() {
-        return Err(io::Error::other(format!(
-            "{} is not a file list of haptograph",
-            ledger.display()
-        )));
+        return Err(io::Error::other(format!("{} is not a file list of haptograph", ledger.display())));
     }
     let mut list = list.unwrap_or_default();
     list.retain(|name| folder.join(name).exists());
@@ -260,10 +255,7 @@ mod tests {
             drop(Output::claim_page(folder, Force::default()).unwrap());
         }
         assert!(!above.path().join("new").exists() && old.exists());
-        Output::claim_page(&new, Force::default())
-            .unwrap()
-            .write("page")
-            .unwrap();
+        Output::claim_page(&new, Force::default()).unwrap().write("page").unwrap();
         assert_eq!(fs::read_to_string(new.join("report.html")).unwrap(), "page");
     }
 

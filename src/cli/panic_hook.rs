@@ -19,11 +19,7 @@ pub fn install() {
         if !LIVE.load(Ordering::Relaxed) {
             let trace = std::backtrace::Backtrace::capture();
             let is_wanted = trace.status() == std::backtrace::BacktraceStatus::Captured;
-            write_unqueued(&if is_wanted {
-                format!("{text}{trace}\n")
-            } else {
-                text
-            });
+            write_unqueued(&if is_wanted { format!("{text}{trace}\n") } else { text });
         } else if let Ok(mut unreported) = UNREPORTED.try_lock()
             && unreported.len() < MAX_KEPT
         {
@@ -81,13 +77,7 @@ mod tests {
     #[test]
     fn a_fault_says_what_to_report() {
         let text = report_text(" at src/x.rs:1:2", "main", "index out of bounds");
-        for part in [
-            env!("CARGO_PKG_VERSION"),
-            "src/x.rs:1:2",
-            "`main`",
-            "index out of bounds",
-            "report",
-        ] {
+        for part in [env!("CARGO_PKG_VERSION"), "src/x.rs:1:2", "`main`", "index out of bounds", "report"] {
             assert!(text.contains(part), "{text}");
         }
     }

@@ -24,11 +24,7 @@ impl Progress {
         let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::hidden())
             .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
             .with_message(doing);
-        Self {
-            bar,
-            begun: Instant::now(),
-            shown: AtomicBool::new(false),
-        }
+        Self { bar, begun: Instant::now(), shown: AtomicBool::new(false) }
     }
 
     /// Sets the fraction that is done, 0 to 1.
@@ -46,11 +42,7 @@ impl Progress {
             false => ProgressBar::hidden(),
         };
         bar.enable_steady_tick(Duration::from_millis(120));
-        Self {
-            bar,
-            begun: Instant::now(),
-            shown: AtomicBool::new(true),
-        }
+        Self { bar, begun: Instant::now(), shown: AtomicBool::new(true) }
     }
 }
 

@@ -51,20 +51,14 @@ pub fn try_load(path: &Path, import: &ImportSettings) -> Result<Loaded, LoadErro
         says_gesture: head.is_none_or(|head| head.says_gesture),
         is_implausible: { findings.iter() }
             .any(|(_, finding)| matches!(finding, Finding::Implausible { .. })),
-        warnings: findings
-            .iter()
-            .map(|(path, finding)| said(path, finding))
-            .collect(),
+        warnings: findings.iter().map(|(path, finding)| said(path, finding)).collect(),
     })
 }
 
 /// The full scale from the note beside a WAV file, if no flag states it.
 fn with_full_scale(paths: &[PathBuf], import: &ImportSettings) -> ImportSettings {
     let noted = || paths.iter().find_map(|path| note(path).ok()?.full_scale);
-    ImportSettings {
-        full_scale_m_s2: import.full_scale_m_s2.or_else(noted),
-        ..import.clone()
-    }
+    ImportSettings { full_scale_m_s2: import.full_scale_m_s2.or_else(noted), ..import.clone() }
 }
 
 /// A finding with the name of its file; unused columns get the nearest quantity.
@@ -72,13 +66,10 @@ pub fn said(path: &Path, finding: &Finding) -> String {
     let Finding::NotUsed { columns } = finding else {
         return format!("{}: {finding}", path.display());
     };
-    let names = columns
-        .iter()
-        .take(MAX_NAMED)
-        .map(|name| match closest(name, COLUMNS) {
-            Some(near) => format!("{name:?} (did you mean {near}?)"),
-            None => format!("{name:?}"),
-        });
+    let names = columns.iter().take(MAX_NAMED).map(|name| match closest(name, COLUMNS) {
+        Some(near) => format!("{name:?} (did you mean {near}?)"),
+        None => format!("{name:?}"),
+    });
     let names = names.collect::<Vec<_>>().join(", ");
     match columns.len().saturating_sub(MAX_NAMED) {
         0 => format!("{}: unused columns: {names}", path.display()),
@@ -109,13 +100,7 @@ fn at_its_place(path: &Path, error: &ReadError) -> Option<String> {
     let name = path.display().to_string();
     let message = format!("cannot read {name}: {}", error.what());
     let line = decoded(&line);
-    Some(snippet::at(
-        &name,
-        line.trim_end(),
-        place.line,
-        place.column,
-        &message,
-    ))
+    Some(snippet::at(&name, line.trim_end(), place.line, place.column, &message))
 }
 
 fn is_text(bytes: &[u8]) -> bool {
@@ -134,11 +119,7 @@ pub fn parts(path: &Path) -> Vec<PathBuf> {
 /// The header of a CSV file; `None` for other kinds of files.
 fn head(path: &Path) -> Option<CsvHead> {
     let mut bytes = vec![];
-    files::open(path, MAX_RECORDING_BYTES)
-        .ok()?
-        .take(HEAD_BYTES)
-        .read_to_end(&mut bytes)
-        .ok()?;
+    files::open(path, MAX_RECORDING_BYTES).ok()?.take(HEAD_BYTES).read_to_end(&mut bytes).ok()?;
     csv_head(&bytes)
 }
 
@@ -161,9 +142,7 @@ pub fn note(path: &Path) -> Result<Note, Failure> {
     let note = PathBuf::from(note);
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
     match files::read_text(&note, MAX_NOTE_BYTES) {
-        Ok(text) => options
-            .from_str(&text)
-            .map_err(|error| Failure::file("read", &note, &error)),
+        Ok(text) => options.from_str(&text).map_err(|error| Failure::file("read", &note, &error)),
         Err(_) => Ok(Note::default()),
     }
 }

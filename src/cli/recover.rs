@@ -89,10 +89,7 @@ fn complete(path: &Path, plan: &MovePlan) -> Done {
     let place = plan.place(&content);
     let place = place.ok_or_else(|| failed(&"its name does not state the target of the move"))?;
     resume(&content, &place, plan)?;
-    Ok(format!(
-        "{}: completed the interrupted move of this run",
-        place.display()
-    ))
+    Ok(format!("{}: completed the interrupted move of this run", place.display()))
 }
 
 /// The files of a run that is not complete, locked while it goes on.
@@ -147,9 +144,7 @@ fn folder(path: &Path, (depth, is_of_a_run): (usize, bool), done: &mut Vec<Done>
 
 /// Recovers a single file; `asked` if the command line names it.
 fn file(path: &Path, asked: bool) -> Option<Done> {
-    let is_wav = path
-        .extension()
-        .is_some_and(|ending| ending.eq_ignore_ascii_case("wav"));
+    let is_wav = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("wav"));
     let shown = path.display();
     if !is_wav {
         let text = format!("{shown}: needs no recovery: it is usable up to its end");
@@ -162,9 +157,9 @@ fn file(path: &Path, asked: bool) -> Option<Done> {
     };
     match repair(&mut file) {
         Ok(Repair::Whole) => asked.then(|| Ok(format!("{shown}: complete"))),
-        Ok(Repair::Mended { before, now }) => Some(Ok(format!(
-            "{shown}: corrected the header from {before} to the {now} frames in the file"
-        ))),
+        Ok(Repair::Mended { before, now }) => {
+            Some(Ok(format!("{shown}: corrected the header from {before} to the {now} frames in the file")))
+        }
         Ok(Repair::TooLarge) => failed(&"it holds more than 4 GiB, which its header cannot state"),
         Err(error) => failed(&error),
     }
@@ -187,11 +182,7 @@ fn recording(spool: &Path) -> Done {
         return Ok(format!("{}: exists already and is kept", path.display()));
     }
     assemble(spool, &path).map_err(|error| Failure::file("make the recording of", spool, &error))?;
-    Ok(format!(
-        "{}: assembled from {}, which is kept",
-        path.display(),
-        spool.display()
-    ))
+    Ok(format!("{}: assembled from {}, which is kept", path.display(), spool.display()))
 }
 
 /// Makes the recording of a studio that was killed.
@@ -216,9 +207,7 @@ fn place(leftover: &Path) -> Done {
     let numbers = std::iter::once(String::new()).chain((2..10_000).map(|number| format!("-{number}")));
     let mut names = numbers.map(|number| leftover.with_file_name(format!("{name}-recovered{number}")));
     let is_free = |path: &PathBuf| fs::symlink_metadata(path).is_err();
-    let target = { names }
-        .find(is_free)
-        .ok_or_else(|| failed(&"every name is taken"))?;
+    let target = { names }.find(is_free).ok_or_else(|| failed(&"every name is taken"))?;
     fs::rename(leftover, &target).map_err(|error| failed(&error))?;
     // A visible name for the probes; on failure they keep their hidden name.
     if fs::symlink_metadata(target.join("probes")).is_err() {
@@ -226,9 +215,5 @@ fn place(leftover: &Path) -> Done {
     }
     // The folder is no leftover any more; if this fails, only its marker remains.
     let _ = fs::remove_file(target.join(MARKER));
-    Ok(format!(
-        "{}: renamed from {}",
-        target.display(),
-        leftover.display()
-    ))
+    Ok(format!("{}: renamed from {}", target.display(), leftover.display()))
 }

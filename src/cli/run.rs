@@ -148,9 +148,7 @@ pub fn unreached(graph: &Graph) -> Vec<String> {
 /// Refuses a duration shorter than one frame.
 fn lasts_a_frame(graph: &Graph, duration_s: Option<f64>) -> Result<(), Failure> {
     let drivers = graph.drivers().into_iter().map(|driver| &graph.clocks()[driver]);
-    let Some((driver, duration_s)) = drivers
-        .zip(duration_s)
-        .find(|(driver, s)| s * driver.rate.hz() < 0.5)
+    let Some((driver, duration_s)) = drivers.zip(duration_s).find(|(driver, s)| s * driver.rate.hz() < 0.5)
     else {
         return Ok(());
     };
@@ -235,10 +233,7 @@ impl<'a> RunSetup<'a> {
                     target.display()
                 )));
             }
-            if arguments.probe[..number]
-                .iter()
-                .any(|other| place_of(&other.file) == place_of(&probe.file))
-            {
+            if arguments.probe[..number].iter().any(|other| place_of(&other.file) == place_of(&probe.file)) {
                 return Err(Failure::Message(format!(
                     "two probes go to {}; give each a file of its own",
                     probe.file.display()
@@ -254,16 +249,8 @@ impl<'a> RunSetup<'a> {
             outputs::record_all(graph, &folder, &mut file_sinks)?;
         }
         let plotted = plotted_signals(graph, &mut file_sinks);
-        let completion = Completion {
-            target,
-            folder,
-            probes,
-            plotted,
-        };
-        Ok(Self {
-            file_sinks,
-            completion,
-        })
+        let completion = Completion { target, folder, probes, plotted };
+        Ok(Self { file_sinks, completion })
     }
 }
 
@@ -282,11 +269,7 @@ fn place_of(path: &Path) -> PathBuf {
 /// Records the signals of a run's page.
 pub fn plotted_signals(graph: &Graph, file_sinks: &mut FileSinks<'_>) -> PlottedSignals {
     PlottedSignals::of(graph, |watch, writer| {
-        file_sinks.probe(Probe {
-            node: watch.node,
-            output: watch.output,
-            writer,
-        });
+        file_sinks.probe(Probe { node: watch.node, output: watch.output, writer });
     })
 }
 
@@ -302,12 +285,9 @@ impl Completion {
         summary.add(Vec::new(), self.plotted.shortfalls());
         let sound = self.plotted.sound();
         self.folder.write(folder::MARK, &summary.to_json())?;
+        self.folder.write(PAGE, &summary.page(graph, &self.plotted, sound.as_ref()))?;
         self.folder
-            .write(PAGE, &summary.page(graph, &self.plotted, sound.as_ref()))?;
-        self.folder.write(
-            DRAWING,
-            &crate::report::drawing::standalone_svg(graph, &arguments.graph.name()),
-        )?;
+            .write(DRAWING, &crate::report::drawing::standalone_svg(graph, &arguments.graph.name()))?;
         self.folder.seal(&self.probes)?;
         let probes = outputs::place_probes(&self.folder, &self.probes, arguments.force)
             .inspect_err(|_| self.folder.unseal())?;
@@ -315,14 +295,8 @@ impl Completion {
             eprint(&format!("note: {line}\n"));
         }
         let placed = self.folder.put_in_place()?;
-        placed
-            .lines()
-            .iter()
-            .for_each(|line| eprint(&format!("note: {line}\n")));
-        summary
-            .warnings()
-            .iter()
-            .for_each(|warning| eprint(&format!("warning: {warning}\n")));
+        placed.lines().iter().for_each(|line| eprint(&format!("note: {line}\n")));
+        summary.warnings().iter().for_each(|warning| eprint(&format!("warning: {warning}\n")));
         print(&match arguments.json {
             true => summary.to_json(),
             false => summary.sentence(&self.target, graph, sound.as_ref()) + &outputs::beside(&self.probes),
@@ -344,9 +318,7 @@ pub fn timed(offline: Offline<'_>, duration_s: f64, stop: &AtomicBool) -> Result
     let bar = progress_bar(duration_s);
     let start = Instant::now();
     let outcome = offline
-        .run(duration_s, stop, &mut |done_s| {
-            bar.set_position((done_s * 1e3) as u64)
-        })
+        .run(duration_s, stop, &mut |done_s| bar.set_position((done_s * 1e3) as u64))
         .map_err(message)?;
     let took_s = start.elapsed().as_secs_f64();
     bar.finish_and_clear();

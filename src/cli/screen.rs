@@ -110,10 +110,7 @@ mod tests {
                 '\r' => column = 0,
                 '\x1b' => {
                     let code: String = rest.by_ref().skip(1).take_while_inclusive(char::is_ascii_digit);
-                    let count = code
-                        .trim_end_matches(|c: char| !c.is_ascii_digit())
-                        .parse()
-                        .unwrap_or(0);
+                    let count = code.trim_end_matches(|c: char| !c.is_ascii_digit()).parse().unwrap_or(0);
                     match code.chars().last() {
                         Some('A') => row -= count,
                         Some('C') => column += count,
@@ -131,10 +128,7 @@ mod tests {
             }
             lines.resize(lines.len().max(row + 1), Vec::new());
         }
-        (
-            lines.iter().map(|line| line.iter().collect()).collect(),
-            (row, column),
-        )
+        (lines.iter().map(|line| line.iter().collect()).collect(), (row, column))
     }
 
     trait TakeWhileInclusive {
@@ -157,17 +151,10 @@ mod tests {
     #[test]
     fn a_block_stays_below_what_is_said_and_what_is_typed_below_it() {
         let (mut screen, mut out) = (Screen::default(), Vec::new());
-        type_in(Some(Prompt {
-            text: "set ga".to_owned(),
-            cursor: 6,
-        }));
-        screen
-            .show(vec!["1 s".to_owned(), "out".to_owned()], &mut out)
-            .unwrap();
+        type_in(Some(Prompt { text: "set ga".to_owned(), cursor: 6 }));
+        screen.show(vec!["1 s".to_owned(), "out".to_owned()], &mut out).unwrap();
         screen.above("note: a card is gone\n", &mut out).unwrap();
-        screen
-            .show(vec!["2 s".to_owned(), "out".to_owned()], &mut out)
-            .unwrap();
+        screen.show(vec!["2 s".to_owned(), "out".to_owned()], &mut out).unwrap();
         let (lines, cursor) = shown(std::str::from_utf8(&out).unwrap());
         assert_eq!(lines, ["note: a card is gone", "2 s", "out", "> set ga"]);
         assert_eq!(cursor, (3, 8));
@@ -179,10 +166,7 @@ mod tests {
 
     #[test]
     fn no_line_is_wider_than_the_terminal() {
-        let mut screen = Screen {
-            block: vec!["x".repeat(200)],
-            drawn: None,
-        };
+        let mut screen = Screen { block: vec!["x".repeat(200)], drawn: None };
         let text = screen.draw(40);
         assert!(text.lines().all(|line| line.chars().count() < 40), "{text}");
     }

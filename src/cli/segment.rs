@@ -112,12 +112,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     drop(progress);
     if arguments.json {
         let Segmentation { breaks, orders, mdl } = &found;
-        return super::print_json(&Json {
-            breaks,
-            orders,
-            mdl: *mdl,
-            simulated,
-        });
+        return super::print_json(&Json { breaks, orders, mdl: *mdl, simulated });
     }
     print(&describe(&found, signal.len(), simulated))
 }
@@ -132,20 +127,14 @@ fn refuse_idle_flags(arguments: &Arguments) -> Result<(), Failure> {
     };
     let message =
         format!("{flag} is for --method genetic; the exact search is not random and needs no limit\n");
-    Err(Failure::Usage(clap::Error::raw(
-        ErrorKind::ArgumentConflict,
-        message,
-    )))
+    Err(Failure::Usage(clap::Error::raw(ErrorKind::ArgumentConflict, message)))
 }
 
 fn describe(found: &Segmentation, samples: usize, simulated: bool) -> String {
-    let rows = found.segments(samples).zip(&found.orders).map(|(range, order)| {
-        vec![
-            range.start.to_string(),
-            range.len().to_string(),
-            order.to_string(),
-        ]
-    });
+    let rows = found
+        .segments(samples)
+        .zip(&found.orders)
+        .map(|(range, order)| vec![range.start.to_string(), range.len().to_string(), order.to_string()]);
     let rows: Vec<_> = rows.collect();
     let mut head = vec![
         ("samples", samples.to_string()),

@@ -92,20 +92,14 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     })?;
     let (output, ()) = output.write_by(|path| save(&recording, path))?;
     if stop.load(Ordering::Relaxed) {
-        eprint(&format!(
-            "warning: stopped after {recorded_s:.3} s of {} s\n",
-            session.seconds
-        ));
+        eprint(&format!("warning: stopped after {recorded_s:.3} s of {} s\n", session.seconds));
     }
     let (motion, material) = (session.gesture.as_str(), session.material.as_str());
     match arguments.json {
         true => print_json(
             &json!({ "written": [output], "simulated": true, "motion": motion, "material": material }),
         )?,
-        false => print(&format!(
-            "wrote {} (simulated: {motion} over {material})\n",
-            output.display()
-        ))?,
+        false => print(&format!("wrote {} (simulated: {motion} over {material})\n", output.display()))?,
     }
     match stop.load(Ordering::Relaxed) {
         true => Err(Failure::Interrupted),

@@ -9,26 +9,16 @@ const AROUND: usize = 60;
 
 /// Renders `message` and `line` with a marker. `number` and `column` count from 1, columns in characters.
 pub fn at(name: &str, line: &str, number: usize, column: usize, message: &str) -> String {
-    let renderer = if is_coloured(&std::io::stderr()) {
-        Renderer::styled()
-    } else {
-        Renderer::plain()
-    };
+    let renderer = if is_coloured(&std::io::stderr()) { Renderer::styled() } else { Renderer::plain() };
     let place = format!("{name}:{number}:{column}");
     let first = column.saturating_sub(AROUND + 1);
     let shown: String = line.chars().skip(first).take(2 * AROUND).collect();
-    let start = shown
-        .char_indices()
-        .nth(column - 1 - first)
-        .map_or(shown.len(), |(index, _)| index);
+    let start = shown.char_indices().nth(column - 1 - first).map_or(shown.len(), |(index, _)| index);
     let word = shown[start..]
         .find(|c: char| c.is_whitespace() || c == ',' || c == ';')
         .unwrap_or(shown.len() - start);
     let annotation = AnnotationKind::Primary.span(start..start + word.max(usize::from(start < shown.len())));
-    let snippet = Snippet::source(shown.as_str())
-        .line_start(number)
-        .path(name)
-        .annotation(annotation);
+    let snippet = Snippet::source(shown.as_str()).line_start(number).path(name).annotation(annotation);
     let report = Level::ERROR.primary_title(message).element(snippet);
     let text = renderer.decor_style(DecorStyle::Ascii).render(&[report]);
     // Columns of a shortened line count from its first shown character.

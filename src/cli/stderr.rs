@@ -88,11 +88,7 @@ pub fn start_queue(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
         .spawn(move || write_all(&waiting, &thread_counts))?;
     let stop = Arc::clone(stop);
     // Tests start several runs in one process; they share the first queue.
-    let _ = QUEUE.set(Queue {
-        messages,
-        counts,
-        stop,
-    });
+    let _ = QUEUE.set(Queue { messages, counts, stop });
     Ok(())
 }
 

@@ -65,10 +65,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let options = Options {
         graph: graph.clone(),
         set: arguments.set.clone(),
-        endpoints: arguments
-            .live
-            .then(|| "live".to_owned())
-            .or(arguments.endpoints.clone()),
+        endpoints: arguments.live.then(|| "live".to_owned()).or(arguments.endpoints.clone()),
         port: arguments.port,
         out: PathBuf::from("out"),
         surfaces: arguments.surfaces.clone(),
@@ -79,15 +76,9 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let stop = stop_on_interrupt()?;
     let moves = match studio.driven() {
         driven if driven.is_empty() => "nothing real moves (simulated devices)".to_owned(),
-        driven => format!(
-            "real, and at zero until armed on the page: `{}`",
-            driven.join("`, `")
-        ),
+        driven => format!("real, and at zero until armed on the page: `{}`", driven.join("`, `")),
     };
-    print(&format!(
-        "the studio is open at\n\n    {}\n\n{moves}; ctrl-C closes it\n",
-        studio.url()
-    ))?;
+    print(&format!("the studio is open at\n\n    {}\n\n{moves}; ctrl-C closes it\n", studio.url()))?;
     if let Some(url) = studio.lan_url() {
         print(&invitation(&url)?)?;
     }
@@ -110,10 +101,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
 /// A process of this program that learns a recording.
 fn learner(table: &Path, surface: &Path, report: &Path) -> io::Result<process::Command> {
     let mut command = process::Command::new(guard::program()?);
-    command
-        .arg("learn")
-        .arg(table)
-        .args([Path::new("-o"), surface, Path::new("--report"), report]);
+    command.arg("learn").arg(table).args([Path::new("-o"), surface, Path::new("--report"), report]);
     Ok(command)
 }
 
@@ -129,11 +117,7 @@ fn lan(given: Option<IpAddr>) -> Result<IpAddr, Failure> {
 fn invitation(url: &str) -> Result<String, Failure> {
     let code = qrcode::QrCode::new(url).map_err(|error| Failure::Message(error.to_string()))?;
     // Dark on light, as cameras expect it, even on a dark terminal.
-    let code = code
-        .render::<Dense1x2>()
-        .dark_color(Dense1x2::Light)
-        .light_color(Dense1x2::Dark)
-        .build();
+    let code = code.render::<Dense1x2>().dark_color(Dense1x2::Light).light_color(Dense1x2::Dark).build();
     Ok(format!(
         "warning: --lan lets other machines in. Anyone with this address, or who records the unencrypted traffic, \
          can move the pad, turn settings and parameters, see the graph and its signals, and read the files of its folders that \
@@ -150,11 +134,8 @@ fn failure(error: StudioError) -> Failure {
 }
 
 fn write_site(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<(), Failure> {
-    let options = Export {
-        graphs: arguments.graph.clone(),
-        set: arguments.set.clone(),
-        folder: folder.to_owned(),
-    };
+    let options =
+        Export { graphs: arguments.graph.clone(), set: arguments.set.clone(), folder: folder.to_owned() };
     let exported = export(&options, registry).map_err(failure)?;
     print(&format!(
         "wrote {} files, {:.1} MB, to {}: serve it with any web server, by HTTPS or on this machine\n",
@@ -172,12 +153,7 @@ fn open_page(url: &str) {
         _ => "xdg-open",
     };
     let quiet = process::Stdio::null;
-    let _ = process::Command::new(opener)
-        .arg(url)
-        .stdin(quiet())
-        .stdout(quiet())
-        .stderr(quiet())
-        .spawn();
+    let _ = process::Command::new(opener).arg(url).stdin(quiet()).stdout(quiet()).stderr(quiet()).spawn();
 }
 
 #[cfg(test)]
@@ -193,9 +169,6 @@ mod tests {
         let width = rows[0].chars().count();
         assert!(rows.iter().all(|row| row.chars().count() == width), "{text}");
         // Two modules per character; a light row above.
-        assert!(
-            rows.len() == width.div_ceil(2) && rows[0].chars().all(|c| c == '█'),
-            "{text}"
-        );
+        assert!(rows.len() == width.div_ceil(2) && rows[0].chars().all(|c| c == '█'), "{text}");
     }
 }

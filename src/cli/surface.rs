@@ -81,11 +81,7 @@ pub fn claim(path: &Path, force: Force) -> Result<Output, Failure> {
 pub fn save(surface: &Surface, output: &Output) -> Result<PathBuf, Failure> {
     let (path, left_out) = output.write_by(|path| files::save(surface, path))?;
     if !left_out.is_empty() {
-        eprint(&format!(
-            "warning: the format of {} cannot hold: {}\n",
-            path.display(),
-            left_out.join(", ")
-        ));
+        eprint(&format!("warning: the format of {} cannot hold: {}\n", path.display(), left_out.join(", ")));
     }
     Ok(path)
 }

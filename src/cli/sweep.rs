@@ -160,10 +160,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     for (name, values) in &arguments.over {
         super::refuse_repeated(&format!("--over {name}=..."), values.iter().map(String::as_str))?;
     }
-    let combined = arguments
-        .over
-        .iter()
-        .try_fold(1_usize, |count, (_, values)| count.checked_mul(values.len()));
+    let combined =
+        arguments.over.iter().try_fold(1_usize, |count, (_, values)| count.checked_mul(values.len()));
     if combined.is_none_or(|count| count.saturating_add(arguments.case.len()) > MAX_RUNS) {
         return Err(Failure::Message(format!(
             "these values have more than {MAX_RUNS} combinations; sweep over fewer"
@@ -209,21 +207,12 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         summary.add(Vec::new(), run::unreached(&graph));
         for (file, text) in [
             ("run.json", summary.to_json()),
-            (
-                "report.html",
-                summary.page(&graph, &plotted, plotted.sound().as_ref()),
-            ),
+            ("report.html", summary.page(&graph, &plotted, plotted.sound().as_ref())),
         ] {
             folder.write(&format!("{:02}/{file}", number + 1), &text)?;
         }
         plotted.forget_sound();
-        done.push(Done {
-            name: case.name(short),
-            label: case.label(),
-            graph,
-            plotted,
-            summary,
-        });
+        done.push(Done { name: case.name(short), label: case.label(), graph, plotted, summary });
         if stop.load(Ordering::Relaxed) {
             break;
         }
@@ -232,10 +221,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let facts = facts(arguments, &done, planned);
     folder.write("run.json", &facts)?;
     let placed = folder.put_in_place()?;
-    placed
-        .lines()
-        .iter()
-        .for_each(|line| eprint(&format!("note: {line}\n")));
+    placed.lines().iter().for_each(|line| eprint(&format!("note: {line}\n")));
     if done.len() < planned || stop.load(Ordering::Relaxed) {
         eprint(&format!(
             "warning: stopped after {} of {planned} runs; the last one is shorter than --for\n",
@@ -258,11 +244,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
 }
 
 fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
-    let GraphArguments {
-        graph,
-        set,
-        endpoints,
-    } = &arguments.graph;
+    let GraphArguments { graph, set, endpoints } = &arguments.graph;
     run::Arguments {
         graph: GraphArguments {
             graph: graph.clone(),
@@ -292,9 +274,8 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
         return String::new();
     };
     let surfaces = surfaces(&first.graph);
-    let textures = surfaces
-        .iter()
-        .filter_map(|(name, surface)| Some((name.clone(), surface.texture.as_ref()?)));
+    let textures =
+        surfaces.iter().filter_map(|(name, surface)| Some((name.clone(), surface.texture.as_ref()?)));
     let over = match (&*arguments.over, &*arguments.case) {
         ([(name, _)], []) => Some(name.clone()),
         _ => None,
@@ -311,10 +292,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
             .plotted
             .requests
             .iter()
-            .map(|(_, traces)| RunTraces {
-                name: &run.label,
-                traces,
-            })
+            .map(|(_, traces)| RunTraces { name: &run.label, traces })
             .collect(),
         warnings: run.summary.warnings().to_vec(),
     });
@@ -337,12 +315,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
         simulation: first.summary.simulation(),
         friction: friction(&first.graph),
         facts,
-        requests: first
-            .plotted
-            .requests
-            .iter()
-            .map(|(request, _)| request)
-            .collect(),
+        requests: first.plotted.requests.iter().map(|(request, _)| request).collect(),
         runs: runs.collect(),
         textures: textures.collect(),
     }
@@ -376,10 +349,7 @@ mod tests {
             parts(r#"Force, [Plane(), Sphere(a: 1, b: 2)],"a,b""#),
             ["Force", "[Plane(), Sphere(a: 1, b: 2)]", r#""a,b""#]
         );
-        assert_eq!(
-            values("a=1,2").unwrap(),
-            ("a".into(), vec!["1".into(), "2".into()])
-        );
+        assert_eq!(values("a=1,2").unwrap(), ("a".into(), vec!["1".into(), "2".into()]));
         assert!(values("a=1,,2").is_err() && values("a").is_err() && case("a=1,b").is_err());
     }
 
@@ -387,11 +357,7 @@ mod tests {
     fn values_combine_and_cases_stand_alone() {
         let sweep = |over: &[&str], cases: &[&str]| {
             let arguments = Arguments {
-                graph: GraphArguments {
-                    graph: "g.ron".into(),
-                    set: Vec::new(),
-                    endpoints: None,
-                },
+                graph: GraphArguments { graph: "g.ron".into(), set: Vec::new(), endpoints: None },
                 over: over.iter().map(|text| values(text).unwrap()).collect(),
                 case: cases.iter().map(|text| case(text).unwrap()).collect(),
                 duration_s: 1.0,
@@ -399,16 +365,9 @@ mod tests {
                 out: None,
                 json: false,
             };
-            arguments
-                .cases()
-                .iter()
-                .map(|c| c.name(false))
-                .collect::<Vec<_>>()
+            arguments.cases().iter().map(|c| c.name(false)).collect::<Vec<_>>()
         };
-        assert_eq!(
-            sweep(&["a=1,2", "b=3,4"], &[]),
-            ["a=1, b=3", "a=1, b=4", "a=2, b=3", "a=2, b=4"]
-        );
+        assert_eq!(sweep(&["a=1,2", "b=3,4"], &[]), ["a=1, b=3", "a=1, b=4", "a=2, b=3", "a=2, b=4"]);
         assert_eq!(sweep(&[], &["a=0", "b=0,c=1"]), ["as it is", "a=0", "b=0, c=1"]);
         assert_eq!(Case(vec![("a".into(), "7".into())]).name(true), "7");
     }

@@ -11,21 +11,14 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
         .enumerate()
         .map(|(column, name)| {
             let cells = || rows.iter().filter_map(|row| row.get(column));
-            (
-                cells().map(|cell| width(cell)).fold(width(name), usize::max),
-                cells().all(is_number),
-            )
+            (cells().map(|cell| width(cell)).fold(width(name), usize::max), cells().all(is_number))
         })
         .collect();
     let line = |cells: &mut dyn Iterator<Item = &str>| {
         let mut line = String::new();
         for (cell, &(wide, number)) in cells.zip(&columns) {
             let gap = " ".repeat(wide - width(cell));
-            line += &if number {
-                format!("  {gap}{cell}")
-            } else {
-                format!("  {cell}{gap}")
-            };
+            line += &if number { format!("  {gap}{cell}") } else { format!("  {cell}{gap}") };
         }
         line.trim_end().to_owned() + "\n"
     };
@@ -36,11 +29,7 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
 
 /// Names and values, one pair per line.
 pub fn facts(facts: &[(&str, String)]) -> String {
-    let wide = facts
-        .iter()
-        .map(|(name, _)| name.chars().count())
-        .max()
-        .unwrap_or(0);
+    let wide = facts.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
     facts
         .iter()
         .map(|(name, value)| format!("{name}{}  {value}\n", " ".repeat(wide - name.chars().count())))
@@ -58,11 +47,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
     let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
     let text = format!("{value:.decimals$}");
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        text
-    }
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 #[cfg(test)]
@@ -71,18 +56,9 @@ mod tests {
 
     #[test]
     fn numbers_stand_under_one_another() {
-        let rows = [
-            vec!["canvas".to_owned(), "3.81".to_owned()],
-            vec!["silk".to_owned(), "12.5".to_owned()],
-        ];
-        assert_eq!(
-            table(&["name", "SD"], &rows),
-            "  name      SD\n  canvas  3.81\n  silk    12.5\n"
-        );
-        assert_eq!(
-            facts(&[("a", "1".into()), ("long", "2".into())]),
-            "a     1\nlong  2\n"
-        );
+        let rows = [vec!["canvas".to_owned(), "3.81".to_owned()], vec!["silk".to_owned(), "12.5".to_owned()]];
+        assert_eq!(table(&["name", "SD"], &rows), "  name      SD\n  canvas  3.81\n  silk    12.5\n");
+        assert_eq!(facts(&[("a", "1".into()), ("long", "2".into())]), "a     1\nlong  2\n");
     }
 
     #[test]

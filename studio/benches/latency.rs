@@ -88,11 +88,7 @@ fn simulate(coil: UdpSocket, place: SocketAddr) -> Arc<AtomicU64> {
         let begun = Instant::now();
         for sequence in 0.. {
             let timestamp_ns = begun.elapsed().as_nanos() as u64;
-            let state = State {
-                sequence,
-                timestamp_ns,
-                ..State::default()
-            };
+            let state = State { sequence, timestamp_ns, ..State::default() };
             // Nobody may listen yet.
             let _ = coil.send_to(&state.to_bytes(), place);
             std::thread::sleep(Duration::from_millis(1));
@@ -123,9 +119,7 @@ impl Page {
     }
 
     fn say(&mut self, text: &str) {
-        self.socket
-            .send(Message::text(text.to_owned()))
-            .expect("it is heard");
+        self.socket.send(Message::text(text.to_owned())).expect("it is heard");
     }
 
     fn point(&mut self, force_n: f32) {
@@ -146,11 +140,7 @@ impl Page {
         let mut force_n = 1.0;
         for change in 0..CHANGES {
             // The gain of a device that was armed rises for a second.
-            let rising = if change == 0 {
-                ARMING.div_duration_f64(interval) as usize
-            } else {
-                0
-            };
+            let rising = if change == 0 { ARMING.div_duration_f64(interval) as usize } else { 0 };
             for pointer in 0..rising + BETWEEN + change % 5 {
                 self.point(force_n);
                 if pointer % 8 == 0 {

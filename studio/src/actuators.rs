@@ -31,9 +31,7 @@ fn is_real(device: &GraphDevice) -> bool {
 /// The real devices that a graph drives, with the fingerprints of their settings.
 pub fn driven(graph: &Graph) -> Vec<(&str, u64)> {
     let devices = graph.driven_devices().filter(|device| is_real(device));
-    devices
-        .map(|device| (&*device.name, device.fingerprint))
-        .collect()
+    devices.map(|device| (&*device.name, device.fingerprint)).collect()
 }
 
 /// The sound that the page plays.
@@ -49,11 +47,8 @@ impl Stage {
     pub fn describe_actuators(&mut self) {
         let graph = &self.loaded.graph;
         let known: Vec<Actuator> = std::mem::take(&mut self.actuators);
-        let delivered = |sink: &str| {
-            self.scopes
-                .iter()
-                .find(|scope| scope.port.name == format!("{sink}.delivered"))
-        };
+        let delivered =
+            |sink: &str| self.scopes.iter().find(|scope| scope.port.name == format!("{sink}.delivered"));
         let actuator = |(sink, device, limit): (&Node, &GraphDevice, Limit)| {
             let port = &delivered(&sink.path)?.port;
             let before = known.iter().find(|known| known.name == sink.path);

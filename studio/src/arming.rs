@@ -38,11 +38,7 @@ impl Stage {
     /// The place at which a real device of the run is reached: an address, or the name that the system reports.
     pub fn place_of(&self, device: &str) -> Option<String> {
         let mut heard = self.inputs.streams();
-        let is_played = || {
-            output_sinks(&self.loaded.graph)
-                .iter()
-                .any(|output| output.endpoint == device)
-        };
+        let is_played = || output_sinks(&self.loaded.graph).iter().any(|output| output.endpoint == device);
         let card = self.drive.as_ref().and_then(|drive| drive.card());
         let place = self.network.place(device);
         let place = place.or_else(|| card.filter(|_| is_played()).map(str::to_owned));
@@ -62,11 +58,7 @@ impl Stage {
     pub fn disarm_if_silent(&mut self) {
         let driven = driven(&self.loaded.graph);
         let is_driven = |device: &str| driven.iter().any(|(name, _)| *name == device);
-        let inputs = self
-            .session
-            .as_ref()
-            .map(Session::live_inputs)
-            .unwrap_or_default();
+        let inputs = self.session.as_ref().map(Session::live_inputs).unwrap_or_default();
         let heard = inputs
             .into_iter()
             .filter(|input| {
@@ -76,9 +68,7 @@ impl Stage {
         let heard: Vec<String> = heard.collect();
         let lost = self.heard.iter().find(|device| !heard.contains(device));
         if let Some(lost) = lost.filter(|_| self.switch.is_armed()) {
-            self.note = Some(format!(
-                "`{lost}` fell silent and was disarmed; arm it again when it answers"
-            ));
+            self.note = Some(format!("`{lost}` fell silent and was disarmed; arm it again when it answers"));
             self.switch.disarm();
         }
         self.heard = heard;

@@ -95,12 +95,7 @@ pub fn sort(
         let gets = |gives: Gives| known.iter().any(|(_, each)| *each == gives);
         if [Gives::Tip, Gives::Force, Gives::Touching].into_iter().all(gets) {
             let (channels, on, size_mm) = (known, None, SIZE_MM);
-            pads.push(PadSpec {
-                endpoint,
-                channels,
-                on,
-                size_mm,
-            });
+            pads.push(PadSpec { endpoint, channels, on, size_mm });
             continue;
         }
         let lacks = channels.iter().filter(|channel| given(channel).is_none());
@@ -136,12 +131,7 @@ fn laid_on(endpoint: String, channels: Vec<(&'static str, Gives)>, mut on: Touch
         on.gives_n_per_m = GIVES_N_PER_M;
     }
     let height_mm = (on.across_m * 1e3).min(SIZE_MM.1);
-    PadSpec {
-        endpoint,
-        channels,
-        on: Some(on),
-        size_mm: (SIZE_MM.0 / SIZE_MM.1 * height_mm, height_mm),
-    }
+    PadSpec { endpoint, channels, on: Some(on), size_mm: (SIZE_MM.0 / SIZE_MM.1 * height_mm, height_mm) }
 }
 
 /// State of a hand on a pad.
@@ -231,12 +221,7 @@ mod tests {
     use haptograph_nodes::simulated::ground::Ground;
 
     fn pointer(x: f64, y: f64, force_n: f64) -> Pointer {
-        Pointer {
-            at_s: 0.0,
-            position_m: [x, y],
-            force_n,
-            tilt_deg: [0.0; 2],
-        }
+        Pointer { at_s: 0.0, position_m: [x, y], force_n, tilt_deg: [0.0; 2] }
     }
 
     fn filled(touch: &Touch, gives: Gives) -> Vec<f64> {
@@ -249,16 +234,9 @@ mod tests {
     fn a_tablet_gives_the_plane_and_a_laid_pad_what_lies_under_it() {
         let flat = Touch::of(&pointer(0.01, -0.02, 1.5), None, 0.0);
         assert_eq!(filled(&flat, Gives::Tip), [0.01, -0.02, 0.0]);
-        assert_eq!(
-            (filled(&flat, Gives::Force), filled(&flat, Gives::Touching)),
-            (vec![1.5], vec![1.0])
-        );
+        assert_eq!((filled(&flat, Gives::Force), filled(&flat, Gives::Touching)), (vec![1.5], vec![1.0]));
         let ball = Touchable {
-            ground: Ground::Sphere {
-                centre_m: [0.0; 3],
-                radius_m: 0.05,
-                up: [0.0, 0.0, 1.0],
-            },
+            ground: Ground::Sphere { centre_m: [0.0; 3], radius_m: 0.05, up: [0.0, 0.0, 1.0] },
             gives_n_per_m: 250.0,
             across_m: 0.1,
         };
@@ -272,19 +250,13 @@ mod tests {
 
     #[test]
     fn a_press_beside_the_sensor_turns_it() {
-        let table = Touchable {
-            ground: Ground::TABLE,
-            gives_n_per_m: f64::INFINITY,
-            across_m: f64::INFINITY,
-        };
+        let table =
+            Touchable { ground: Ground::TABLE, gives_n_per_m: f64::INFINITY, across_m: f64::INFINITY };
         let touch = Touch::of(&pointer(0.02, 0.0, 2.0), Some(&table), 0.0);
         let wrench = filled(&touch, Gives::Wrench);
         // 2 N down, 20 mm to the right of the origin: a torque about y.
         assert_eq!(wrench[..3], [-0.0, -0.0, -2.0]);
-        assert!(
-            (wrench[4] - 0.04).abs() < 1e-15 && wrench[3].abs() + wrench[5].abs() < 1e-15,
-            "{wrench:?}"
-        );
+        assert!((wrench[4] - 0.04).abs() < 1e-15 && wrench[3].abs() + wrench[5].abs() < 1e-15, "{wrench:?}");
     }
 
     #[test]
@@ -293,13 +265,7 @@ mod tests {
         assert_eq!(turned(0.0, 0.0), [0.0; 3]);
         // Upper end to the right: about y. Towards the hand, down on the pad: about x.
         let [right, towards] = [turned(30.0, 0.0), turned(0.0, 30.0)];
-        assert!(
-            (right[1] - 30_f64.to_radians()).abs() < 1e-12 && right[0].abs() < 1e-12,
-            "{right:?}"
-        );
-        assert!(
-            (towards[0] - 30_f64.to_radians()).abs() < 1e-12 && towards[1].abs() < 1e-12,
-            "{towards:?}"
-        );
+        assert!((right[1] - 30_f64.to_radians()).abs() < 1e-12 && right[0].abs() < 1e-12, "{right:?}");
+        assert!((towards[0] - 30_f64.to_radians()).abs() < 1e-12 && towards[1].abs() < 1e-12, "{towards:?}");
     }
 }

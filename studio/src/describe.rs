@@ -242,31 +242,18 @@ fn parameters(stage: &Stage) -> Vec<Value> {
 /// The map of each texture, and the ports with the position of the hand on it.
 fn maps(graph: &Graph) -> Vec<Value> {
     let nodes = graph.nodes();
-    let locators = nodes
-        .ids()
-        .filter(|index| nodes[*index].entry.spec.name == LOCATOR);
+    let locators = nodes.ids().filter(|index| nodes[*index].entry.spec.name == LOCATOR);
     let map = |index: NodeId| {
         let node = &nodes[index];
         let from = |input: &str| {
             let place = node.inputs.iter().position(|known| known.name == input)?;
-            let read = nodes
-                .incoming(index)
-                .into_iter()
-                .find(|read| read.edge.input == place)?;
+            let read = nodes.incoming(index).into_iter().find(|read| read.edge.input == place)?;
             let source = &nodes[read.from];
-            Some(format!(
-                "{}.{}",
-                source.path,
-                source.outputs.get(read.edge.output)?.name
-            ))
+            Some(format!("{}.{}", source.path, source.outputs.get(read.edge.output)?.name))
         };
         let path = node.files.first()?;
         let texture = files::load(path).ok()?.texture?;
-        let points: Vec<[f64; 2]> = texture
-            .models()
-            .iter()
-            .map(|at| [at.speed_m_s, at.force_n])
-            .collect();
+        let points: Vec<[f64; 2]> = texture.models().iter().map(|at| [at.speed_m_s, at.force_n]).collect();
         Some(json!({
             "node": node.path, "surface": path.display().to_string(),
             "speed_port": from("speed"), "force_port": from("force"),
@@ -302,11 +289,9 @@ pub fn surface(path: &Path, graph: &Path) -> Option<Value> {
             Ok(swatch) => named(&surface.name, Some(swatch), None),
             Err(error) => named(&surface.name, None, Some(error.to_string())),
         }),
-        Err(FileError::Io { source, .. }) => Some(named(
-            &stem,
-            None,
-            Some(format!("the file cannot be read: {source}")),
-        )),
+        Err(FileError::Io { source, .. }) => {
+            Some(named(&stem, None, Some(format!("the file cannot be read: {source}"))))
+        }
         Err(FileError::Recording { .. }) => None,
         Err(FileError::Read { error, .. }) => {
             is_meant(path, graph, &error).then(|| named(&stem, None, Some(error.to_string())))
@@ -349,9 +334,5 @@ fn ron_files(folder: &Path) -> Vec<PathBuf> {
 /// The folder of surfaces beside a graph.
 pub fn surface_folder(graph: &Path) -> PathBuf {
     let inner = graph.join("surfaces");
-    if is_folder(&inner) {
-        inner
-    } else {
-        graph.to_owned()
-    }
+    if is_folder(&inner) { inner } else { graph.to_owned() }
 }

@@ -29,17 +29,11 @@ pub struct Timing {
 
 impl Timing {
     /// For a run without real devices.
-    pub const EASY: Self = Self {
-        step: Duration::from_millis(2),
-        max_behind: Duration::from_millis(100),
-        is_real_time: false,
-    };
+    pub const EASY: Self =
+        Self { step: Duration::from_millis(2), max_behind: Duration::from_millis(100), is_real_time: false };
     /// For real devices: like the timer of a live run, without a burst after a stall.
-    pub const STRICT: Self = Self {
-        step: Duration::from_millis(1),
-        max_behind: Duration::from_millis(20),
-        is_real_time: true,
-    };
+    pub const STRICT: Self =
+        Self { step: Duration::from_millis(1), max_behind: Duration::from_millis(20), is_real_time: true };
 }
 
 /// State of the driver during a run.
@@ -172,12 +166,7 @@ impl Drive {
                 ))
             }
         };
-        Ok(Self {
-            pace,
-            frame_lock,
-            runner,
-            kept_at: 0,
-        })
+        Ok(Self { pace, frame_lock, runner, kept_at: 0 })
     }
 
     /// Opens a soundcard, whose callback runs the player.
@@ -186,10 +175,7 @@ impl Drive {
     /// [`SoundcardError`] if there is no such card.
     pub fn start_by_card(player: Player, request: Request) -> Result<Self, SoundcardError> {
         let pace = Arc::new(Pace::default());
-        let paced = Paced {
-            player,
-            pace: Arc::clone(&pace),
-        };
+        let paced = Paced { player, pace: Arc::clone(&pace) };
         Ok(Self {
             pace,
             frame_lock: Arc::default(),
@@ -246,9 +232,7 @@ impl Drive {
         if let Runner::Caller(player) = &mut self.runner {
             player.process(frames);
             self.pace.update(player);
-            self.pace
-                .is_over
-                .store(player.state() != LiveState::Running, Relaxed);
+            self.pace.is_over.store(player.state() != LiveState::Running, Relaxed);
         }
     }
 

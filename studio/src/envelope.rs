@@ -31,11 +31,7 @@ impl Confirmed {
             true => as_written.clone(),
             false => SafetyEnvelope::of(source, text)?,
         };
-        Ok(Self {
-            set: source.set.clone(),
-            as_written,
-            as_set,
-        })
+        Ok(Self { set: source.set.clone(), as_written, as_set })
     }
 
     /// Checks that a text may run.
@@ -74,12 +70,7 @@ impl Stage {
     /// Keeps a refused edit, for confirmation at the terminal.
     pub fn propose(&mut self, source: Source, text: String, beyond: Vec<String>) {
         self.proposals += 1;
-        self.proposal = Some(Proposal {
-            number: self.proposals,
-            beyond,
-            source,
-            text,
-        });
+        self.proposal = Some(Proposal { number: self.proposals, beyond, source, text });
     }
 
     /// Confirms the limits and devices of the latest proposal, if it has this number. The page has to ask for it again.
@@ -157,16 +148,11 @@ impl SafetyEnvelope {
             });
             EndpointSet {
                 name: name.to_owned(),
-                actuators: graph
-                    .map(|graph| actuators(&graph))
-                    .map_err(|wrong| first(&wrong)),
+                actuators: graph.map(|graph| actuators(&graph)).map_err(|wrong| first(&wrong)),
                 devices,
             }
         });
-        Ok(Self {
-            sets: sets.collect(),
-            depends: document.dependent_safety(&source.registry),
-        })
+        Ok(Self { sets: sets.collect(), depends: document.dependent_safety(&source.registry) })
     }
 
     /// The ways in which `next` exceeds this envelope, one sentence each; empty if it does not.
@@ -198,10 +184,8 @@ impl EndpointSet {
                     "endpoint `{endpoint}` of `{name}` changes from {} to {}",
                     known.written, device.written
                 )),
-                None => beyond.push(format!(
-                    "endpoint `{endpoint}` of `{name}` becomes the device {}",
-                    device.written
-                )),
+                None => beyond
+                    .push(format!("endpoint `{endpoint}` of `{name}` becomes the device {}", device.written)),
             }
         }
         match (&self.actuators, &next.actuators) {
@@ -232,9 +216,7 @@ impl Actuator {
             ("endpoint", &*known.endpoint, &*self.endpoint),
         ] {
             if was != now {
-                beyond.push(format!(
-                    "actuator `{sink}` of `{set}`: {what} changes from `{was}` to `{now}`"
-                ));
+                beyond.push(format!("actuator `{sink}` of `{set}`: {what} changes from `{was}` to `{now}`"));
             }
         }
         let slew = |limit: &Limit| limit.slew_per_s.unwrap_or(f64::INFINITY);
@@ -250,9 +232,7 @@ impl Actuator {
                     true => format!("{now} {unit}"),
                     false => "no limit".to_owned(),
                 };
-                beyond.push(format!(
-                    "limit of `{sink}` of `{set}`: {what} rises from {was} {unit} to {now}"
-                ));
+                beyond.push(format!("limit of `{sink}` of `{set}`: {what} rises from {was} {unit} to {now}"));
             }
         }
     }
@@ -262,10 +242,7 @@ fn actuators(graph: &Graph) -> Vec<Actuator> {
     let each = graph.actuators().map(|(node, device, limit)| Actuator {
         sink: node.path.clone(),
         kind: node.entry.spec.name,
-        unit: node
-            .outputs
-            .first()
-            .map_or_else(String::new, |output| output.quantity.unit()),
+        unit: node.outputs.first().map_or_else(String::new, |output| output.quantity.unit()),
         endpoint: device.name.clone(),
         limit,
     });
@@ -273,10 +250,7 @@ fn actuators(graph: &Graph) -> Vec<Actuator> {
 }
 
 fn first(wrong: &Diagnostics) -> String {
-    let errors = wrong
-        .list
-        .iter()
-        .filter(|found| found.severity == Severity::Error);
+    let errors = wrong.list.iter().filter(|found| found.severity == Severity::Error);
     let mut errors = errors.map(|found| format!("{}: {}", found.code, found.message));
     errors.next().unwrap_or_default()
 }
@@ -298,10 +272,7 @@ mod tests {
         let known = SafetyEnvelope::of(&source, &text).expect("a graph");
         assert_eq!(known.sets.len(), 5);
         let edited = edit(&text);
-        source.set = set
-            .iter()
-            .map(|(name, value)| ((*name).to_owned(), (*value).to_owned()))
-            .collect();
+        source.set = set.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
         known.exceeded_by(&SafetyEnvelope::of(&source, &edited).expect("a graph"))
     }
 
@@ -322,55 +293,24 @@ mod tests {
             (", window_s: 10", ""),
             ("radius_mm: 30", "radius_mm: 20"),
             ("SimulatedHaptuator()", "SimulatedHaptuator( )"),
-            (
-                "amperes_full_scale: 1.0, buffer_frames: 64",
-                "buffer_frames: 64, amperes_full_scale: 1",
-            ),
+            ("amperes_full_scale: 1.0, buffer_frames: 64", "buffer_frames: 64, amperes_full_scale: 1"),
         ] {
             assert_eq!(beyond(replaced(from, to), &[]), [""; 0], "{to}");
         }
-        assert_eq!(
-            beyond(str::to_owned, &[("gain", "0.02"), ("most", "0.4")]),
-            [""; 0]
-        );
+        assert_eq!(beyond(str::to_owned, &[("gain", "0.02"), ("most", "0.4")]), [""; 0]);
     }
 
     #[test]
     fn what_raises_a_limit_or_changes_a_device_is_beyond_it_in_every_set() {
         for (from, to, said, times) in [
-            (
-                "\"most\": 0.5",
-                "\"most\": 0.6",
-                "peak rises from 0.5 A to 0.6 A",
-                5,
-            ),
+            ("\"most\": 0.5", "\"most\": 0.6", "peak rises from 0.5 A to 0.6 A", 5),
             ("continuous_a: 0.25", "continuous_a: 0.3", "continuous rises", 5),
             ("window_s: 10", "window_s: 11", "window rises", 5),
             ("\"out", "\"other", "`other` of `live` is new", 1),
-            (
-                "amperes_full_scale: 1.0",
-                "amperes_full_scale: 0.1",
-                "`haptuator` of `live` changes",
-                1,
-            ),
-            (
-                "pressed_n: 3.0",
-                "pressed_n: 0.1",
-                "`stylus` of `live` changes",
-                1,
-            ),
-            (
-                "\"osc\": {",
-                "\"soon\": {",
-                "the set of endpoints `soon` is new",
-                1,
-            ),
-            (
-                "SimulatedHaptuator()",
-                "Soundcard(amperes_full_scale: 1)",
-                "becomes the device Soundcard",
-                1,
-            ),
+            ("amperes_full_scale: 1.0", "amperes_full_scale: 0.1", "`haptuator` of `live` changes", 1),
+            ("pressed_n: 3.0", "pressed_n: 0.1", "`stylus` of `live` changes", 1),
+            ("\"osc\": {", "\"soon\": {", "the set of endpoints `soon` is new", 1),
+            ("SimulatedHaptuator()", "Soundcard(amperes_full_scale: 1)", "becomes the device Soundcard", 1),
             (
                 "parameters: {",
                 "defaults: { \"live\": { \"most\": 1 } }, parameters: {",
@@ -427,12 +367,7 @@ mod tests {
                 replaced(from, to)(text).replace("parameters: {", "parameters: { \"quarter\": 0.25,")
             };
             let beyond = beyond(moved, &[]);
-            assert!(
-                beyond
-                    .iter()
-                    .any(|beyond| beyond.contains("depends on parameters")),
-                "{to}: {beyond:?}"
-            );
+            assert!(beyond.iter().any(|beyond| beyond.contains("depends on parameters")), "{to}: {beyond:?}");
         }
     }
 }

@@ -10,10 +10,7 @@ pub fn settings(text: &str, registry: &Registry) -> HashMap<String, SettingSpec>
     let Ok(graph) = Value::parse(text) else {
         return HashMap::new();
     };
-    let mut uses = Uses {
-        registry,
-        found: HashMap::new(),
-    };
+    let mut uses = Uses { registry, found: HashMap::new() };
     uses.walk(&graph, None);
     let once = uses.found.into_iter();
     let once = once.filter_map(|(name, (count, spec))| spec.filter(|_| count == 1).map(|spec| (name, spec)));
@@ -49,10 +46,7 @@ impl Uses<'_> {
             (Some("Expr"), Body::Tuple(values)) => {
                 let is_part = |letter: char| letter.is_alphanumeric() || letter == '_';
                 for formula in values.iter().filter_map(text) {
-                    for word in formula
-                        .split(|letter| !is_part(letter))
-                        .filter(|word| !word.is_empty())
-                    {
+                    for word in formula.split(|letter| !is_part(letter)).filter(|word| !word.is_empty()) {
                         self.add(word, None);
                     }
                 }
@@ -106,10 +100,7 @@ mod tests {
     fn fed(nodes: &str) -> Vec<Fed> {
         let text = format!("Graph(format: 1, nodes: {{ {nodes} }})");
         let found = settings(&text, &haptograph_nodes::registry());
-        let mut found: Vec<_> = found
-            .into_iter()
-            .map(|(name, spec)| (name, spec.name, spec.range))
-            .collect();
+        let mut found: Vec<_> = found.into_iter().map(|(name, spec)| (name, spec.name, spec.range)).collect();
         found.sort_by(|a, b| a.0.cmp(&b.0));
         found
     }
@@ -125,12 +116,7 @@ mod tests {
         // Of two settings, of a formula, of a list and of an input.
         assert_eq!(fed(&format!("{cutoff} {cutoff}")), []);
         assert_eq!(fed(r#""a": Gain(input: Param("x"), gain: Expr("2 * soft"))"#), []);
-        assert_eq!(
-            fed(&format!(
-                r#"{cutoff} "a": Gain(input: "b", gain: Expr("2 * soft"))"#
-            )),
-            []
-        );
+        assert_eq!(fed(&format!(r#"{cutoff} "a": Gain(input: "b", gain: Expr("2 * soft"))"#)), []);
         assert_eq!(fed(r#""a": Sum(inputs: [Param("x")])"#), []);
     }
 }

@@ -66,16 +66,10 @@ pub fn paths(folder: &Path, stem: &str) -> impl Iterator<Item = PathBuf> {
 pub fn stem(name: &str) -> String {
     let name = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let name = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
-    let kept = name
-        .chars()
-        .map(|c| if c.is_ascii_alphanumeric() { c } else { '-' });
+    let kept = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' });
     let kept: String = kept.take(MAX_LETTERS).collect();
     let kept = kept.trim_matches('-');
-    if kept.is_empty() {
-        "recording".to_owned()
-    } else {
-        kept.to_owned()
-    }
+    if kept.is_empty() { "recording".to_owned() } else { kept.to_owned() }
 }
 
 #[cfg(test)]

@@ -130,9 +130,7 @@ fn message(stage: &mut Stage) -> Value {
     }
     let costs = stage.session.as_ref().map(|session| {
         let parts = stage.costs.update(session, &stage.loaded.graph).into_iter();
-        parts
-            .map(|(path, part)| (path, json!(short(part))))
-            .collect::<Map<_, _>>()
+        parts.map(|(path, part)| (path, json!(short(part)))).collect::<Map<_, _>>()
     });
     let origin = stage.drive.as_ref().and_then(|drive| drive.pace.origin());
     json!({
@@ -162,10 +160,7 @@ mod tests {
         let mut level = Level::default();
         level.take(Kind::SCALAR, &[3.0, -4.0, f64::NAN, f64::INFINITY]);
         assert_eq!(level.snapshot(), Some([12.5_f64.sqrt(), 4.0]));
-        assert_eq!(
-            (level.snapshot(), level.not_finite),
-            (Some([12.5_f64.sqrt(), 4.0]), 2)
-        );
+        assert_eq!((level.snapshot(), level.not_finite), (Some([12.5_f64.sqrt(), 4.0]), 2));
         level.take(Kind::VECTOR, &[3.0, 0.0, 4.0, 0.0, 0.0, 0.0]);
         assert_eq!(level.snapshot(), Some([12.5_f64.sqrt(), 5.0]));
         level.take(Kind::WRENCH, &[0.0, 2.0, 0.0, 9.0, 9.0, 9.0]);
@@ -181,10 +176,7 @@ mod tests {
         let parts = costs.take(sums(&[("a", 100.0), ("b", 300.0)]));
         assert_eq!((parts["a"], parts["b"]), (0.25, 0.75));
         for turn in 1..200 {
-            costs.take(sums(&[
-                ("a", 100.0 + 60.0 * f64::from(turn)),
-                ("b", 300.0 + 20.0 * f64::from(turn)),
-            ]));
+            costs.take(sums(&[("a", 100.0 + 60.0 * f64::from(turn)), ("b", 300.0 + 20.0 * f64::from(turn))]));
         }
         let parts = costs.take(sums(&[("a", 60.0), ("c", 0.0)]));
         assert!(!parts.contains_key("b") && parts["a"] > 0.999, "{parts:?}");

@@ -119,13 +119,7 @@ impl Source {
             parameters.map(|(name, default)| (name.to_owned(), value(name, default), default.to_owned()));
         let parameters = parameters.collect();
         let graph = check(&document, &self.registry, &options)?;
-        Ok(Loaded {
-            graph,
-            text: text.to_owned(),
-            pads,
-            others,
-            parameters,
-        })
+        Ok(Loaded { graph, text: text.to_owned(), pads, others, parameters })
     }
 
     /// Options to check a document, with those of the parameters that it has.
@@ -135,13 +129,9 @@ impl Source {
         let options = CheckOptions::default().endpoints(&self.endpoints);
         let default_of = |name: &str| {
             let mut parameters = document.parameters();
-            parameters
-                .find(|(known, _)| *known == name)
-                .map_or("", |(_, default)| default)
+            parameters.find(|(known, _)| *known == name).map_or("", |(_, default)| default)
         };
-        set.fold(options, |options, (name, value)| {
-            options.set(name, self.resolved(value, default_of(name)))
-        })
+        set.fold(options, |options, (name, value)| options.set(name, self.resolved(value, default_of(name))))
     }
 
     /// Paths in override values are relative to the working directory, paths from the page to the graph's
@@ -154,15 +144,9 @@ impl Source {
         let is_missing =
             || !files::is_file(Path::new(value.trim_matches('"'))) && files::is_file(&beside(default));
         let path = Some(beside(value)).filter(|path| files::is_file(path) || is_missing());
-        let path = path.map(|path| {
-            path.canonicalize()
-                .or_else(|_| std::path::absolute(&path))
-                .unwrap_or(path)
-        });
-        path.map_or_else(
-            || value.to_owned(),
-            |path| format!("{:?}", path.to_string_lossy()),
-        )
+        let path =
+            path.map(|path| path.canonicalize().or_else(|_| std::path::absolute(&path)).unwrap_or(path));
+        path.map_or_else(|| value.to_owned(), |path| format!("{:?}", path.to_string_lossy()))
     }
 
     /// The name of the file without its extension.

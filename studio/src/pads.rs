@@ -38,11 +38,7 @@ impl Pad {
             let input = graph.any_input(&format!("{}.{name}", spec.endpoint))?;
             Ok((input, *gives))
         };
-        let channels = spec
-            .channels
-            .iter()
-            .map(channel)
-            .collect::<Result<Vec<_>, HostError>>()?;
+        let channels = spec.channels.iter().map(channel).collect::<Result<Vec<_>, HostError>>()?;
         let period_s = channels.first().map_or(0.0, |(input, _)| input.rate().period_s());
         Ok(Self {
             channels,
@@ -84,10 +80,7 @@ impl Pad {
         let mut touch = Touch::of(pointer, self.on.as_ref(), above_m);
         if goes_on && passed_s < MAX_APART_S {
             touch.velocity_m_s = match passed_s > 0.0 {
-                true => scale(
-                    reject(sub(touch.tip_m, before.tip_m), touch.normal),
-                    1.0 / passed_s,
-                ),
+                true => scale(reject(sub(touch.tip_m, before.tip_m), touch.normal), 1.0 / passed_s),
                 false => before.velocity_m_s,
             };
         }

@@ -249,10 +249,7 @@ pub fn learn_recording(recording: &Path) -> Result<[String; 3], String> {
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
 enum Running {
-    Graph {
-        text: String,
-        parameters: Vec<RunningParameter>,
-    },
+    Graph { text: String, parameters: Vec<RunningParameter> },
 }
 
 #[derive(Deserialize)]

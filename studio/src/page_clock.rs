@@ -26,9 +26,7 @@ impl PageClock {
     /// `now_s`.
     pub fn due_s(&mut self, at_s: f64, now_s: f64) -> f64 {
         let offset = now_s - at_s;
-        let known = self
-            .offset
-            .map(|(known, since_s)| known + DRIFT * (now_s - since_s).max(0.0));
+        let known = self.offset.map(|(known, since_s)| known + DRIFT * (now_s - since_s).max(0.0));
         // The clock or the run was restarted.
         if known.is_none_or(|known| offset <= known || offset > known + 1.0) {
             self.offset = Some((offset, now_s));

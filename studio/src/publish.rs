@@ -93,9 +93,7 @@ pub fn text(value: &Value) -> Message {
 
 /// Sends the data that the last [`Stage::look`] collected.
 pub fn send_samples(stage: &mut Stage) {
-    let Stage {
-        pages, scopes, sound, ..
-    } = stage;
+    let Stage { pages, scopes, sound, .. } = stage;
     let sound = sound.as_ref().and_then(|sound| {
         let scope = scopes.iter().find(|scope| scope.port.name == sound.port)?;
         let values: Vec<f32> = scope.fresh().iter().map(|x| (x / sound.peak) as f32).collect();
@@ -123,38 +121,23 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
     let frame = stage.drive.as_ref().map_or(0, |drive| drive.pace.frames());
     let replay = stage.replay.as_ref().map(|replay| replay.part(frame));
     let (gain, note) = (stage.switch.gain(), stage.note.clone());
-    let Stage {
-        actuators,
-        drive,
-        session,
-        pages,
-        state,
-        silent,
-        ..
-    } = stage;
+    let Stage { actuators, drive, session, pages, state, silent, .. } = stage;
     let each = actuators.iter_mut().map(|actuator| {
         let continuous = actuator.continuous;
         let armed = (actuator.is_real, gain > 0.0);
         actuator.delivered.status(&actuator.name, continuous, armed)
     });
     let actuators: Vec<Value> = each.collect();
-    let inputs = session
-        .as_ref()
-        .map(|session| session.live_inputs())
-        .unwrap_or_default();
+    let inputs = session.as_ref().map(|session| session.live_inputs()).unwrap_or_default();
     silent.retain(|(name, _)| {
-        inputs
-            .iter()
-            .any(|input| input.device == *name && input.state != InputState::Heard)
+        inputs.iter().any(|input| input.device == *name && input.state != InputState::Heard)
     });
     for input in inputs.iter().filter(|input| input.state != InputState::Heard) {
         if !silent.iter().any(|(name, _)| *name == input.device) {
             silent.push((input.device.clone(), time_s));
         }
     }
-    let quiet = silent
-        .iter()
-        .map(|(name, since)| json!({ "input": name, "for_s": time_s - since }));
+    let quiet = silent.iter().map(|(name, since)| json!({ "input": name, "for_s": time_s - since }));
     let quiet: Vec<Value> = quiet.collect();
     let xruns = drive.as_ref().and_then(|drive| drive.xruns());
     let pace = drive.as_ref().map(|drive| Arc::clone(&drive.pace));

@@ -67,27 +67,13 @@ fn is_upright(tilt_udeg: &[i64; 2]) -> bool {
 
 impl From<Written> for Move {
     fn from(Written(frame, pad, due_us, at_nm, force_un, tilt_udeg): Written) -> Self {
-        Self {
-            frame,
-            pad,
-            due_us,
-            at_nm,
-            force_un,
-            tilt_udeg,
-        }
+        Self { frame, pad, due_us, at_nm, force_un, tilt_udeg }
     }
 }
 
 impl From<Move> for Written {
     fn from(made: Move) -> Self {
-        Self(
-            made.frame,
-            made.pad,
-            made.due_us,
-            made.at_nm,
-            made.force_un,
-            made.tilt_udeg,
-        )
+        Self(made.frame, made.pad, made.due_us, made.at_nm, made.force_un, made.tilt_udeg)
     }
 }
 
@@ -168,13 +154,7 @@ impl Appended {
     fn begin(folder: &Path, recording: &Recording) -> io::Result<Self> {
         let file = File::create_new(folder.join(APPENDED))?;
         file.try_lock().map_err(io::Error::from)?;
-        let mut appended = Self {
-            file,
-            length: 0,
-            frames: 0,
-            moves: 0,
-            settings: 0,
-        };
+        let mut appended = Self { file, length: 0, frames: 0, moves: 0, settings: 0 };
         appended.write(recording)?;
         Ok(appended)
     }
@@ -315,9 +295,7 @@ impl Recording {
             && self.moves.len() + self.settings.len() <= 2 * MAX_EVENTS
         {
             true => Ok(()),
-            false => Err(RecordingError::Damaged(
-                "a move is out of range, or there are too many moves",
-            )),
+            false => Err(RecordingError::Damaged("a move is out of range, or there are too many moves")),
         }
     }
 }
@@ -425,8 +403,6 @@ impl Stage {
                 Err(error) => return Err(error),
             }
         }
-        Err(io::Error::other(format!(
-            "there are ten thousand folders of `{name}`: remove some"
-        )))
+        Err(io::Error::other(format!("there are ten thousand folders of `{name}`: remove some")))
     }
 }

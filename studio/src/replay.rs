@@ -30,21 +30,12 @@ pub enum ReplayStep<'a> {
 
 impl Replay {
     pub fn of(recording: Recording) -> Self {
-        Self {
-            recording,
-            moves: 0,
-            settings: 0,
-        }
+        Self { recording, moves: 0, settings: 0 }
     }
 
     /// The next step before `frame` is run.
     pub fn next(&mut self, frame: u64) -> ReplayStep<'_> {
-        let Recording {
-            moves,
-            settings,
-            frames,
-            ..
-        } = &self.recording;
+        let Recording { moves, settings, frames, .. } = &self.recording;
         let (next_move, next_setting) = (moves.get(self.moves), settings.get(self.settings));
         if let Some(made) = next_move.filter(|made| made.frame <= frame) {
             self.moves += 1;
@@ -57,10 +48,7 @@ impl Replay {
         if frame >= *frames {
             return ReplayStep::Over;
         }
-        let next = next_move
-            .map(|made| made.frame)
-            .into_iter()
-            .chain(next_setting.map(|made| made.0));
+        let next = next_move.map(|made| made.frame).into_iter().chain(next_setting.map(|made| made.0));
         ReplayStep::Until(next.chain([*frames]).min().unwrap_or(*frames))
     }
 

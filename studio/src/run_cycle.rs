@@ -93,11 +93,7 @@ impl Stage {
         }
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.pads = pads.collect::<Result<_, _>>().map_err(other)?;
-        let scope = |port: Port| {
-            player
-                .any_probe(&port.name)
-                .map(|frames| Scope::from_start(port, frames))
-        };
+        let scope = |port: Port| player.any_probe(&port.name).map(|frames| Scope::from_start(port, frames));
         let scopes = ports.into_iter().map(scope);
         self.scopes = scopes.collect::<Result<_, _>>().map_err(other)?;
         self.costs = Costs::default();
@@ -180,11 +176,7 @@ impl Stage {
     }
 
     pub fn end(&mut self) {
-        if self
-            .recorder
-            .as_ref()
-            .is_some_and(|recording| recording.frames == 0)
-        {
+        if self.recorder.as_ref().is_some_and(|recording| recording.frames == 0) {
             self.close_recording();
         }
         let now_s = self.now_s();
@@ -225,9 +217,7 @@ impl Stage {
         let is_halting = self.is_stopping && matches!(self.next_run, NextRun::None);
         match self.state == State::Running && !is_halting {
             true => Ok(()),
-            false => Err(other(format_args!(
-                "cannot {action}: the run is stopped; resume it first"
-            ))),
+            false => Err(other(format_args!("cannot {action}: the run is stopped; resume it first"))),
         }
     }
 

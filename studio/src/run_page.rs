@@ -68,13 +68,9 @@ pub fn write(
 fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, plotted: &PlottedSignals) -> String {
     let sound = plotted.sound();
     let surfaces = surfaces(graph);
-    let textures = surfaces
-        .iter()
-        .filter_map(|(path, surface)| Some((path.clone(), surface.texture.as_ref()?)));
-    let own = [(
-        super::record::STROKES,
-        "the moves and turns, to be replayed in the studio",
-    )];
+    let textures =
+        surfaces.iter().filter_map(|(path, surface)| Some((path.clone(), surface.texture.as_ref()?)));
+    let own = [(super::record::STROKES, "the moves and turns, to be replayed in the studio")];
     Page {
         friction: friction(graph),
         title: source.name(),

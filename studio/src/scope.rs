@@ -119,10 +119,7 @@ impl Thinning {
 impl Scope {
     /// A scope that begins with the first frame of the run, so that its frames have exact times.
     pub fn from_start(port: Port, frames: AnyOutput) -> Self {
-        Self {
-            begin_s: Some(0.0),
-            ..Self::of(port, frames)
-        }
+        Self { begin_s: Some(0.0), ..Self::of(port, frames) }
     }
 
     /// A scope that begins with the next frame of a port.
@@ -168,9 +165,7 @@ impl Scope {
         let lanes = self.lanes();
         self.seen = self.fresh.len();
         let end_s = (self.count + (self.fresh.len() / lanes) as u64) as f64 / self.port.rate_hz;
-        let begin_s = self
-            .begin_s
-            .filter(|begin_s| (begin_s + end_s - now_s).abs() < APART_S);
+        let begin_s = self.begin_s.filter(|begin_s| (begin_s + end_s - now_s).abs() < APART_S);
         if begin_s.is_none() && !self.fresh.is_empty() {
             self.begin_s = Some(now_s - end_s);
         }
@@ -233,11 +228,7 @@ mod tests {
         let odd: Vec<usize> = (0..2000).filter(|at| pairs[*at] != (0.0, 0.0)).collect();
         assert_eq!(odd, [12_345 / 24, 20_000 / 24, 30_001 / 24]);
         assert_eq!([pairs[odd[0]], pairs[odd[1]]], [(0.0, 7.0), (-5.0, 0.0)]);
-        assert!(
-            pairs[odd[2]].0.is_nan() && pairs[odd[2]].1 == 0.0,
-            "{:?}",
-            pairs[odd[2]]
-        );
+        assert!(pairs[odd[2]].0.is_nan() && pairs[odd[2]].1 == 0.0, "{:?}", pairs[odd[2]]);
     }
 
     #[test]

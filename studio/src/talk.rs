@@ -77,10 +77,7 @@ pub fn read(message: &Message) -> Result<Incoming, WireError> {
 /// True for a message that takes real actuators to zero, whoever sends it.
 #[cfg(not(target_family = "wasm"))]
 pub fn disarms(incoming: &Result<Incoming, WireError>) -> bool {
-    matches!(
-        incoming,
-        Ok(Incoming::Json(Some(ClientMessage::Stop | ClientMessage::Disarm)))
-    )
+    matches!(incoming, Ok(Incoming::Json(Some(ClientMessage::Stop | ClientMessage::Disarm))))
 }
 
 /// Handles a parsed message, except for work that takes long.

@@ -362,10 +362,7 @@ mod tests {
             let wrong = message(0, &[(0.0, [x, y, force, tilt, 0.0])]);
             assert_eq!(pointers(&wrong), Err(WireError::Pointer), "{values:?}");
         }
-        assert_eq!(
-            pointers(&message(0, &[(f64::NAN, [0.0; 5])])),
-            Err(WireError::Pointer)
-        );
+        assert_eq!(pointers(&message(0, &[(f64::NAN, [0.0; 5])])), Err(WireError::Pointer));
     }
 
     #[test]

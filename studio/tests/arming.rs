@@ -31,9 +31,7 @@ struct Coil {
 impl Coil {
     fn new() -> Self {
         let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
-        socket
-            .set_read_timeout(Some(Duration::from_millis(2)))
-            .expect("a timeout");
+        socket.set_read_timeout(Some(Duration::from_millis(2))).expect("a timeout");
         // A run that follows another listens there again.
         let free = UdpSocket::bind("127.0.0.1:0").expect("a port");
         let place = free.local_addr().expect("an address");
@@ -47,11 +45,8 @@ impl Coil {
                     std::thread::sleep(Duration::from_millis(1));
                     continue;
                 }
-                let state = State {
-                    sequence,
-                    timestamp_ns: begun.elapsed().as_nanos() as u64,
-                    ..State::default()
-                };
+                let state =
+                    State { sequence, timestamp_ns: begun.elapsed().as_nanos() as u64, ..State::default() };
                 sequence += 1;
                 // Nobody listens between two runs.
                 let _ = socket.send_to(&state.to_bytes(), place);
@@ -63,13 +58,7 @@ impl Coil {
                 std::thread::sleep(Duration::from_millis(1));
             }
         });
-        Self {
-            currents,
-            end,
-            quiet,
-            thread: Some(thread),
-            place,
-        }
+        Self { currents, end, quiet, thread: Some(thread), place }
     }
 
     /// What it was driven by since this was asked last.
@@ -134,10 +123,7 @@ impl Rig {
         let most = rise.iter().fold(0.0, |most: f64, current| most.max(*current));
         assert!(most <= 0.1 * ASKED_A + 1e-9, "{most}");
         // From zero, in steps.
-        assert!(
-            rise.iter()
-                .any(|current| *current > 0.0 && *current < 0.05 * ASKED_A)
-        );
+        assert!(rise.iter().any(|current| *current > 0.0 && *current < 0.05 * ASKED_A));
     }
 
     /// It falls to zero and stays there, though a page says that somebody is there.
@@ -150,10 +136,7 @@ impl Rig {
             count += driven.len();
         }
         let status = fresh_status(page);
-        assert_eq!(
-            (&status["armed_gain"], &status["actuators"][0]["armed"]),
-            (&json!(0.0), &json!(false))
-        );
+        assert_eq!((&status["armed_gain"], &status["actuators"][0]["armed"]), (&json!(0.0), &json!(false)));
     }
 }
 
@@ -227,10 +210,7 @@ fn a_real_actuator_is_silent_until_the_owner_arms_it_and_after_everything_that_d
     rig.coil.take();
     page.say(&json!({ "type": "resume" }));
     page.wait(|said| said["state"] == "running");
-    assert!(
-        rig.coil.take().iter().all(|current| *current == 0.0),
-        "from the first command on"
-    );
+    assert!(rig.coil.take().iter().all(|current| *current == 0.0), "from the first command on");
     rig.assert_silent(&mut page);
 
     rig.arm(&mut page);
@@ -281,12 +261,7 @@ fn a_device_that_falls_silent_is_not_armed_when_it_answers_again() {
         page.say(&json!({ "type": "hold" }));
         let status = page.wait(|said| said["type"] == "status");
         if status["armed_gain"] == 0.0 {
-            assert!(
-                status["note"]
-                    .as_str()
-                    .is_some_and(|note| note.contains("`coil`")),
-                "{status}"
-            );
+            assert!(status["note"].as_str().is_some_and(|note| note.contains("`coil`")), "{status}");
             break;
         }
         assert!(asked.elapsed() < PATIENCE, "it stayed armed");
@@ -301,11 +276,7 @@ fn a_device_that_falls_silent_is_not_armed_when_it_answers_again() {
 fn a_page_of_the_network_arms_nothing() {
     let rig = Rig::new(Some("live"));
     let url = rig.studio.lan_url().expect("it was asked for");
-    let address = url
-        .trim_start_matches("http://")
-        .split('/')
-        .next()
-        .expect("an address");
+    let address = url.trim_start_matches("http://").split('/').next().expect("an address");
     let mut far = Page::at(&rig.studio, address.parse().expect("an address"));
     assert_eq!(far.hello["can"]["arm"], false);
     for said in ["arm", "hold", "gain"] {
@@ -330,10 +301,7 @@ fn simulated_devices_are_not_armed_and_a_set_that_is_not_there_is_said() {
     page.wait(|said| said["actuators"][0]["rms"].as_f64() > Some(0.4));
     let status = page.wait(|said| said["type"] == "status");
     assert_eq!(
-        (
-            &status["actuators"][0]["simulated"],
-            &status["actuators"][0]["armed"]
-        ),
+        (&status["actuators"][0]["simulated"], &status["actuators"][0]["armed"]),
         (&json!(true), &json!(false))
     );
     assert!(rig.coil.take().is_empty(), "nobody talks to it");
@@ -344,9 +312,7 @@ fn simulated_devices_are_not_armed_and_a_set_that_is_not_there_is_said() {
 fn hostile_pages_that_do_not_own_a_real_actuator_do_not_move_it() {
     let rig = Rig::new(Some("live"));
     let mut owner = rig.page();
-    let kinds = [
-        "arm", "hold", "gain", "set", "resume", "apply", "record", "replay", "nothing",
-    ];
+    let kinds = ["arm", "hold", "gain", "set", "resume", "apply", "record", "replay", "nothing"];
     for round in 0..12 {
         let mut hostile = rig.page();
         for number in 0..90 {

@@ -15,9 +15,7 @@ const BLOCK: usize = 128;
 
 fn engine(graph: &str) -> Engine {
     let opened = Opened {
-        graph: Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("../graphs")
-            .join(graph),
+        graph: Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(graph),
         set: Vec::new(),
     };
     Engine::open(opened, &haptograph_nodes::registry()).expect("it ships")
@@ -93,8 +91,5 @@ fn memory_is_flat_over_an_hour_of_stroking() {
     let after_a_minute = run(60.0);
     let after_an_hour = run(3540.0);
     let grown = after_an_hour.saturating_sub(after_a_minute);
-    assert!(
-        grown < 1 << 20,
-        "{grown} bytes more than {after_a_minute} after a minute"
-    );
+    assert!(grown < 1 << 20, "{grown} bytes more than {after_a_minute} after a minute");
 }

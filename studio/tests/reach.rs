@@ -74,10 +74,7 @@ fn a_page_names_no_file_outside_its_folders_whether_it_is_there_or_not() {
     let studio = open(&options(place.path()));
     let mut page = Page::at(&studio, studio.address());
     let listed = page.graph["surfaces"].to_string();
-    assert!(
-        listed.contains("canvas") && !listed.contains("link.ron"),
-        "{listed}"
-    );
+    assert!(listed.contains("canvas") && !listed.contains("link.ron"), "{listed}");
     let text = text_of(&page);
     for path in [
         &*at("other/t3-tile.ron").to_string_lossy(),
@@ -95,11 +92,7 @@ fn a_page_names_no_file_outside_its_folders_whether_it_is_there_or_not() {
         "/dev/stdin",
     ] {
         let reply = surface(&mut page, path);
-        assert_eq!(
-            (&reply["ok"], codes(&reply)),
-            (&json!(false), vec!["E0112"]),
-            "{path}: {reply}"
-        );
+        assert_eq!((&reply["ok"], codes(&reply)), (&json!(false), vec!["E0112"]), "{path}: {reply}");
         assert!(!reply.to_string().contains("root:"), "{reply}");
         // Paths in a text are relative to its file.
         let included = text.replace("\"std/texture.ron\"", &format!("\"std/texture.ron\", {path:?}"));
@@ -108,32 +101,20 @@ fn a_page_names_no_file_outside_its_folders_whether_it_is_there_or_not() {
         for edited in [included, named] {
             for way in ["check", "apply", "save"] {
                 let reply = page.request(json!({ "type": way, "text": edited }));
-                assert!(
-                    reply["ok"] == false && codes(&reply).contains(&"E0112"),
-                    "{way} {path}: {reply}"
-                );
+                assert!(reply["ok"] == false && codes(&reply).contains(&"E0112"), "{way} {path}: {reply}");
             }
         }
     }
-    assert_eq!(
-        std::fs::read_to_string(at("graph/texturepad.ron")).expect("it is there"),
-        text
-    );
+    assert_eq!(std::fs::read_to_string(at("graph/texturepad.ron")).expect("it is there"), text);
     page.wait(|said| said["type"] == "status" && said["state"] == "running");
-    assert_eq!(
-        surface(&mut page, "surfaces/../surfaces/t2-canvas.ron")["ok"],
-        true
-    );
+    assert_eq!(surface(&mut page, "surfaces/../surfaces/t2-canvas.ron")["ok"], true);
 }
 
 #[test]
 fn pipes_and_folders_within_are_refused_without_waiting() {
     let place = place();
     let pipe = place.path().join("graph/surfaces/pipe.ron");
-    let made = std::process::Command::new("mkfifo")
-        .arg(&pipe)
-        .status()
-        .expect("mkfifo");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo");
     assert!(made.success());
     let studio = open(&options(place.path()));
     let mut page = Page::at(&studio, studio.address());
@@ -141,10 +122,7 @@ fn pipes_and_folders_within_are_refused_without_waiting() {
     for path in ["surfaces/pipe.ron", "surfaces"] {
         let named = text.replace("surfaces/t2-canvas.ron", path);
         let reply = page.request(json!({ "type": "apply", "text": named }));
-        assert!(
-            reply["ok"] == false && codes(&reply) != ["E0112"],
-            "{path}: {reply}"
-        );
+        assert!(reply["ok"] == false && codes(&reply) != ["E0112"], "{path}: {reply}");
     }
 }
 
@@ -176,10 +154,7 @@ fn only_reports_of_this_studio_are_seen_and_no_link_is_followed() {
     std::fs::create_dir_all(at("out/secret")).expect("made");
     std::fs::write(at("out/secret/report.html"), "private").expect("written");
     symlink(at("out/secret"), at("out/texturepad-strokes-1")).expect("a link");
-    let studio = open(&Options {
-        lan: Some(LAN),
-        ..options(place.path())
-    });
+    let studio = open(&Options { lan: Some(LAN), ..options(place.path()) });
     let mut page = Page::at(&studio, studio.address());
     page.say(&json!({ "type": "record", "on": true }));
     page.wait(|said| said["type"] == "graph");
@@ -193,13 +168,7 @@ fn only_reports_of_this_studio_are_seen_and_no_link_is_followed() {
         doors.map(|door| status(door, &path, &format!("Host: {door}")))
     };
     assert_eq!(all("texturepad-strokes-2"), ["200", "200"]);
-    for other in [
-        "secret",
-        "texturepad-strokes-1",
-        "none",
-        "..",
-        "%2e%2e%2fout%2fsecret",
-    ] {
+    for other in ["secret", "texturepad-strokes-1", "none", "..", "%2e%2e%2fout%2fsecret"] {
         assert_eq!(all(other), ["404", "404"], "{other}");
     }
     let report = at("out/texturepad-strokes-2/report.html");
@@ -214,24 +183,15 @@ fn folders_of_surfaces_and_what_the_file_names_itself_can_be_read() {
     let other = place.path().join("other/t3-tile.ron");
     // By --set, and so by whoever opens the studio.
     let set = vec![("surface".to_owned(), format!("{:?}", other.to_string_lossy()))];
-    let studio = open(&Options {
-        set,
-        ..options(place.path())
-    });
+    let studio = open(&Options { set, ..options(place.path()) });
     let mut page = Page::at(&studio, studio.address());
     assert_eq!(surface(&mut page, "surfaces/t2-canvas.ron")["ok"], true);
     assert_eq!(surface(&mut page, &other)["ok"], true, "the same file again");
     std::fs::copy(&other, place.path().join("other/another.ron")).expect("copied");
-    assert_eq!(
-        codes(&surface(&mut page, place.path().join("other/another.ron"))),
-        ["E0112"]
-    );
+    assert_eq!(codes(&surface(&mut page, place.path().join("other/another.ron"))), ["E0112"]);
     drop((page, studio));
     let surfaces = vec![place.path().join("other")];
-    let studio = open(&Options {
-        surfaces,
-        ..options(place.path())
-    });
+    let studio = open(&Options { surfaces, ..options(place.path()) });
     let mut page = Page::at(&studio, studio.address());
     let listed = page.graph["surfaces"].as_array().expect("a list").clone();
     assert_eq!(listed.len(), 3);
@@ -241,10 +201,7 @@ fn folders_of_surfaces_and_what_the_file_names_itself_can_be_read() {
         assert_eq!(reply["ok"], true, "{reply}");
     }
     let surfaces = vec![place.path().join("none")];
-    let none = Options {
-        surfaces,
-        ..options(place.path())
-    };
+    let none = Options { surfaces, ..options(place.path()) };
     assert!(Studio::open(&none, &haptograph_nodes::registry()).is_err());
 }
 
@@ -252,11 +209,7 @@ fn folders_of_surfaces_and_what_the_file_names_itself_can_be_read() {
 fn status(address: SocketAddr, path: &str, headers: &str) -> String {
     let mut stream = TcpStream::connect(address).expect("it listens");
     stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
-    write!(
-        stream,
-        "GET {path} HTTP/1.1\r\n{headers}\r\nConnection: close\r\n\r\n"
-    )
-    .expect("sent");
+    write!(stream, "GET {path} HTTP/1.1\r\n{headers}\r\nConnection: close\r\n\r\n").expect("sent");
     let mut answer = Vec::new();
     let _ = stream.read_to_end(&mut answer);
     let answer = String::from_utf8_lossy(&answer);
@@ -266,10 +219,7 @@ fn status(address: SocketAddr, path: &str, headers: &str) -> String {
 #[test]
 fn a_page_of_the_network_is_let_in_by_that_address_alone() {
     let place = place();
-    let studio = open(&Options {
-        lan: Some(LAN),
-        ..options(place.path())
-    });
+    let studio = open(&Options { lan: Some(LAN), ..options(place.path()) });
     let (here, token) = (studio.address(), studio.token());
     let lan = SocketAddr::new(LAN, here.port());
     assert_eq!(studio.lan_url(), Some(format!("http://{lan}/?token={token}")));
@@ -283,20 +233,11 @@ fn a_page_of_the_network_is_let_in_by_that_address_alone() {
         (lan, page, format!("Host: localhost:{}", here.port()), "403"),
         (lan, page, format!("Host: evil.example:{}", here.port()), "403"),
         (here, page, format!("Host: {lan}"), "403"),
-        (
-            lan,
-            page,
-            format!("Host: {lan}\r\nOrigin: http://evil.example"),
-            "403",
-        ),
+        (lan, page, format!("Host: {lan}\r\nOrigin: http://evil.example"), "403"),
         (lan, page, format!("Host: {lan}\r\nOrigin: http://{here}"), "403"),
         (here, page, format!("Host: {here}\r\nOrigin: http://{lan}"), "403"),
     ] {
-        assert_eq!(
-            status(address, path, &headers),
-            expected,
-            "{address} {path} {headers}"
-        );
+        assert_eq!(status(address, path, &headers), expected, "{address} {path} {headers}");
     }
     let nowhere = SocketAddr::new(Ipv4Addr::new(127, 0, 0, 3).into(), here.port());
     assert!(TcpStream::connect(nowhere).is_err(), "no other address");
@@ -309,10 +250,7 @@ fn a_page_of_the_network_is_let_in_by_that_address_alone() {
 #[test]
 fn a_page_of_the_network_has_the_pad_and_the_settings_and_nothing_that_lasts() {
     let place = place();
-    let studio = open(&Options {
-        lan: Some(LAN),
-        ..options(place.path())
-    });
+    let studio = open(&Options { lan: Some(LAN), ..options(place.path()) });
     let mut page = Page::at(&studio, SocketAddr::new(LAN, studio.address().port()));
     assert_eq!(page.hello["from"], "network");
     for what in ["edit", "save", "record", "surfaces"] {
@@ -337,20 +275,11 @@ fn a_page_of_the_network_has_the_pad_and_the_settings_and_nothing_that_lasts() {
     }
     page.say(&json!({ "type": "record", "on": true }));
     page.wait(|said| said["type"] == "refused");
-    assert_eq!(
-        std::fs::read_to_string(place.path().join("graph/texturepad.ron")).expect("there"),
-        text
-    );
+    assert_eq!(std::fs::read_to_string(place.path().join("graph/texturepad.ron")).expect("there"), text);
     assert!(!place.path().join("out").exists());
     // The pad, the settings and STOP are its own.
-    let pointer = [
-        [1_u8, 0, 1, 0, 0, 0, 0, 0].as_slice(),
-        &[0; 8],
-        &[0; 8],
-        &1_f32.to_le_bytes(),
-        &[0; 8],
-    ]
-    .concat();
+    let pointer =
+        [[1_u8, 0, 1, 0, 0, 0, 0, 0].as_slice(), &[0; 8], &[0; 8], &1_f32.to_le_bytes(), &[0; 8]].concat();
     page.socket.send(Message::binary(pointer)).expect("heard");
     page.wait(|said| said["type"] == "status" && said["pointer"]["count"] == 1);
     let gain = page.request(json!({ "type": "parameter", "name": "gain", "value": "0.1" }));
@@ -360,10 +289,7 @@ fn a_page_of_the_network_has_the_pad_and_the_settings_and_nothing_that_lasts() {
     assert_eq!(hand["ok"], false, "{hand}");
     assert!(studio.proposal().is_none());
     let mut here = Page::at(&studio, studio.address());
-    assert_eq!(
-        (&here.hello["from"], &here.hello["can"]["edit"]),
-        (&json!("machine"), &json!(true))
-    );
+    assert_eq!((&here.hello["from"], &here.hello["can"]["edit"]), (&json!("machine"), &json!(true)));
     page.say(&json!({ "type": "stop" }));
     here.wait(|said| said["type"] == "status" && said["state"] == "stopped");
 }

@@ -54,8 +54,7 @@ fn learns_in_a_process_of_its_own() {
 /// The one of a list that has this name.
 fn named<'a>(list: &'a Value, name: &str) -> &'a Value {
     let mut all = list.as_array().expect("a list").iter();
-    all.find(|each| each["name"] == name)
-        .unwrap_or_else(|| panic!("no {name}"))
+    all.find(|each| each["name"] == name).unwrap_or_else(|| panic!("no {name}"))
 }
 
 #[test]
@@ -73,42 +72,29 @@ fn the_page_is_told_units_quantities_and_nested_settings_and_what_each_parameter
     assert_eq!((&peak["unit"], &peak["required"]), (&json!("A"), &json!(true)));
     let stroke = named(&named(kinds, "SimulatedTablet")["settings"], "stroke");
     let parts = stroke["parts"].as_array().expect("a list");
-    let circles = parts
-        .iter()
-        .find(|part| part["choice"] == "Circles")
-        .expect("a choice");
+    let circles = parts.iter().find(|part| part["choice"] == "Circles").expect("a choice");
     assert_eq!(named(&circles["fields"], "radius_mm")["unit"], "mm");
     let tablet = &named(kinds, "Tablet")["outputs"];
     let units = ["force", "touching"].map(|name| named(tablet, name)["unit"].clone());
     assert_eq!(units, [json!("N"), json!("")]);
-    assert_eq!(
-        named(&named(kinds, "SpeedEstimator")["inputs"], "position")["unit"],
-        "m"
-    );
+    assert_eq!(named(&named(kinds, "SpeedEstimator")["inputs"], "position")["unit"], "m");
     assert_eq!(named(&page.hello["quantities"], "angular speed")["unit"], "rad/s");
     let wav = &named(kinds, "WavSource")["settings"];
     let are = ["quantity", "file"].map(|name| named(wav, name)["is_quantity"].clone());
     assert_eq!(are, [json!(true), json!(false)]);
 
     let parameters = &page.graph["parameters"];
-    for (parameter, kind, setting) in [
-        ("soft_hz", "SpeedEstimator", "cutoff_hz"),
-        ("gain", "ActuatorSink", "gain"),
-    ] {
-        let (fed, setting) = (
-            named(parameters, parameter),
-            named(&named(kinds, kind)["settings"], setting),
-        );
+    for (parameter, kind, setting) in
+        [("soft_hz", "SpeedEstimator", "cutoff_hz"), ("gain", "ActuatorSink", "gain")]
+    {
+        let (fed, setting) = (named(parameters, parameter), named(&named(kinds, kind)["settings"], setting));
         for fact in ["unit", "min", "max", "doc"] {
             assert_eq!(fed[fact], setting[fact], "{fact} of {parameter}");
         }
         assert_ne!(fed["doc"], "");
     }
     let soft = named(parameters, "soft_hz");
-    assert!(
-        soft["max"].is_number() && soft["unit"] == "Hz" && soft["whole"] == false,
-        "{soft}"
-    );
+    assert!(soft["max"].is_number() && soft["unit"] == "Hz" && soft["whole"] == false, "{soft}");
     // A set of endpoints each.
     assert_eq!(named(parameters, "hand")["doc"], "");
     assert_eq!(page.graph["pads"][0]["most_force_n"], 20.0);
@@ -117,10 +103,7 @@ fn the_page_is_told_units_quantities_and_nested_settings_and_what_each_parameter
 /// The names of a list of keys in the page's own table.
 fn keys_of(table: &str) -> Vec<String> {
     let text = include_str!("../page/keys.js");
-    let after = text
-        .split_once(&format!("export const {table} = {{"))
-        .expect("a table")
-        .1;
+    let after = text.split_once(&format!("export const {table} = {{")).expect("a table").1;
     let lines = after.split_once("\n};").expect("its end").0.lines();
     let names = lines.filter_map(|line| line.trim().split_once(": \""));
     let mut names: Vec<String> = names.map(|(name, _)| name.to_owned()).collect();
@@ -134,10 +117,7 @@ fn the_keys_that_the_page_completes_are_those_that_the_engine_reads() {
     let mut page = Page::of(&studio);
     for (table, text) in [
         ("GRAPH", "Graph(format: 1, qqqqqqqq: 1, clocks: {}, nodes: {})"),
-        (
-            "DRIVER",
-            "Graph(format: 1, clocks: { \"a\": Driver(rate_hz: 1, qqqqqqqq: 1) }, nodes: {})",
-        ),
+        ("DRIVER", "Graph(format: 1, clocks: { \"a\": Driver(rate_hz: 1, qqqqqqqq: 1) }, nodes: {})"),
         (
             "DERIVED",
             "Graph(format: 1, clocks: { \"b\": Driver(rate_hz: 2), \"a\": Derived(of: \"b\", rate_hz: 1, qqqqqqqq: 1) }, nodes: {})",
@@ -146,9 +126,7 @@ fn the_keys_that_the_page_completes_are_those_that_the_engine_reads() {
         let reply = page.request(json!({ "type": "check", "text": text }));
         let diagnostics = reply["diagnostics"].as_array().expect("a list");
         let unknown = diagnostics.iter().find(|each| each["code"] == "E0204");
-        let help = unknown.expect("an unknown field")["help"][0]
-            .as_str()
-            .expect("a text");
+        let help = unknown.expect("an unknown field")["help"][0].as_str().expect("a text");
         let mut read: Vec<String> = help.split('`').skip(1).step_by(2).map(str::to_owned).collect();
         read.sort();
         assert_eq!(read, keys_of(table), "{help}");
@@ -166,34 +144,20 @@ fn a_stroke_on_the_page_vibrates_as_the_model_says_and_a_lifted_hand_does_not() 
     let studio = open(&shipped("texturepad.ron"));
     let mut page = Page::of(&studio);
     assert_eq!(page.graph["pads"][0]["endpoint"], "stylus");
-    assert!(
-        page.graph["drawing"]
-            .as_str()
-            .expect("a drawing")
-            .contains("data-node=\"texture/filter\"")
-    );
+    assert!(page.graph["drawing"].as_str().expect("a drawing").contains("data-node=\"texture/filter\""));
     assert_eq!(page.graph["maps"][0]["speed_port"], "speed.speed");
     page.say(&json!({ "type": "scope", "ports": [{ "name": VIBRATION, "raw": true }] }));
     page.stroke(100.0, 1.0, 0.7);
     let felt = rms(&page.stroke(100.0, 1.0, 2.0));
-    let texture = haptograph_surfaces::files::load(&shipped("surfaces/t2-canvas.ron"))
-        .expect("it ships")
-        .texture;
+    let texture =
+        haptograph_surfaces::files::load(&shipped("surfaces/t2-canvas.ron")).expect("it ships").texture;
     let texture = texture.expect("a texture");
     let near = |at: &&haptograph_surfaces::ModelAt| (at.speed_m_s / 0.1).ln().abs() + at.force_n.ln().abs();
-    let models = texture
-        .models()
-        .iter()
-        .filter(|at| at.speed_m_s > 0.0 && at.force_n > 0.0);
-    let model = models
-        .min_by(|a, b| near(a).total_cmp(&near(b)))
-        .expect("a model");
+    let models = texture.models().iter().filter(|at| at.speed_m_s > 0.0 && at.force_n > 0.0);
+    let model = models.min_by(|a, b| near(a).total_cmp(&near(b))).expect("a model");
     let expected = model.model.power().sqrt();
     // On a loaded machine the hand of this test is not even.
-    assert!(
-        (0.4..2.5).contains(&(felt / expected)),
-        "{felt} and {expected} m/s²"
-    );
+    assert!((0.4..2.5).contains(&(felt / expected)), "{felt} and {expected} m/s²");
     let lifted = page.stroke(0.0, 0.0, 1.0);
     assert!(rms(&lifted[lifted.len() / 2..]) < 0.01 * expected);
 }
@@ -215,20 +179,10 @@ fn a_page_that_sees_the_drawing_is_told_what_every_port_and_node_does() {
     page.stroke(100.0, 1.0, 1.0);
     let levels = page.wait(|said| said["type"] == "levels" && !said["costs"].is_null());
     assert!(levels["ports"][VIBRATION][1].as_f64() > Some(0.0), "{levels}");
-    assert!(
-        levels["ports"]["texture/locate.weights"][1].as_f64() > Some(0.3),
-        "{levels}"
-    );
+    assert!(levels["ports"]["texture/locate.weights"][1].as_f64() > Some(0.3), "{levels}");
     let costs = levels["costs"].as_object().expect("parts");
-    assert!(
-        costs
-            .values()
-            .all(|part| part.as_f64().is_some_and(|part| (0.0..=1.0).contains(&part)))
-    );
-    assert_eq!(
-        (&levels["not_finite"], &levels["origin"]),
-        (&json!({}), &Value::Null)
-    );
+    assert!(costs.values().all(|part| part.as_f64().is_some_and(|part| (0.0..=1.0).contains(&part))));
+    assert_eq!((&levels["not_finite"], &levels["origin"]), (&json!({}), &Value::Null));
 }
 
 #[test]
@@ -239,28 +193,11 @@ fn edits_take_over_and_wrong_ones_say_where_and_change_nothing() {
     let text = page.graph["text"].as_str().expect("a text").to_owned();
     let wrong =
         page.request(json!({ "type": "apply", "text": text.replace("SpeedEstimator", "SpedEstimator") }));
-    assert_eq!(
-        (&wrong["ok"], &wrong["diagnostics"][0]["code"]),
-        (&json!(false), &json!("E0201"))
-    );
-    assert!(
-        wrong["diagnostics"][0]["line"]
-            .as_u64()
-            .is_some_and(|line| line > 10),
-        "{wrong}"
-    );
-    let edited = text.replace(
-        "nodes: {",
-        "nodes: { \"twice\": Gain(input: \"texture\", gain: 2),",
-    );
-    assert_eq!(
-        page.request(json!({ "type": "check", "text": edited }))["ok"],
-        true
-    );
-    assert_eq!(
-        page.request(json!({ "type": "apply", "text": edited }))["ok"],
-        true
-    );
+    assert_eq!((&wrong["ok"], &wrong["diagnostics"][0]["code"]), (&json!(false), &json!("E0201")));
+    assert!(wrong["diagnostics"][0]["line"].as_u64().is_some_and(|line| line > 10), "{wrong}");
+    let edited = text.replace("nodes: {", "nodes: { \"twice\": Gain(input: \"texture\", gain: 2),");
+    assert_eq!(page.request(json!({ "type": "check", "text": edited }))["ok"], true);
+    assert_eq!(page.request(json!({ "type": "apply", "text": edited }))["ok"], true);
     page.say(&json!({ "type": "scope", "ports": [{ "name": "twice.output", "raw": true }] }));
     assert!(rms(&page.stroke(100.0, 1.0, 2.0)) > 0.5, "the new node is heard");
     page.say(&json!({ "type": "set", "name": "twice.gain", "value": 0.0 }));
@@ -269,17 +206,11 @@ fn edits_take_over_and_wrong_ones_say_where_and_change_nothing() {
     let tile =
         page.request(json!({ "type": "parameter", "name": "surface", "value": "\"surfaces/t3-tile.ron\"" }));
     assert_eq!(tile["ok"], true, "{tile}");
-    assert_eq!(
-        page.request(json!({ "type": "save", "text": edited }))["ok"],
-        true
-    );
+    assert_eq!(page.request(json!({ "type": "save", "text": edited }))["ok"], true);
     assert_eq!(std::fs::read_to_string(&path).expect("it is there"), edited);
     std::fs::write(&path, "somebody else's").expect("written");
     assert_eq!(page.request(json!({ "type": "save", "text": text }))["ok"], false);
-    assert_eq!(
-        std::fs::read_to_string(&path).expect("it is there"),
-        "somebody else's"
-    );
+    assert_eq!(std::fs::read_to_string(&path).expect("it is there"), "somebody else's");
 }
 
 /// A table of drags over something rough: so many seconds at 2 kHz.
@@ -287,9 +218,7 @@ fn drags(seconds: usize) -> String {
     let (mut table, mut seed) = ("time_s,accel_m_s2,force_normal_n,speed_mm_s\n".to_owned(), 1_u64);
     for row in 0..seconds * 2000 {
         let at_s = row as f64 / 2000.0;
-        seed = seed
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let (speed, force) = (110.0 + 80.0 * (1.3 * at_s).sin(), 1.2 + 0.8 * (2.1 * at_s).sin());
         let accel = ((seed >> 40) as f64 / f64::from(1_u32 << 24) - 0.5) * 0.05 * speed * force;
         let _ = writeln!(table, "{at_s:.4},{accel:.5},{force:.4},{speed:.3}");
@@ -321,10 +250,7 @@ fn a_page_stops_the_run_while_its_recording_is_learned_and_strokes_the_surface_a
                     (&json!(true), &json!("\"surfaces/my-felt.ron\"")),
                     "{said}"
                 );
-                said["report"]
-                    .as_str()
-                    .unwrap_or_default()
-                    .clone_into(&mut report);
+                said["report"].as_str().unwrap_or_default().clone_into(&mut report);
                 seen.push("learned");
             }
             true => {
@@ -346,16 +272,9 @@ fn a_page_stops_the_run_while_its_recording_is_learned_and_strokes_the_surface_a
         (format!("none?token={token}"), "404"),
     ] {
         let answer = asked(&studio, &format!("GET /report/{path} HTTP/1.1\r\nHost: {host}"));
-        assert!(
-            answer.lines().next().is_some_and(|first| first.contains(status)),
-            "{path}: {answer}"
-        );
+        assert!(answer.lines().next().is_some_and(|first| first.contains(status)), "{path}: {answer}");
     }
-    assert_eq!(
-        page.graph["devices"][0]["simulated"], true,
-        "{}",
-        page.graph["devices"]
-    );
+    assert_eq!(page.graph["devices"][0]["simulated"], true, "{}", page.graph["devices"]);
     page.say(&json!({ "type": "resume" }));
     let value = json!({ "type": "parameter", "name": "surface", "value": "\"surfaces/my-felt.ron\"" });
     let chosen = page.request(value);
@@ -367,15 +286,8 @@ fn a_page_stops_the_run_while_its_recording_is_learned_and_strokes_the_surface_a
 /// The names in the folder of surfaces.
 fn surfaces_in(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder.join("surfaces")).expect("a folder");
-    let mut names: Vec<String> = entries
-        .map(|entry| {
-            entry
-                .expect("an entry")
-                .file_name()
-                .to_string_lossy()
-                .into_owned()
-        })
-        .collect();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned()).collect();
     names.sort();
     names
 }
@@ -417,15 +329,10 @@ fn what_fails_while_it_is_learned_or_is_cancelled_ends_nothing_and_leaves_nothin
     let reply = (6..).find_map(|request| {
         page.say(&learn(request, &csv));
         let reply = page.wait(|said| said["type"] == "reply" && said["request"] == request);
-        let waits = reply["error"]
-            .as_str()
-            .is_some_and(|why| why.contains("another recording"));
+        let waits = reply["error"].as_str().is_some_and(|why| why.contains("another recording"));
         (!waits || asked.elapsed() > PATIENCE).then_some(reply)
     });
-    assert_eq!(
-        reply.map(|reply| reply["change"].clone()),
-        Some(json!("\"surfaces/x.ron\""))
-    );
+    assert_eq!(reply.map(|reply| reply["change"].clone()), Some(json!("\"surfaces/x.ron\"")));
     let mut after = before;
     after.push("x.ron".to_owned());
     assert_eq!(surfaces_in(folder.path()), after);
@@ -444,30 +351,19 @@ fn surfaces_that_cannot_be_read_are_named_with_their_error_and_disturb_nothing()
         let mut page = Page::of(&studio);
         let listed = page.graph["surfaces"].as_array().expect("a list").clone();
         let is_read = |surface: &Value| {
-            (
-                surface["path"].clone(),
-                surface["error"].is_null(),
-                surface["swatch"].is_null(),
-            )
+            (surface["path"].clone(), surface["error"].is_null(), surface["swatch"].is_null())
         };
         let listed_as: Vec<_> = listed.iter().map(is_read).collect();
         let named = |name: &str, is_read: bool| (json!(format!("\"surfaces/{name}\"")), is_read, !is_read);
         assert_eq!(
             listed_as,
-            [
-                named("cut.ron", false),
-                named("t2-canvas.ron", true),
-                named("t3-tile.ron", true)
-            ]
+            [named("cut.ron", false), named("t2-canvas.ron", true), named("t3-tile.ron", true)]
         );
         assert_eq!(listed[0]["name"], "cut");
         let value = json!({ "type": "parameter", "name": "surface", "value": "\"surfaces/t3-tile.ron\"" });
         assert_eq!(page.request(value)["ok"], true);
     }
-    assert_eq!(
-        std::fs::read_to_string(folder.path().join("surfaces/cut.ron")).expect("it is there"),
-        cut
-    );
+    assert_eq!(std::fs::read_to_string(folder.path().join("surfaces/cut.ron")).expect("it is there"), cut);
 }
 
 #[test]
@@ -492,18 +388,10 @@ fn what_a_studio_was_recording_when_it_was_killed_is_replayed() {
     let recovered: Value = serde_json::from_slice(&read).expect("JSON");
     page.say(&json!({ "type": "record", "on": false }));
     let whole = page.wait(|said| said["type"] == "recording")["recording"].clone();
-    assert!(
-        !folder
-            .path()
-            .join("out/texturepad-strokes-1/strokes.part")
-            .exists()
-    );
+    assert!(!folder.path().join("out/texturepad-strokes-1/strokes.part").exists());
     let moves = recovered["moves"].as_array().expect("a list");
     assert!(moves.len() > 10 && whole["moves"].as_array().expect("a list").starts_with(moves));
-    assert_eq!(
-        (&recovered["turns"], &recovered["text"]),
-        (&whole["turns"], &whole["text"])
-    );
+    assert_eq!((&recovered["turns"], &recovered["text"]), (&whole["turns"], &whole["text"]));
     page.wait(|said| said["type"] == "status" && said["state"] == "running" && said["recording_s"].is_null());
     let reply = page.request(json!({ "type": "replay", "recording": recovered }));
     assert_eq!(reply["ok"], true, "{reply}");
@@ -524,10 +412,7 @@ fn no_recording_and_no_replay_ends_a_stop() {
     let recording = json!({ "format": 1, "haptograph": "", "graph": "", "text": "", "set": [], "rate_hz": rate_hz,
         "frames": 9, "moves": [], "turns": [] });
     let reply = page.request(json!({ "type": "replay", "recording": recording }));
-    assert!(
-        reply["ok"] == false && reply["error"].to_string().contains("resume"),
-        "{reply}"
-    );
+    assert!(reply["ok"] == false && reply["error"].to_string().contains("resume"), "{reply}");
     page.wait(stopped);
     page.say(&json!({ "type": "resume" }));
     page.wait(|said| said["type"] == "status" && said["state"] == "running");
@@ -553,10 +438,7 @@ fn what_is_asked_of_a_recording_while_the_run_falls_to_zero_counts() {
     }
     page.wait(|said| said["type"] == "status" && time_s(said) < 1.0);
     let status = page.wait(|said| said["type"] == "status" && time_s(said) > 1.2);
-    assert!(
-        status["recording_s"].is_null(),
-        "it was ended before it began: {status}"
-    );
+    assert!(status["recording_s"].is_null(), "it was ended before it began: {status}");
     page.say(&json!({ "type": "record", "on": true }));
     page.wait(|said| said["type"] == "status" && said["recording_s"].as_f64() > Some(1.2));
     for on in [false, true] {
@@ -565,10 +447,7 @@ fn what_is_asked_of_a_recording_while_the_run_falls_to_zero_counts() {
     page.wait(|said| said["type"] == "recording");
     page.wait(|said| said["type"] == "status" && time_s(said) > 0.2 && said["state"] == "running");
     let status = page.wait(|said| said["type"] == "status" && (0.2..1.0).contains(&time_s(said)));
-    assert!(
-        status["recording_s"].is_number(),
-        "the next one was asked for: {status}"
-    );
+    assert!(status["recording_s"].is_number(), "the next one was asked for: {status}");
 }
 
 #[test]
@@ -597,10 +476,7 @@ fn connections_without_a_token_are_bounded_and_lock_nobody_out() {
 fn of_all_pages_one_at_a_time_sends_a_long_message() {
     let studio = open(&shipped("texturepad.ron"));
     let (mut first, mut second, mut third) = (Page::of(&studio), Page::of(&studio), Page::of(&studio));
-    let long = format!(
-        r#"{{"type":"replay","request":1,"recording":"{}"}}"#,
-        "x".repeat(8 << 20)
-    );
+    let long = format!(r#"{{"type":"replay","request":1,"recording":"{}"}}"#, "x".repeat(8 << 20));
     // Part of a masked text of 16 MiB.
     let MaybeTlsStream::Plain(stream) = first.socket.get_mut() else {
         panic!("it is not encrypted");
@@ -632,19 +508,10 @@ fn too_many_open_files_are_said_to_be_that_and_pages_come_in_afterwards() {
     if std::env::var(FEW_FILES).is_err() {
         let program = std::env::current_exe().expect("a path");
         let mut few = std::process::Command::new("sh");
-        few.args(["-c", r#"ulimit -n 40; exec "$0" "$@""#])
-            .arg(program)
-            .env(FEW_FILES, "");
-        few.args([
-            "too_many_open_files_are_said_to_be_that_and_pages_come_in_afterwards",
-            "--exact",
-        ]);
+        few.args(["-c", r#"ulimit -n 40; exec "$0" "$@""#]).arg(program).env(FEW_FILES, "");
+        few.args(["too_many_open_files_are_said_to_be_that_and_pages_come_in_afterwards", "--exact"]);
         let ended = few.output().expect("it runs");
-        assert!(
-            ended.status.success(),
-            "{}",
-            String::from_utf8_lossy(&ended.stdout)
-        );
+        assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stdout));
         return;
     }
     let studio = open(&shipped("texturepad.ron"));
@@ -680,12 +547,7 @@ fn a_graph_of_two_drivers_is_refused_in_the_words_of_the_studio() {
     };
     let error = Studio::open(&options, &haptograph_nodes::registry()).expect_err("it has two");
     let error = error.to_string();
-    assert!(
-        ["studio", "`audio`, `servo`", "Derived"]
-            .iter()
-            .all(|part| error.contains(part)),
-        "{error}"
-    );
+    assert!(["studio", "`audio`, `servo`", "Derived"].iter().all(|part| error.contains(part)), "{error}");
 }
 
 #[test]
@@ -693,34 +555,22 @@ fn what_one_page_asks_for_is_done_in_its_order() {
     let (_folder, path) = copied();
     let studio = open(&path);
     let mut page = Page::of(&studio);
-    for (request, name, value) in [
-        (1, "gain", "0.5"),
-        (2, "surface", "\"surfaces/t3-tile.ron\""),
-        (3, "gain", "0.25"),
-    ] {
+    for (request, name, value) in
+        [(1, "gain", "0.5"), (2, "surface", "\"surfaces/t3-tile.ron\""), (3, "gain", "0.25")]
+    {
         page.say(&json!({ "type": "parameter", "request": request, "name": name, "value": value }));
     }
     for request in 1..=3 {
         let reply = page.wait(|said| said["type"] == "reply");
-        assert_eq!(
-            (&reply["request"], &reply["ok"]),
-            (&json!(request), &json!(true)),
-            "{reply}"
-        );
+        assert_eq!((&reply["request"], &reply["ok"]), (&json!(request), &json!(true)), "{reply}");
     }
     let mut next = Page::of(&studio);
     let value = |name: &str| {
         let parameters = next.graph["parameters"].as_array().expect("a list");
-        let known = parameters
-            .iter()
-            .find(|known| known["name"] == name)
-            .expect("there is one");
+        let known = parameters.iter().find(|known| known["name"] == name).expect("there is one");
         known["value"].as_str().expect("a text").to_owned()
     };
-    assert_eq!(
-        (value("gain"), value("surface")),
-        ("0.25".to_owned(), "\"surfaces/t3-tile.ron\"".to_owned())
-    );
+    assert_eq!((value("gain"), value("surface")), ("0.25".to_owned(), "\"surfaces/t3-tile.ron\"".to_owned()));
     // More than can wait is refused, and nothing is lost of what is not.
     for request in 0..100 {
         next.say(&json!({ "type": "check", "request": request, "text": "" }));
@@ -774,14 +624,8 @@ fn no_edit_from_the_page_raises_a_limit_or_changes_a_device() {
             "\"too\": ActuatorSink(endpoint: \"haptuator\", current: Resample(\"drive\"), limit: (peak_a: 0.1, continuous_a: 0.1)), \"out\": ActuatorSink(",
         ),
         ("amperes_full_scale: 1.0", "amperes_full_scale: 0.2"),
-        (
-            "\"haptuator\": SimulatedHaptuator()",
-            "\"haptuator\": UdpDevice(listen: \"127.0.0.1:0\")",
-        ),
-        (
-            "\"/dev/input/by-id/usb-Tablet-event-mouse\"",
-            "\"/dev/input/event0\"",
-        ),
+        ("\"haptuator\": SimulatedHaptuator()", "\"haptuator\": UdpDevice(listen: \"127.0.0.1:0\")"),
+        ("\"/dev/input/by-id/usb-Tablet-event-mouse\"", "\"/dev/input/event0\""),
     ] {
         assert!(text.contains(from), "{from}");
         let edited = text.replace(from, to);
@@ -795,17 +639,11 @@ fn no_edit_from_the_page_raises_a_limit_or_changes_a_device() {
     }
     let hand = page.request(json!({ "type": "parameter", "name": "hand", "value": "\"/dev/input/event0\"" }));
     assert_eq!(
-        (
-            &hand["ok"],
-            hand["beyond"].as_array().map(|beyond| beyond.is_empty())
-        ),
+        (&hand["ok"], hand["beyond"].as_array().map(|beyond| beyond.is_empty())),
         (&json!(false), Some(false))
     );
     let wrong = page.request(json!({ "type": "save", "text": text.replace("ActuatorSink", "Sink") }));
-    assert_eq!(
-        (&wrong["ok"], &wrong["diagnostics"][0]["code"]),
-        (&json!(false), &json!("E0201"))
-    );
+    assert_eq!((&wrong["ok"], &wrong["diagnostics"][0]["code"]), (&json!(false), &json!("E0201")));
     assert_eq!(std::fs::read_to_string(&path).expect("it is there"), text);
     // Down, and up again as far as it was.
     for lower in [text.replace("peak_a: 0.5", "peak_a: 0.3"), text] {
@@ -834,27 +672,14 @@ fn a_recorded_stroke_is_done_again_with_the_same_samples() {
     assert!(frames as f64 > rate_hz && rms(&felt) > 1e-3);
     let folder = PathBuf::from(kept["saved"].as_str().expect("it is saved"));
     for name in ["strokes.json", "texture.wav", "current.wav", "report.html"] {
-        assert!(
-            folder.join(name).metadata().is_ok_and(|file| file.len() > 1000),
-            "{name}"
-        );
+        assert!(folder.join(name).metadata().is_ok_and(|file| file.len() > 1000), "{name}");
     }
     let facts = std::fs::read(folder.join("run.json")).expect("it is there");
     let facts: Value = serde_json::from_slice(&facts).expect("JSON");
-    assert!(
-        facts["driver_frames"]
-            .as_u64()
-            .is_some_and(|run| run >= frames as u64),
-        "{facts}"
-    );
+    assert!(facts["driver_frames"].as_u64().is_some_and(|run| run >= frames as u64), "{facts}");
     let shown = std::fs::read_to_string(folder.join("report.html")).expect("it is there");
     // As of any run: signals, files, the sound of the actuator, the plot that the graph asks for, the strokes on the map.
-    for part in [
-        "texture/filter.acceleration",
-        "texture.wav",
-        "<audio",
-        "texture/locate.weights",
-    ] {
+    for part in ["texture/filter.acceleration", "texture.wav", "<audio", "texture/locate.weights"] {
         assert!(shown.contains(part), "{part}");
     }
     page.say(&json!({ "type": "replay", "request": 0, "recording": kept["recording"] }));
@@ -868,10 +693,7 @@ fn a_recorded_stroke_is_done_again_with_the_same_samples() {
     page.wait(|said| said["type"] == "status" && said["replay"].is_null() && said["state"] == "running");
     let mut damaged = kept["recording"].clone();
     damaged["moves"][3][4] = json!(1_000_000_000);
-    assert_eq!(
-        page.request(json!({ "type": "replay", "recording": damaged }))["ok"],
-        false
-    );
+    assert_eq!(page.request(json!({ "type": "replay", "recording": damaged }))["ok"], false);
 }
 
 #[test]
@@ -879,10 +701,7 @@ fn a_stop_is_heard_from_any_page_and_only_the_owner_moves_anything() {
     let studio = open(&shipped("texturepad.ron"));
     let (mut owner, mut guest) = (Page::of(&studio), Page::of(&studio));
     guest.say(&json!({ "type": "scope", "ports": [{ "name": "out.delivered", "raw": true }] }));
-    assert!(
-        rms(&guest.stroke(100.0, 1.0, 1.0)) < 1e-9,
-        "a guest moves nothing"
-    );
+    assert!(rms(&guest.stroke(100.0, 1.0, 1.0)) < 1e-9, "a guest moves nothing");
     assert_eq!(guest.request(json!({ "type": "apply", "text": "" }))["ok"], false);
     guest.say(&json!({ "type": "set", "name": "out.gain", "value": 0.5 }));
     guest.wait(|said| said["type"] == "refused");
@@ -979,32 +798,21 @@ fn only_its_own_page_with_the_token_is_let_in() {
         (format!("GET / HTTP/1.1\r\nHost: {host}"), "403"),
         (format!("GET /?token={token}0 HTTP/1.1\r\nHost: {host}"), "403"),
         (format!("GET /?token= HTTP/1.1\r\nHost: {host}"), "403"),
-        (
-            format!("GET /../../../etc/passwd HTTP/1.1\r\nHost: {host}"),
-            "404",
-        ),
+        (format!("GET /../../../etc/passwd HTTP/1.1\r\nHost: {host}"), "404"),
         (
             format!(
                 "GET /live?token={token} HTTP/1.1\r\nHost: {host}\r\nOrigin: http://evil.example\r\n{live}"
             ),
             "403",
         ),
-        (
-            format!("GET /live?token={token} HTTP/1.1\r\nHost: {host}\r\n{live}"),
-            "403",
-        ),
-        (
-            format!("GET /live?token=x HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\n{live}"),
-            "403",
-        ),
+        (format!("GET /live?token={token} HTTP/1.1\r\nHost: {host}\r\n{live}"), "403"),
+        (format!("GET /live?token=x HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\n{live}"), "403"),
     ] {
         let answer = asked(&studio, &head);
         let first = answer.lines().next().unwrap_or_default();
         assert!(first.contains(status), "{head}: {answer}");
         // No page of this server calls another.
-        let policy = answer
-            .lines()
-            .find_map(|line| line.strip_prefix("content-security-policy: "));
+        let policy = answer.lines().find_map(|line| line.strip_prefix("content-security-policy: "));
         let mut policy: Vec<&str> = policy.unwrap_or_default().split("; ").collect();
         policy.sort_unstable();
         let port = host.port();

@@ -17,9 +17,7 @@ fn table() -> Value {
     let map = texture.triangulation();
     let mut seed = 7_u64;
     let mut part = || {
-        seed = seed
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (seed >> 33) as f64 / (1_u64 << 31) as f64
     };
     let mut point = |number: usize| {
@@ -48,9 +46,7 @@ fn assert_near(kept: &Value, now: &Value) {
     match (kept, now) {
         (Value::Array(kept), Value::Array(now)) => {
             assert_eq!(kept.len(), now.len());
-            kept.iter()
-                .zip(now)
-                .for_each(|(kept, now)| assert_near(kept, now));
+            kept.iter().zip(now).for_each(|(kept, now)| assert_near(kept, now));
         }
         _ => {
             let (kept, now) = (kept.as_f64().expect("a number"), now.as_f64().expect("a number"));

@@ -135,10 +135,8 @@ fn check_breaks(signal: &[f64], grid: usize, settings: &SegmentationSettings) ->
 fn segmentation_beside_refitting(title: &str, samples: usize, grid: usize, turns: usize) {
     let signal = vibration(samples, 1);
     let settings = yule_walker(grid, 50);
-    let usual = SegmentationSettings {
-        variance: VarianceEstimate::ConditionalLeastSquares,
-        ..settings.clone()
-    };
+    let usual =
+        SegmentationSettings { variance: VarianceEstimate::ConditionalLeastSquares, ..settings.clone() };
     let found = check_breaks(&signal, grid, &settings);
     assert!(found.breaks.len() > 1, "the bench is of several segments");
     let mut plain = || {
@@ -151,12 +149,7 @@ fn segmentation_beside_refitting(title: &str, samples: usize, grid: usize, turns
         let _ = black_box(segment(black_box(&signal), &usual));
     };
     contest::compare(
-        Work {
-            title,
-            unit: "signal",
-            units: 1,
-            turns,
-        },
+        Work { title, unit: "signal", units: 1, turns },
         &mut [
             ("Levinson anew for every span", &mut plain),
             ("segment, by Yule-Walker", &mut ours),
@@ -197,21 +190,13 @@ fn recording() -> AnyRecording {
     let wrench = |i: usize| {
         let t = i as f64 / RATE_HZ;
         let (friction, (sin, cos)) = (0.3 * push_n(t), angle(t).sin_cos());
-        Wrench {
-            force_n: [friction * sin, -friction * cos, push_n(t)],
-            torque_n_m: [0.0; 3],
-        }
+        Wrench { force_n: [friction * sin, -friction * cos, push_n(t)], torque_n_m: [0.0; 3] }
     };
     let axes: [Vec<f64>; 3] = [1, 2, 3].map(|seed| vibration(samples, seed));
     let recording = Recording::new(
         Series::new(240.0, (0..2400).map(pose).collect()),
         Series::new(RATE_HZ, (0..samples).map(wrench).collect()),
-        Series::new(
-            RATE_HZ,
-            (0..samples)
-                .map(|i| [axes[0][i], axes[1][i], axes[2][i]])
-                .collect(),
-        ),
+        Series::new(RATE_HZ, (0..samples).map(|i| [axes[0][i], axes[1][i], axes[2][i]]).collect()),
         Calibration::default(),
         Gesture::Drag,
         Provenance::new(Origin::Procedural, "made up for a bench"),
@@ -247,9 +232,7 @@ fn refitted_models(signal: &[f64], breaks: &[usize]) -> Vec<Prediction> {
         0 => (orders[middle - 1] + orders[middle]).div_ceil(2),
         _ => orders[middle],
     };
-    spans()
-        .filter_map(|span| levinson(&autocovariance(span, order), order).ok())
-        .collect()
+    spans().filter_map(|span| levinson(&autocovariance(span, order), order).ok()).collect()
 }
 
 fn best_order(span: &[f64]) -> usize {
@@ -269,11 +252,7 @@ fn check_models(drag: &ProcessedRecording, texture: &TextureModel, report: &Text
         let at = |at: &&haptograph_surfaces::ModelAt| {
             (at.speed_m_s, at.force_n) == (segment.speed_m_s, segment.force_n)
         };
-        let ours = texture
-            .models()
-            .iter()
-            .find(at)
-            .expect("the segment became a model");
+        let ours = texture.models().iter().find(at).expect("the segment became a model");
         assert_eq!(plain.ar.len(), ours.model.ar().len());
         let close = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-9;
         assert!(plain.ar.iter().zip(ours.model.ar()).all(close));
@@ -283,10 +262,7 @@ fn check_models(drag: &ProcessedRecording, texture: &TextureModel, report: &Text
 fn texture_beside_refitting() {
     const GRID: usize = 50;
     let settings = |variance| TextureSettings {
-        segmentation: SegmentationSettings {
-            variance,
-            ..yule_walker(GRID, GRID)
-        },
+        segmentation: SegmentationSettings { variance, ..yule_walker(GRID, GRID) },
         outliers: None,
         ..TextureSettings::default()
     };
@@ -304,20 +280,11 @@ fn texture_beside_refitting() {
         black_box(refitted_models(signal, &breaks));
     };
     contest::compare(
-        Work {
-            title: "a texture from 10 s at 1 kHz",
-            unit: "texture",
-            units: 1,
-            turns: 5,
-        },
+        Work { title: "a texture from 10 s at 1 kHz", unit: "texture", units: 1, turns: 5 },
         &mut [
             ("Levinson anew for every span, then models", &mut plain),
-            ("learn_texture, by Yule-Walker", &mut || {
-                drop(black_box(learned(&alike)))
-            }),
-            ("learn_texture, by conditional least squares", &mut || {
-                drop(black_box(learned(&usual)))
-            }),
+            ("learn_texture, by Yule-Walker", &mut || drop(black_box(learned(&alike)))),
+            ("learn_texture, by conditional least squares", &mut || drop(black_box(learned(&usual)))),
         ],
     );
 }
@@ -343,16 +310,11 @@ fn whole_recording() {
 fn plain_windows(signal: &[f64]) -> Vec<(Vec<f64>, f64)> {
     const N: usize = 256;
     let transform = fft::forward(N);
-    let taper: Vec<f64> = (0..N)
-        .map(|i| 0.54 - 0.46 * (TAU * i as f64 / (N - 1) as f64).cos())
-        .collect();
+    let taper: Vec<f64> = (0..N).map(|i| 0.54 - 0.46 * (TAU * i as f64 / (N - 1) as f64).cos()).collect();
     let energy: f64 = taper.iter().map(|w| w * w).sum();
     let windows = signal.windows(N).step_by(N / 2).map(|cut| {
-        let mut bins: Vec<Complex64> = cut
-            .iter()
-            .zip(&taper)
-            .map(|(x, w)| Complex64::new(x * w, 0.0))
-            .collect();
+        let mut bins: Vec<Complex64> =
+            cut.iter().zip(&taper).map(|(x, w)| Complex64::new(x * w, 0.0)).collect();
         let power = bins.iter().map(|x| x.re * x.re).sum::<f64>() / energy;
         transform.process(&mut bins);
         let shape: Vec<f64> = bins[..=N / 2].iter().map(|y| y.norm()).collect();
@@ -405,12 +367,7 @@ fn one_pair() {
         black_box(ours_compared(black_box(&a), &b));
     };
     contest::compare(
-        Work {
-            title: "NSE, PE and SD of two signals of 10 s",
-            unit: "pair",
-            units: 1,
-            turns: 21,
-        },
+        Work { title: "NSE, PE and SD of two signals of 10 s", unit: "pair", units: 1, turns: 21 },
         &mut [("as the equations stand", &mut plain), ("compare", &mut ours)],
     );
 }
@@ -457,12 +414,7 @@ fn every_pair() {
         black_box(matrix(black_box(&signals)));
     };
     contest::compare(
-        Work {
-            title: "SD of all pairs of 20 signals of 3 s",
-            unit: "pair",
-            units: 190,
-            turns: 5,
-        },
+        Work { title: "SD of all pairs of 20 signals of 3 s", unit: "pair", units: 190, turns: 5 },
         &mut [
             ("as the equations stand, pair by pair", &mut plain),
             ("compare, pair by pair", &mut one_by_one),
@@ -481,22 +433,13 @@ fn regressions(criterion: &mut Criterion) {
     });
     let recordings = [recording()];
     group.bench_function("learn 10 s", |bencher| {
-        bencher.iter(|| {
-            learn(
-                "bench",
-                black_box(&recordings),
-                &LearnSettings::default(),
-                &|_| (),
-            )
-        });
+        bencher.iter(|| learn("bench", black_box(&recordings), &LearnSettings::default(), &|_| ()));
     });
     let other = vibration(100_000, 2);
     group.bench_function("compare 10 s", |bencher| {
         bencher.iter(|| ours_compared(black_box(&signal), &other));
     });
     let signals = signals();
-    group.bench_function("190 pairs of 3 s", |bencher| {
-        bencher.iter(|| matrix(black_box(&signals)))
-    });
+    group.bench_function("190 pairs of 3 s", |bencher| bencher.iter(|| matrix(black_box(&signals))));
     group.finish();
 }

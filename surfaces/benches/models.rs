@@ -35,12 +35,7 @@ fn main() {
 }
 
 fn calls(title: &str, units: usize) -> Work<'_> {
-    Work {
-        title,
-        unit: "call",
-        units,
-        turns: TURNS,
-    }
+    Work { title, unit: "call", units, turns: TURNS }
 }
 
 fn ratios() {
@@ -60,13 +55,8 @@ fn texture() -> TextureModel {
         .map(|_| ModelAt {
             speed_m_s: random.random_range(0.01..0.24),
             force_n: random.random_range(0.1..3.9),
-            model: ArmaModel::from_lsf(
-                &frequencies(&mut random),
-                &[],
-                1.0,
-                random.random_range(0.01..1.0),
-            )
-            .expect("ascending frequencies are a model"),
+            model: ArmaModel::from_lsf(&frequencies(&mut random), &[], 1.0, random.random_range(0.01..1.0))
+                .expect("ascending frequencies are a model"),
             kind: VertexKind::Measured,
         })
         .collect();
@@ -75,28 +65,21 @@ fn texture() -> TextureModel {
 
 fn frequencies(random: &mut Xoshiro256PlusPlus) -> Vec<f64> {
     let step = PI / (ORDER as f64 + 1.0);
-    (1..=ORDER)
-        .map(|k| step * (k as f64 + random.random_range(-0.4..0.4)))
-        .collect()
+    (1..=ORDER).map(|k| step * (k as f64 + random.random_range(-0.4..0.4))).collect()
 }
 
 /// Circles of a hand: speed and force at 240 Hz.
 fn stroke() -> Vec<(f64, f64)> {
     let at = |k: usize| {
         let time_s = k as f64 / 240.0;
-        (
-            0.12 + 0.1 * (TAU * 1.3 * time_s).sin(),
-            1.9 + 1.5 * (TAU * 0.7 * time_s).cos(),
-        )
+        (0.12 + 0.1 * (TAU * 1.3 * time_s).sin(), 1.9 + 1.5 * (TAU * 0.7 * time_s).cos())
     };
     (0..POINTS).map(at).collect()
 }
 
 fn jumps() -> Vec<(f64, f64)> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
-    (0..POINTS)
-        .map(|_| (random.random_range(0.001..0.2), random.random_range(0.01..3.0)))
-        .collect()
+    (0..POINTS).map(|_| (random.random_range(0.001..0.2), random.random_range(0.01..3.0))).collect()
 }
 
 /// The map as spade has it.
@@ -125,21 +108,14 @@ impl Plain {
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / values.len() as f64).sqrt()
         };
-        let scale = (
-            1.0 / deviation(|at| at.speed_m_s),
-            1.0 / deviation(|at| at.force_n),
-        );
+        let scale = (1.0 / deviation(|at| at.speed_m_s), 1.0 / deviation(|at| at.force_n));
         let mut mesh = DelaunayTriangulation::new();
         let mut hint = None;
         for (number, at) in texture.models().iter().enumerate() {
             let position = Point2::new(at.speed_m_s * scale.0, at.force_n * scale.1);
             hint = mesh.insert(Vertex { position, number }).ok();
         }
-        Plain {
-            mesh,
-            scale,
-            hint: hint.expect("the map has vertices"),
-        }
+        Plain { mesh, scale, hint: hint.expect("the map has vertices") }
     }
 
     fn locate(&mut self, speed: f64, force: f64) -> [(usize, f64); 3] {
@@ -148,16 +124,11 @@ impl Plain {
             PositionInTriangulation::OnFace(face) => self.mesh.face(face),
             PositionInTriangulation::OnEdge(edge) => {
                 let edge = self.mesh.directed_edge(edge);
-                edge.face()
-                    .as_inner()
-                    .or_else(|| edge.rev().face().as_inner())
-                    .expect("an edge has a face")
+                edge.face().as_inner().or_else(|| edge.rev().face().as_inner()).expect("an edge has a face")
             }
             PositionInTriangulation::OnVertex(vertex) => {
                 let mut edges = self.mesh.vertex(vertex).out_edges();
-                edges
-                    .find_map(|edge| edge.face().as_inner())
-                    .expect("a vertex has a face")
+                edges.find_map(|edge| edge.face().as_inner()).expect("a vertex has a face")
             }
             _ => panic!("the point is outside of the map"),
         };
@@ -173,9 +144,7 @@ fn locate(name: &str, texture: &TextureModel, path: &[(f64, f64)]) {
     for &(speed, force) in path {
         let spot = ours.locate(speed, force);
         for (number, weight) in plain.locate(speed, force) {
-            let own = (0..3)
-                .find(|&i| spot.vertices[i] as usize == number)
-                .map_or(0.0, |i| spot.weights[i]);
+            let own = (0..3).find(|&i| spot.vertices[i] as usize == number).map_or(0.0, |i| spot.weights[i]);
             assert!((own - weight).abs() < 1e-9);
         }
     }
@@ -191,10 +160,7 @@ fn locate(name: &str, texture: &TextureModel, path: &[(f64, f64)]) {
     };
     contest::compare(
         calls(&format!("locate {name}"), POINTS),
-        &mut [
-            ("spade, with hint", &mut spade),
-            ("walk from the last triangle", &mut walk),
-        ],
+        &mut [("spade, with hint", &mut spade), ("walk from the last triangle", &mut walk)],
     );
 }
 
@@ -205,9 +171,7 @@ fn update(name: &str, texture: &TextureModel, path: &[(f64, f64)]) {
         let mut variance = 0.0;
         for (number, weight) in plain.locate(speed, force) {
             let model = &texture.models()[number].model;
-            lsf.iter_mut()
-                .zip(model.ar_lsf())
-                .for_each(|(mean, w)| *mean += weight * w);
+            lsf.iter_mut().zip(model.ar_lsf()).for_each(|(mean, w)| *mean += weight * w);
             variance += weight * model.variance();
         }
         (by_complex_products(&lsf), variance)
@@ -231,14 +195,8 @@ fn update(name: &str, texture: &TextureModel, path: &[(f64, f64)]) {
         }
     };
     contest::compare(
-        calls(
-            &format!("a whole update of AR({ORDER}) coefficients, {name}"),
-            POINTS,
-        ),
-        &mut [
-            ("spade, means, complex products", &mut naive),
-            ("Interpolator", &mut kernel),
-        ],
+        calls(&format!("a whole update of AR({ORDER}) coefficients, {name}"), POINTS),
+        &mut [("spade, means, complex products", &mut naive), ("Interpolator", &mut kernel)],
     );
 }
 
@@ -277,11 +235,7 @@ fn to_ar() {
     let mut ar = [0.0; ORDER];
     for lsf in &spectra {
         lsf_to_ar(lsf, &mut ar).expect("one order");
-        assert!(
-            ar.iter()
-                .zip(by_complex_products(lsf))
-                .all(|(a, b)| (a - b).abs() < 1e-10)
-        );
+        assert!(ar.iter().zip(by_complex_products(lsf)).all(|(a, b)| (a - b).abs() < 1e-10));
     }
     let mut naive = || {
         spectra.iter().for_each(|lsf| {
@@ -340,16 +294,8 @@ fn to_lsf() {
     let mut lsf = [0.0; ORDER];
     for ar in &models {
         ar_to_lsf(ar, &mut lsf).expect("these models are stable");
-        assert!(
-            lsf.iter()
-                .zip(by_eigenvalues(ar))
-                .all(|(a, b)| (a - b).abs() < 1e-9)
-        );
-        assert!(
-            lsf.iter()
-                .zip(by_bisection(ar))
-                .all(|(a, b)| (a - b).abs() < 1e-9)
-        );
+        assert!(lsf.iter().zip(by_eigenvalues(ar)).all(|(a, b)| (a - b).abs() < 1e-9));
+        assert!(lsf.iter().zip(by_bisection(ar)).all(|(a, b)| (a - b).abs() < 1e-9));
     }
     let mut eigenvalues = || {
         for ar in &models {
@@ -380,11 +326,7 @@ fn to_lsf() {
 /// The sum and difference polynomials, rid of their zeros at -1 and 1.
 fn palindromes(ar: &[f64]) -> [Vec<f64>; 2] {
     let a = |k: usize| {
-        if k == 0 {
-            1.0
-        } else {
-            ar.get(k - 1).copied().unwrap_or(0.0)
-        }
+        if k == 0 { 1.0 } else { ar.get(k - 1).copied().unwrap_or(0.0) }
     };
     [1.0, -1.0].map(|sign| {
         let mut half = vec![0.0; ORDER + 1];
@@ -403,12 +345,7 @@ fn by_eigenvalues(ar: &[f64]) -> Vec<f64> {
                 0 => -half[j + 1],
                 _ => f64::from(u8::from(i == j + 1)),
             });
-            companion
-                .complex_eigenvalues()
-                .iter()
-                .map(|z| z.arg())
-                .filter(|w| *w > 0.0)
-                .collect::<Vec<_>>()
+            companion.complex_eigenvalues().iter().map(|z| z.arg()).filter(|w| *w > 0.0).collect::<Vec<_>>()
         })
         .collect();
     lsf.sort_by(f64::total_cmp);
@@ -423,10 +360,7 @@ fn by_bisection(ar: &[f64]) -> Vec<f64> {
             let middle = ORDER / 2;
             let value = |w: f64| {
                 half[middle]
-                    + 2.0
-                        * (1..=middle)
-                            .map(|k| half[middle - k] * (w * k as f64).cos())
-                            .sum::<f64>()
+                    + 2.0 * (1..=middle).map(|k| half[middle - k] * (w * k as f64).cos()).sum::<f64>()
             };
             let values: Vec<f64> = (0..=GRID).map(|i| value(PI * i as f64 / GRID as f64)).collect();
             let mut zeros = Vec::new();
@@ -434,11 +368,7 @@ fn by_bisection(ar: &[f64]) -> Vec<f64> {
                 let (mut low, mut high) = (PI * i as f64 / GRID as f64, PI * (i + 1) as f64 / GRID as f64);
                 while high - low > 1e-12 {
                     let middle = 0.5 * (low + high);
-                    if (value(middle) > 0.0) == (values[i] > 0.0) {
-                        low = middle
-                    } else {
-                        high = middle
-                    }
+                    if (value(middle) > 0.0) == (values[i] > 0.0) { low = middle } else { high = middle }
                 }
                 zeros.push(0.5 * (low + high));
             }
@@ -469,12 +399,7 @@ fn regressions(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(spectra.len() as u64));
     let mut ar = [0.0; ORDER];
     group.bench_function("lsf_to_ar", |bencher| {
-        bencher.iter(|| {
-            spectra
-                .iter()
-                .filter(|lsf| lsf_to_ar(black_box(*lsf), &mut ar).is_ok())
-                .count()
-        });
+        bencher.iter(|| spectra.iter().filter(|lsf| lsf_to_ar(black_box(*lsf), &mut ar).is_ok()).count());
     });
     let mut lsf = [0.0; ORDER];
     let models: Vec<[f64; ORDER]> = spectra
@@ -485,12 +410,7 @@ fn regressions(criterion: &mut Criterion) {
         })
         .collect();
     group.bench_function("ar_to_lsf", |bencher| {
-        bencher.iter(|| {
-            models
-                .iter()
-                .filter(|ar| ar_to_lsf(black_box(*ar), &mut lsf).is_ok())
-                .count()
-        });
+        bencher.iter(|| models.iter().filter(|ar| ar_to_lsf(black_box(*ar), &mut lsf).is_ok()).count());
     });
     group.finish();
 }

@@ -28,17 +28,11 @@ fn main() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t2-canvas.ron");
     let surface = files::load(&path).expect("the shipped surface");
     let whole = surface.texture.expect("it has a texture");
-    let bare = whole
-        .clone()
-        .with_crackle(None)
-        .with_highpass_hz(None)
-        .expect("less is sound");
+    let bare = whole.clone().with_crackle(None).with_highpass_hz(None).expect("less is sound");
     let plain = on_the_plain_axis(&bare);
-    for (name, texture) in [
-        ("with its crackle and high-pass", &whole),
-        ("the map alone", &bare),
-        ("the thesis's kind", &plain),
-    ] {
+    for (name, texture) in
+        [("with its crackle and high-pass", &whole), ("the map alone", &bare), ("the thesis's kind", &plain)]
+    {
         voices(name, texture);
     }
     let filter = OPERATIONS * whole.ar_order();
@@ -50,34 +44,17 @@ fn main() {
 fn on_the_plain_axis(texture: &TextureModel) -> TextureModel {
     let models = texture.models().iter().map(|at| {
         let model = ArmaModel::from_lsf(at.model.ar_lsf(), &[], 1.0, at.model.variance());
-        ModelAt {
-            model: model.expect("ascending frequencies are stable"),
-            ..at.clone()
-        }
+        ModelAt { model: model.expect("ascending frequencies are stable"), ..at.clone() }
     });
     let triangles = texture.triangles().to_vec();
     TextureModel::new(texture.rate_hz(), models.collect(), triangles).expect("the same map")
 }
 
 fn voices(name: &str, texture: &TextureModel) {
-    let walk = |seed: u64| {
-        RandomWalk {
-            seconds: SECONDS,
-            seed,
-            ..RandomWalk::default()
-        }
-        .trajectory()
-    };
+    let walk = |seed: u64| RandomWalk { seconds: SECONDS, seed, ..RandomWalk::default() }.trajectory();
     let walks: Vec<Trajectory> = (0..VOICES as u64).map(walk).collect();
-    let settings = |seed: u64| SynthesisSettings {
-        seed,
-        ..SynthesisSettings::default()
-    };
-    let voice = |(trajectory, seed)| Voice {
-        texture,
-        trajectory,
-        settings: settings(seed),
-    };
+    let settings = |seed: u64| SynthesisSettings { seed, ..SynthesisSettings::default() };
+    let voice = |(trajectory, seed)| Voice { texture, trajectory, settings: settings(seed) };
     let voices: Vec<Voice<'_>> = walks.iter().zip(0..).map(voice).collect();
     let mut alone = || {
         for voice in &voices {

@@ -34,11 +34,7 @@ pub fn carried_hz(rate_hz: f64) -> f64 {
 /// A number for a message: seven digits, no trailing zeros, and by its power of ten where it is large.
 pub(crate) fn shown(value: f64) -> String {
     let rounded = format!("{value:.6e}").parse().unwrap_or(value);
-    if rounded.abs() < 1e6 {
-        rounded.to_string()
-    } else {
-        format!("{rounded:e}")
-    }
+    if rounded.abs() < 1e6 { rounded.to_string() } else { format!("{rounded:e}") }
 }
 
 /// The largest magnitude of a quantity of recordings (a column's name without its unit), and its unit.

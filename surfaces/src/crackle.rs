@@ -32,15 +32,9 @@ impl Crackle {
     pub fn new(depth: f64, time_constant_s: f64) -> Result<Self, TextureError> {
         let within = |x: f64, most: f64| x > 0.0 && x <= most;
         if !(within(depth, MAX_DEPTH) && within(time_constant_s, MAX_TIME_CONSTANT_S)) {
-            return Err(TextureError::Crackle {
-                depth,
-                time_constant_s,
-            });
+            return Err(TextureError::Crackle { depth, time_constant_s });
         }
-        Ok(Self {
-            depth,
-            time_constant_s,
-        })
+        Ok(Self { depth, time_constant_s })
     }
 
     /// Standard deviation of the natural logarithm of the excitation's power.

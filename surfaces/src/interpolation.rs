@@ -98,20 +98,10 @@ impl Interpolator {
         for (row, at) in rows.chunks_exact_mut(stride).zip(texture.models()) {
             let numbers = at.model.ar_lsf().iter().chain(at.model.ma_lsf());
             let numbers = numbers.copied().chain([at.model.gain(), level(&at.model)]);
-            row.iter_mut()
-                .zip(numbers)
-                .for_each(|(place, number)| *place = number);
+            row.iter_mut().zip(numbers).for_each(|(place, number)| *place = number);
         }
         let map = texture.triangulation().clone();
-        Interpolator {
-            map,
-            rows,
-            stride,
-            ar_order,
-            ma_order,
-            warping,
-            last_triangle: 0,
-        }
+        Interpolator { map, rows, stride, ar_order, ma_order, warping, last_triangle: 0 }
     }
 
     /// The coefficients at a speed in m/s and a force in N. Both saturate at the largest modelled values; negative values and
@@ -177,13 +167,7 @@ impl Interpolator {
         let (speed_m_s, force_n) = self.map.saturate(speed_m_s, force_n);
         let Location { triangle, weights } = self.map.locate_from(*last_triangle, speed_m_s, force_n);
         *last_triangle = triangle;
-        Spot {
-            speed_m_s,
-            force_n,
-            triangle,
-            vertices: self.map.triangles()[triangle as usize],
-            weights,
-        }
+        Spot { speed_m_s, force_n, triangle, vertices: self.map.triangles()[triangle as usize], weights }
     }
 
     /// The map that is interpolated on.
@@ -237,13 +221,8 @@ mod tests {
             let room = 3.1 - 4.0 * gap * pairs as f64;
             let mut centres: Vec<f64> = (0..pairs).map(|_| random.random_range(0.01..room)).collect();
             centres.sort_by(f64::total_cmp);
-            let apart = centres
-                .iter()
-                .zip(0..)
-                .map(|(centre, k)| centre + 4.0 * gap * f64::from(k));
-            apart
-                .flat_map(|centre| [centre, centre + gap])
-                .collect::<Vec<_>>()
+            let apart = centres.iter().zip(0..).map(|(centre, k)| centre + 4.0 * gap * f64::from(k));
+            apart.flat_map(|centre| [centre, centre + gap]).collect::<Vec<_>>()
         };
         let measured = (0..14)
             .map(|_| {
@@ -262,9 +241,7 @@ mod tests {
 
     /// The definition, written the plain way.
     fn by_definition(texture: &TextureModel, spot: &Spot) -> (Vec<f64>, Vec<f64>, f64, f64) {
-        let models = spot
-            .vertices
-            .map(|vertex| &texture.models()[vertex as usize].model);
+        let models = spot.vertices.map(|vertex| &texture.models()[vertex as usize].model);
         let mean = |number: &dyn Fn(&ArmaModel) -> f64| -> f64 {
             (0..3).map(|i| spot.weights[i] * number(models[i])).sum()
         };
@@ -323,13 +300,9 @@ mod tests {
         let mut got = Coefficients::SILENCE;
         for k in 0..=1000 {
             let (speed, force) = (0.25 * f64::from(k) / 1000.0, 4.0 * f64::from(k) / 1000.0);
-            for (speed, force) in [
-                (0.0, force),
-                (speed, 0.0),
-                (-1.0, force),
-                (f64::NAN, force),
-                (-0.0, force),
-            ] {
+            for (speed, force) in
+                [(0.0, force), (speed, 0.0), (-1.0, force), (f64::NAN, force), (-0.0, force)]
+            {
                 interpolator.interpolate(speed, force, &mut got);
                 assert_eq!(got.variance, 0.0);
             }
@@ -348,19 +321,11 @@ mod tests {
         let (mut here, mut there) = (Coefficients::SILENCE, Coefficients::SILENCE);
         for triangle in map.triangles() {
             let [a, b, _] = triangle.map(|v| &texture.models()[v as usize]);
-            let (speed, force) = (
-                0.3 * a.speed_m_s + 0.7 * b.speed_m_s,
-                0.3 * a.force_n + 0.7 * b.force_n,
-            );
+            let (speed, force) = (0.3 * a.speed_m_s + 0.7 * b.speed_m_s, 0.3 * a.force_n + 0.7 * b.force_n);
             interpolator.interpolate(speed, force, &mut here);
             for (towards_speed, towards_force) in [(1e-13, 0.0), (-1e-13, 0.0), (0.0, 1e-12), (0.0, -1e-12)] {
                 interpolator.interpolate(speed + towards_speed, force + towards_force, &mut there);
-                assert!(
-                    here.ar()
-                        .iter()
-                        .zip(there.ar())
-                        .all(|(x, y)| (x - y).abs() < 1e-7)
-                );
+                assert!(here.ar().iter().zip(there.ar()).all(|(x, y)| (x - y).abs() < 1e-7));
             }
         }
     }
@@ -374,10 +339,7 @@ mod tests {
         for k in 0..=100 {
             let part = f64::from(k) / 100.0;
             let spot = interpolator.interpolate(max_speed, part * max_force, &mut at);
-            assert_eq!(
-                spot,
-                interpolator.interpolate(f64::INFINITY, part * max_force, &mut beyond)
-            );
+            assert_eq!(spot, interpolator.interpolate(f64::INFINITY, part * max_force, &mut beyond));
             assert_eq!(at, beyond);
             interpolator.interpolate(part * max_speed, max_force, &mut at);
             interpolator.interpolate(part * max_speed, max_force + 1e-9, &mut beyond);
@@ -404,16 +366,11 @@ mod tests {
     /// The shipped surfaces, and the toolkit's if available.
     fn available() -> Vec<TextureModel> {
         let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/surfaces");
-        let mut files: Vec<_> = std::fs::read_dir(shipped)
-            .unwrap()
-            .map(|file| file.unwrap().path())
-            .collect();
+        let mut files: Vec<_> =
+            std::fs::read_dir(shipped).unwrap().map(|file| file.unwrap().path()).collect();
         files.retain(|file| file.extension().is_some_and(|extension| extension == "ron"));
         files.extend([AT_10_KHZ, AT_1_KHZ].into_iter().flat_map(hatt_files));
-        files
-            .iter()
-            .filter_map(|file| crate::files::load(file).unwrap().texture)
-            .collect()
+        files.iter().filter_map(|file| crate::files::load(file).unwrap().texture).collect()
     }
 
     #[test]
@@ -433,8 +390,6 @@ mod tests {
         for seed in 0..10 {
             stays_stable(&wild_texture(10, 0.9999, seed), 1_000_000, seed);
         }
-        available()
-            .iter()
-            .for_each(|texture| stays_stable(texture, 100_000, 10));
+        available().iter().for_each(|texture| stays_stable(texture, 100_000, 10));
     }
 }

@@ -43,11 +43,7 @@ impl SpatialLine {
         if !all {
             return Err(TextureError::Line { cycles_per_m });
         }
-        Ok(Self {
-            cycles_per_m,
-            diffusion_rad2_per_m,
-            powers_m2_s4,
-        })
+        Ok(Self { cycles_per_m, diffusion_rad2_per_m, powers_m2_s4 })
     }
 
     /// Cycles per metre of travel.
@@ -145,11 +141,7 @@ impl LineSource {
 
     /// Moves to a speed, and to the lines' powers there ([`mixed_powers`]).
     pub fn set(&mut self, speed_m_s: f64, powers_m2_s4: [f64; MAX_LINES]) {
-        self.speed_m_s = if speed_m_s.is_finite() {
-            speed_m_s.max(0.0)
-        } else {
-            0.0
-        };
+        self.speed_m_s = if speed_m_s.is_finite() { speed_m_s.max(0.0) } else { 0.0 };
         for (line, power) in self.lines.iter_mut().zip(powers_m2_s4) {
             let frequency_hz = line.cycles_per_m * self.speed_m_s;
             let power = power.max(0.0) * audible(frequency_hz, self.models_hz);
@@ -266,16 +258,8 @@ mod tests {
 
     #[test]
     fn it_is_silent_where_it_would_be_too_slow_or_too_fast_and_dies_away_at_rest() {
-        assert!(
-            played(&mut source(1.0), LOUD, 0.005, 2000)
-                .iter()
-                .all(|y| *y == 0.0)
-        );
-        assert!(
-            played(&mut source(1.0), LOUD, 4.0, 2000)
-                .iter()
-                .all(|y| *y == 0.0)
-        );
+        assert!(played(&mut source(1.0), LOUD, 0.005, 2000).iter().all(|y| *y == 0.0));
+        assert!(played(&mut source(1.0), LOUD, 4.0, 2000).iter().all(|y| *y == 0.0));
         let mut source = source(1.0);
         assert!(played(&mut source, LOUD, 0.1, 2000).iter().any(|y| y.abs() > 1.0));
         let tail = played(&mut source, [1.0, 0.0, 0.0], 0.0, 2000);

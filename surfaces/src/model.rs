@@ -105,29 +105,14 @@ impl ArmaModel {
 
     /// A model exactly as stored, with coefficients and LSFs, which are checked against each other.
     pub fn from_stored(stored: StoredModel) -> Result<Self, ModelError> {
-        let StoredModel {
-            ar,
-            ar_lsf,
-            ma,
-            ma_lsf,
-            gain,
-            variance,
-        } = stored;
+        let StoredModel { ar, ar_lsf, ma, ma_lsf, gain, variance } = stored;
         check_polynomial(Polynomial::Ar, &ar, &ar_lsf)?;
         check_polynomial(Polynomial::Ma, &ma, &ma_lsf)?;
         if !(gain.is_finite() && gain > 0.0) {
             return Err(ModelError::Gain { gain });
         }
         ArmaModel {
-            filter: Arc::new(Filter {
-                ar,
-                ar_lsf,
-                ma,
-                ma_lsf,
-                gain,
-                warping: 0.0,
-                power_gain: 1.0,
-            }),
+            filter: Arc::new(Filter { ar, ar_lsf, ma, ma_lsf, gain, warping: 0.0, power_gain: 1.0 }),
             level: 0.0,
         }
         .with_variance(variance)
@@ -159,26 +144,14 @@ impl ArmaModel {
         if !(power.is_finite() && power >= 0.0) {
             return Err(ModelError::Power { power });
         }
-        let unstable = |_| ModelError::Unstable {
-            polynomial: Polynomial::Ar,
-        };
+        let unstable = |_| ModelError::Unstable { polynomial: Polynomial::Ar };
         let power_gain = warped::power_gain(&ar, warping).map_err(unstable)?;
         if !(power_gain.is_finite() && power_gain > 0.0) {
             return Err(ModelError::Warping { warping });
         }
-        let filter = Filter {
-            ar,
-            ar_lsf,
-            ma: Vec::new(),
-            ma_lsf: Vec::new(),
-            gain: 1.0,
-            warping,
-            power_gain,
-        };
-        Ok(ArmaModel {
-            filter: Arc::new(filter),
-            level: power,
-        })
+        let filter =
+            Filter { ar, ar_lsf, ma: Vec::new(), ma_lsf: Vec::new(), gain: 1.0, warping, power_gain };
+        Ok(ArmaModel { filter: Arc::new(filter), level: power })
     }
 
     /// The same filter with another excitation variance, (m/s²)².
@@ -240,13 +213,7 @@ impl ArmaModel {
 
     /// Power of the vibration, (m/s²)²: stored by a warped model, computed for others.
     pub fn power(&self) -> f64 {
-        let Filter {
-            ar,
-            ma,
-            gain,
-            warping,
-            ..
-        } = self.filter.as_ref();
+        let Filter { ar, ma, gain, warping, .. } = self.filter.as_ref();
         if *warping > 0.0 {
             return self.level;
         }
@@ -257,13 +224,7 @@ impl ArmaModel {
 
     /// Squared magnitude of the filter's response at `frequency_rad` (radians a sample), excitation left out.
     pub fn power_gain_at(&self, frequency_rad: f64) -> f64 {
-        let Filter {
-            ar,
-            ma,
-            gain,
-            warping,
-            ..
-        } = self.filter.as_ref();
+        let Filter { ar, ma, gain, warping, .. } = self.filter.as_ref();
         if *warping > 0.0 {
             return warped::squared_response(ar, *warping, frequency_rad);
         }
@@ -302,11 +263,7 @@ fn coefficients_of(polynomial: Polynomial, frequencies: &[f64]) -> Result<Vec<f6
 }
 
 fn check_order(polynomial: Polynomial, order: usize) -> Result<(), ModelError> {
-    if order > MAX_ORDER {
-        Err(ModelError::Order { polynomial, order })
-    } else {
-        Ok(())
-    }
+    if order > MAX_ORDER { Err(ModelError::Order { polynomial, order }) } else { Ok(()) }
 }
 
 fn check_polynomial(
@@ -474,30 +431,12 @@ mod tests {
 
     #[test]
     fn unsound_models_are_refused_with_the_reason() {
-        assert!(matches!(
-            ArmaModel::from_ar(&[0.0, 1.0], 1.0),
-            Err(ModelError::Unstable { .. })
-        ));
-        assert!(matches!(
-            ArmaModel::from_ar(&[0.5], -1.0),
-            Err(ModelError::Variance { .. })
-        ));
-        assert!(matches!(
-            ArmaModel::from_ar(&[0.5], f64::NAN),
-            Err(ModelError::Variance { .. })
-        ));
-        assert!(matches!(
-            ArmaModel::from_arma(&[0.5], &[2.0], 1.0, 1.0),
-            Err(ModelError::Unstable { .. })
-        ));
-        assert!(matches!(
-            ArmaModel::from_arma(&[0.5], &[0.2], 0.0, 1.0),
-            Err(ModelError::Gain { .. })
-        ));
-        assert!(matches!(
-            ArmaModel::from_ar(&[0.0; 33], 1.0),
-            Err(ModelError::Order { .. })
-        ));
+        assert!(matches!(ArmaModel::from_ar(&[0.0, 1.0], 1.0), Err(ModelError::Unstable { .. })));
+        assert!(matches!(ArmaModel::from_ar(&[0.5], -1.0), Err(ModelError::Variance { .. })));
+        assert!(matches!(ArmaModel::from_ar(&[0.5], f64::NAN), Err(ModelError::Variance { .. })));
+        assert!(matches!(ArmaModel::from_arma(&[0.5], &[2.0], 1.0, 1.0), Err(ModelError::Unstable { .. })));
+        assert!(matches!(ArmaModel::from_arma(&[0.5], &[0.2], 0.0, 1.0), Err(ModelError::Gain { .. })));
+        assert!(matches!(ArmaModel::from_ar(&[0.0; 33], 1.0), Err(ModelError::Order { .. })));
         let swapped = ArmaModel::from_lsf(&[1.0, 0.5], &[], 1.0, 1.0);
         assert!(matches!(swapped, Err(ModelError::LsfOrder { index: 1, .. })));
         assert!(matches!(
@@ -512,35 +451,24 @@ mod tests {
             gain: 1.0,
             variance: 1.0,
         };
-        assert!(matches!(
-            ArmaModel::from_stored(strange),
-            Err(ModelError::Disagree { index: 1, .. })
-        ));
+        assert!(matches!(ArmaModel::from_stored(strange), Err(ModelError::Disagree { index: 1, .. })));
     }
 
     #[test]
     fn a_warped_model_keeps_its_power_and_resolves_low_frequencies() {
-        let lsf: Vec<f64> = (1..=6)
-            .map(|k| PI * f64::from(k) / 7.0 - if k == 2 { 0.3 } else { 0.0 })
-            .collect();
+        let lsf: Vec<f64> =
+            (1..=6).map(|k| PI * f64::from(k) / 7.0 - if k == 2 { 0.3 } else { 0.0 }).collect();
         let model = ArmaModel::warped_from_lsf(&lsf, 0.8, 2.5).unwrap();
         assert_eq!((model.power(), model.warping()), (2.5, 0.8));
         let again = ArmaModel::warped_from_ar(model.ar(), 0.8, model.variance()).unwrap();
         assert!((again.power() / 2.5 - 1.0).abs() < 1e-9);
         // The mean of the density over the plain axis is the power.
-        let mean = (0..100_000)
-            .map(|k| model.power_gain_at(PI * (f64::from(k) + 0.5) / 100_000.0))
-            .sum::<f64>()
-            * model.variance()
-            / 100_000.0;
+        let mean =
+            (0..100_000).map(|k| model.power_gain_at(PI * (f64::from(k) + 0.5) / 100_000.0)).sum::<f64>()
+                * model.variance()
+                / 100_000.0;
         assert!((mean / 2.5 - 1.0).abs() < 1e-6, "{mean}");
-        for (warping, power) in [
-            (0.0, 1.0),
-            (0.99, 1.0),
-            (f64::NAN, 1.0),
-            (0.8, -1.0),
-            (0.8, f64::NAN),
-        ] {
+        for (warping, power) in [(0.0, 1.0), (0.99, 1.0), (f64::NAN, 1.0), (0.8, -1.0), (0.8, f64::NAN)] {
             assert!(ArmaModel::warped_from_lsf(&lsf, warping, power).is_err());
         }
     }

@@ -104,11 +104,7 @@ impl Header {
 /// The doubles of an array whose rows have the shape `row`; single precision and both orders of bytes are read.
 pub fn doubles(bytes: &[u8], row: &[u64]) -> Result<Vec<f64>, NpyError> {
     let mut data = bytes;
-    let Header {
-        descr,
-        is_fortran,
-        shape,
-    } = Header::read(&mut data)?;
+    let Header { descr, is_fortran, shape } = Header::read(&mut data)?;
     if shape.get(1..) != Some(row) {
         let row = row.to_vec();
         return Err(NpyError::Shape { found: shape, row });
@@ -121,9 +117,7 @@ pub fn doubles(bytes: &[u8], row: &[u64]) -> Result<Vec<f64>, NpyError> {
         "<f4" | ">f4" => 4,
         _ => return Err(NpyError::Type(descr)),
     };
-    let wanted = shape
-        .iter()
-        .try_fold(width, |bytes: u64, n| bytes.checked_mul(*n));
+    let wanted = shape.iter().try_fold(width, |bytes: u64, n| bytes.checked_mul(*n));
     if wanted != Some(data.len() as u64) {
         return Err(NpyError::Length { bytes: data.len() });
     }
@@ -169,11 +163,7 @@ impl Dictionary<'_> {
         self.skip_blanks();
         match (descr, is_fortran, shape) {
             _ if self.at < self.text.len() => self.failed("the end"),
-            (Some(descr), Some(is_fortran), Some(shape)) => Ok(Header {
-                descr,
-                is_fortran,
-                shape,
-            }),
+            (Some(descr), Some(is_fortran), Some(shape)) => Ok(Header { descr, is_fortran, shape }),
             _ => self.failed("`descr`, `fortran_order` and `shape`"),
         }
     }
@@ -218,9 +208,7 @@ impl Dictionary<'_> {
         let Some(quote) = [b'\'', b'"'].into_iter().find(|quote| self.take(*quote)) else {
             return self.failed(expected);
         };
-        let text = self
-            .run(|byte| matches!(byte, b' '..=b'~') && byte != quote && byte != b'\\')
-            .to_owned();
+        let text = self.run(|byte| matches!(byte, b' '..=b'~') && byte != quote && byte != b'\\').to_owned();
         if self.text.get(self.at) != Some(&quote) {
             return self.failed(expected);
         }
@@ -279,11 +267,7 @@ mod tests {
 
     fn of(descr: &str, shape: &[u64]) -> Header {
         let (descr, shape) = (descr.to_owned(), shape.to_vec());
-        Header {
-            descr,
-            is_fortran: false,
-            shape,
-        }
+        Header { descr, is_fortran: false, shape }
     }
 
     #[test]
@@ -305,12 +289,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read() {
-        for (shape, text) in [
-            (&[7][..], "7,"),
-            (&[7], "7, "),
-            (&[7, 3], "7, 3, "),
-            (&[7, 3], "7, 3"),
-        ] {
+        for (shape, text) in [(&[7][..], "7,"), (&[7], "7, "), (&[7, 3], "7, 3, "), (&[7, 3], "7, 3")] {
             let bytes = Header::bytes("<f8", text);
             assert_eq!(bytes.len() % 64, 0);
             assert_eq!(Header::read(&mut bytes.as_slice()), Ok(of("<f8", shape)));
@@ -322,12 +301,8 @@ mod tests {
         let text = "{'descr': '<f8', 'fortran_order': False, 'shape': (3,), }\n";
         for version in [2, 3] {
             let begin = [b"\x93NUMPY".as_slice(), &[version, 0]].concat();
-            let bytes = [
-                begin.as_slice(),
-                (text.len() as u32).to_le_bytes().as_slice(),
-                text.as_bytes(),
-            ]
-            .concat();
+            let bytes =
+                [begin.as_slice(), (text.len() as u32).to_le_bytes().as_slice(), text.as_bytes()].concat();
             assert_eq!(Header::read(&mut bytes.as_slice()), Ok(of("<f8", &[3])));
             let long = [begin.as_slice(), [255; 4].as_slice(), text.as_bytes()].concat();
             assert_eq!(Header::read(&mut long.as_slice()), Err(NpyError::HeaderLength));
@@ -341,10 +316,7 @@ mod tests {
             assert!(Header::read(&mut &good[..end]).is_err(), "{end} bytes");
         }
         let version = [&good[..6], &[4, 0], &good[8..]].concat();
-        assert_eq!(
-            Header::read(&mut version.as_slice()),
-            Err(NpyError::Version(4, 0))
-        );
+        assert_eq!(Header::read(&mut version.as_slice()), Err(NpyError::Version(4, 0)));
         let long = array(&" ".repeat(MAX_HEADER_BYTES + 1), &[]);
         assert_eq!(Header::read(&mut long.as_slice()), Err(NpyError::HeaderLength));
         for (text, at) in [
@@ -355,10 +327,7 @@ mod tests {
             (&*"(".repeat(4096), 0),
             (&*"{".repeat(4096), 1),
             (&*format!("{{'descr': {}", "[".repeat(2000)), 10),
-            (
-                "{'descr': [('x', '<f8')], 'fortran_order': False, 'shape': (1,), }",
-                10,
-            ),
+            ("{'descr': [('x', '<f8')], 'fortran_order': False, 'shape': (1,), }", 10),
             ("{'descr': '<\\'f8'", 12),
             ("{'descr': '<f8", 14),
             ("{'\"descr': '<f8'", 1),
@@ -372,10 +341,7 @@ mod tests {
             ("{'shape': (-3,)", 11),
             ("{'shape': (3, 18446744073709551616)", 14),
             ("{'shape': ((((((((1,),),),),),),),)", 11),
-            (
-                "{'descr': '<f8', 'fortran_order': False, 'shape': (1,), } or more",
-                58,
-            ),
+            ("{'descr': '<f8', 'fortran_order': False, 'shape': (1,), } or more", 58),
         ] {
             let found = header(text);
             let place = matches!(found, Err(NpyError::Syntax { at: found, .. }) if found == at);
@@ -396,10 +362,7 @@ mod tests {
         assert_eq!(array_of(">f8", values.map(f64::to_be_bytes).concat()), wanted);
         assert_eq!(array_of("<f4", singles.map(f32::to_le_bytes).concat()), wanted);
         assert_eq!(array_of(">f4", singles.map(f32::to_be_bytes).concat()), wanted);
-        assert_eq!(
-            array_of("<i8", vec![0; 16]),
-            Err(NpyError::Type("<i8".to_owned()))
-        );
+        assert_eq!(array_of("<i8", vec![0; 16]), Err(NpyError::Type("<i8".to_owned())));
         assert_eq!(array_of("<f8", vec![0; 15]), Err(NpyError::Length { bytes: 15 }));
     }
 

@@ -29,9 +29,7 @@ pub fn put_rows<W: Write + Seek>(
 ) -> io::Result<()> {
     let count = rows * row.iter().product::<u64>();
     begin(archive, &format!("{name}.npy"), count * 8)?;
-    let shape: String = { std::iter::once(&rows).chain(row) }
-        .map(|n| format!("{n}, "))
-        .collect();
+    let shape: String = { std::iter::once(&rows).chain(row) }.map(|n| format!("{n}, ")).collect();
     let mut buffered = BufWriter::new(archive);
     buffered.write_all(&Header::bytes("<f8", &shape))?;
     let mut written = 0;
@@ -40,9 +38,7 @@ pub fn put_rows<W: Write + Seek>(
         written += 1;
     }
     if written != count {
-        return Err(io::Error::other(format!(
-            "`{name}` has {written} numbers and not {count}"
-        )));
+        return Err(io::Error::other(format!("`{name}` has {written} numbers and not {count}")));
     }
     buffered.flush()
 }

@@ -18,10 +18,9 @@ pub const TOUCH: [&str; 3] = ["tip_diameter_mm", "grip", "touched_with"];
 /// A diameter that is not a number above 0 and up to 100 mm, an empty grip, or another word than `tool` or `finger`.
 pub fn check_touch(name: &str, value: &str) -> Result<(), String> {
     let (is_sound, expected) = match name {
-        "tip_diameter_mm" => (
-            value.parse::<f64>().is_ok_and(|mm| mm > 0.0 && mm <= 100.0),
-            "a number above 0, up to 100 mm",
-        ),
+        "tip_diameter_mm" => {
+            (value.parse::<f64>().is_ok_and(|mm| mm > 0.0 && mm <= 100.0), "a number above 0, up to 100 mm")
+        }
         "touched_with" => (["tool", "finger"].contains(&value), "tool or finger"),
         _ => (!value.trim().is_empty(), "some words"),
     };
@@ -46,12 +45,7 @@ pub enum Origin {
 
 impl Origin {
     /// All origins.
-    pub const ALL: [Origin; 4] = [
-        Origin::Simulated,
-        Origin::Measured,
-        Origin::Imported,
-        Origin::Procedural,
-    ];
+    pub const ALL: [Origin; 4] = [Origin::Simulated, Origin::Measured, Origin::Imported, Origin::Procedural];
 
     /// The name in files and messages, such as `simulated`.
     pub fn as_str(self) -> &'static str {

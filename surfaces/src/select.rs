@@ -25,14 +25,8 @@ pub fn features(surface: &Surface, walk: &RandomWalk, seed: u64) -> Result<Featu
     let power = match &surface.texture {
         Some(texture) => {
             let trajectory = walk.at(texture.rate_hz()).trajectory();
-            let vibration = synthesise(
-                texture,
-                &trajectory,
-                &SynthesisSettings {
-                    seed,
-                    ..Default::default()
-                },
-            )?;
+            let vibration =
+                synthesise(texture, &trajectory, &SynthesisSettings { seed, ..Default::default() })?;
             Some(mean(&vibration.iter().map(|y| y * y).collect::<Vec<_>>()))
         }
         None => None,
@@ -40,10 +34,7 @@ pub fn features(surface: &Surface, walk: &RandomWalk, seed: u64) -> Result<Featu
     Ok(Features {
         name: surface.name.clone(),
         friction: surface.friction.map(|friction| friction.mu()),
-        tap_response: surface
-            .taps
-            .as_ref()
-            .and_then(|taps| Some(taps.response()?.slope)),
+        tap_response: surface.taps.as_ref().and_then(|taps| Some(taps.response()?.slope)),
         power,
     })
 }
@@ -77,33 +68,23 @@ pub enum SelectError {
 pub fn select(surfaces: &[Features], clusters: usize) -> Result<Selection, SelectError> {
     let count = surfaces.len();
     if clusters == 0 || clusters > count {
-        return Err(SelectError::Clusters {
-            clusters,
-            surfaces: count,
-        });
+        return Err(SelectError::Clusters { clusters, surfaces: count });
     }
     let (features, columns): (Vec<_>, Vec<_>) = shared_features(surfaces).into_iter().unzip();
     if features.is_empty() {
         let poorest = &surfaces[0];
-        let lacks = [
-            ("friction", poorest.friction),
-            ("taps", poorest.tap_response),
-            ("texture", poorest.power),
-        ];
-        let lacks: Vec<_> = lacks
-            .iter()
-            .filter(|(_, value)| value.is_none())
-            .map(|(name, _)| *name)
-            .collect();
+        let lacks =
+            [("friction", poorest.friction), ("taps", poorest.tap_response), ("texture", poorest.power)];
+        let lacks: Vec<_> =
+            lacks.iter().filter(|(_, value)| value.is_none()).map(|(name, _)| *name).collect();
         return Err(SelectError::NoSharedFeature {
             example: poorest.name.clone(),
             lacks: lacks.join(" and "),
         });
     }
     let columns: Vec<Vec<f64>> = columns.iter().map(|column: &Vec<f64>| z_scores(column)).collect();
-    let places: Vec<Vec<f64>> = (0..count)
-        .map(|i| columns.iter().map(|column| column[i]).collect())
-        .collect();
+    let places: Vec<Vec<f64>> =
+        (0..count).map(|i| columns.iter().map(|column| column[i]).collect()).collect();
     let mut distances = vec![];
     for (i, from) in places.iter().enumerate() {
         distances.extend(places[i + 1..].iter().map(|to| distance(from, to)));
@@ -112,70 +93,41 @@ pub fn select(surfaces: &[Features], clusters: usize) -> Result<Selection, Selec
     let to_centres = |clusters: usize| {
         let labels = cut_tree(&tree, count, clusters);
         let centres = centres(&places, &labels, clusters);
-        let distances: Vec<f64> = places
-            .iter()
-            .zip(&labels)
-            .map(|(p, &l)| distance(p, &centres[l]))
-            .collect();
+        let distances: Vec<f64> =
+            places.iter().zip(&labels).map(|(p, &l)| distance(p, &centres[l])).collect();
         (labels, distances)
     };
     let (labels, off_centre) = to_centres(clusters);
     let nearest = |cluster: usize| {
         let members = (0..count).filter(|&i| labels[i] == cluster);
-        members
-            .min_by(|&a, &b| off_centre[a].total_cmp(&off_centre[b]))
-            .unwrap_or_default()
+        members.min_by(|&a, &b| off_centre[a].total_cmp(&off_centre[b])).unwrap_or_default()
     };
     let chosen = (0..clusters).map(nearest).collect();
-    let scree = (1..=count)
-        .map(|clusters| mean(&to_centres(clusters).1))
-        .collect();
-    Ok(Selection {
-        features,
-        clusters: labels,
-        chosen,
-        scree,
-    })
+    let scree = (1..=count).map(|clusters| mean(&to_centres(clusters).1)).collect();
+    Ok(Selection { features, clusters: labels, chosen, scree })
 }
 
 /// A feature by name, and how to take it.
 type Feature = (&'static str, fn(&Features) -> Option<f64>);
 
 fn shared_features(surfaces: &[Features]) -> Vec<(&'static str, Vec<f64>)> {
-    let kinds: [Feature; 3] = [
-        ("friction", |f| f.friction),
-        ("tap response", |f| f.tap_response),
-        ("power", |f| f.power),
-    ];
+    let kinds: [Feature; 3] =
+        [("friction", |f| f.friction), ("tap response", |f| f.tap_response), ("power", |f| f.power)];
     let column = |(name, value): Feature| {
-        surfaces
-            .iter()
-            .map(value)
-            .collect::<Option<Vec<f64>>>()
-            .map(|column| (name, column))
+        surfaces.iter().map(value).collect::<Option<Vec<f64>>>().map(|column| (name, column))
     };
     kinds.into_iter().filter_map(column).collect()
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b) * (a - b))
-        .sum::<f64>()
-        .sqrt()
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
 fn centres(places: &[Vec<f64>], labels: &[usize], clusters: usize) -> Vec<Vec<f64>> {
     let centre = |cluster: usize| {
-        let members: Vec<&Vec<f64>> = places
-            .iter()
-            .zip(labels)
-            .filter(|(_, l)| **l == cluster)
-            .map(|(p, _)| p)
-            .collect();
-        (0..places[0].len())
-            .map(|axis| mean(&members.iter().map(|m| m[axis]).collect::<Vec<_>>()))
-            .collect()
+        let members: Vec<&Vec<f64>> =
+            places.iter().zip(labels).filter(|(_, l)| **l == cluster).map(|(p, _)| p).collect();
+        (0..places[0].len()).map(|axis| mean(&members.iter().map(|m| m[axis]).collect::<Vec<_>>())).collect()
     };
     (0..clusters).map(centre).collect()
 }
@@ -207,10 +159,7 @@ mod tests {
     fn one_surface_of_each_kind_is_chosen() {
         let selection = select(&surfaces(), 3).unwrap();
         assert_eq!(selection.clusters, [0, 0, 1, 1, 2, 2]);
-        assert_eq!(
-            selection.chosen.iter().map(|i| i / 2).collect::<Vec<_>>(),
-            [0, 1, 2]
-        );
+        assert_eq!(selection.chosen.iter().map(|i| i / 2).collect::<Vec<_>>(), [0, 1, 2]);
         assert_eq!(selection.features, ["friction", "tap response", "power"]);
         assert_eq!(selection.scree.len(), 6);
         // Three clusters suffice: more hardly reduce the distance.
@@ -227,12 +176,6 @@ mod tests {
         let error = select(&some, 3).unwrap_err().to_string();
         assert!(error.contains("surface 0 lacks friction and texture"), "{error}");
         assert!(matches!(select(&some, 0), Err(SelectError::Clusters { .. })));
-        assert!(matches!(
-            select(&some, 7),
-            Err(SelectError::Clusters {
-                clusters: 7,
-                surfaces: 6
-            })
-        ));
+        assert!(matches!(select(&some, 7), Err(SelectError::Clusters { clusters: 7, surfaces: 6 })));
     }
 }

@@ -4,11 +4,7 @@ pub(crate) use haptograph_signal::statistics::median;
 
 /// The mean; 0 if empty.
 pub(crate) fn mean(values: &[f64]) -> f64 {
-    if values.is_empty() {
-        0.0
-    } else {
-        values.iter().sum::<f64>() / values.len() as f64
-    }
+    if values.is_empty() { 0.0 } else { values.iter().sum::<f64>() / values.len() as f64 }
 }
 
 /// The sample standard deviation (n - 1); 0 for fewer than two values.
@@ -24,16 +20,7 @@ pub(crate) fn standard_deviation(values: &[f64]) -> f64 {
 /// `values` minus their mean, divided by their standard deviation; zeros if they do not vary.
 pub(crate) fn z_scores(values: &[f64]) -> Vec<f64> {
     let (mean, deviation) = (mean(values), standard_deviation(values));
-    values
-        .iter()
-        .map(|x| {
-            if deviation > 0.0 {
-                (x - mean) / deviation
-            } else {
-                0.0
-            }
-        })
-        .collect()
+    values.iter().map(|x| if deviation > 0.0 { (x - mean) / deviation } else { 0.0 }).collect()
 }
 
 /// A straight line through points.
@@ -58,9 +45,7 @@ impl Line {
             xy += (x - mean_x) * (y - mean_y);
         }
         let slope = xy / xx;
-        slope
-            .is_finite()
-            .then(|| Self::with(slope, mean_y - slope * mean_x, points))
+        slope.is_finite().then(|| Self::with(slope, mean_y - slope * mean_x, points))
     }
 
     /// The least-squares line through the origin. `None` if every x is zero.
@@ -77,11 +62,7 @@ impl Line {
     fn with(slope: f64, intercept: f64, points: &[(f64, f64)]) -> Self {
         let (_, mean_y) = means(points);
         let total: f64 = points.iter().map(|&(_, y)| (y - mean_y) * (y - mean_y)).sum();
-        let mut line = Self {
-            slope,
-            intercept,
-            r_squared: 1.0,
-        };
+        let mut line = Self { slope, intercept, r_squared: 1.0 };
         let left: f64 = points.iter().map(|&(x, y)| (y - line.at(x)).powi(2)).sum();
         if left > 0.0 {
             line.r_squared = 1.0 - left / total;
@@ -97,9 +78,7 @@ impl Line {
 
 fn means(points: &[(f64, f64)]) -> (f64, f64) {
     let count = points.len() as f64;
-    points
-        .iter()
-        .fold((0.0, 0.0), |(a, b), &(x, y)| (a + x / count, b + y / count))
+    points.iter().fold((0.0, 0.0), |(a, b), &(x, y)| (a + x / count, b + y / count))
 }
 
 #[cfg(test)]

@@ -37,14 +37,7 @@ pub struct Surface {
 impl Surface {
     /// A surface without parts: set its public fields.
     pub fn new(name: impl Into<String>, provenance: Provenance) -> Self {
-        Surface {
-            name: name.into(),
-            friction: None,
-            taps: None,
-            texture: None,
-            stiffness: None,
-            provenance,
-        }
+        Surface { name: name.into(), friction: None, taps: None, texture: None, stiffness: None, provenance }
     }
 }
 
@@ -63,10 +56,9 @@ impl Friction {
             return Err(SurfaceError::FrictionCoefficient { mu });
         }
         match r_squared {
-            Some(r_squared) if !(r_squared.is_finite() && r_squared <= 1.0) => Err(SurfaceError::RSquared {
-                what: "friction",
-                r_squared,
-            }),
+            Some(r_squared) if !(r_squared.is_finite() && r_squared <= 1.0) => {
+                Err(SurfaceError::RSquared { what: "friction", r_squared })
+            }
             _ => Ok(Friction { mu, r_squared }),
         }
     }
@@ -96,10 +88,9 @@ impl Stiffness {
             return Err(SurfaceError::Stiffness { n_per_mm });
         }
         match r_squared {
-            Some(r_squared) if !(r_squared.is_finite() && r_squared <= 1.0) => Err(SurfaceError::RSquared {
-                what: "stiffness",
-                r_squared,
-            }),
+            Some(r_squared) if !(r_squared.is_finite() && r_squared <= 1.0) => {
+                Err(SurfaceError::RSquared { what: "stiffness", r_squared })
+            }
             _ => Ok(Stiffness { n_per_mm, r_squared }),
         }
     }

@@ -67,37 +67,21 @@ impl Taps {
         if !RATES_HZ.contains(&rate_hz) {
             return Err(SurfaceError::TapRate { rate_hz });
         }
-        let expected = taps
-            .first()
-            .ok_or(SurfaceError::NoTaps)?
-            .acceleration_m_s2
-            .len()
-            .max(1);
+        let expected = taps.first().ok_or(SurfaceError::NoTaps)?.acceleration_m_s2.len().max(1);
         let mut slower = 0.0;
         for (index, tap) in taps.iter().enumerate() {
             if !(tap.speed_m_s > slower && tap.speed_m_s <= MAX_SPEED_M_S) {
-                return Err(SurfaceError::TapSpeed {
-                    tap: index,
-                    speed_m_s: tap.speed_m_s,
-                });
+                return Err(SurfaceError::TapSpeed { tap: index, speed_m_s: tap.speed_m_s });
             }
             slower = tap.speed_m_s;
             let length = tap.acceleration_m_s2.len();
             if length != expected {
-                return Err(SurfaceError::TapLength {
-                    tap: index,
-                    length,
-                    expected,
-                });
+                return Err(SurfaceError::TapLength { tap: index, length, expected });
             }
-            if let Some(peak_force_n) = tap
-                .peak_force_n
-                .filter(|force| !(*force > 0.0 && *force <= MAX_FORCE_N))
+            if let Some(peak_force_n) =
+                tap.peak_force_n.filter(|force| !(*force > 0.0 && *force <= MAX_FORCE_N))
             {
-                return Err(SurfaceError::TapForce {
-                    tap: index,
-                    peak_force_n,
-                });
+                return Err(SurfaceError::TapForce { tap: index, peak_force_n });
             }
             let bound = -MAX_ACCELERATION_M_S2..=MAX_ACCELERATION_M_S2;
             if let Some(sample) = tap.acceleration_m_s2.iter().position(|a| !bound.contains(a)) {
@@ -138,22 +122,14 @@ impl Taps {
             Some(force_n) if recorded => force_n,
             _ => tap.rendered_peak_n(),
         };
-        let points: Vec<_> = self
-            .taps
-            .iter()
-            .map(|tap| (tap.speed_m_s, force_n(tap)))
-            .collect();
+        let points: Vec<_> = self.taps.iter().map(|tap| (tap.speed_m_s, force_n(tap))).collect();
         Line::fit(&points)
     }
 
     /// The spectral centroid of the transients at impact speeds of 50, 60, ... 100 mm/s (Eq. 4.5.2 over each whole transient),
     /// averaged as in thesis 4.6.3, Hz: higher for harder surfaces. `None` for a transient of a single sample.
     pub fn spectral_centroid_hz(&self) -> Option<f64> {
-        let whole = WindowSettings {
-            samples: self.length(),
-            overlap: 0,
-            window: Window::Rectangular,
-        };
+        let whole = WindowSettings { samples: self.length(), overlap: 0, window: Window::Rectangular };
         let centroid = |speed_mm_s: u32| {
             let mix = self.mix(f64::from(speed_mm_s) / 1000.0);
             let transient: Vec<f64> = (0..self.length()).map(|index| self.sample(&mix, index)).collect();
@@ -213,20 +189,10 @@ impl Taps {
         let last = self.taps.len() - 1;
         let slowest = self.taps[0].speed_m_s;
         if speed_m_s.is_nan() || speed_m_s <= 0.0 {
-            return TapMix {
-                lower: 0,
-                upper: 0,
-                lower_gain: 0.0,
-                upper_gain: 0.0,
-            };
+            return TapMix { lower: 0, upper: 0, lower_gain: 0.0, upper_gain: 0.0 };
         }
         if speed_m_s < slowest {
-            return TapMix {
-                lower: 0,
-                upper: 0,
-                lower_gain: speed_m_s / slowest,
-                upper_gain: 0.0,
-            };
+            return TapMix { lower: 0, upper: 0, lower_gain: speed_m_s / slowest, upper_gain: 0.0 };
         }
         let upper = self.taps.partition_point(|tap| tap.speed_m_s <= speed_m_s);
         if upper > last {
@@ -240,23 +206,12 @@ impl Taps {
         }
         let (below, above) = (self.taps[upper - 1].speed_m_s, self.taps[upper].speed_m_s);
         let upper_gain = (speed_m_s - below) / (above - below);
-        TapMix {
-            lower: upper - 1,
-            upper,
-            lower_gain: 1.0 - upper_gain,
-            upper_gain,
-        }
+        TapMix { lower: upper - 1, upper, lower_gain: 1.0 - upper_gain, upper_gain }
     }
 
     /// Sample `index` of a mixed tap, m/s²; zero after its end.
     pub fn sample(&self, mix: &TapMix, index: usize) -> f64 {
-        let at = |tap: usize| {
-            self.taps[tap]
-                .acceleration_m_s2
-                .get(index)
-                .copied()
-                .unwrap_or(0.0)
-        };
+        let at = |tap: usize| self.taps[tap].acceleration_m_s2.get(index).copied().unwrap_or(0.0);
         mix.lower_gain * at(mix.lower) + mix.upper_gain * at(mix.upper)
     }
 }
@@ -284,10 +239,7 @@ mod tests {
         let expected = expected.iter().sum::<f64>() / 6.0;
         let mixed = found(vec![tap(0.05, 40.0), tap(0.1, 90.0)]).unwrap();
         assert!((mixed - expected).abs() < 1e-9, "{mixed}, not {expected}");
-        let single = Tap {
-            acceleration_m_s2: vec![1.0],
-            ..tap(0.1, 40.0)
-        };
+        let single = Tap { acceleration_m_s2: vec![1.0], ..tap(0.1, 40.0) };
         assert_eq!(found(vec![single]), None);
     }
 
@@ -312,19 +264,12 @@ mod tests {
         let (slow, fast) = (ringing(1000.0), ringing(10_000.0));
         for (found, wanted) in [(fast.resampled(1000.0), &slow), (slow.resampled(10_000.0), &fast)] {
             let found = found.unwrap();
-            assert_eq!(
-                (found.rate_hz(), found.length()),
-                (wanted.rate_hz(), wanted.length())
-            );
+            assert_eq!((found.rate_hz(), found.length()), (wanted.rate_hz(), wanted.length()));
             // The last milliseconds ring on into the silence after the cut.
             let kept = wanted.length() * 9 / 10;
             for (found, wanted) in found.taps().iter().zip(wanted.taps()) {
                 assert_eq!(found.speed_m_s, wanted.speed_m_s);
-                let samples = found
-                    .acceleration_m_s2
-                    .iter()
-                    .zip(&wanted.acceleration_m_s2)
-                    .take(kept);
+                let samples = found.acceleration_m_s2.iter().zip(&wanted.acceleration_m_s2).take(kept);
                 samples.for_each(|(a, b)| assert!((a - b).abs() < 2e-3, "{a} for {b}"));
             }
         }
@@ -383,10 +328,7 @@ mod tests {
         let rendered = taps(400.0, None);
         assert!((response(&rendered) - 20.0).abs() < 1e-9, "0.05 kg times 400 1/s");
         assert!(response(&rendered) > response(&taps(100.0, None)));
-        assert!(
-            (response(&taps(400.0, Some(33.0))) - 33.0).abs() < 1e-9,
-            "as recorded"
-        );
+        assert!((response(&taps(400.0, Some(33.0))) - 33.0).abs() < 1e-9, "as recorded");
         let mut mixed = taps(400.0, Some(33.0)).taps().to_vec();
         mixed[1].peak_force_n = None;
         let mixed = Taps::new(1000.0, mixed).unwrap();
@@ -410,9 +352,6 @@ mod tests {
         assert!(Taps::new(1000.0, vec![tap(f64::NAN, 2)]).is_err());
         let mut pulled = tap(0.1, 2);
         pulled.peak_force_n = Some(-1.0);
-        assert!(matches!(
-            Taps::new(1000.0, vec![pulled]),
-            Err(SurfaceError::TapForce { tap: 0, .. })
-        ));
+        assert!(matches!(Taps::new(1000.0, vec![pulled]), Err(SurfaceError::TapForce { tap: 0, .. })));
     }
 }

@@ -67,28 +67,14 @@ impl TextureModel {
                 });
             }
             if orders(at) != expected {
-                return Err(TextureError::Orders {
-                    vertex,
-                    orders: orders(at),
-                    expected,
-                });
+                return Err(TextureError::Orders { vertex, orders: orders(at), expected });
             }
             if (at.speed_m_s == 0.0 || at.force_n == 0.0) && at.model.variance() != 0.0 {
-                return Err(TextureError::LoudAtRest {
-                    vertex,
-                    variance: at.model.variance(),
-                });
+                return Err(TextureError::LoudAtRest { vertex, variance: at.model.variance() });
             }
         }
         let triangulation = Triangulation::new(&positions(&models), triangles)?;
-        Ok(TextureModel {
-            rate_hz,
-            models,
-            triangulation,
-            highpass_hz: None,
-            crackle: None,
-            lines: vec![],
-        })
+        Ok(TextureModel { rate_hz, models, triangulation, highpass_hz: None, crackle: None, lines: vec![] })
     }
 
     /// The same texture with a high-pass that the renderer applies at its output: see [`Self::highpass_hz`].
@@ -96,10 +82,7 @@ impl TextureModel {
         if let Some(cutoff_hz) = highpass_hz
             && !(cutoff_hz > 0.0 && cutoff_hz < 0.25 * self.rate_hz)
         {
-            return Err(TextureError::Highpass {
-                cutoff_hz,
-                rate_hz: self.rate_hz,
-            });
+            return Err(TextureError::Highpass { cutoff_hz, rate_hz: self.rate_hz });
         }
         self.highpass_hz = highpass_hz;
         Ok(self)
@@ -121,11 +104,7 @@ impl TextureModel {
         for (number, line) in lines.iter().enumerate() {
             let (powers, models) = (line.powers_m2_s4(), self.models.len());
             if powers.len() != models {
-                return Err(TextureError::LinePowers {
-                    line: number,
-                    powers: powers.len(),
-                    models,
-                });
+                return Err(TextureError::LinePowers { line: number, powers: powers.len(), models });
             }
             let loud =
                 |(at, power): (&ModelAt, &f64)| (at.speed_m_s == 0.0 || at.force_n == 0.0) && *power != 0.0;
@@ -139,9 +118,7 @@ impl TextureModel {
 
     /// The same models with the high-pass, crackle and lines of `other`.
     pub fn with_extras_of(self, other: &Self) -> Result<Self, TextureError> {
-        self.with_highpass_hz(other.highpass_hz)?
-            .with_crackle(other.crackle)
-            .with_lines(other.lines.clone())
+        self.with_highpass_hz(other.highpass_hz)?.with_crackle(other.crackle).with_lines(other.lines.clone())
     }
 
     /// A texture of `models`, which include the border, with the Delaunay triangulation of their z-scores.
@@ -254,12 +231,7 @@ impl TextureModel {
         let models = self
             .models
             .iter()
-            .map(|at| {
-                Ok(ModelAt {
-                    model: change(at)?,
-                    ..at.clone()
-                })
-            })
+            .map(|at| Ok(ModelAt { model: change(at)?, ..at.clone() }))
             .collect::<Result<Vec<_>, E>>()?;
         Ok(Self::new(rate_hz, models, self.triangles().to_vec())?.with_extras_of(self)?)
     }
@@ -409,12 +381,7 @@ mod tests {
 
     fn corner(speed_m_s: f64, force_n: f64, order: usize, variance: f64) -> ModelAt {
         let model = ArmaModel::from_ar(&vec![0.0; order], variance).unwrap();
-        ModelAt {
-            speed_m_s,
-            force_n,
-            model,
-            kind: VertexKind::Edge,
-        }
+        ModelAt { speed_m_s, force_n, model, kind: VertexKind::Edge }
     }
 
     #[test]
@@ -436,13 +403,7 @@ mod tests {
             TextureModel::triangulated(1000.0, corners(0.0, 3)),
             Err(TextureError::Orders { vertex: 2, .. })
         ));
-        assert!(matches!(
-            TextureModel::triangulated(0.0, corners(0.0, 2)),
-            Err(TextureError::Rate { .. })
-        ));
-        assert!(matches!(
-            TextureModel::new(1000.0, vec![], vec![]),
-            Err(TextureError::NoModels)
-        ));
+        assert!(matches!(TextureModel::triangulated(0.0, corners(0.0, 2)), Err(TextureError::Rate { .. })));
+        assert!(matches!(TextureModel::new(1000.0, vec![], vec![]), Err(TextureError::NoModels)));
     }
 }

@@ -56,12 +56,7 @@ impl Triangulation {
             .collect::<Result<Vec<_>, _>>()?;
         connect(points, &triangles, &mut cells, (max_speed_m_s, max_force_n))?;
         check_cover(points, &triangles, max_speed_m_s * max_force_n)?;
-        Ok(Triangulation {
-            triangles,
-            cells,
-            max_speed_m_s,
-            max_force_n,
-        })
+        Ok(Triangulation { triangles, cells, max_speed_m_s, max_force_n })
     }
 
     /// The triangles' vertex numbers, as given.
@@ -82,10 +77,7 @@ impl Triangulation {
     /// Clamps speed and force to the modelled range; NaN becomes 0.
     pub fn saturate(&self, speed_m_s: f64, force_n: f64) -> (f64, f64) {
         // `max` and `min` return the other operand for NaN.
-        (
-            speed_m_s.max(0.0).min(self.max_speed_m_s),
-            force_n.max(0.0).min(self.max_force_n),
-        )
+        (speed_m_s.max(0.0).min(self.max_speed_m_s), force_n.max(0.0).min(self.max_force_n))
     }
 
     /// Finds the triangle around a saturated point by a visibility walk (thesis 2.4.1) from triangle `start`, and its
@@ -94,21 +86,14 @@ impl Triangulation {
     /// The result does not depend on `start`: on a shared side or vertex the triangle with the lowest number is found. The
     /// walk visits at most as many triangles as exist; then, and at a vertex, every triangle is tried.
     pub fn locate_from(&self, start: u32, speed_m_s: f64, force_n: f64) -> Location {
-        let mut at = if (start as usize) < self.cells.len() {
-            start
-        } else {
-            0
-        };
+        let mut at = if (start as usize) < self.cells.len() { start } else { 0 };
         for _ in 0..self.cells.len() {
             let cell = &self.cells[at as usize];
             let sides = cell.sides(speed_m_s, force_n);
             match cell.next_step(&sides) {
                 WalkStep::Into(neighbour) => at = neighbour,
                 WalkStep::Inside => {
-                    return Location {
-                        triangle: at,
-                        weights: cell.weights(&sides),
-                    };
+                    return Location { triangle: at, weights: cell.weights(&sides) };
                 }
                 WalkStep::OnSide(neighbour) => {
                     let other = &self.cells[neighbour as usize];
@@ -138,9 +123,7 @@ impl Triangulation {
             let least = if inside {
                 0.0
             } else {
-                (0..3)
-                    .map(|i| sides[i] * cell.inverse_height[i])
-                    .fold(f64::INFINITY, f64::min)
+                (0..3).map(|i| sides[i] * cell.inverse_height[i]).fold(f64::INFINITY, f64::min)
             };
             if least > best.0 || (inside && best.0 < 0.0) {
                 best = (least, number, cell.weights(&sides));
@@ -149,10 +132,7 @@ impl Triangulation {
                 }
             }
         }
-        Location {
-            triangle: best.1,
-            weights: best.2,
-        }
+        Location { triangle: best.1, weights: best.2 }
     }
 }
 
@@ -207,28 +187,17 @@ fn check_points(points: &[(f64, f64)]) -> Result<(f64, f64), TriangulationError>
     let mut seen = HashMap::new();
     for (vertex, &(speed, force)) in points.iter().enumerate() {
         if !((0.0..=MAX_SPEED_M_S).contains(&speed) && (0.0..=MAX_FORCE_N).contains(&force)) {
-            return Err(TriangulationError::Position {
-                vertex,
-                speed_m_s: speed,
-                force_n: force,
-            });
+            return Err(TriangulationError::Position { vertex, speed_m_s: speed, force_n: force });
         }
         // Adding zero makes one zero of both.
         if let Some(first) = seen.insert(((speed + 0.0).to_bits(), (force + 0.0).to_bits()), vertex) {
-            return Err(TriangulationError::SamePlace {
-                first,
-                second: vertex,
-            });
+            return Err(TriangulationError::SamePlace { first, second: vertex });
         }
         max_speed = max_speed.max(speed);
         max_force = max_force.max(force);
     }
     let area = max_speed * max_force;
-    if area > 1e-100 {
-        Ok((max_speed, max_force))
-    } else {
-        Err(TriangulationError::Flat)
-    }
+    if area > 1e-100 { Ok((max_speed, max_force)) } else { Err(TriangulationError::Flat) }
 }
 
 /// Twice the signed area of the triangle a, b, c.
@@ -247,13 +216,11 @@ fn cell(
 ) -> Result<Cell, TriangulationError> {
     let mut corners = [(0.0, 0.0); 3];
     for (corner, vertex) in corners.iter_mut().zip(triangle) {
-        *corner = *points
-            .get(vertex as usize)
-            .ok_or(TriangulationError::NoSuchVertex {
-                triangle: number,
-                vertex,
-                vertices: points.len(),
-            })?;
+        *corner = *points.get(vertex as usize).ok_or(TriangulationError::NoSuchVertex {
+            triangle: number,
+            vertex,
+            vertices: points.len(),
+        })?;
     }
     if doubled_area(corners[0], corners[1], corners[2]).abs() <= THINNEST * map_area {
         return Err(TriangulationError::Degenerate { triangle: number });
@@ -298,10 +265,7 @@ fn connect(
             let (a, b) = (triangle[(i + 1) % 3], triangle[(i + 2) % 3]);
             let side = (a.min(b), a.max(b));
             if let Some(&first) = closed.get(&side) {
-                return Err(TriangulationError::Overlap {
-                    first,
-                    second: number,
-                });
+                return Err(TriangulationError::Overlap { first, second: number });
             }
             let Some((other, j)) = open.remove(&side) else {
                 open.insert(side, (number, i));
@@ -310,10 +274,7 @@ fn connect(
             let opposite = cells[other].normal_speed[j] == -cells[number].normal_speed[i]
                 && cells[other].normal_force[j] == -cells[number].normal_force[i];
             if !opposite {
-                return Err(TriangulationError::Overlap {
-                    first: other,
-                    second: number,
-                });
+                return Err(TriangulationError::Overlap { first: other, second: number });
             }
             cells[other].neighbour[j] = number as u32;
             cells[number].neighbour[i] = other as u32;
@@ -327,10 +288,7 @@ fn connect(
         let on_border = (speed_a == speed_b && (speed_a == 0.0 || speed_a == max_speed))
             || (force_a == force_b && (force_a == 0.0 || force_a == max_force));
         if !on_border {
-            return Err(TriangulationError::Gap {
-                triangle,
-                vertices: (a, b),
-            });
+            return Err(TriangulationError::Gap { triangle, vertices: (a, b) });
         }
     }
     Ok(())
@@ -370,34 +328,20 @@ pub fn delaunay(points: &[(f64, f64)]) -> Result<Vec<Triangle>, TriangulationErr
         // Values too small for spade's exact predicates count as zero among z-scores.
         let exact = |value: f64| if value.abs() < 1e-40 { 0.0 } else { value };
         let (speed_m_s, force_n) = points[vertex];
-        let handle =
-            mesh.insert(Point2::new(exact(x), exact(y)))
-                .map_err(|_| TriangulationError::Position {
-                    vertex,
-                    speed_m_s,
-                    force_n,
-                })?;
+        let handle = mesh
+            .insert(Point2::new(exact(x), exact(y)))
+            .map_err(|_| TriangulationError::Position { vertex, speed_m_s, force_n })?;
         if handle.index() != vertex {
-            return Err(TriangulationError::SamePlace {
-                first: handle.index(),
-                second: vertex,
-            });
+            return Err(TriangulationError::SamePlace { first: handle.index(), second: vertex });
         }
     }
-    Ok(mesh
-        .inner_faces()
-        .map(|face| face.vertices().map(|vertex| vertex.index() as u32))
-        .collect())
+    Ok(mesh.inner_faces().map(|face| face.vertices().map(|vertex| vertex.index() as u32)).collect())
 }
 
 fn z_scores(values: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     let count = values.clone().count().max(1) as f64;
     let mean = values.clone().sum::<f64>() / count;
-    let variance = values
-        .clone()
-        .map(|value| (value - mean) * (value - mean))
-        .sum::<f64>()
-        / count;
+    let variance = values.clone().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count;
     let deviation = if variance > 0.0 { variance.sqrt() } else { 1.0 };
     values.map(|value| (value - mean) / deviation).collect()
 }

@@ -41,17 +41,11 @@ fn nine_people_and_six_materials_are_mapped_in_eight_seconds() {
     let made: Vec<(String, String, TextureModel)> = (0..54)
         .map(|i| {
             let (material, person) = (i / 9, i % 9);
-            (
-                format!("m{material}.p{person}"),
-                format!("m{material}"),
-                texture(material, person),
-            )
+            (format!("m{material}.p{person}"), format!("m{material}"), texture(material, person))
         })
         .collect();
-    let textures: Vec<_> = made
-        .iter()
-        .map(|(name, material, t)| (name.clone(), material.clone(), t))
-        .collect();
+    let textures: Vec<_> =
+        made.iter().map(|(name, material, t)| (name.clone(), material.clone(), t)).collect();
     let start = Instant::now();
     let map = perceptual_map(&textures, &MapSettings::default(), &|_| ()).unwrap();
     let took = start.elapsed();
@@ -80,10 +74,7 @@ fn ten_seconds_at_ten_kilohertz_are_segmented_in_half_a_second() {
     let start = Instant::now();
     let found = segment(&y[2..], &SegmentationSettings::default()).unwrap();
     let took = start.elapsed();
-    println!(
-        "100 000 samples, order 1 to 20: {took:.3?}, {} segments",
-        found.orders.len()
-    );
+    println!("100 000 samples, order 1 to 20: {took:.3?}, {} segments", found.orders.len());
     assert!(took.as_secs_f64() < 0.5, "{took:?}");
     assert!((18..=24).contains(&found.orders.len()), "{found:?}");
 }

@@ -55,16 +55,9 @@ fn seeds() -> Vec<Vec<u8>> {
         model,
         kind: VertexKind::Measured,
     };
-    let hull = Hull {
-        speed_steps: 1,
-        force_steps: 1,
-        ..Hull::default()
-    };
+    let hull = Hull { speed_steps: 1, force_steps: 1, ..Hull::default() };
     let texture = |rate_hz: f64, ma: &[f64], gain: f64| {
-        let measured = vec![
-            at(0.05, 1.0, model(-0.9, ma, gain)),
-            at(0.2, 2.5, model(0.4, ma, gain)),
-        ];
+        let measured = vec![at(0.05, 1.0, model(-0.9, ma, gain)), at(0.2, 2.5, model(0.4, ma, gain))];
         TextureModel::from_measured(rate_hz, measured, &hull).unwrap()
     };
     let provenance = Provenance::new(Origin::Simulated, "a \"seed\"").with_setting("seed", 7);
@@ -85,17 +78,11 @@ fn seeds() -> Vec<Vec<u8>> {
     surface.taps = Some(
         Taps::new(
             1000.0,
-            vec![Tap {
-                speed_m_s: 0.1,
-                acceleration_m_s2: vec![1.0, 2.0],
-                peak_force_n: Some(2.0),
-            }],
+            vec![Tap { speed_m_s: 0.1, acceleration_m_s2: vec![1.0, 2.0], peak_force_n: Some(2.0) }],
         )
         .unwrap(),
     );
-    [taps, fast, slow, native::write(&surface)]
-        .map(String::into_bytes)
-        .to_vec()
+    [taps, fast, slow, native::write(&surface)].map(String::into_bytes).to_vec()
 }
 
 const WORDS: [&str; 40] = [
@@ -157,9 +144,7 @@ fn mutate(seeds: &[Vec<u8>], random: &mut Xoshiro256PlusPlus) -> Vec<u8> {
             2 => drop(bytes.drain(at..end)),
             3 => bytes.splice(at..at, bytes[at..end].to_vec()).for_each(drop),
             4 => bytes.truncate(at),
-            5 => bytes
-                .splice(at..at, WORDS[random.random_range(0..WORDS.len())].bytes())
-                .for_each(drop),
+            5 => bytes.splice(at..at, WORDS[random.random_range(0..WORDS.len())].bytes()).for_each(drop),
             6 => {
                 // A passage of another file.
                 let other = &seeds[random.random_range(0..seeds.len())];
@@ -178,14 +163,10 @@ fn mutate(seeds: &[Vec<u8>], random: &mut Xoshiro256PlusPlus) -> Vec<u8> {
             }
             _ => {
                 // A line again, or gone.
-                let start = bytes[..at]
-                    .iter()
-                    .rposition(|&byte| byte == b'\n')
-                    .map_or(0, |newline| newline + 1);
-                let length = bytes[start..]
-                    .iter()
-                    .position(|&byte| byte == b'\n')
-                    .map_or(0, |newline| newline + 1);
+                let start =
+                    bytes[..at].iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
+                let length =
+                    bytes[start..].iter().position(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
                 let line = bytes[start..start + length].to_vec();
                 if random.random() {
                     bytes.splice(start..start, line).for_each(drop);
@@ -205,10 +186,7 @@ fn survive(inputs: usize, seed: u64) {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let surfaces = (0..inputs).filter(|_| read(&mutate(&seeds, &mut random))).count();
     // Mutations that are all refused, or none, would test little.
-    assert!(
-        surfaces > inputs / 100 && surfaces < inputs / 2,
-        "{surfaces} of {inputs} were surfaces"
-    );
+    assert!(surfaces > inputs / 100 && surfaces < inputs / 2, "{surfaces} of {inputs} were surfaces");
 }
 
 #[test]
@@ -237,11 +215,7 @@ fn files_that_ask_for_memory_do_not_get_it() {
         repeat("", "<a>", ""),
         repeat("<modelSet>", "<model>", ""),
         repeat("<modelSet>", "<model/>", ""),
-        repeat(
-            "<modelSet>",
-            "<tri><value>1</value><value>1</value><value>1</value></tri>",
-            "",
-        ),
+        repeat("<modelSet>", "<tri><value>1</value><value>1</value><value>1</value></tri>", ""),
         repeat("<modelSet><speedList>", "<value>1</value>", ""),
         repeat("<modelSet><material>", "&amp;", ""),
         repeat("<modelSet><material>", "<![CDATA[a]]>", ""),
@@ -258,11 +232,7 @@ fn files_that_ask_for_memory_do_not_get_it() {
             "(speed_mm_s:0,force_n:0,filter:0,variance:0,kind:edge),",
             "]))",
         ),
-        repeat(
-            &format!("{open}(ar:[])], vertices:[], triangles:["),
-            "(0,0,0),",
-            "]))",
-        ),
+        repeat(&format!("{open}(ar:[])], vertices:[], triangles:["), "(0,0,0),", "]))"),
         repeat(&format!("{surface}, settings: {{"), "\"\":\"\",", "}))"),
         repeat(
             &format!("{surface}), taps: (rate_hz: 1000, taps: [(speed_mm_s: 1, acceleration_m_s2: ["),
@@ -296,11 +266,7 @@ fn the_largest_map_that_is_read_keeps_within_its_memory() {
         "(format:1,name:\"\",provenance:(origin:imported,source:\"\",made_by:\"\"),texture:(rate_hz:1000,filters:[(ar_lsf:[{}])],vertices:[{vertices}]))",
         lsf.join(",")
     );
-    assert!(
-        read(text.as_bytes()),
-        "{:?}",
-        read_surface(text.as_bytes()).map(|_| ())
-    );
+    assert!(read(text.as_bytes()), "{:?}", read_surface(text.as_bytes()).map(|_| ()));
 }
 
 #[test]
@@ -310,17 +276,11 @@ fn a_sparse_table_is_read_no_further_than_its_fault() {
     for (head, line) in [("", 1), ("accel_m_s2,force_normal_n,speed_mm_s\n1,1,80\n", 3)] {
         let path = folder.path().join("sparse.csv");
         std::fs::write(&path, head).unwrap();
-        let file = std::fs::File::options()
-            .read(true)
-            .write(true)
-            .open(&path)
-            .unwrap();
+        let file = std::fs::File::options().read(true).write(true).open(&path).unwrap();
         file.set_len(1 << 30).unwrap();
         let before = MEMORY.current_usage();
         MEMORY.reset_peak_usage();
-        let Err(LoadError::Read { source, .. }) = recording::load(&path) else {
-            panic!("{head}")
-        };
+        let Err(LoadError::Read { source, .. }) = recording::load(&path) else { panic!("{head}") };
         let (place, _) = source.place(BufReader::new(file)).unwrap();
         assert_eq!(place.line, line);
         let used = MEMORY.peak_usage().saturating_sub(before);

@@ -12,16 +12,7 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
     column(&folder.path().join("b.csv"), "accel_m_s2", &b);
     let same = json(
         folder.path(),
-        &[
-            "compare",
-            "a.csv",
-            "a.csv",
-            "--rate",
-            "10000",
-            "--deviations",
-            "0.01,0.3",
-            "--json",
-        ],
+        &["compare", "a.csv", "a.csv", "--rate", "10000", "--deviations", "0.01,0.3", "--json"],
     );
     for measure in ["NSE", "PE", "SD", "lsd_db", "lsd_pacinian_db", "error_total_db"] {
         assert_eq!(same[measure], 0.0, "{measure}");
@@ -29,54 +20,28 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
     // A column has no force and speed, beside which levels could be read.
     assert!(same["envelope_db"].is_null() && same["envelope_reason"].is_string());
     assert_eq!(same["simulated"], false);
-    let other = json(
-        folder.path(),
-        &["compare", "a.csv", "b.csv", "--rate", "10000", "--json"],
-    );
+    let other = json(folder.path(), &["compare", "a.csv", "b.csv", "--rate", "10000", "--json"]);
     for measure in ["NSE", "PE", "lsd_db", "absolute_db"] {
         assert!(other[measure].as_f64().unwrap() > 0.0);
     }
     // Of one pair alone there is no deviation to count in. Two seconds tell 20 to 40 Hz as one band.
     assert!(other["SD"].is_null() && other["reason"].is_string());
     assert_eq!(other["bands"].as_array().unwrap().len(), 15);
-    let misused = haptograph(
-        folder.path(),
-        &["compare", "a.csv", "b.csv", "--deviations", "0.1"],
-        "",
-    );
+    let misused = haptograph(folder.path(), &["compare", "a.csv", "b.csv", "--deviations", "0.1"], "");
     assert_eq!(misused.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&misused.stderr).contains("--deviations"));
     assert!(fail(folder.path(), &["compare", "a.csv", "b.csv"]).contains("--rate"));
 
-    wav(
-        &folder.path().join("a.wav"),
-        10_000,
-        a.iter().map(|sample| sample / 8.0),
-    );
-    fs::write(
-        folder.path().join("a.wav.ron"),
-        "Recording(unit: \"m/s2\", full_scale: 8.0, simulated: true)",
-    )
-    .unwrap();
-    let kept = json(
-        folder.path(),
-        &["compare", "a.wav", "a.csv", "--rate", "10000", "--json"],
-    );
-    assert!(
-        kept["NSE"].as_f64().unwrap() < 1e-6 && kept["PE"].as_f64().unwrap() < 1e-5,
-        "{kept}"
-    );
+    wav(&folder.path().join("a.wav"), 10_000, a.iter().map(|sample| sample / 8.0));
+    fs::write(folder.path().join("a.wav.ron"), "Recording(unit: \"m/s2\", full_scale: 8.0, simulated: true)")
+        .unwrap();
+    let kept = json(folder.path(), &["compare", "a.wav", "a.csv", "--rate", "10000", "--json"]);
+    assert!(kept["NSE"].as_f64().unwrap() < 1e-6 && kept["PE"].as_f64().unwrap() < 1e-5, "{kept}");
     assert_eq!(kept["simulated"], true);
     let text = succeed(folder.path(), &["compare", "a.csv", "a.wav", "--rate", "10000"]);
-    assert!(
-        text.contains("simulated                             a.wav"),
-        "{text}"
-    );
+    assert!(text.contains("simulated                             a.wav"), "{text}");
     // Both are brought down to a tenth of the rate, with the same windows of the same moments.
-    let slow = json(
-        folder.path(),
-        &["compare", "a.wav", "a.wav", "--rate", "1000", "--json"],
-    );
+    let slow = json(folder.path(), &["compare", "a.wav", "a.wav", "--rate", "1000", "--json"]);
     assert_eq!((&slow["NSE"], &slow["windows"]), (&0.0.into(), &152.into()));
     assert!(fail(folder.path(), &["compare", "a.wav", "a.wav", "--rate", "20000"]).contains("at most"));
 }
@@ -129,10 +94,7 @@ fn files_beyond_four_gibibytes_are_compared_too_and_bounded() {
     fs::write(&large, rf64(20_000, &a)).unwrap();
     let arguments = ["compare", "large.wav", "a.csv", "--rate", "10000", "--json"];
     let same = json(folder.path(), &arguments);
-    assert!(
-        same["NSE"].as_f64().unwrap() < 1e-6 && same["PE"].as_f64().unwrap() < 1e-5,
-        "{same}"
-    );
+    assert!(same["NSE"].as_f64().unwrap() < 1e-6 && same["PE"].as_f64().unwrap() < 1e-5, "{same}");
     // A hole in the file: it takes no room on the disk, and none of it is read.
     fs::write(&large, rf64(2_000_000_000, &a)).unwrap();
     let file = fs::OpenOptions::new().write(true).open(&large).unwrap();
@@ -145,10 +107,7 @@ fn files_beyond_four_gibibytes_are_compared_too_and_bounded() {
 #[test]
 fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
     let folder = workshop();
-    let found = json(
-        folder,
-        &["evaluate", "study", "--holdout", "--json", "--report", "held-out"],
-    );
+    let found = json(folder, &["evaluate", "study", "--holdout", "--json", "--report", "held-out"]);
     assert_eq!((&found["simulated"], &found["seeds"]), (&true.into(), &16.into()));
     let splits = found["splits"].as_array().unwrap();
     assert_eq!(splits.len(), 3);
@@ -203,10 +162,7 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
         assert!(heads.count() >= 3, "{shown} of each split");
     }
     let tables = text.lines().filter(|line| line.starts_with("  "));
-    assert!(
-        tables.map(|line| line.chars().count()).max() <= Some(100),
-        "{text}"
-    );
+    assert!(tables.map(|line| line.chars().count()).max() <= Some(100), "{text}");
     let page = fs::read_to_string(folder.join("held-out/report.html")).unwrap();
     for shown in [
         "simulated",
@@ -219,9 +175,7 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
     ] {
         assert!(page.contains(shown), "{shown} is missing");
     }
-    let mut methods = splits
-        .iter()
-        .flat_map(|split| split["methods"].as_array().unwrap());
+    let mut methods = splits.iter().flat_map(|split| split["methods"].as_array().unwrap());
     let one_loses = methods.any(|method| method["loses"] == true);
     assert_eq!(one_loses, page.contains(" *</td>"), "marks of the terminal");
 }
@@ -238,38 +192,16 @@ fn an_evaluation_prints_the_tables_of_the_thesis() {
             && text.contains("6 of 6 recordings are simulated"),
         "{text}"
     );
-    let found = json(
-        folder,
-        &[
-            "evaluate",
-            "study",
-            "--json",
-            "--pooling",
-            "pair",
-            "--report",
-            "evaluation",
-        ],
-    );
-    assert_eq!(
-        (&found["expert"], &found["simulated"]),
-        (&"anna".into(), &true.into())
-    );
+    let found = json(folder, &["evaluate", "study", "--json", "--pooling", "pair", "--report", "evaluation"]);
+    assert_eq!((&found["expert"], &found["simulated"]), (&"anna".into(), &true.into()));
     let cells = found["table"]["sd"].as_array().unwrap();
     assert!(cells.len() == 2 && cells.iter().all(|row| row.as_array().unwrap().len() == 2));
     let row = &found["people_table"]["sd"][0];
-    assert_eq!(
-        (&row[0], &row[1]),
-        (&cells[0][0], &cells[1][1]),
-        "the expert's row is the diagonal"
-    );
+    assert_eq!((&row[0], &row[1]), (&cells[0][0], &cells[1][1]), "the expert's row is the diagonal");
     assert!(found["map"]["places"].as_array().unwrap().len() == 4);
     let r_squared = found["map"]["r_squared"].as_array().unwrap();
     assert_eq!(r_squared.len(), found["map"]["stress"].as_array().unwrap().len());
-    assert!(
-        r_squared
-            .iter()
-            .all(|value| (0.0..=1.0 + 1e-9).contains(&value.as_f64().unwrap()))
-    );
+    assert!(r_squared.iter().all(|value| (0.0..=1.0 + 1e-9).contains(&value.as_f64().unwrap())));
     let losses = found["losses"].as_array().unwrap();
     let of = |loss: &Value| format!("{} {}", loss["condition"], loss["texture"]).replace('"', "");
     let named: Vec<String> = losses.iter().map(of).collect();
@@ -280,21 +212,11 @@ fn an_evaluation_prints_the_tables_of_the_thesis() {
         }
     }
     assert!(found["centre"].is_null(), "a law has no measured models");
-    assert!(
-        text.contains("R² of the distances") && text.contains("SD_x"),
-        "{text}"
-    );
+    assert!(text.contains("R² of the distances") && text.contains("SD_x"), "{text}");
     let thesis = json(folder, &["evaluate", "study", "--json", "--method", "thesis"]);
     let centre = ["speed_mm_s", "force_n"].map(|key| thesis["centre"][key].as_f64().unwrap());
-    assert!(
-        (20.0..350.0).contains(&centre[0]) && (0.2..2.75).contains(&centre[1]),
-        "{centre:?}"
-    );
-    assert!(
-        fs::read_to_string(folder.join("evaluation/report.html"))
-            .unwrap()
-            .contains("simulated")
-    );
+    assert!((20.0..350.0).contains(&centre[0]) && (0.2..2.75).contains(&centre[1]), "{centre:?}");
+    assert!(fs::read_to_string(folder.join("evaluation/report.html")).unwrap().contains("simulated"));
     fs::create_dir_all(folder.join("empty")).unwrap();
     assert!(fail(folder, &["evaluate", "empty"]).contains("<material>.<person>.<take>"));
 }

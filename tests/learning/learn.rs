@@ -14,11 +14,7 @@ fn a_surface_is_learned_whole_and_again_to_the_bit() {
     }
     assert_eq!(shown["provenance"]["origin"], "simulated");
     // The simulated material's own numbers: friction 0.18, stiffness 42.2 N/mm.
-    assert!(
-        (shown["friction"]["mu"].as_f64().unwrap() - 0.18).abs() < 0.03,
-        "{}",
-        shown["friction"]
-    );
+    assert!((shown["friction"]["mu"].as_f64().unwrap() - 0.18).abs() < 0.03, "{}", shown["friction"]);
     assert!(
         (shown["stiffness"]["n_per_mm"].as_f64().unwrap() / 42.2 - 1.0).abs() < 0.1,
         "{}",
@@ -27,10 +23,7 @@ fn a_surface_is_learned_whole_and_again_to_the_bit() {
     assert!(!shown["taps"]["speeds_mm_s"].as_array().unwrap().is_empty());
     let centroid_hz = shown["taps"]["spectral_centroid_hz"].as_f64().unwrap();
     let text = succeed(folder, &["surface", "show", "t1.ron"]);
-    assert!(
-        (20.0..500.0).contains(&centroid_hz) && text.contains("spectral centroid"),
-        "{text}"
-    );
+    assert!((20.0..500.0).contains(&centroid_hz) && text.contains("spectral centroid"), "{text}");
     let again = [
         "learn",
         "study/T1.anna.1.npz",
@@ -44,39 +37,15 @@ fn a_surface_is_learned_whole_and_again_to_the_bit() {
     ];
     succeed(folder, &again);
     assert!(fs::read(folder.join("again.ron")).unwrap() == fs::read(folder.join("t1.ron")).unwrap());
-    assert_eq!(
-        shown["provenance"]["settings"]["recording 1 file"],
-        "T1.anna.1.npz"
-    );
+    assert_eq!(shown["provenance"]["settings"]["recording 1 file"], "T1.anna.1.npz");
 }
 
 #[test]
 fn what_touched_the_surface_and_the_low_pass_are_in_its_provenance() {
     let folder = workshop();
-    let stated = [
-        "--tip-diameter",
-        "3.175",
-        "--grip",
-        "as a pen",
-        "--touched-with",
-        "tool",
-    ];
-    succeed(
-        folder,
-        &[
-            &["convert-recording", "study/T1.anna.1.npz", "touched.npz"],
-            &stated[..],
-        ]
-        .concat(),
-    );
-    let learn = [
-        "learn",
-        "touched.npz",
-        "-o",
-        "touched.ron",
-        "--velocity-lowpass",
-        "60",
-    ];
+    let stated = ["--tip-diameter", "3.175", "--grip", "as a pen", "--touched-with", "tool"];
+    succeed(folder, &[&["convert-recording", "study/T1.anna.1.npz", "touched.npz"], &stated[..]].concat());
+    let learn = ["learn", "touched.npz", "-o", "touched.ron", "--velocity-lowpass", "60"];
     succeed(folder, &learn);
     let shown = json(folder, &["surface", "show", "touched.ron", "--json"]);
     let settings = &shown["provenance"]["settings"];
@@ -103,29 +72,19 @@ fn what_touched_the_surface_and_the_low_pass_are_in_its_provenance() {
 #[test]
 fn a_recording_goes_through_the_toolkits_files() {
     let folder = workshop();
-    let to = [
-        "convert-recording",
-        "study/T1.anna.1.npz",
-        "Accel_T1.xml",
-        "--json",
-    ];
+    let to = ["convert-recording", "study/T1.anna.1.npz", "Accel_T1.xml", "--json"];
     let written = json(folder, &to);
     let names = ["Accel_T1.xml", "Position_T1.xml", "Force_T1.xml"];
     assert_eq!(written["written"], serde_json::json!(names));
     succeed(folder, &["convert-recording", "Force_T1.xml", "back.npz"]);
-    for (from, to) in [
-        ("study/T1.anna.1.npz", "straight.ron"),
-        ("back.npz", "through.ron"),
-    ] {
+    for (from, to) in [("study/T1.anna.1.npz", "straight.ron"), ("back.npz", "through.ron")] {
         succeed(folder, &["learn", from, "-o", to, "--name", "t1"]);
     }
     let shown = |name: &str| json(folder, &["surface", "show", name, "--json"]);
     let (straight, through) = (shown("straight.ron"), shown("through.ron"));
     let powers = |shown: &serde_json::Value| -> Vec<f64> {
         let models = shown["texture"]["models"].as_array().unwrap().iter();
-        models
-            .map(|model| model["power_m2_s4"].as_f64().unwrap())
-            .collect()
+        models.map(|model| model["power_m2_s4"].as_f64().unwrap()).collect()
     };
     // Speeds in mm/s may differ in their last bit.
     let (straight, back) = (powers(&straight), powers(&through));
@@ -154,30 +113,14 @@ fn a_processed_table_is_enough_to_learn_from() {
     fs::write(folder.path().join("processed.csv"), text).unwrap();
     succeed(
         folder.path(),
-        &[
-            "learn",
-            "processed.csv",
-            "-o",
-            "surface.ron",
-            "--method",
-            "thesis",
-            "--keep-outliers",
-        ],
+        &["learn", "processed.csv", "-o", "surface.ron", "--method", "thesis", "--keep-outliers"],
     );
     let shown = json(folder.path(), &["surface", "show", "surface.ron", "--json"]);
     assert!((shown["friction"]["mu"].as_f64().unwrap() - 0.4).abs() < 1e-6);
-    let measured = shown["texture"]["models"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .filter(|model| model["kind"] == "measured");
-    let ar = measured
-        .map(|model| model["ar"][0].as_f64().unwrap())
-        .collect::<Vec<_>>();
-    assert!(
-        ar.len() >= 4 && ar.iter().all(|a| (a + 1.2).abs() < 0.1),
-        "{ar:?}"
-    );
+    let measured =
+        shown["texture"]["models"].as_array().unwrap().iter().filter(|model| model["kind"] == "measured");
+    let ar = measured.map(|model| model["ar"][0].as_f64().unwrap()).collect::<Vec<_>>();
+    assert!(ar.len() >= 4 && ar.iter().all(|a| (a + 1.2).abs() < 0.1), "{ar:?}");
 }
 
 #[test]
@@ -190,21 +133,11 @@ fn a_surface_without_friction_says_so_and_keeps_its_texture() {
         text += &format!("{a},{force},{},{speed}\n", -0.2 * force);
     }
     fs::write(folder.path().join("pulled.csv"), text).unwrap();
-    let learned = haptograph(
-        folder.path(),
-        &["learn", "pulled.csv", "-o", "pulled.ron", "--report", "page"],
-        "",
-    );
-    let (said, warned) = (
-        String::from_utf8_lossy(&learned.stdout),
-        String::from_utf8_lossy(&learned.stderr),
-    );
+    let learned =
+        haptograph(folder.path(), &["learn", "pulled.csv", "-o", "pulled.ron", "--report", "page"], "");
+    let (said, warned) = (String::from_utf8_lossy(&learned.stdout), String::from_utf8_lossy(&learned.stderr));
     assert!(learned.status.success(), "{warned}");
-    for part in [
-        "the surface has no friction",
-        "the friction coefficient would be",
-        "--circle",
-    ] {
+    for part in ["the surface has no friction", "the friction coefficient would be", "--circle"] {
         assert!(warned.contains(part), "{part} is missing: {warned}");
     }
     assert!(said.contains("friction  none"), "{said}");
@@ -212,10 +145,7 @@ fn a_surface_without_friction_says_so_and_keeps_its_texture() {
     assert!(shown["texture"].is_object() && shown["friction"].is_null());
     let settings = &shown["provenance"]["settings"];
     assert!(
-        settings["not learned: friction"]
-            .as_str()
-            .unwrap()
-            .contains("friction coefficient"),
+        settings["not learned: friction"].as_str().unwrap().contains("friction coefficient"),
         "{settings}"
     );
     let page = fs::read_to_string(folder.path().join("page/report.html")).unwrap();
@@ -231,11 +161,7 @@ fn run_chapter(page: &str) -> (String, String, tempfile::TempDir) {
         std::os::unix::fs::symlink(root.join(shared), folder.path().join(shared)).unwrap();
     }
     let program = Path::new(env!("CARGO_BIN_EXE_haptograph")).parent().unwrap();
-    let path = format!(
-        "{}:{}",
-        program.display(),
-        std::env::var("PATH").unwrap_or_default()
-    );
+    let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap_or_default());
     let chapter = fs::read_to_string(root.join("docs").join(page)).unwrap();
     let blocks: String = chapter
         .split("```sh\n")
@@ -249,11 +175,7 @@ fn run_chapter(page: &str) -> (String, String, tempfile::TempDir) {
         .current_dir(folder.path())
         .output()
         .unwrap();
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let printed = String::from_utf8_lossy(&output.stdout).into_owned();
     (chapter, printed, folder)
 }
@@ -264,12 +186,8 @@ fn run_chapter(page: &str) -> (String, String, tempfile::TempDir) {
 fn the_chapter_on_learning_is_true() {
     let (chapter, _, folder) = run_chapter("learning.md");
     assert!(chapter.matches("\nhaptograph ").count() > 15);
-    for made in [
-        "tile/report.html",
-        "out/texturepad/report.html",
-        "study-report/report.html",
-        "tile.1k.ron",
-    ] {
+    for made in ["tile/report.html", "out/texturepad/report.html", "study-report/report.html", "tile.1k.ron"]
+    {
         assert!(folder.path().join(made).is_file(), "{made} is missing");
     }
 }

@@ -20,9 +20,7 @@ fn drag(seconds: usize, seed: u64) -> Vec<(f64, f64, f64)> {
 }
 
 fn table(folder: &Path, name: &str, rows: &[(f64, f64, f64)], offset: f64) {
-    let lines: String = { rows.iter() }
-        .map(|(a, f, v)| format!("{},{f},{v}\n", a + offset))
-        .collect();
+    let lines: String = { rows.iter() }.map(|(a, f, v)| format!("{},{f},{v}\n", a + offset)).collect();
     let head = format!("# rate_hz: {RATE_HZ}\naccel_m_s2,force_normal_n,speed_mm_s\n");
     fs::write(folder.join(name), head + &lines).unwrap();
 }
@@ -48,23 +46,11 @@ fn gravity_changes_no_held_out_figure() {
     let folder = tempfile::tempdir().unwrap();
     for (study, offset) in [("clean", 0.0), ("heavy", 9.81)] {
         fs::create_dir(folder.path().join(study)).unwrap();
-        table(
-            folder.path(),
-            &format!("{study}/oak.me.1.csv"),
-            &drag(6, 1),
-            offset,
-        );
+        table(folder.path(), &format!("{study}/oak.me.1.csv"), &drag(6, 1), offset);
     }
-    let heavy = haptograph(
-        folder.path(),
-        &["learn", "heavy/oak.me.1.csv", "-o", "heavy.ron"],
-        "",
-    );
+    let heavy = haptograph(folder.path(), &["learn", "heavy/oak.me.1.csv", "-o", "heavy.ron"], "");
     let said = String::from_utf8_lossy(&heavy.stderr);
-    assert!(
-        said.contains("9.81 m/s²") && said.contains("high-passed at 20 Hz"),
-        "{said}"
-    );
+    assert!(said.contains("9.81 m/s²") && said.contains("high-passed at 20 Hz"), "{said}");
     let (clean, heavy) = (held_out(folder.path(), "clean"), held_out(folder.path(), "heavy"));
     assert!(!clean.is_empty() && clean.len() == heavy.len());
     for (clean, heavy) in clean.iter().zip(&heavy) {
@@ -80,11 +66,8 @@ fn gravity_in_a_wav_file_changes_no_comparison() {
     for (name, offset) in [("clean.wav", 0.0), ("heavy.wav", 9.81)] {
         wav(folder.path(), name, &rows, offset);
     }
-    let figure = |wav: &str| {
-        json(folder.path(), &["compare", "clean.csv", wav, "--json"])["lsd_db"]
-            .as_f64()
-            .unwrap()
-    };
+    let figure =
+        |wav: &str| json(folder.path(), &["compare", "clean.csv", wav, "--json"])["lsd_db"].as_f64().unwrap();
     let (clean, heavy) = (figure("clean.wav"), figure("heavy.wav"));
     assert!(clean < 0.01 && heavy < 1.0, "{clean} dB, {heavy} dB");
     let error = fail(folder.path(), &["compare", "clean.csv", "heavy.wav", "--strict"]);
@@ -101,11 +84,7 @@ fn files_of_one_take_are_one_recording_of_a_study() {
     table(folder.path(), "whole/brick.me.1.csv", &rows, 0.0);
     let column = |name: &str, head: &str, line: &dyn Fn(&(f64, f64, f64)) -> String| {
         let lines: String = rows.iter().map(line).collect();
-        fs::write(
-            folder.path().join(name),
-            format!("# rate_hz: {RATE_HZ}\n{head}\n{lines}"),
-        )
-        .unwrap();
+        fs::write(folder.path().join(name), format!("# rate_hz: {RATE_HZ}\n{head}\n{lines}")).unwrap();
     };
     let motion = |row: &(f64, f64, f64)| format!("{},{}\n", row.1, row.2);
     let accel = |row: &(f64, f64, f64)| format!("{}\n", row.0);
@@ -119,10 +98,7 @@ fn files_of_one_take_are_one_recording_of_a_study() {
         let joined = held_out(folder.path(), study);
         assert_eq!(joined.len(), whole.len(), "{study}");
         for (joined, whole) in joined.iter().zip(&whole) {
-            assert!(
-                (joined - whole).abs() < 1e-3,
-                "{study}: {joined} dB of {whole} dB"
-            );
+            assert!((joined - whole).abs() < 1e-3, "{study}: {joined} dB of {whole} dB");
         }
     }
     let error = fail(folder.path(), &["evaluate", "half", "--holdout"]);

@@ -27,21 +27,13 @@ fn haptograph(folder: &Path, arguments: &[&str], input: &str) -> Output {
         .spawn()
         .expect("the program starts");
     // A program that fails early does not read.
-    let _ = child
-        .stdin
-        .take()
-        .expect("it is piped")
-        .write_all(input.as_bytes());
+    let _ = child.stdin.take().expect("it is piped").write_all(input.as_bytes());
     child.wait_with_output().expect("the program ends")
 }
 
 fn succeed(folder: &Path, arguments: &[&str]) -> String {
     let output = haptograph(folder, arguments, "");
-    assert!(
-        output.status.success(),
-        "{arguments:?}: {}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
@@ -95,57 +87,26 @@ fn workshop() -> &'static Path {
         .get_or_init(|| {
             let folder = tempfile::tempdir().unwrap();
             let simulate = |material: &str, motion: &str, person: &str, seed: &str, file: &str| {
-                let arguments = [
-                    "simulate-recording",
-                    "--material",
-                    material,
-                    "--motion",
-                    motion,
-                    "--person",
-                    person,
-                ];
+                let arguments =
+                    ["simulate-recording", "--material", material, "--motion", motion, "--person", person];
                 // Taps are more than a second apart.
                 let seconds = if motion == "tap" { "8" } else { "4" };
-                let arguments = [
-                    &arguments[..],
-                    &["--seconds", seconds, "--seed", seed, "-o", file],
-                ]
-                .concat();
+                let arguments =
+                    [&arguments[..], &["--seconds", seconds, "--seed", seed, "-o", file]].concat();
                 succeed(folder.path(), &arguments);
             };
             fs::create_dir(folder.path().join("study")).unwrap();
             for material in ["T1", "T3"] {
                 for (take, seed) in [("1", "11"), ("2", "12")] {
-                    simulate(
-                        material,
-                        "drag",
-                        "1",
-                        seed,
-                        &format!("study/{material}.anna.{take}.npz"),
-                    );
+                    simulate(material, "drag", "1", seed, &format!("study/{material}.anna.{take}.npz"));
                 }
-                simulate(
-                    material,
-                    "drag",
-                    "2",
-                    "13",
-                    &format!("study/{material}.ben.1.npz"),
-                );
+                simulate(material, "drag", "2", "13", &format!("study/{material}.ben.1.npz"));
             }
             for motion in ["circle", "tap", "press"] {
                 simulate("T1", motion, "1", "11", &format!("{motion}.npz"));
             }
-            let all = [
-                "learn",
-                "study/T1.anna.1.npz",
-                "circle.npz",
-                "tap.npz",
-                "press.npz",
-            ];
-            succeed(
-                folder.path(),
-                &[&all[..], &["-o", "t1.ron", "--report", "page"]].concat(),
-            );
+            let all = ["learn", "study/T1.anna.1.npz", "circle.npz", "tap.npz", "press.npz"];
+            succeed(folder.path(), &[&all[..], &["-o", "t1.ron", "--report", "page"]].concat());
             folder
         })
         .path()

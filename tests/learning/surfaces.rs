@@ -14,58 +14,21 @@ fn breaks_are_found_and_printed_as_agreed() {
             [(0.9, 0.0), (1.69, -0.81), (1.32, -0.81)][usize::from(t >= 512) + usize::from(t >= 768)];
         y.push(a * y[t + 1] + b * y[t] + e);
     }
-    let rows: String = y[2..]
-        .iter()
-        .enumerate()
-        .map(|(i, y)| format!("{i}, \"{y}\"\r\n"))
-        .collect();
+    let rows: String = y[2..].iter().enumerate().map(|(i, y)| format!("{i}, \"{y}\"\r\n")).collect();
     fs::write(folder.path().join("a.csv"), format!("time, \"y\"\r\n{rows}")).unwrap();
     let found = json(folder.path(), &["segment", "a.csv", "--column", "y", "--json"]);
     let keys: Vec<&String> = found.as_object().unwrap().keys().collect();
     assert_eq!(keys, ["breaks", "mdl", "orders"]);
-    let breaks: Vec<i64> = found["breaks"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|b| b.as_i64().unwrap())
-        .collect();
-    assert!(
-        breaks.len() == 2 && (breaks[0] - 512).abs() < 30 && (breaks[1] - 768).abs() < 30,
-        "{breaks:?}"
-    );
+    let breaks: Vec<i64> = found["breaks"].as_array().unwrap().iter().map(|b| b.as_i64().unwrap()).collect();
+    assert!(breaks.len() == 2 && (breaks[0] - 512).abs() < 30 && (breaks[1] - 768).abs() < 30, "{breaks:?}");
     assert_eq!(found["orders"].as_array().unwrap().len(), 3);
     let wide = json(
         folder.path(),
-        &[
-            "segment",
-            "a.csv",
-            "--column",
-            "y",
-            "--min-span",
-            "600",
-            "--max-order",
-            "3",
-            "--json",
-        ],
+        &["segment", "a.csv", "--column", "y", "--min-span", "600", "--max-order", "3", "--json"],
     );
-    assert_eq!(
-        (
-            wide["breaks"].as_array().unwrap().len(),
-            wide["orders"].as_array().unwrap().len()
-        ),
-        (0, 1)
-    );
+    assert_eq!((wide["breaks"].as_array().unwrap().len(), wide["orders"].as_array().unwrap().len()), (0, 1));
     assert!(succeed(folder.path(), &["segment", "a.csv", "--column", "y"]).contains("segments            3"));
-    let evolve = [
-        "--method",
-        "genetic",
-        "--seed",
-        "2",
-        "--min-span",
-        "200",
-        "--max-order",
-        "2",
-    ];
+    let evolve = ["--method", "genetic", "--seed", "2", "--min-span", "200", "--max-order", "2"];
     let evolve = [&["segment", "a.csv", "--column", "y", "--json"], &evolve[..]].concat();
     let evolved = json(folder.path(), &evolve);
     assert_eq!(evolved["orders"].as_array().unwrap().len(), 3);
@@ -73,10 +36,7 @@ fn breaks_are_found_and_printed_as_agreed() {
 
     fs::write(folder.path().join("bad.csv"), "a,y\r\n1,2\r\n3,x\r\n").unwrap();
     let told = fail(folder.path(), &["segment", "bad.csv", "--column", "y", "--json"]);
-    assert!(
-        told.contains("bad.csv:3:3") && !told.contains("column 2"),
-        "{told}"
-    );
+    assert!(told.contains("bad.csv:3:3") && !told.contains("column 2"), "{told}");
     assert!(fail(folder.path(), &["segment", "bad.csv", "--column", "z"]).contains("the columns are a, y"));
 }
 
@@ -86,48 +46,27 @@ fn interpolation_is_the_model_at_vertices_and_saturates() {
     let shown = json(folder, &["surface", "show", "t1.ron", "--json"]);
     let models = shown["texture"]["models"].as_array().unwrap();
     let number = |value: &Value| value.as_f64().unwrap();
-    let input: String = models
-        .iter()
-        .map(|model| format!("{} {}\n", model["speed_mm_s"], model["force_n"]))
-        .collect();
-    let output = haptograph(
-        folder,
-        &["surface", "interpolate", "t1.ron", "--json"],
-        &(input + "1e9 1e9\n-1 -1\n"),
-    );
+    let input: String =
+        models.iter().map(|model| format!("{} {}\n", model["speed_mm_s"], model["force_n"])).collect();
+    let output =
+        haptograph(folder, &["surface", "interpolate", "t1.ron", "--json"], &(input + "1e9 1e9\n-1 -1\n"));
     let lines: Vec<Value> = String::from_utf8_lossy(&output.stdout)
         .lines()
         .map(|line| serde_json::from_str(line).unwrap())
         .collect();
     assert_eq!(lines.len(), models.len() + 2);
     assert_eq!(
-        (
-            &lines[models.len()]["asked_force_n"],
-            &lines[models.len() + 1]["asked_speed_mm_s"]
-        ),
+        (&lines[models.len()]["asked_force_n"], &lines[models.len() + 1]["asked_speed_mm_s"]),
         (&1e9.into(), &(-1.0).into())
     );
     let output = haptograph(folder, &["surface", "interpolate", "t1.ron"], "-1 1\n");
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(
-        said.starts_with("0 mm/s, 1 N in place of -1 mm/s, 1 N: models"),
-        "{said}"
-    );
+    assert!(said.starts_with("0 mm/s, 1 N in place of -1 mm/s, 1 N: models"), "{said}");
     for (line, model) in lines.iter().zip(models) {
         let keys: Vec<&String> = line.as_object().unwrap().keys().collect();
         assert_eq!(
             keys,
-            [
-                "ar",
-                "force_n",
-                "gain",
-                "ma",
-                "speed_mm_s",
-                "triangle",
-                "variance",
-                "warping",
-                "weights"
-            ]
+            ["ar", "force_n", "gain", "ma", "speed_mm_s", "triangle", "variance", "warping", "weights"]
         );
         // mm/s are converted in decimal and back, which may cost the last bit.
         assert!((number(&line["speed_mm_s"]) - number(&model["speed_mm_s"])).abs() < 1e-12);
@@ -136,41 +75,23 @@ fn interpolation_is_the_model_at_vertices_and_saturates() {
             (number(&line["variance"]) - number(&model["variance"])).abs()
                 <= 1e-9 * number(&model["variance"])
         );
-        for (a, b) in line["ar"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .zip(model["ar"].as_array().unwrap())
-        {
+        for (a, b) in line["ar"].as_array().unwrap().iter().zip(model["ar"].as_array().unwrap()) {
             assert!((number(a) - number(b)).abs() < 1e-9, "{a} {b}");
         }
     }
     let (corner, rest) = (&lines[models.len()], &lines[models.len() + 1]);
     assert_eq!(
         (&corner["speed_mm_s"], &corner["force_n"]),
-        (
-            &shown["texture"]["max_speed_mm_s"],
-            &shown["texture"]["max_force_n"]
-        )
+        (&shown["texture"]["max_speed_mm_s"], &shown["texture"]["max_force_n"])
     );
-    assert_eq!(
-        (number(&rest["variance"]), number(&rest["speed_mm_s"])),
-        (0.0, 0.0)
-    );
+    assert_eq!((number(&rest["variance"]), number(&rest["speed_mm_s"])), (0.0, 0.0));
 
-    let output = haptograph(
-        folder,
-        &["surface", "interpolate", "t1.ron", "--json"],
-        "10 1\n\n10 abc\n",
-    );
+    let output = haptograph(folder, &["surface", "interpolate", "t1.ron", "--json"], "10 1\n\n10 abc\n");
     assert_eq!(output.status.code(), Some(1));
     // The one that can be read, and then what is wrong.
     assert_eq!(String::from_utf8_lossy(&output.stdout).lines().count(), 2);
     let told = told_by(&output);
-    assert!(
-        told.contains("line 3, column 4") && told.contains("abc"),
-        "{told}"
-    );
+    assert!(told.contains("line 3, column 4") && told.contains("abc"), "{told}");
 }
 
 #[test]
@@ -195,34 +116,17 @@ fn surfaces_change_format_and_rate() {
         ("t1.ron", "spectral", 0.2),
     ] {
         let out = format!("{method}.{from}");
-        let arguments = [
-            "surface", "resample", from, "--rate", "1000", "--method", method, "-o", &out, "--json",
-        ];
+        let arguments =
+            ["surface", "resample", from, "--rate", "1000", "--method", method, "-o", &out, "--json"];
         let worst = json(folder, &arguments)["worst_db"].as_f64().unwrap();
         assert!(worst.abs() <= most_db, "{method}: {worst} dB");
-        assert_eq!(
-            json(folder, &["surface", "show", &out, "--json"])["texture"]["rate_hz"],
-            1000.0
-        );
+        assert_eq!(json(folder, &["surface", "show", &out, "--json"])["texture"]["rate_hz"], 1000.0);
     }
     let told = fail(
         folder,
-        &[
-            "surface",
-            "resample",
-            "plain.ron",
-            "--rate",
-            "700",
-            "--method",
-            "zoh",
-            "-o",
-            "x.ron",
-        ],
+        &["surface", "resample", "plain.ron", "--rate", "700", "--method", "zoh", "-o", "x.ron"],
     );
-    assert!(
-        told.contains("spectral") && !folder.join("x.ron").exists(),
-        "{told}"
-    );
+    assert!(told.contains("spectral") && !folder.join("x.ron").exists(), "{told}");
 }
 
 #[test]
@@ -232,11 +136,8 @@ fn a_few_surfaces_stand_for_a_folder() {
     fs::create_dir_all(&many).unwrap();
     for name in ["a", "b", "c"] {
         let text = fs::read_to_string(folder.join("t1.ron")).unwrap();
-        fs::write(
-            many.join(format!("{name}.ron")),
-            text.replacen("\"t1\"", &format!("\"{name}\""), 1),
-        )
-        .unwrap();
+        fs::write(many.join(format!("{name}.ron")), text.replacen("\"t1\"", &format!("\"{name}\""), 1))
+            .unwrap();
     }
     let found = json(folder, &["surface", "select", "many", "--count", "2", "--json"]);
     assert_eq!(found["surfaces"].as_array().unwrap().len(), 3);
@@ -268,24 +169,15 @@ fn a_photograph_has_a_roughness_and_a_fineness() {
     // Two lines per mm at 8 pixels per mm.
     let grating = bitmap(64, |x, _| if x % 4 < 2 { 200 } else { 40 });
     fs::write(folder.join("grating.bmp"), &grating).unwrap();
-    let found = json(
-        folder,
-        &["surface", "image", "grating.bmp", "--mm", "8", "--json"],
-    );
+    let found = json(folder, &["surface", "image", "grating.bmp", "--mm", "8", "--json"]);
     let number = |key: &str| found[key].as_f64().unwrap();
-    assert_eq!(
-        (number("width_px"), number("height_px"), number("pixels_per_mm")),
-        (64.0, 64.0, 8.0)
-    );
+    assert_eq!((number("width_px"), number("height_px"), number("pixels_per_mm")), (64.0, 64.0, 8.0));
     assert!((number("fineness_per_mm") - 2.0).abs() < 1e-6, "{found}");
     assert!((0.0..0.5).contains(&number("angular_second_moment")), "{found}");
     let even = bitmap(64, |_, _| 90);
     fs::write(folder.join("even.bmp"), &even).unwrap();
     let text = succeed(folder, &["surface", "image", "even.bmp", "--mm", "8"]);
-    assert!(
-        text.contains("angular second moment 1 ") && text.contains("0 cycles/mm"),
-        "{text}"
-    );
+    assert!(text.contains("angular second moment 1 ") && text.contains("0 cycles/mm"), "{text}");
     let refused = |name: &str, bytes: &[u8]| {
         fs::write(folder.join(name), bytes).unwrap();
         fail(folder, &["surface", "image", name, "--mm", "8"])
@@ -308,10 +200,7 @@ fn maps_are_compared_on_measured_models_which_a_law_has_not() {
     let learn = ["learn", "study/T1.anna.1.npz", "-o", "maps/measured.ron"];
     fs::create_dir_all(folder.join("maps")).unwrap();
     succeed(folder, &[&learn[..], &["--method", "thesis"]].concat());
-    let of_file = json(
-        folder,
-        &["surface", "leave-one-out", "maps/measured.ron", "--json"],
-    );
+    let of_file = json(folder, &["surface", "leave-one-out", "maps/measured.ron", "--json"]);
     let of_folder = json(folder, &["surface", "leave-one-out", "maps", "--json"]);
     assert_eq!(of_file, of_folder);
     let all = of_file["left_out"]["all"].as_object().unwrap();

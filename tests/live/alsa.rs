@@ -14,22 +14,9 @@ fn config(folder: &Path) -> PathBuf {
 
 fn live(folder: &Path, name: &str, more: &[&str]) -> Option<String> {
     let graph = shipped("texturepad.ron");
-    let common = [
-        "run",
-        &graph,
-        "--live",
-        "--endpoints",
-        "soundcard",
-        "--for",
-        "0.5",
-        "--out",
-        name,
-    ];
+    let common = ["run", &graph, "--live", "--endpoints", "soundcard", "--for", "0.5", "--out", name];
     let arguments = [&common[..], more].concat();
-    let output = command(folder, &arguments)
-        .env("ALSA_CONFIG_PATH", config(folder))
-        .output()
-        .unwrap();
+    let output = command(folder, &arguments).env("ALSA_CONFIG_PATH", config(folder)).output().unwrap();
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     if told.contains("there is no soundcard") || told.contains("Unknown PCM") {
         skip(&format!("ALSA's file plug-in is not there: {told}"));
@@ -47,25 +34,13 @@ fn what_arrives_equals_the_offline_rendering() {
     };
     assert!(told.contains("buffers of 64 frames (64 requested)"), "{told}");
     let graph = shipped("texturepad.ron");
-    let offline = [
-        "run",
-        &graph,
-        "--for",
-        "0.5",
-        "--endpoints",
-        "soundcard",
-        "--out",
-        "offline",
-    ];
+    let offline = ["run", &graph, "--for", "0.5", "--endpoints", "soundcard", "--out", "offline"];
     succeed(folder.path(), &offline);
     let rendered = samples(&folder.path().join("offline/haptuator.soundcard.wav"));
     assert_eq!(rendered.len(), 24_000);
     assert!(rendered.iter().any(|x| x.abs() > 1e-3), "silence");
     let facts = facts(&folder.path().join("live"));
-    assert_eq!(
-        (&facts["xruns"]["count"], &facts["driver_frames"]),
-        (&0.into(), &24_000.into())
-    );
+    assert_eq!((&facts["xruns"]["count"], &facts["driver_frames"]), (&0.into(), &24_000.into()));
     let raw = fs::read(folder.path().join("heard.raw")).unwrap();
     let channels = raw_channels(&told);
     let heard = raw.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
@@ -83,26 +58,19 @@ fn play_plays_the_sound_of_the_page() {
     let folder = tempfile::tempdir().unwrap();
     let graph = shipped("texturepad.ron");
     let run = ["run", &graph, "--for", "0.5", "--out", "out", "--play"];
-    let output = command(folder.path(), &run)
-        .env("ALSA_CONFIG_PATH", config(folder.path()))
-        .output()
-        .unwrap();
+    let output =
+        command(folder.path(), &run).env("ALSA_CONFIG_PATH", config(folder.path())).output().unwrap();
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     if told.contains("there is no soundcard") || told.contains("Unknown PCM") {
         return skip(&format!("ALSA's file plug-in is not there: {told}"));
     }
     assert!(output.status.success(), "{told}");
-    assert!(
-        told.contains("playing 0.5 s of out.delivered, its highest peak at -12 dBFS"),
-        "{told}"
-    );
+    assert!(told.contains("playing 0.5 s of out.delivered, its highest peak at -12 dBFS"), "{told}");
     let page = sound_of_page(&folder.path().join("out"));
     assert_eq!(page.len(), 24_000);
     let raw = fs::read(folder.path().join("heard.raw")).unwrap();
     // One channel is enough, and the plug-in has it.
-    let heard: Vec<f32> = { raw.as_chunks().0.iter() }
-        .map(|bytes| f32::from_le_bytes(*bytes))
-        .collect();
+    let heard: Vec<f32> = { raw.as_chunks().0.iter() }.map(|bytes| f32::from_le_bytes(*bytes)).collect();
     assert!(is_as_on_page(&heard[..24_000], &page), "not what the page plays");
     let peak = heard.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
     assert!((20.0 * peak.log10() + 12.0).abs() < 0.001, "{peak}");
@@ -121,30 +89,17 @@ fn a_card_and_a_timer_are_repeated_bit_for_bit() {
     let graph = shipped("two-drivers.ron");
     let common = ["run", &graph, "--endpoints", "soundcard"];
     let arguments = [&common[..], &["--live", "--for", "0.5", "--out", "live"]].concat();
-    let output = command(folder.path(), &arguments)
-        .env("ALSA_CONFIG_PATH", config(folder.path()))
-        .output()
-        .unwrap();
+    let output =
+        command(folder.path(), &arguments).env("ALSA_CONFIG_PATH", config(folder.path())).output().unwrap();
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     if told.contains("there is no soundcard") || told.contains("Unknown PCM") {
         skip(&format!("ALSA's file plug-in is not there: {told}"));
         return;
     }
     assert!(output.status.success(), "{told}");
-    assert!(
-        told.contains("audio by soundcard") && told.contains("servo by a timer"),
-        "{told}"
-    );
-    succeed(
-        folder.path(),
-        &[&common[..], &["--replay", "live", "--out", "replay"]].concat(),
-    );
-    for file in [
-        "texture.wav",
-        "hand.csv",
-        "crossed.csv",
-        "haptuator.soundcard.wav",
-    ] {
+    assert!(told.contains("audio by soundcard") && told.contains("servo by a timer"), "{told}");
+    succeed(folder.path(), &[&common[..], &["--replay", "live", "--out", "replay"]].concat());
+    for file in ["texture.wav", "hand.csv", "crossed.csv", "haptuator.soundcard.wav"] {
         let of = |run: &str| fs::read(folder.path().join(run).join(file)).unwrap();
         assert!(of("live") == of("replay"), "{file}");
     }
@@ -155,25 +110,12 @@ fn a_card_that_is_not_there_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let graph = fs::read_to_string(shipped("texturepad.ron")).unwrap();
     let graph = graph
-        .replace(
-            "amperes_full_scale: 1.0",
-            "amperes_full_scale: 1.0, device: \"nosuch\"",
-        )
+        .replace("amperes_full_scale: 1.0", "amperes_full_scale: 1.0, device: \"nosuch\"")
         .replace("\"surfaces/", &format!("\"{}/", shipped("surfaces")));
     fs::write(folder.path().join("g.ron"), graph).unwrap();
-    let run = [
-        "run",
-        "g.ron",
-        "--live",
-        "--endpoints",
-        "soundcard",
-        "--for",
-        "0.1",
-    ];
-    let output = command(folder.path(), &run)
-        .env("ALSA_CONFIG_PATH", config(folder.path()))
-        .output()
-        .unwrap();
+    let run = ["run", "g.ron", "--live", "--endpoints", "soundcard", "--for", "0.1"];
+    let output =
+        command(folder.path(), &run).env("ALSA_CONFIG_PATH", config(folder.path())).output().unwrap();
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(told.contains("there is no soundcard `nosuch`"), "{told}");
 }
@@ -214,19 +156,10 @@ fn every_form_of_samples_is_heard_calibrated() {
     let of = |sample: fn(f64) -> Vec<u8>| [sample(0.25), sample(0.5)];
     let forms = [
         ("Float", of(|x| (x as f32).to_le_bytes().into())),
-        (
-            "Bits32",
-            of(|x| ((x * 2.0_f64.powi(31)) as i32).to_le_bytes().into()),
-        ),
+        ("Bits32", of(|x| ((x * 2.0_f64.powi(31)) as i32).to_le_bytes().into())),
         // In four bytes each.
-        (
-            "Bits24",
-            of(|x| ((x * 2.0_f64.powi(23)) as i32).to_le_bytes().into()),
-        ),
-        (
-            "Bits16",
-            of(|x| ((x * 2.0_f64.powi(15)) as i16).to_le_bytes().into()),
-        ),
+        ("Bits24", of(|x| ((x * 2.0_f64.powi(23)) as i32).to_le_bytes().into())),
+        ("Bits16", of(|x| ((x * 2.0_f64.powi(15)) as i16).to_le_bytes().into())),
     ];
     for (form, samples_of) in forms {
         let folder = tempfile::tempdir().unwrap();
@@ -239,13 +172,10 @@ fn every_form_of_samples_is_heard_calibrated() {
         fs::write(&config, text).unwrap();
         fs::write(folder.path().join("g.ron"), listening(form)).unwrap();
         let feeding = feed(pipe.clone(), samples_of);
-        let output = command(
-            folder.path(),
-            &["run", "g.ron", "--live", "--for", "0.6", "--out", "out"],
-        )
-        .env("ALSA_CONFIG_PATH", config)
-        .output()
-        .unwrap();
+        let output = command(folder.path(), &["run", "g.ron", "--live", "--for", "0.6", "--out", "out"])
+            .env("ALSA_CONFIG_PATH", config)
+            .output()
+            .unwrap();
         // Where the card was never opened, the pipe still waits for a reader.
         drop(fs::File::options().read(true).write(true).open(&pipe));
         feeding.join().unwrap();
@@ -259,10 +189,7 @@ fn every_form_of_samples_is_heard_calibrated() {
         let heard = samples(&folder.path().join("out/felt.wav"));
         let highest = heard.iter().fold(0.0_f32, |most, x| most.max(*x));
         let settled = heard.iter().filter(|x| (**x - 25.0).abs() < 0.01).count();
-        assert!(
-            (highest - 25.0).abs() < 0.01 && settled > 2400,
-            "{form}: {highest}, {settled}"
-        );
+        assert!((highest - 25.0).abs() < 0.01 && settled > 2400, "{form}: {highest}, {settled}");
     }
 }
 
@@ -285,18 +212,11 @@ fn a_card_of_the_studio_is_silent_until_it_is_armed() {
     let raw = folder.path().join("heard.raw");
     let start = Instant::now();
     // A second of two channels at least, and what it says after it has opened the card.
-    let says = || {
-        fs::read_to_string(&said)
-            .unwrap()
-            .contains("until armed on the page: `coil`")
-    };
+    let says = || fs::read_to_string(&said).unwrap().contains("until armed on the page: `coil`");
     while fs::metadata(&raw).map_or(0, |raw| raw.len()) < 400_000 || !says() {
         if child.try_wait().unwrap().is_some() {
             let told = fs::read_to_string(&warned).unwrap();
-            assert!(
-                told.contains("there is no soundcard") || told.contains("Unknown PCM"),
-                "{told}"
-            );
+            assert!(told.contains("there is no soundcard") || told.contains("Unknown PCM"), "{told}");
             return skip(&format!("ALSA's file plug-in is not there: {told}"));
         }
         assert!(start.elapsed() < Duration::from_secs(60), "it plays nothing");

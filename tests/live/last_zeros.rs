@@ -47,9 +47,7 @@ impl Device {
                 state.sequence += 1;
                 let _ = socket.send_to(&state.to_bytes(), address);
                 while let Ok((length, _)) = socket.recv_from(&mut bytes) {
-                    kept.lock()
-                        .unwrap()
-                        .push(Driven::from_bytes(&bytes[..length]).unwrap());
+                    kept.lock().unwrap().push(Driven::from_bytes(&bytes[..length]).unwrap());
                 }
             }
         });
@@ -93,13 +91,7 @@ impl Drop for Device {
 
 fn signal(name: &str, process: u32) {
     let process = process.to_string();
-    assert!(
-        Command::new("kill")
-            .args([name, &process])
-            .status()
-            .unwrap()
-            .success()
-    );
+    assert!(Command::new("kill").args([name, &process]).status().unwrap().success());
 }
 
 /// The guards of a run: its only child processes.
@@ -107,11 +99,7 @@ fn guards(run: &Running) -> Vec<u32> {
     let tasks = fs::read_dir(format!("/proc/{}/task", run.child.id())).unwrap();
     let children = tasks.map(|task| fs::read_to_string(task.unwrap().path().join("children")).unwrap());
     children
-        .flat_map(|ids| {
-            ids.split_whitespace()
-                .map(|id| id.parse().unwrap())
-                .collect::<Vec<_>>()
-        })
+        .flat_map(|ids| ids.split_whitespace().map(|id| id.parse().unwrap()).collect::<Vec<_>>())
         .collect()
 }
 
@@ -148,10 +136,7 @@ fn a_device_of_a_killed_run_is_sent_zeros_and_the_next_run_is_not_disturbed() {
     }
     let heard = device.heard();
     let begin = heard.iter().rposition(is_last_zero).unwrap();
-    assert!(
-        begin < before,
-        "zeros of the guard among commands of the next run"
-    );
+    assert!(begin < before, "zeros of the guard among commands of the next run");
     assert!(heard[begin + 1..].iter().all(|driven| driven.running));
     next.stop();
 }
@@ -186,13 +171,7 @@ fn the_guard_ends_with_the_run_and_hears_no_key_of_the_terminal() {
         signal(name, guard);
     }
     let status = fs::read_to_string(format!("/proc/{guard}/stat")).unwrap();
-    let group = status
-        .rsplit(')')
-        .next()
-        .unwrap()
-        .split_whitespace()
-        .nth(2)
-        .unwrap();
+    let group = status.rsplit(')').next().unwrap().split_whitespace().nth(2).unwrap();
     assert_eq!(group, guard.to_string(), "in a group of its own");
     run.stop();
     assert!(!Path::new(&format!("/proc/{guard}")).exists());

@@ -60,10 +60,7 @@ impl Home {
         let mut command = Command::new(name);
         command
             .envs([("HOME", self.path()), ("XDG_RUNTIME_DIR", self.path())])
-            .env(
-                "PULSE_SERVER",
-                format!("unix:{}", self.path().join("native").display()),
-            )
+            .env("PULSE_SERVER", format!("unix:{}", self.path().join("native").display()))
             .env("ALSA_CONFIG_PATH", self.config())
             .current_dir(self.path())
             .stdin(Stdio::null())
@@ -98,22 +95,13 @@ impl Home {
             .program("pulseaudio")
             .args(["-n", "--daemonize=no", "--use-pid-file=no", "--exit-idle-time=-1"])
             .args(["--disable-shm=yes", "--realtime=no", "--high-priority=no", "-L"])
-            .arg(format!(
-                "module-native-protocol-unix socket={} auth-anonymous=1",
-                socket.display()
-            ))
-            .args([
-                "-L",
-                "module-null-sink sink_name=hap norewinds=1 rate=48000 channels=2 format=float32le",
-            ])
+            .arg(format!("module-native-protocol-unix socket={} auth-anonymous=1", socket.display()))
+            .args(["-L", "module-null-sink sink_name=hap norewinds=1 rate=48000 channels=2 format=float32le"])
             .spawn();
         self.daemon = child.ok().map(Ours);
         let start = Instant::now();
         while self.daemon.is_some() && !socket.exists() {
-            assert!(
-                start.elapsed() < Duration::from_secs(60),
-                "the sound daemon does not answer"
-            );
+            assert!(start.elapsed() < Duration::from_secs(60), "the sound daemon does not answer");
             std::thread::sleep(Duration::from_millis(50));
         }
         self.daemon.is_some()
@@ -124,20 +112,12 @@ impl Home {
         let file = self.path().join("heard.raw");
         let recorder = self
             .program("parec")
-            .args([
-                "--device=hap.monitor",
-                "--format=float32le",
-                "--rate=48000",
-                "--channels=2",
-            ])
+            .args(["--device=hap.monitor", "--format=float32le", "--rate=48000", "--channels=2"])
             .args(["--raw", "--latency-msec=20"])
             .stdout(fs::File::create(&file).unwrap())
             .spawn();
         // It comes with the daemon.
-        let recorder = Recorder {
-            _process: Ours(recorder.unwrap()),
-            file,
-        };
+        let recorder = Recorder { _process: Ours(recorder.unwrap()), file };
         let begun = Instant::now();
         while fs::metadata(&recorder.file).unwrap().len() == 0 {
             assert!(begun.elapsed() < Duration::from_secs(60), "nothing is recorded");
@@ -156,13 +136,7 @@ impl Recorder {
     /// The first channel so far.
     fn heard(&self) -> Vec<f32> {
         let first = |frame: &[u8; 8]| f32::from_le_bytes([frame[0], frame[1], frame[2], frame[3]]);
-        fs::read(&self.file)
-            .unwrap()
-            .as_chunks()
-            .0
-            .iter()
-            .map(first)
-            .collect()
+        fs::read(&self.file).unwrap().as_chunks().0.iter().map(first).collect()
     }
 
     /// Waits until what was recorded is as it should be.
@@ -208,11 +182,7 @@ fn gaps(heard: &[f32], played: &[f32]) -> usize {
     };
     let mut gaps = 0;
     loop {
-        let same = heard[at..]
-            .iter()
-            .zip(&played[wanted..])
-            .take_while(|(a, b)| a == b)
-            .count();
+        let same = heard[at..].iter().zip(&played[wanted..]).take_while(|(a, b)| a == b).count();
         (at, wanted) = (at + same, wanted + same);
         if at + WORD > heard.len() || wanted + WORD > played.len() {
             return gaps;
@@ -222,11 +192,7 @@ fn gaps(heard: &[f32], played: &[f32]) -> usize {
         let back = heard[at..].windows(WORD).enumerate().find_map(|(skipped, word)| {
             let here = played[wanted..].windows(WORD).take(96_000);
             let found = || here.clone().position(|there| there == word);
-            word.iter()
-                .all(sounds)
-                .then(found)
-                .flatten()
-                .map(|lost| (skipped, lost))
+            word.iter().all(sounds).then(found).flatten().map(|lost| (skipped, lost))
         });
         let Some((skipped, lost)) = back else {
             return gaps + 1;
@@ -239,15 +205,8 @@ fn gaps(heard: &[f32], played: &[f32]) -> usize {
 fn gaps_are_counted() {
     let played: Vec<f32> = (1..10_000).map(|k| ((k * k) % 7919 + 1) as f32).collect();
     let silence = vec![0.0; 300];
-    let heard = [
-        &silence[..],
-        &played[..2000],
-        &silence,
-        &played[2100..6000],
-        &played[6500..],
-        &silence,
-    ]
-    .concat();
+    let heard =
+        [&silence[..], &played[..2000], &silence, &played[2100..6000], &played[6500..], &silence].concat();
     assert_eq!(gaps(&[&silence[..], &played].concat(), &played), 0);
     assert_eq!(gaps(&heard, &played), 2);
 }
@@ -271,10 +230,7 @@ fn late_callbacks_are_bounded() {
         let late = serde_json::json!({ "p50": 10.0, "p99": p99, "p99.9": p99, "max": max });
         late_callbacks(&serde_json::json!({ "wakes": 1406, "late_us": late }))
     };
-    assert_eq!(
-        [of(20.0, 30.0), of(20.0, 50_000.0), of(41_000.0, 50_000.0)],
-        [0, 2, 703]
-    );
+    assert_eq!([of(20.0, 30.0), of(20.0, 50_000.0), of(41_000.0, 50_000.0)], [0, 2, 703]);
 }
 
 fn play(seconds: u32) {
@@ -294,21 +250,13 @@ fn play(seconds: u32) {
         counted(&facts["xruns"]["count"]) + counted(&facts["overruns"]) + counted(&facts["stalls"]);
     let gaps = gaps(&heard, &played) as u64;
     // All of it was heard, but for gaps.
-    assert!(
-        heard.len() >= played.len() / 10 * 9,
-        "{} of {} samples",
-        heard.len(),
-        played.len()
-    );
+    assert!(heard.len() >= played.len() / 10 * 9, "{} of {} samples", heard.len(), played.len());
     let stood_still = late_callbacks(&facts);
     let count = played.len();
     println!(
         "{count} samples played, {gaps} gaps, {reported} reported, at most {stood_still} callbacks late"
     );
-    assert!(
-        gaps <= reported + GAPS_OF_A_STALL * stood_still,
-        "{gaps} gaps: {facts:#}"
-    );
+    assert!(gaps <= reported + GAPS_OF_A_STALL * stood_still, "{gaps} gaps: {facts:#}");
 }
 
 #[test]
@@ -327,12 +275,7 @@ fn for_ten_minutes_a_daemon_hears_what_is_played_but_for_gaps_that_are_reported(
 fn sine_in(samples: &[f32], tone_hz: f64) -> (f64, f64) {
     let turned = |k: usize| std::f64::consts::TAU * tone_hz * k as f64 / 48_000.0;
     let share = 2.0 / samples.len() as f64;
-    let all = || {
-        samples
-            .iter()
-            .enumerate()
-            .map(|(k, x)| (turned(k), f64::from(*x)))
-    };
+    let all = || samples.iter().enumerate().map(|(k, x)| (turned(k), f64::from(*x)));
     let s: f64 = all().map(|(turned, x)| share * x * turned.sin()).sum();
     let c: f64 = all().map(|(turned, x)| share * x * turned.cos()).sum();
     let left = all().map(|(turned, x)| (x - s * turned.sin() - c * turned.cos()).powi(2));
@@ -365,26 +308,18 @@ fn what_one_endpoint_plays_another_hears() {
     let Some(home) = Home::new() else { return };
     fs::write(home.path().join("loop.ron"), LOOP).unwrap();
     // The same graph without hardware.
-    let simulated = home
-        .haptograph(&["run", "loop.ron", "--for", "0.1", "--out", "simulated"])
-        .status();
+    let simulated = home.haptograph(&["run", "loop.ron", "--for", "0.1", "--out", "simulated"]).status();
     assert!(simulated.unwrap().success());
     let arguments = ["run", "loop.ron", "--live", "--for", "6", "--out", "out"];
     let Some(told) = home.run(&arguments) else { return };
     assert!(told.contains("listening to `haptuator` by soundcard"), "{told}");
     let facts = facts(&home.path().join("out"));
     let ring = &facts["rings"]["soundcard to haptuator"];
-    assert!(
-        ring["latency_ms"] == 200.0 && ring["fill_ms"].is_number(),
-        "{facts:#}"
-    );
+    assert!(ring["latency_ms"] == 200.0 && ring["fill_ms"].is_number(), "{facts:#}");
     assert!(told.contains("latency felt -> shake: transport "), "{told}");
     let latency = &facts["latencies_ms"]["felt to shake"];
     let at = |part: &str, quantile: &str| latency[part][quantile].as_f64().unwrap();
-    assert!(
-        at("age_when_read", "p50") > 20.0 && latency["held_by_the_graph"] == 0.0,
-        "{latency:#}"
-    );
+    assert!(at("age_when_read", "p50") > 20.0 && latency["held_by_the_graph"] == 0.0, "{latency:#}");
     assert!(at("transport", "p99") >= at("age_when_read", "p99") + at("until_played", "p50") - 0.01);
     let heard = samples(&home.path().join("out/felt.wav"));
     // 0.6 A of 2 A at full scale, of 50 m/s2 at full scale; not where the daemon or the machine stood still.
@@ -400,9 +335,7 @@ fn what_one_endpoint_plays_another_hears() {
 /// Where the parts of a sound begin that are heard whole, of 50 ms each.
 fn parts_heard(heard: &[f32], page: &[f32]) -> Vec<Option<usize>> {
     let parts = page.chunks_exact(2400);
-    parts
-        .map(|part| { heard.windows(2400) }.position(|heard| is_as_on_page(heard, part)))
-        .collect()
+    parts.map(|part| { heard.windows(2400) }.position(|heard| is_as_on_page(heard, part))).collect()
 }
 
 #[test]
@@ -420,10 +353,7 @@ fn a_daemon_hears_all_that_play_plays() {
     // The first and the last are neither late nor cut off; between them a busy machine may let the daemon run dry.
     let (first, last) = (parts[0], *parts.last().unwrap());
     let whole = parts.iter().flatten().count();
-    println!(
-        "{whole} of {} parts of 50 ms are what the page plays",
-        parts.len()
-    );
+    println!("{whole} of {} parts of 50 ms are what the page plays", parts.len());
     assert!(first.is_some() && last.is_some(), "{parts:?}");
     assert!(whole >= parts.len() / 3, "{parts:?}");
 }
@@ -448,10 +378,7 @@ fn a_sound_that_is_stopped_by_ctrl_c_ends_soon_and_without_a_click() {
         std::thread::sleep(Duration::from_millis(20));
     }
     recorder.wait_for_sound(48_000);
-    let interrupt = Command::new("kill")
-        .arg("-INT")
-        .arg(playing.0.id().to_string())
-        .status();
+    let interrupt = Command::new("kill").arg("-INT").arg(playing.0.id().to_string()).status();
     assert!(interrupt.unwrap().success());
     assert!(playing.0.wait().unwrap().success());
     let heard = recorder.finish();
@@ -459,9 +386,7 @@ fn a_sound_that_is_stopped_by_ctrl_c_ends_soon_and_without_a_click() {
     let first = heard.iter().position(|x| *x != 0.0).unwrap();
     assert!(last - first < 6 * 48_000, "{} samples of 10 s", last - first);
     // A fade of 10 ms, whose last samples are nearly nothing.
-    let end = heard[last - 48..=last]
-        .iter()
-        .fold(0.0_f32, |most, x| most.max(x.abs()));
+    let end = heard[last - 48..=last].iter().fold(0.0_f32, |most, x| most.max(x.abs()));
     assert!(end < 0.02, "it ends at {end}");
 }
 
@@ -477,10 +402,7 @@ const STEADY: &str = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 4800
 fn a_card_that_vanishes_is_waited_for_and_its_actuator_rises_from_nothing() {
     let Some(mut home) = Home::new() else { return };
     fs::write(home.path().join("steady.ron"), STEADY).unwrap();
-    let mut run = Running::of(
-        home.haptograph(&["run", "steady.ron", "--live", "--out", "out"]),
-        home.path(),
-    );
+    let mut run = Running::of(home.haptograph(&["run", "steady.ron", "--live", "--out", "out"]), home.path());
     if is_without_plug(&run.said()) {
         return;
     }
@@ -500,8 +422,7 @@ fn a_card_that_vanishes_is_waited_for_and_its_actuator_rises_from_nothing() {
     let risen = first + 480;
     let rise = heard[first - 1..risen].windows(2);
     assert!(
-        rise.into_iter()
-            .all(|pair| (0.0..0.5 / 480.0 * 1.01).contains(&(pair[1] - pair[0]))),
+        rise.into_iter().all(|pair| (0.0..0.5 / 480.0 * 1.01).contains(&(pair[1] - pair[0]))),
         "{:?}",
         &heard[first..risen]
     );
@@ -527,20 +448,11 @@ fn an_input_that_vanishes_is_nothing_until_it_is_back() {
     let half = 0.5_f32.to_le_bytes();
     fs::write(home.path().join("half.raw"), half.repeat(48_000 * 60)).unwrap();
     let play = |home: &Home| {
-        let arguments = [
-            "--raw",
-            "--format=float32le",
-            "--rate=48000",
-            "--channels=1",
-            "half.raw",
-        ];
+        let arguments = ["--raw", "--format=float32le", "--rate=48000", "--channels=1", "half.raw"];
         Ours(home.program("pacat").args(arguments).spawn().unwrap())
     };
     let playing = play(&home);
-    let mut run = Running::of(
-        home.haptograph(&["run", "kept.ron", "--live", "--out", "out"]),
-        home.path(),
-    );
+    let mut run = Running::of(home.haptograph(&["run", "kept.ron", "--live", "--out", "out"]), home.path());
     if is_without_plug(&run.said()) {
         return;
     }
@@ -567,10 +479,7 @@ fn an_input_that_vanishes_is_nothing_until_it_is_back() {
             levels.push((level * 100.0).round() / 100.0);
         }
     }
-    assert!(
-        levels.windows(3).any(|three| three == [2.0, 0.0, 2.0]),
-        "{levels:?}"
-    );
+    assert!(levels.windows(3).any(|three| three == [2.0, 0.0, 2.0]), "{levels:?}");
     let facts = facts(&home.path().join("out"));
     // More often where the machine is too busy for the daemon.
     assert!(facts["inputs"]["line"]["vanished"].as_u64().unwrap() >= 1);

@@ -21,10 +21,7 @@ fn a_saved_graph_takes_over_and_a_wrong_one_is_shown_and_left() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tone.ron");
     fs::write(&path, TONE).unwrap();
-    let mut run = Running::start(
-        folder.path(),
-        &["run", "tone.ron", "--live", "--watch", "--out", "out"],
-    );
+    let mut run = Running::start(folder.path(), &["run", "tone.ron", "--live", "--watch", "--out", "out"]);
     fs::write(&path, TONE.replace("Gain(", "Gian(")).unwrap();
     run.wait_for("the running graph is unchanged");
     assert!(run.said().contains("did you mean `Gain`"), "{}", run.said());
@@ -43,21 +40,13 @@ fn a_saved_graph_takes_over_and_a_wrong_one_is_shown_and_left() {
     let out = folder.path().join("out");
     let (all, some) = (samples(&out.join("loud.wav")), samples(&out.join("more.wav")));
     assert_eq!((all[0], *all.last().unwrap()), (0.25, 0.5), "{told}");
-    assert!(
-        !some.is_empty() && some.len() < all.len(),
-        "{} of {}",
-        some.len(),
-        all.len()
-    );
+    assert!(!some.is_empty() && some.len() < all.len(), "{} of {}", some.len(), all.len());
     assert!(some[0] == 0.5 && *some.last().unwrap() == 1.0);
     let facts = facts(&out);
     assert_eq!(facts["driver_frames"], all.len());
     // What ran when can be told afterwards.
     let saved = facts["saved_while_running"].as_array().unwrap();
-    assert_eq!(
-        (saved.len(), &saved[0]["graph"]),
-        (2, &serde_json::json!("changes/1"))
-    );
+    assert_eq!((saved.len(), &saved[0]["graph"]), (2, &serde_json::json!("changes/1")));
     assert_eq!(saved[0]["change"], "at-once");
     let kept = fs::read_to_string(out.join("changes/1/tone.ron")).unwrap();
     assert!(kept.contains("more.wav"), "{kept}");
@@ -131,18 +120,8 @@ fn no_graph_writes_what_its_run_writes_itself() {
         .replace("})", endpoint);
     for (graph, file, more, words) in [
         (TONE, "run.json", None, "E0304"),
-        (
-            TONE,
-            "record/loud.wav",
-            Some("--record"),
-            "which the run writes itself",
-        ),
-        (
-            &*played,
-            "coil.soundcard.wav",
-            None,
-            "which the run writes itself",
-        ),
+        (TONE, "record/loud.wav", Some("--record"), "which the run writes itself"),
+        (&*played, "coil.soundcard.wav", None, "which the run writes itself"),
     ] {
         fs::write(&path, graph.replace("loud.wav", file)).unwrap();
         let run = ["run", "tone.ron", "--for", "0.1"];
@@ -159,18 +138,13 @@ fn no_graph_writes_what_its_run_writes_itself() {
     run.stop();
     // Nor one whose name only this run takes.
     fs::write(&path, TONE).unwrap();
-    let arguments = [
-        "run", "tone.ron", "--live", "--watch", "--record", "--out", "kept",
-    ];
+    let arguments = ["run", "tone.ron", "--live", "--watch", "--record", "--out", "kept"];
     let mut run = Running::start(folder.path(), &arguments);
     fs::write(&path, TONE.replace("loud.wav", "record/loud.wav")).unwrap();
     run.wait_for("the running graph is unchanged: the sink `file` writes record/loud.wav");
     run.stop();
     let out = folder.path().join("kept");
-    assert_eq!(
-        (&facts(&out)["changes"], &facts(&out)["swaps"]),
-        (&0.into(), &0.into())
-    );
+    assert_eq!((&facts(&out)["changes"], &facts(&out)["swaps"]), (&0.into(), &0.into()));
     let recorded = samples(&out.join("record/loud.output.wav"));
     assert_eq!(facts(&out)["driver_frames"], recorded.len());
 }
@@ -190,9 +164,7 @@ fn a_saved_graph_of_two_drivers_takes_over_with_other_rings_and_files() {
     let common = ["run", "two.ron", "--endpoints", "simulated"];
     let live = [&common[..], &["--live", "--watch", "--out", "out"]].concat();
     let mut run = Running::start(folder.path(), &live);
-    let renamed = further
-        .replace("\"servo\"", "\"timer\"")
-        .replace("more.csv", "never.csv");
+    let renamed = further.replace("\"servo\"", "\"timer\"").replace("more.csv", "never.csv");
     fs::write(&path, renamed).unwrap();
     run.wait_for("the new graph needs audio at 48000 Hz and timer at 1000 Hz");
     assert!(run.said().contains("start a new run"), "{}", run.said());
@@ -213,28 +185,16 @@ fn a_saved_graph_of_two_drivers_takes_over_with_other_rings_and_files() {
     let audio_frames = facts["driver_frames"].as_u64().unwrap();
     let rows = |file: &str| fs::read_to_string(out.join(file)).unwrap().lines().count() as u64 - 1;
     assert_eq!(rows("crossed.csv"), audio_frames.div_ceil(48));
-    assert_eq!(
-        samples(&out.join("texture.wav")).len() as u64,
-        (audio_frames * 10).div_ceil(48)
-    );
+    assert_eq!(samples(&out.join("texture.wav")).len() as u64, (audio_frames * 10).div_ceil(48));
     assert!((100..rows("crossed.csv")).contains(&rows("more.csv")), "{told}");
     assert_eq!(facts["rings"].as_object().unwrap().len(), 2);
     // It is repeated up to the first change.
-    let replay = succeed(
-        folder.path(),
-        &[&common[..], &["--replay", "out", "--out", "replay"]].concat(),
-    );
+    let replay = succeed(folder.path(), &[&common[..], &["--replay", "out", "--out", "replay"]].concat());
     let told = String::from_utf8_lossy(&replay.stderr);
-    assert!(
-        told.contains("the graph was swapped 2 times during that run"),
-        "{told}"
-    );
+    assert!(told.contains("the graph was swapped 2 times during that run"), "{told}");
     for file in ["crossed.csv", "hand.csv"] {
         let of = |run: &str| fs::read(folder.path().join(run).join(file)).unwrap();
-        assert!(
-            of("replay").len() > 400 && of("out").starts_with(&of("replay")),
-            "{file}"
-        );
+        assert!(of("replay").len() > 400 && of("out").starts_with(&of("replay")), "{file}");
     }
 }
 
@@ -243,15 +203,8 @@ fn a_file_by_another_name_takes_over_from_the_one_before() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tone.ron");
     fs::write(&path, TONE).unwrap();
-    let mut run = Running::start(
-        folder.path(),
-        &["run", "tone.ron", "--live", "--watch", "--out", "out"],
-    );
-    fs::write(
-        &path,
-        TONE.replace("loud.wav", "later.wav").replace("0.25", "0.5"),
-    )
-    .unwrap();
+    let mut run = Running::start(folder.path(), &["run", "tone.ron", "--live", "--watch", "--out", "out"]);
+    fs::write(&path, TONE.replace("loud.wav", "later.wav").replace("0.25", "0.5")).unwrap();
     run.wait_for("later.wav begins; loud.wav is complete");
     run.wait_for_rows("seen.csv", 0.5, 100);
     run.stop();
@@ -278,10 +231,7 @@ fn a_device_stays_with_its_driver() {
         )
     };
     fs::write(&path, graph("a", "b")).unwrap();
-    let mut run = Running::start(
-        folder.path(),
-        &["run", "g.ron", "--live", "--watch", "--out", "out"],
-    );
+    let mut run = Running::start(folder.path(), &["run", "g.ron", "--live", "--watch", "--out", "out"]);
     fs::write(&path, graph("b", "a")).unwrap();
     run.wait_for("`h` moves to driver b, which a running graph cannot do; start a new run");
     run.stop();

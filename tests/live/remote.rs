@@ -19,15 +19,7 @@ fn osc_sender(run: &Running) -> impl Fn(&[u8]) + use<> {
 fn settings_are_changed_by_open_sound_control() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("tone.ron"), TONE).unwrap();
-    let arguments = [
-        "run",
-        "tone.ron",
-        "--live",
-        "--osc",
-        "127.0.0.1:0",
-        "--out",
-        "out",
-    ];
+    let arguments = ["run", "tone.ron", "--live", "--osc", "127.0.0.1:0", "--out", "out"];
     let mut run = Running::start(folder.path(), &arguments);
     run.wait_for("Open Sound Control at 127.0.0.1:");
     let send = osc_sender(&run);
@@ -45,16 +37,9 @@ fn settings_are_changed_by_open_sound_control() {
     assert_eq!(told.matches("did you mean").count(), 1, "{told}");
     let out = folder.path().join("out");
     let facts = facts(&out);
-    let set: Vec<&str> = facts["set_while_running"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .filter_map(|set| set.as_str())
-        .collect();
-    assert!(
-        set[0].ends_with("loud.gain=0.5 (OSC)") && set[1].ends_with("loudness=0.75 (OSC)"),
-        "{set:?}"
-    );
+    let set: Vec<&str> =
+        facts["set_while_running"].as_array().unwrap().iter().filter_map(|set| set.as_str()).collect();
+    assert!(set[0].ends_with("loud.gain=0.5 (OSC)") && set[1].ends_with("loudness=0.75 (OSC)"), "{set:?}");
     assert_eq!((set.len(), &facts["osc_malformed"]), (2, &serde_json::json!(1)));
     assert_eq!(samples(&out.join("loud.wav")).last(), Some(&0.75));
 }
@@ -83,10 +68,7 @@ fn no_limit_is_changed_by_network() {
     run.wait_for("limit of `out`: peak 0.5 -> 0.4 A");
     run.stop();
     let given = fs::read_to_string(folder.path().join("out/given.csv")).unwrap();
-    let most = given
-        .lines()
-        .skip(1)
-        .filter_map(|line| line.rsplit(',').next()?.parse::<f64>().ok());
+    let most = given.lines().skip(1).filter_map(|line| line.rsplit(',').next()?.parse::<f64>().ok());
     assert!(most.fold(0.0, f64::max) <= 0.5);
 }
 
@@ -106,13 +88,7 @@ fn osc_text(address: &str, text: &str) -> Vec<u8> {
 fn interrupt(mut run: Running, out: &Path) -> (String, f64) {
     let before_s = run.started.elapsed().as_secs_f64();
     let pid = run.child.id().to_string();
-    assert!(
-        Command::new("kill")
-            .args(["-INT", &pid])
-            .status()
-            .unwrap()
-            .success()
-    );
+    assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
     assert!(run.child.wait().unwrap().success(), "{}", run.said());
     let ran_on_s = facts(out)["seconds"].as_f64().unwrap() - before_s;
     (run.said(), ran_on_s)
@@ -149,15 +125,7 @@ fn a_surface_that_cannot_be_read_delays_no_stop_and_none_is_named_by_network() {
 fn an_unknown_name_does_not_load_the_graph() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("tone.ron"), TONE).unwrap();
-    let arguments = [
-        "run",
-        "tone.ron",
-        "--live",
-        "--osc",
-        "127.0.0.1:0",
-        "--out",
-        "out",
-    ];
+    let arguments = ["run", "tone.ron", "--live", "--osc", "127.0.0.1:0", "--out", "out"];
     let mut run = Running::start(folder.path(), &arguments);
     run.wait_for("Open Sound Control at 127.0.0.1:");
     let send = osc_sender(&run);
@@ -166,13 +134,7 @@ fn an_unknown_name_does_not_load_the_graph() {
     for number in 0..400 {
         send(&osc(&format!("/p{number}"), 1.0));
     }
-    for hostile in [
-        "(((((((",
-        "[1",
-        "Param(\"loudness\")",
-        "1), gain: (9",
-        "\u{202e}x",
-    ] {
+    for hostile in ["(((((((", "[1", "Param(\"loudness\")", "1), gain: (9", "\u{202e}x"] {
         send(&osc_text("/loudness", hostile));
     }
     for number in [f32::NAN, f32::INFINITY, -1e30] {

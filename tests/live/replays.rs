@@ -26,18 +26,14 @@ fn a_live_run_whose_input_fell_silent_is_repeated_bit_for_bit() {
     let mut run = Running::start(folder.path(), &["run", "g.ron", "--live", "--out", "live"]);
     run.wait_for_times("listening for `", 2);
     let said = run.said();
-    let places: Vec<&str> = said
-        .lines()
-        .filter_map(|line| line.strip_prefix("listening for `")?.split(" at ").nth(1))
-        .collect();
+    let places: Vec<&str> =
+        said.lines().filter_map(|line| line.strip_prefix("listening for `")?.split(" at ").nth(1)).collect();
     assert!(places.len() == 2 && places[0] != places[1], "{places:?}");
     let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let speak = || {
         for step in 0..60_u8 {
             for place in &places {
-                socket
-                    .send_to(&osc("/force", 1.0 + 0.01 * f32::from(step)), place)
-                    .unwrap();
+                socket.send_to(&osc("/force", 1.0 + 0.01 * f32::from(step)), place).unwrap();
             }
             // The period of the device.
             std::thread::sleep(Duration::from_millis(8));
@@ -47,18 +43,8 @@ fn a_live_run_whose_input_fell_silent_is_repeated_bit_for_bit() {
     run.wait_for("`stylus` has been silent for");
     speak();
     run.stop();
-    let replay = [
-        "run",
-        "g.ron",
-        "--endpoints",
-        "live",
-        "--replay",
-        "live",
-        "--block",
-        "17",
-        "--out",
-        "replay",
-    ];
+    let replay =
+        ["run", "g.ron", "--endpoints", "live", "--replay", "live", "--block", "17", "--out", "replay"];
     let told = succeed(folder.path(), &replay);
     let told = String::from_utf8_lossy(&told.stderr).into_owned();
     assert!(!told.contains("not repeated"), "{told}");
@@ -66,28 +52,16 @@ fn a_live_run_whose_input_fell_silent_is_repeated_bit_for_bit() {
     for file in ["kept.csv", "sensed.csv"] {
         let (live, replayed) = (of("live", file), of("replay", file));
         assert!(live.len() > 4000, "{file}");
-        let lines = |text: &[u8]| {
-            String::from_utf8_lossy(text)
-                .lines()
-                .map(str::to_owned)
-                .collect::<Vec<_>>()
-        };
+        let lines =
+            |text: &[u8]| String::from_utf8_lossy(text).lines().map(str::to_owned).collect::<Vec<_>>();
         let (live, replayed) = (lines(&live), lines(&replayed));
         let differing = live.iter().zip(&replayed).position(|(a, b)| a != b);
         let shown = differing.map(|line| (line, &live[line], &replayed[line]));
-        assert!(
-            live == replayed,
-            "{file}: {} and {} lines, {shown:?}",
-            live.len(),
-            replayed.len()
-        );
+        assert!(live == replayed, "{file}: {} and {} lines, {shown:?}", live.len(), replayed.len());
     }
     let kept = String::from_utf8(of("live", "kept.csv")).unwrap();
-    let given: Vec<f64> = kept
-        .lines()
-        .skip(1)
-        .filter_map(|line| line.rsplit(',').next()?.parse().ok())
-        .collect();
+    let given: Vec<f64> =
+        kept.lines().skip(1).filter_map(|line| line.rsplit(',').next()?.parse().ok()).collect();
     let driven = given.iter().position(|x| *x > 0.4).unwrap();
     let silent = given[driven..].iter().position(|x| *x == 0.0).unwrap() + driven;
     assert!(given[silent..].iter().any(|x| *x > 0.4), "it came back");
@@ -99,23 +73,11 @@ fn a_live_run_whose_input_fell_silent_is_repeated_bit_for_bit() {
     fs::write(&path, lines.join("\n") + "\n").unwrap();
     let forged = command(
         folder.path(),
-        &[
-            "run",
-            "g.ron",
-            "--endpoints",
-            "live",
-            "--replay",
-            "live",
-            "--out",
-            "forged",
-        ],
+        &["run", "g.ron", "--endpoints", "live", "--replay", "live", "--out", "forged"],
     );
     let output = { forged }.output().unwrap();
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(
-        !output.status.success() && told.contains("1.csv line 5"),
-        "{told}"
-    );
+    assert!(!output.status.success() && told.contains("1.csv line 5"), "{told}");
     assert!(!folder.path().join("forged").exists());
 }
 
@@ -129,10 +91,7 @@ fn a_run_of_two_drivers_is_repeated_bit_for_bit() {
     let kept = facts(&folder.path().join("live"));
     assert!(kept["drivers"]["servo"]["wakes"].is_number() && kept["drivers"]["audio"]["wakes"].is_number());
     let ring = &kept["rings"]["moves.output to moving.input"];
-    assert!(
-        ring["underruns"].is_number() && ring["latency_ms"] == 12.0,
-        "{kept}"
-    );
+    assert!(ring["underruns"].is_number() && ring["latency_ms"] == 12.0, "{kept}");
     let replay = [&common[..], &["--replay", "live", "--block", "17"]].concat();
     succeed(folder.path(), &[&replay[..], &["--out", "replay"]].concat());
     for file in ["texture.wav", "hand.csv", "crossed.csv"] {
@@ -143,10 +102,7 @@ fn a_run_of_two_drivers_is_repeated_bit_for_bit() {
     let wrong = [&replay[..], &["--seed", "8", "--out", "wrong"]].concat();
     let output = command(folder.path(), &wrong).output().unwrap();
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(
-        !output.status.success() && told.contains("the seed differs: 7 in that run, 8 now"),
-        "{told}"
-    );
+    assert!(!output.status.success() && told.contains("the seed differs: 7 in that run, 8 now"), "{told}");
 }
 
 /// One driver and two; a parameter, and settings of nodes.
@@ -167,29 +123,20 @@ fn what_was_typed_while_it_ran_is_repeated_bit_for_bit() {
         ),
         (
             &two,
-            [
-                ("set moves.gain=0.3", "moves.gain is 0.3"),
-                ("set pressing.gain=0.5", "pressing.gain is 0.5"),
-            ],
+            [("set moves.gain=0.3", "moves.gain is 0.3"), ("set pressing.gain=0.5", "pressing.gain is 0.5")],
             "crossed.csv",
             &["texture.wav", "hand.csv", "crossed.csv"],
         ),
     ] {
         let common = ["run", graph, "--endpoints", "simulated"];
-        let mut run = Running::start(
-            folder.path(),
-            &[&common[..], &["--live", "--out", "live"]].concat(),
-        );
+        let mut run = Running::start(folder.path(), &[&common[..], &["--live", "--out", "live"]].concat());
         for (line, answer) in lines {
             run.type_line(line);
             run.wait_for(answer);
             run.wait_for_more_rows(seen);
         }
         run.stop();
-        let replay = [
-            &common[..],
-            &["--replay", "live", "--block", "17", "--out", "replay"],
-        ];
+        let replay = [&common[..], &["--replay", "live", "--block", "17", "--out", "replay"]];
         let told = succeed(folder.path(), &replay.concat());
         assert!(!String::from_utf8_lossy(&told.stderr).contains("not repeated"));
         for file in files {
@@ -199,8 +146,5 @@ fn what_was_typed_while_it_ran_is_repeated_bit_for_bit() {
         }
     }
     let kept = fs::read_to_string(folder.path().join("live/arrivals/1.settings.csv")).unwrap();
-    assert!(
-        kept.lines().last().unwrap().ends_with(",1,0.3,20,moves.gain"),
-        "{kept}"
-    );
+    assert!(kept.lines().last().unwrap().ends_with(",1,0.3,20,moves.gain"), "{kept}");
 }

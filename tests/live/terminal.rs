@@ -11,10 +11,7 @@ const GRAPH: &str = r#"Graph(format: 1, parameters: { "gain": 0.5 }, clocks: { "
 fn typed(keys: &[&str]) -> Option<String> {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("g.ron"), GRAPH).unwrap();
-    let run = format!(
-        "stty cols 100; {} run g.ron --live",
-        env!("CARGO_BIN_EXE_haptograph")
-    );
+    let run = format!("stty cols 100; {} run g.ron --live", env!("CARGO_BIN_EXE_haptograph"));
     let child = Command::new("script")
         .args(["-qefc", &run, "said"])
         .current_dir(&folder)
@@ -32,11 +29,7 @@ fn typed(keys: &[&str]) -> Option<String> {
     let start = Instant::now();
     let wait_for = |words: &str| {
         while !said().contains(words) {
-            assert!(
-                start.elapsed() < Duration::from_secs(100),
-                "no {words}: {}",
-                said()
-            );
+            assert!(start.elapsed() < Duration::from_secs(100), "no {words}: {}", said());
             std::thread::sleep(Duration::from_millis(20));
         }
     };
@@ -67,10 +60,7 @@ fn a_block_stays_in_place_and_what_is_typed_is_edited_and_remembered() {
     ]) else {
         return;
     };
-    assert!(
-        said.contains("> set gain=0.25") && said.contains("> set gain=0.75"),
-        "{said}"
-    );
+    assert!(said.contains("> set gain=0.25") && said.contains("> set gain=0.75"), "{said}");
     // Each time it is drawn, what was drawn before is taken away.
     let drawn = said.matches("rms of 1.5, peak").count();
     let erased = said.matches("\x1b[J").count();

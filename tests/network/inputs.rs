@@ -55,10 +55,7 @@ fn two_faders_at_one_address_drive_within_their_ranges_whatever_is_sent() {
         if graph.try_wait().unwrap().is_some() {
             break;
         }
-        assert!(
-            start.elapsed() < Duration::from_secs(120),
-            "the graph does not end"
-        );
+        assert!(start.elapsed() < Duration::from_secs(120), "the graph does not end");
     }
     assert!(graph.wait().unwrap().success());
 

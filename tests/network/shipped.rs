@@ -26,11 +26,7 @@ fn every_set_of_endpoints_of_every_shipped_graph_is_sound_and_without_warnings()
                 let options = CheckOptions::default().endpoints(set);
                 let graph = check(&document, &haptograph::nodes::registry(), &options)
                     .unwrap_or_else(|wrong| panic!("{} with its {set} endpoints: {wrong}", file.display()));
-                assert!(
-                    graph.warnings().is_empty(),
-                    "{} with its {set} endpoints",
-                    file.display()
-                );
+                assert!(graph.warnings().is_empty(), "{} with its {set} endpoints", file.display());
                 live += u32::from(set == "live");
             }
         }
@@ -65,11 +61,7 @@ fn at(port: u16) -> String {
 }
 
 fn free_port() -> u16 {
-    UdpSocket::bind("127.0.0.1:0")
-        .unwrap()
-        .local_addr()
-        .unwrap()
-        .port()
+    UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
 /// Plays a device until the graph has ended: what it senses at each time since it was first answered. Returns the largest of
@@ -82,10 +74,7 @@ fn play(graph: &mut Child, port: u16, sensed: impl Fn(f64) -> State) -> [f64; 3]
     let begun = Instant::now();
     for sequence in 0.. {
         let time_s = start.map_or(0.0, |start| start.elapsed().as_secs_f64());
-        let state = State {
-            sequence,
-            ..sensed(time_s)
-        };
+        let state = State { sequence, ..sensed(time_s) };
         // Until the graph listens, nobody answers.
         let _ = socket.send(&state.to_bytes());
         let mut answer = [0; 100];
@@ -95,9 +84,7 @@ fn play(graph: &mut Child, port: u16, sensed: impl Fn(f64) -> State) -> [f64; 3]
             start.get_or_insert_with(Instant::now);
             let force = driven.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
             for (largest, now) in
-                largest
-                    .iter_mut()
-                    .zip([force, driven.current_a.abs(), driven.brake_a.abs()])
+                largest.iter_mut().zip([force, driven.current_a.abs(), driven.brake_a.abs()])
             {
                 *largest = largest.max(now);
             }
@@ -106,10 +93,7 @@ fn play(graph: &mut Child, port: u16, sensed: impl Fn(f64) -> State) -> [f64; 3]
         if graph.try_wait().unwrap().is_some() {
             break;
         }
-        assert!(
-            begun.elapsed() < Duration::from_secs(120),
-            "the graph does not end"
-        );
+        assert!(begun.elapsed() < Duration::from_secs(120), "the graph does not end");
     }
     largest
 }
@@ -119,10 +103,7 @@ fn largest_in(table: &Path, column: &str) -> f64 {
     let text = fs::read_to_string(table).unwrap();
     let mut lines = text.lines();
     let names: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let place = names
-        .iter()
-        .position(|name| name.contains(column))
-        .unwrap_or_else(|| panic!("{names:?}"));
+    let place = names.iter().position(|name| name.contains(column)).unwrap_or_else(|| panic!("{names:?}"));
     let cells = lines.filter_map(|line| line.split(',').nth(place)?.parse::<f64>().ok());
     cells.fold(0.0, f64::max)
 }
@@ -132,12 +113,7 @@ fn the_pen_stands_with_a_real_sensor_that_has_an_offset() {
     let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
     let folder = folder.path();
     let here = at(port);
-    let mut graph = run(
-        folder,
-        "ar-pen.ron",
-        &[("127.0.0.1:9750", &here)],
-        &["--for", "6"],
-    );
+    let mut graph = run(folder, "ar-pen.ron", &[("127.0.0.1:9750", &here)], &["--for", "6"]);
     // The object weighs on the sensor, which is off besides. From 2.5 s on the pen strokes its top with 1 N.
     let largest = play(&mut graph, port, |time_s| {
         let (offset, weight) = ([0.3, -0.2, 0.4], [0.0, 0.0, -1.7]);
@@ -166,10 +142,7 @@ fn the_omni_pushes_back_at_a_real_arm() {
     // The tip goes round on the sphere of 50 mm, 4 mm under its surface.
     let [force_n, ..] = play(&mut graph, port, |time_s| {
         let (sin, cos) = (0.5 * (TAU * time_s).sin()).sin_cos();
-        State {
-            position_m: [0.0476 * sin, 0.0, 0.0476 * cos],
-            ..State::default()
-        }
+        State { position_m: [0.0476 * sin, 0.0, 0.0476 * cos], ..State::default() }
     });
     let said = fs::read_to_string(folder.join("said")).unwrap();
     assert!(graph.wait().unwrap().success(), "{said}");
@@ -190,12 +163,7 @@ fn the_texture_is_stroked_over_open_sound_control() {
     let card = "Soundcard(amperes_full_scale: 1.0, buffer_frames: 64)";
     let here = at(port);
     let replaced = [("127.0.0.1:9751", &*here), (card, "SimulatedHaptuator()")];
-    let mut graph = run(
-        folder,
-        "texturepad.ron",
-        &replaced,
-        &["--endpoints", "osc", "--for", "3"],
-    );
+    let mut graph = run(folder, "texturepad.ron", &replaced, &["--endpoints", "osc", "--for", "3"]);
     let (sender, start) = (UdpSocket::bind("127.0.0.1:0").unwrap(), Instant::now());
     while graph.try_wait().unwrap().is_none() {
         let time_s = start.elapsed().as_secs_f64();

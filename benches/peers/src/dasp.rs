@@ -29,11 +29,7 @@ impl InDasp {
             last = graph.add_node(match node.operation {
                 Operation::Gain(gain) => NodeData::boxed1(Gain(gain)),
                 Operation::Offset(offset) => NodeData::boxed1(Offset(offset)),
-                Operation::Biquad { b, a, .. } => NodeData::boxed1(Biquad {
-                    b,
-                    a,
-                    state: [0.0; 2],
-                }),
+                Operation::Biquad { b, a, .. } => NodeData::boxed1(Biquad { b, a, state: [0.0; 2] }),
             });
             for from in &node.sources {
                 let from = match from {
@@ -61,11 +57,7 @@ impl Contestant for InDasp {
     }
 
     fn run(&mut self) {
-        for (x, y) in self
-            .input
-            .chunks_exact(Buffer::LEN)
-            .zip(self.output.chunks_exact_mut(Buffer::LEN))
-        {
+        for (x, y) in self.input.chunks_exact(Buffer::LEN).zip(self.output.chunks_exact_mut(Buffer::LEN)) {
             self.graph[self.source].buffers[0].copy_from_slice(x);
             self.processor.process(&mut self.graph, self.last);
             y.copy_from_slice(&self.graph[self.last].buffers[0]);
@@ -89,16 +81,10 @@ struct Gain(f32);
 impl Node for Gain {
     fn process(&mut self, inputs: &[Input], output: &mut [Buffer]) {
         match inputs {
-            [x] => output[0]
-                .iter_mut()
-                .zip(&x.buffers()[0][..])
-                .for_each(|(y, x)| *y = self.0 * x),
+            [x] => output[0].iter_mut().zip(&x.buffers()[0][..]).for_each(|(y, x)| *y = self.0 * x),
             [a, b] => {
                 let sources = a.buffers()[0].iter().zip(&b.buffers()[0][..]);
-                output[0]
-                    .iter_mut()
-                    .zip(sources)
-                    .for_each(|(y, (a, b))| *y = self.0 * (a + b));
+                output[0].iter_mut().zip(sources).for_each(|(y, (a, b))| *y = self.0 * (a + b));
             }
             _ => unimplemented!("{} sources", inputs.len()),
         }
@@ -109,10 +95,7 @@ struct Offset(f32);
 
 impl Node for Offset {
     fn process(&mut self, inputs: &[Input], output: &mut [Buffer]) {
-        output[0]
-            .iter_mut()
-            .zip(&inputs[0].buffers()[0][..])
-            .for_each(|(y, x)| *y = x + self.0);
+        output[0].iter_mut().zip(&inputs[0].buffers()[0][..]).for_each(|(y, x)| *y = x + self.0);
     }
 }
 

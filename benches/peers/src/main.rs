@@ -34,10 +34,7 @@ struct Case {
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let strict = arguments.iter().any(|argument| argument == "--strict");
-    let wanted: Vec<&String> = arguments
-        .iter()
-        .filter(|argument| !argument.starts_with("--"))
-        .collect();
+    let wanted: Vec<&String> = arguments.iter().filter(|argument| !argument.starts_with("--")).collect();
     let mut kept = true;
     println!(
         "CPU time in ns a node and a sample, median of {ROUNDS} interleaved rounds; ours in f64, theirs as they are (f32)."
@@ -50,11 +47,7 @@ fn main() -> ExitCode {
     if wanted.is_empty() {
         kept &= set_up();
     }
-    if strict && !kept {
-        ExitCode::FAILURE
-    } else {
-        ExitCode::SUCCESS
-    }
+    if strict && !kept { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }
 
 fn cases() -> [Case; 4] {
@@ -106,16 +99,10 @@ fn compare(case: &Case) -> bool {
         return false;
     }
     let per_run = (case.work.nodes.len() * SAMPLES) as f64;
-    let times_ns: Vec<f64> = medians(&mut contestants)
-        .iter()
-        .map(|time| time / per_run)
-        .collect();
+    let times_ns: Vec<f64> = medians(&mut contestants).iter().map(|time| time / per_run).collect();
     for (contestant, time_ns) in contestants.iter().zip(&times_ns) {
         let ratio = times_ns[0] / time_ns;
-        println!(
-            "   {:<12} {time_ns:7.3} ns   haptograph / it {ratio:6.3}",
-            contestant.name()
-        );
+        println!("   {:<12} {time_ns:7.3} ns   haptograph / it {ratio:6.3}", contestant.name());
     }
     let ratio = times_ns[0] / times_ns[1];
     let verdict = if ratio <= case.bar { "PASS" } else { "MISSED" };
@@ -164,10 +151,7 @@ fn agree(contestants: &mut [Box<dyn Contestant>], tolerance: f64) -> bool {
     let mut same = peak.is_finite() && peak > 1e-3;
     for contestant in &contestants[1..] {
         let output = contestant.output();
-        let worst = output
-            .iter()
-            .zip(&reference)
-            .fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()));
+        let worst = output.iter().zip(&reference).fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()));
         if !(worst <= tolerance * peak) {
             println!(
                 "   {} puts out something else: {worst:.3e} off, at a peak of {peak:.3e}",
@@ -181,10 +165,7 @@ fn agree(contestants: &mut [Box<dyn Contestant>], tolerance: f64) -> bool {
 
 /// Median CPU time of a run of each, ns.
 fn medians(contestants: &mut [Box<dyn Contestant>]) -> Vec<f64> {
-    let repeats: Vec<u32> = contestants
-        .iter_mut()
-        .map(|contestant| repeats(&mut **contestant))
-        .collect();
+    let repeats: Vec<u32> = contestants.iter_mut().map(|contestant| repeats(&mut **contestant)).collect();
     let mut times = vec![Vec::new(); contestants.len()];
     for _ in 0..ROUNDS {
         for (index, contestant) in contestants.iter_mut().enumerate() {

@@ -27,12 +27,7 @@ impl InNet {
         net.pipe_output(ids[ids.len() - 1]);
         net.set_sample_rate(48_000.0);
         net.allocate();
-        Self {
-            net,
-            block: work.block,
-            input: input.to_vec(),
-            output: vec![0.0; input.len()],
-        }
+        Self { net, block: work.block, input: input.to_vec(), output: vec![0.0; input.len()] }
     }
 }
 
@@ -41,14 +36,7 @@ fn unit(operation: Operation, sources: usize) -> Box<dyn AudioUnit> {
         (Operation::Gain(gain), 1) => Box::new(mul(gain)),
         (Operation::Gain(gain), 2) => Box::new((pass() + pass()) * gain),
         (Operation::Offset(offset), 1) => Box::new(add(offset)),
-        (
-            Operation::Biquad {
-                b: [b0, b1, b2],
-                a: [a1, a2],
-                ..
-            },
-            1,
-        ) => Box::new(biquad(a1, a2, b0, b1, b2)),
+        (Operation::Biquad { b: [b0, b1, b2], a: [a1, a2], .. }, 1) => Box::new(biquad(a1, a2, b0, b1, b2)),
         (operation, sources) => unimplemented!("{operation:?} of {sources} sources"),
     }
 }
@@ -67,14 +55,9 @@ impl Contestant for InNet {
         }
         let mut from = BufferArray::<U1>::new();
         let mut to = BufferArray::<U1>::new();
-        for (x, y) in self
-            .input
-            .chunks(self.block)
-            .zip(self.output.chunks_mut(self.block))
-        {
+        for (x, y) in self.input.chunks(self.block).zip(self.output.chunks_mut(self.block)) {
             from.channel_f32_mut(0)[..x.len()].copy_from_slice(x);
-            self.net
-                .process(x.len(), &from.buffer_ref(), &mut to.buffer_mut());
+            self.net.process(x.len(), &from.buffer_ref(), &mut to.buffer_mut());
             y.copy_from_slice(&to.channel_f32(0)[..y.len()]);
         }
     }

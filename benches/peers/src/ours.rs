@@ -23,11 +23,7 @@ pub struct Ours {
 impl Ours {
     pub fn new(work: &Work) -> Self {
         let graph = load(&text(work));
-        Self {
-            run: Run::new(Arc::new(plan(&graph, work))),
-            block: work.block,
-            output: vec![0.0; SAMPLES],
-        }
+        Self { run: Run::new(Arc::new(plan(&graph, work))), block: work.block, output: vec![0.0; SAMPLES] }
     }
 }
 

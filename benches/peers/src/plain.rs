@@ -32,11 +32,7 @@ impl Contestant for ByHand {
     fn run(&mut self) {
         let chain = self.work.nodes.iter().all(|node| node.sources.len() == 1);
         let block = self.work.block;
-        for (x, y) in self
-            .input
-            .chunks_exact(block)
-            .zip(self.output.chunks_exact_mut(block))
-        {
+        for (x, y) in self.input.chunks_exact(block).zip(self.output.chunks_exact_mut(block)) {
             if chain {
                 y.copy_from_slice(x);
                 for (node, state) in self.work.nodes.iter().zip(&mut self.states) {

@@ -48,10 +48,7 @@ impl Work {
         let mut source = Source::Input;
         let mut nodes = Vec::new();
         for operation in operations {
-            nodes.push(Node {
-                operation,
-                sources: vec![source],
-            });
+            nodes.push(Node { operation, sources: vec![source] });
             source = Source::Node(nodes.len() - 1);
         }
         Self { nodes, block }
@@ -74,11 +71,7 @@ impl Work {
             let cutoff_hz = 17_000.0 + 5000.0 * i as f64 / nodes as f64;
             let filter = butterworth_lowpass(2, cutoff_hz, RATE_HZ).expect("order and cut-off are possible");
             let section = filter.sections[0];
-            Operation::Biquad {
-                cutoff_hz,
-                b: section.b.map(|b| b as f32),
-                a: section.a.map(|a| a as f32),
-            }
+            Operation::Biquad { cutoff_hz, b: section.b.map(|b| b as f32), a: section.a.map(|a| a as f32) }
         };
         Self::chain(block, (0..nodes).map(operation))
     }
@@ -108,10 +101,7 @@ impl Work {
                 if one == other { vec![one] } else { vec![one, other] }
             };
             let gain = random.random_range(0.4..0.55) * if sources.len() == 1 { 2.0 } else { 1.0 };
-            made.push(Node {
-                operation: Operation::Gain(gain),
-                sources,
-            });
+            made.push(Node { operation: Operation::Gain(gain), sources });
             open.push(index);
         }
         Self { nodes: made, block }

@@ -25,12 +25,7 @@ pub struct Failure {
 impl Failure {
     pub fn new(status: Status, message: impl Display) -> Self {
         let message = message.to_string();
-        Self {
-            status,
-            code: String::new(),
-            rendered: message.clone(),
-            message,
-        }
+        Self { status, code: String::new(), rendered: message.clone(), message }
     }
 
     fn panicked(panic: Box<dyn Any + Send>) -> Self {

@@ -64,11 +64,7 @@ pub fn open(text: &Text<'_>, request: &GraphRequest<'_>) -> Result<u64, Failure>
 }
 
 fn has_endpoints(graph: &Graph, names: &[&str]) -> Result<(), Failure> {
-    let known: Vec<&str> = graph
-        .devices()
-        .iter()
-        .map(|device| device.name.as_str())
-        .collect();
+    let known: Vec<&str> = graph.devices().iter().map(|device| device.name.as_str()).collect();
     match names.iter().find(|name| !known.contains(name)) {
         None => Ok(()),
         Some(name) => {
@@ -83,13 +79,7 @@ fn has_endpoints(graph: &Graph, names: &[&str]) -> Result<(), Failure> {
 pub fn warnings(graph: &Graph) -> String {
     match graph.warnings() {
         [] => String::new(),
-        warnings => render(
-            &Diagnostics {
-                sources: graph.sources().clone(),
-                list: warnings.to_vec(),
-            },
-            false,
-        ),
+        warnings => render(&Diagnostics { sources: graph.sources().clone(), list: warnings.to_vec() }, false),
     }
 }
 

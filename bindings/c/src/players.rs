@@ -129,11 +129,7 @@ impl PlayerEntry {
             let message = format_args!("the graph has no live setting `{name}`; it has {names}{more}");
             return Err(Failure::new(Status::Name, message));
         };
-        Ok(Setting {
-            player,
-            node: live.node,
-            setting: live.setting,
-        })
+        Ok(Setting { player, node: live.node, setting: live.setting })
     }
 
     /// Sets a live setting by its name.
@@ -170,9 +166,7 @@ impl Setting {
     /// Sets the value. Real-time.
     pub fn set(&self, value: f64) -> Result<(), Status> {
         table::player(self.player, |player| {
-            try_lock(&player.session)?
-                .set(self.node, self.setting, value)
-                .map_err(Status::from)
+            try_lock(&player.session)?.set(self.node, self.setting, value).map_err(Status::from)
         })
     }
 }

@@ -19,10 +19,7 @@ const CHUNKS: usize = 64;
 const CHUNK: usize = 1024;
 
 static TABLE: [OnceLock<Box<[Slot]>>; CHUNKS] = [const { OnceLock::new() }; CHUNKS];
-static FREE: Mutex<FreeList> = Mutex::new(FreeList {
-    slots: VecDeque::new(),
-    chunks: 0,
-});
+static FREE: Mutex<FreeList> = Mutex::new(FreeList { slots: VecDeque::new(), chunks: 0 });
 
 /// The object of a handle.
 pub enum Entry {
@@ -105,10 +102,7 @@ fn grow(free: &mut FreeList) -> Result<(), Status> {
     let seed = RandomState::new();
     let first = |number: usize| (seed.hash_one(number) as u32).max(1);
     let fresh = |number: usize| {
-        let state = SlotState {
-            generation: first(number),
-            entry: None,
-        };
+        let state = SlotState { generation: first(number), entry: None };
         Slot(RwLock::new(state))
     };
     let base = free.chunks * CHUNK;

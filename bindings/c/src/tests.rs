@@ -53,17 +53,9 @@ fn played() -> Played {
 
 #[test]
 fn real_time_calls_allocate_nothing_whether_they_succeed_or_fail() {
-    let Played {
-        position,
-        current,
-        player,
-        gain,
-        ..
-    } = played();
+    let Played { position, current, player, gain, .. } = played();
     let (point, mut frames) = ([0.01, 0.0, 0.0], [0.0; 480]);
-    let stale = Player {
-        id: player.id ^ 1 << 40,
-    };
+    let stale = Player { id: player.id ^ 1 << 40 };
     let mut ended = Vec::with_capacity(400);
     let count = allocations(|| {
         for call in 0..40 {
@@ -109,10 +101,7 @@ fn a_run_ends_with_what_it_did() {
     // SAFETY: what is pointed to is of its type.
     unsafe {
         assert_eq!(calls::haptograph_player_process(player, 4800), Status::Ok);
-        assert_eq!(
-            calls::haptograph_player_state(player, &mut state, null_mut()),
-            Status::Ok
-        );
+        assert_eq!(calls::haptograph_player_state(player, &mut state, null_mut()), Status::Ok);
         assert_eq!(calls::haptograph_player_finish(player, &mut outcome), Status::Ok);
     }
     assert_eq!(state, State::Running);
@@ -128,8 +117,5 @@ fn no_panic_crosses_the_border() {
     let message = unsafe { CStr::from_ptr(calls::haptograph_last_error_message()) };
     let message = message.to_string_lossy();
     assert!(message.contains("number 7"), "{message}");
-    assert_eq!(
-        guard_realtime(|| -> Result<(), Status> { panic!("again") }),
-        Status::Panic
-    );
+    assert_eq!(guard_realtime(|| -> Result<(), Status> { panic!("again") }), Status::Panic);
 }

@@ -63,9 +63,7 @@ fn texture() -> Vec<f32> {
             session.set_by_name("out.gain", 0.4).expect("a live gain");
         }
         let at = 5.2 * (f64::from(256 * call) / 48_000.0);
-        position
-            .set([0.03 * at.cos(), 0.03 * at.sin(), 0.0])
-            .expect("room");
+        position.set([0.03 * at.cos(), 0.03 * at.sin(), 0.0]).expect("room");
         force.set(1.0).expect("room");
         touching.set(1.0).expect("room");
         player.process(256);
@@ -81,8 +79,7 @@ fn an_audio_callback_in_c_plays_the_bits_of_the_engine() {
     let ended = run("examples/audio.c", &[&here("../../graphs/texturepad.ron"), &wav]);
     assert_success(&ended);
     let bytes = std::fs::read(wav).expect("a WAV file");
-    let samples = bytes[44..]
-        .chunks_exact(4)
-        .map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]]));
+    let samples =
+        bytes[44..].chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]]));
     assert!(samples.eq(texture()), "other bits");
 }

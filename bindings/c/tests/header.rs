@@ -46,10 +46,7 @@ fn the_header_is_up_to_date() {
         std::fs::write(&path, &wanted).expect("a header");
     }
     let committed = std::fs::read_to_string(&path).unwrap_or_default();
-    let differs = committed
-        .lines()
-        .zip(wanted.lines())
-        .position(|(old, new)| old != new);
+    let differs = committed.lines().zip(wanted.lines()).position(|(old, new)| old != new);
     assert!(
         committed == wanted,
         "include/haptograph.h is stale from line {:?} on: run bindings/c/header",

@@ -18,18 +18,12 @@ pub fn batch<'py>(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let shard = shard.map(|(number, of)| {
-        let missing = || {
-            Failure::Message(format!(
-                "there is no part {number} of {of}: give (1, {of}) to ({of}, {of})"
-            ))
-        };
+        let missing =
+            || Failure::Message(format!("there is no part {number} of {of}: give (1, {of}) to ({of}, {of})"));
         Shard::new(number, of).ok_or_else(|| missing().raise(py))
     });
     let usual = RenderSettings::default();
-    let settings = RenderSettings {
-        shard: shard.transpose()?,
-        threads: threads.unwrap_or(usual.threads),
-    };
+    let settings = RenderSettings { shard: shard.transpose()?, threads: threads.unwrap_or(usual.threads) };
     let done = apart(py, (progress, true), move |progress| {
         let batch = Batch::load(&plan).map_err(Failure::of)?;
         let stop = &progress.stop;

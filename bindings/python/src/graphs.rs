@@ -85,9 +85,7 @@ impl Graph {
         let graph = match nodes.is_empty() {
             true => {
                 let (document, options) = (Arc::clone(&document), options.clone());
-                apart(py, (None, false), move |_| {
-                    Ok(checked(&document, &[], &options)?.0)
-                })?
+                apart(py, (None, false), move |_| Ok(checked(&document, &[], &options)?.0))?
             }
             false => {
                 let checked = py.detach(|| checked(&document, &nodes, &options));
@@ -98,11 +96,7 @@ impl Graph {
             document,
             options,
             graph: Arc::new(graph),
-            name: path
-                .file_stem()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned(),
+            name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             nodes,
         })
     }
@@ -129,17 +123,12 @@ fn has_endpoints(graph: &engine::Graph, hosted: &Hosted) -> Result<(), Failure> 
     let Hosted::Also(names) = hosted else {
         return Ok(());
     };
-    let known: Vec<&str> = graph
-        .devices()
-        .iter()
-        .map(|device| device.name.as_str())
-        .collect();
+    let known: Vec<&str> = graph.devices().iter().map(|device| device.name.as_str()).collect();
     match names.iter().find(|name| !known.contains(&name.as_str())) {
         None => Ok(()),
-        Some(name) => Err(Failure::Message(format!(
-            "the graph has no endpoint `{name}`: it has {}",
-            known.join(", ")
-        ))),
+        Some(name) => {
+            Err(Failure::Message(format!("the graph has no endpoint `{name}`: it has {}", known.join(", "))))
+        }
     }
 }
 
@@ -156,9 +145,8 @@ impl Graph {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, checking: Checking, nodes: Vec<Py<NodeClass>>) -> PyResult<Self> {
         let from = path.clone();
-        let document = apart(py, (None, false), move |_| {
-            Ok(Document::load(&from, &LoadOptions::default())?)
-        })?;
+        let document =
+            apart(py, (None, false), move |_| Ok(Document::load(&from, &LoadOptions::default())?))?;
         Self::new(py, (document, &path), &checking, &nodes)
     }
 
@@ -199,9 +187,7 @@ impl Graph {
     /// Clocks and their rates.
     fn clocks(&self) -> Vec<(String, f64)> {
         let clocks = self.graph.clocks().iter();
-        clocks
-            .map(|clock| (clock.name.clone(), clock.rate.hz()))
-            .collect()
+        clocks.map(|clock| (clock.name.clone(), clock.rate.hz())).collect()
     }
 
     /// Outputs: name, kind of node, shape, unit, rate.
@@ -209,9 +195,7 @@ impl Graph {
         let nodes = self.graph.nodes();
         let mut all = Vec::new();
         for node in nodes.iter() {
-            let rate = node
-                .clock
-                .map_or(0.0, |clock| self.graph.clocks()[clock].rate.hz());
+            let rate = node.clock.map_or(0.0, |clock| self.graph.clocks()[clock].rate.hz());
             for port in &node.outputs {
                 let name = format!("{}.{}", node.path, port.name);
                 let (kind, unit) = (port.kind.to_string(), port.quantity.unit());
@@ -233,11 +217,7 @@ impl Graph {
 
     /// Channels that the caller can feed, and channels that it can read: name, components, unit.
     fn channels(&self, py: Python<'_>) -> PyResult<(Vec<runs::Channel>, Vec<runs::Channel>)> {
-        let nothing = Checking {
-            set: Vec::new(),
-            seed: None,
-            endpoints: None,
-        };
+        let nothing = Checking { set: Vec::new(), seed: None, endpoints: None };
         let (graph, _) = self.again(py, &nothing, Hosted::All)?;
         Ok((
             graph.host_inputs().map(runs::channel).collect(),
@@ -247,10 +227,8 @@ impl Graph {
 
     /// The warnings as text for the terminal, and as a list.
     fn warnings<'py>(&self, py: Python<'py>) -> PyResult<(String, Bound<'py, PyList>)> {
-        let found = Diagnostics {
-            sources: self.graph.sources().clone(),
-            list: self.graph.warnings().to_vec(),
-        };
+        let found =
+            Diagnostics { sources: self.graph.sources().clone(), list: self.graph.warnings().to_vec() };
         let text = match found.list.is_empty() {
             true => String::new(),
             false => found.to_string(),
@@ -273,17 +251,10 @@ impl Graph {
     ) -> PyResult<(Bound<'py, PyList>, Bound<'py, PyDict>)> {
         let feeds: Vec<runs::Feed> = request.inputs.iter().map(runs::Feed::of).collect();
         let hosted = endpoints(feeds.iter().map(|feed| feed.name.as_str()));
-        let hosted = if feeds.is_empty() {
-            Hosted::AsWritten
-        } else {
-            hosted
-        };
+        let hosted = if feeds.is_empty() { Hosted::AsWritten } else { hosted };
         let (graph, scripts) = self.again(py, &checking, hosted)?;
-        let wanted = runs::Wanted {
-            seconds: request.seconds,
-            probes: request.probes,
-            folder: request.folder,
-        };
+        let wanted =
+            runs::Wanted { seconds: request.seconds, probes: request.probes, folder: request.folder };
         let running = scripts.clone();
         let done = apart_with(py, (progress, true), &scripts, move |progress| {
             runs::run((&graph, &running), &feeds, &wanted, progress)

@@ -51,16 +51,8 @@ impl Player {
         }
         let driver = graph.drivers().first().copied().unwrap_or_default();
         let rate_hz = graph.clocks()[driver].rate.hz();
-        let inside = Inside {
-            player,
-            session,
-            inputs,
-            outputs,
-        };
-        Ok(Self {
-            inside: Mutex::new(Some(inside)),
-            rate_hz,
-        })
+        let inside = Inside { player, session, inputs, outputs };
+        Ok(Self { inside: Mutex::new(Some(inside)), rate_hz })
     }
 
     /// Calls `work` with the run while other Python threads continue.
@@ -83,10 +75,7 @@ impl Inside {
         let known: Vec<String> = self.inputs.iter().map(|input| input.name().to_owned()).collect();
         let found = self.inputs.iter_mut().find(|input| input.name() == name);
         found.ok_or_else(|| {
-            Failure::Message(format!(
-                "there is no input `{name}`: there are {}",
-                known.join(", ")
-            ))
+            Failure::Message(format!("there is no input `{name}`: there are {}", known.join(", ")))
         })
     }
 }

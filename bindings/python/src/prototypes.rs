@@ -63,14 +63,8 @@ impl NodeClass {
             example: "",
         };
         let settings = settings.into_iter().map(Declared::of).collect();
-        let kind: &'static PythonKind = Box::leak(Box::new(PythonKind {
-            class: node,
-            spec,
-            settings,
-        }));
-        Ok(Self {
-            entry: NodeEntry::scripted(kind),
-        })
+        let kind: &'static PythonKind = Box::leak(Box::new(PythonKind { class: node, spec, settings }));
+        Ok(Self { entry: NodeEntry::scripted(kind) })
     }
 }
 
@@ -79,11 +73,7 @@ fn input((name, quantity, kind, is_optional, doc): GivenPort) -> Result<InputSpe
         kind: KindRule::Is(kind_of(&name, &kind)?),
         quantity: QuantityRule::Is(quantity_of(&name, &quantity)?),
         flow: Flow::Sampled,
-        presence: if is_optional {
-            Presence::Optional
-        } else {
-            Presence::Required
-        },
+        presence: if is_optional { Presence::Optional } else { Presence::Required },
         doc: doc.leak(),
         name: name.leak(),
     })
@@ -102,36 +92,19 @@ fn output((name, quantity, kind, _, doc): GivenPort) -> Result<OutputSpec, Failu
 
 fn kind_of(port: &str, name: &str) -> Result<Kind, Failure> {
     let shipped = haptograph::nodes::registry();
-    let names = || {
-        shipped
-            .kinds()
-            .iter()
-            .map(ToString::to_string)
-            .collect::<Vec<_>>()
-    };
-    shipped
-        .kind(name)
-        .ok_or_else(|| unknown(port, "kind", name, &names()))
+    let names = || shipped.kinds().iter().map(ToString::to_string).collect::<Vec<_>>();
+    shipped.kind(name).ok_or_else(|| unknown(port, "kind", name, &names()))
 }
 
 fn quantity_of(port: &str, name: &str) -> Result<Quantity, Failure> {
     let known = || Quantity::NAMED.iter().map(|(_, name, _)| *name);
     let found = Quantity::by_name(name);
-    found.ok_or_else(|| {
-        unknown(
-            port,
-            "quantity",
-            name,
-            &known().map(str::to_owned).collect::<Vec<_>>(),
-        )
-    })
+    found.ok_or_else(|| unknown(port, "quantity", name, &known().map(str::to_owned).collect::<Vec<_>>()))
 }
 
 fn unknown(port: &str, what: &str, name: &str, known: &[String]) -> Failure {
     let known = known.join(", ");
-    Failure::Message(format!(
-        "the {what} of `{port}` is {name:?}: expected one of {known}"
-    ))
+    Failure::Message(format!("the {what} of `{port}` is {name:?}: expected one of {known}"))
 }
 
 impl ScriptedKind for PythonKind {
@@ -145,11 +118,7 @@ impl ScriptedKind for PythonKind {
 
     fn read(&'static self, fields: &mut Fields, reading: &mut Reading<'_>) -> Option<ScriptBuild> {
         // All are read before the first that is wrong ends it, so that all errors are reported.
-        let read: Vec<_> = self
-            .settings
-            .iter()
-            .map(|one| one.take(fields, reading))
-            .collect();
+        let read: Vec<_> = self.settings.iter().map(|one| one.take(fields, reading)).collect();
         let settings = read.into_iter().collect::<Option<Vec<_>>>()?;
         Some(Box::new(move |cx| {
             let making = Making::new(self, cx, settings);
@@ -226,17 +195,13 @@ impl Scripts {
 
     /// The exception of the first node in the graph that raised one.
     pub fn failure(&self, graph: &Graph) -> Option<Failure> {
-        let (path, _, error) = self
-            .0
-            .iter()
-            .find_map(|(path, class, fault)| Some((path, class, fault.take()?)))?;
+        let (path, _, error) =
+            self.0.iter().find_map(|(path, class, fault)| Some((path, class, fault.take()?)))?;
         let node = graph.scripted_nodes().find(|node| node.path == *path)?;
         let told = Python::try_attach(|py| told(py, &error));
         let (line, traceback) = told.unwrap_or_else(|| (error.to_string(), String::new()));
-        let found = Diagnostics {
-            sources: graph.sources().clone(),
-            list: vec![raised(node, &line, &traceback)],
-        };
+        let found =
+            Diagnostics { sources: graph.sources().clone(), list: vec![raised(node, &line, &traceback)] };
         Some(Failure::Raised(Box::new(found), error))
     }
 

@@ -76,9 +76,8 @@ pub fn read(py: Python<'_>, paths: Vec<PathBuf>, settings: Import) -> PyResult<R
     let import = settings.settings().map_err(|failure| failure.raise(py))?;
     let gesture = settings.gesture.as_deref().map(gesture).transpose();
     let gesture = gesture.map_err(|failure| failure.raise(py))?;
-    let (recording, findings) = apart(py, (None, false), move |_| {
-        library::load_with(&paths, &import).map_err(Failure::of)
-    })?;
+    let (recording, findings) =
+        apart(py, (None, false), move |_| library::load_with(&paths, &import).map_err(Failure::of))?;
     let recording = match gesture {
         Some(gesture) => recording.with_gesture(gesture),
         None => recording,
@@ -200,16 +199,10 @@ impl Recording {
     fn processed(&self, py: Python<'_>, rate: Option<f64>) -> PyResult<Self> {
         let recording = Arc::clone(&self.recording);
         let made = apart(py, (None, false), move |_| {
-            let settings = ProcessingSettings {
-                rate_hz: rate,
-                ..ProcessingSettings::default()
-            };
+            let settings = ProcessingSettings { rate_hz: rate, ..ProcessingSettings::default() };
             processed(&recording, &settings).map_err(Failure::of)
         })?;
-        Ok(Self {
-            recording: Arc::new(AnyRecording::Processed(made)),
-            findings: self.findings.clone(),
-        })
+        Ok(Self { recording: Arc::new(AnyRecording::Processed(made)), findings: self.findings.clone() })
     }
 
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
@@ -227,13 +220,7 @@ impl Recording {
             ("speed", Quantity::SPEED, &signals.speed_m_s),
         ];
         let figures = shown.map(|(name, quantity, samples)| {
-            figure(
-                name,
-                (Kind::SCALAR, quantity),
-                signals.rate_hz,
-                samples,
-                simulated,
-            )
+            figure(name, (Kind::SCALAR, quantity), signals.rate_hz, samples, simulated)
         });
         Ok(figures.into_iter().flatten().collect())
     }
@@ -250,13 +237,7 @@ pub fn figure(
     let Ok(rate) = Rate::parse(&rate_hz.to_string()) else {
         return Vec::new();
     };
-    let stream = Stream {
-        name: name.to_owned(),
-        kind,
-        quantity,
-        rate,
-        simulated,
-    };
+    let stream = Stream { name: name.to_owned(), kind, quantity, rate, simulated };
     let (mut writer, record) = recorder(stream);
     // It keeps what it is given in memory, which does not fail.
     if writer.write(0, frames).is_err() {

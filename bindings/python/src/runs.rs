@@ -272,10 +272,7 @@ fn alone(
         signal.frames = std::mem::take(&mut frames.lock().unwrap_or_else(PoisonError::into_inner));
         signal
     });
-    Ok(Done {
-        signals: signals.collect(),
-        outcome,
-    })
+    Ok(Done { signals: signals.collect(), outcome })
 }
 
 /// Takes all waiting frames.

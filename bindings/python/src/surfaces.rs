@@ -55,25 +55,16 @@ impl Learning {
                 let order = self.order.unwrap_or(usual.order);
                 TextureMethod::Law(LawSettings { order, ..usual })
             }
-            "thesis" => TextureMethod::Thesis(TextureSettings {
-                order: self.order,
-                ..TextureSettings::default()
-            }),
+            "thesis" => {
+                TextureMethod::Thesis(TextureSettings { order: self.order, ..TextureSettings::default() })
+            }
             other => {
                 let message = format!("there is no method {other:?}: choose of law, thesis");
                 return Err(Failure::Message(message));
             }
         };
-        let processing = ProcessingSettings {
-            rate_hz: self.rate,
-            ..ProcessingSettings::default()
-        };
-        Ok(LearnSettings {
-            processing,
-            texture,
-            accept_rate: self.accept_rate,
-            ..LearnSettings::default()
-        })
+        let processing = ProcessingSettings { rate_hz: self.rate, ..ProcessingSettings::default() };
+        Ok(LearnSettings { processing, texture, accept_rate: self.accept_rate, ..LearnSettings::default() })
     }
 }
 
@@ -94,10 +85,7 @@ pub fn learn(
         let learned = library::learn(&name, &recordings, &settings, &|part| progress.at_or_end(part));
         learned.map_err(Failure::of)
     })?;
-    Ok(Surface {
-        surface: Arc::new(surface),
-        report: Some(Arc::new(report)),
-    })
+    Ok(Surface { surface: Arc::new(surface), report: Some(Arc::new(report)) })
 }
 
 impl Surface {
@@ -113,21 +101,14 @@ impl Surface {
     /// Reads a surface file.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let surface = apart(py, (None, false), move |_| {
-            files::load(&path).map_err(Failure::of)
-        })?;
-        Ok(Self {
-            surface: Arc::new(surface),
-            report: None,
-        })
+        let surface = apart(py, (None, false), move |_| files::load(&path).map_err(Failure::of))?;
+        Ok(Self { surface: Arc::new(surface), report: None })
     }
 
     /// Writes a surface file; returns the parts that its format cannot store.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<Vec<&'static str>> {
         let surface = Arc::clone(&self.surface);
-        apart(py, (None, true), move |_| {
-            files::save(&surface, &path).map_err(Failure::of)
-        })
+        apart(py, (None, true), move |_| files::save(&surface, &path).map_err(Failure::of))
     }
 
     #[getter]
@@ -162,9 +143,7 @@ impl Surface {
     #[getter]
     fn missing(&self) -> Vec<String> {
         let report = self.report.iter();
-        report
-            .flat_map(|report| report.missing.iter().map(ToString::to_string))
-            .collect()
+        report.flat_map(|report| report.missing.iter().map(ToString::to_string)).collect()
     }
 
     /// What the vibration lacks because of its rate.
@@ -229,9 +208,7 @@ impl Surface {
         let highpass = texture.output_highpass();
         let density = |hz: &f64| {
             let turn = std::f64::consts::TAU * hz / rate_hz;
-            let passed = highpass
-                .as_ref()
-                .map_or(1.0, |sections| sections.response(*hz, rate_hz).norm_sqr());
+            let passed = highpass.as_ref().map_or(1.0, |sections| sections.response(*hz, rate_hz).norm_sqr());
             2.0 / rate_hz * model.variance() * model.power_gain_at(turn) * passed
         };
         let values: Vec<f64> = frequencies.as_array().iter().map(density).collect();
@@ -249,16 +226,9 @@ impl Surface {
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let rate_hz = self.texture(py)?.rate_hz();
-        let trajectory = Trajectory {
-            rate_hz,
-            speed_m_s: speed.as_array().to_vec(),
-            force_n: force.as_array().to_vec(),
-        };
-        let settings = SynthesisSettings {
-            update_hz: update,
-            seed,
-            lines_seed: seed,
-        };
+        let trajectory =
+            Trajectory { rate_hz, speed_m_s: speed.as_array().to_vec(), force_n: force.as_array().to_vec() };
+        let settings = SynthesisSettings { update_hz: update, seed, lines_seed: seed };
         let surface = Arc::clone(&self.surface);
         let vibration = apart(py, (progress, false), move |progress| match &surface.texture {
             Some(texture) => {
@@ -276,19 +246,13 @@ impl Surface {
         let (surface, _) = apart(py, (None, false), move |_| {
             resample_surface(&surface, rate, Method::Spectral).map_err(Failure::of)
         })?;
-        Ok(Self {
-            surface: Arc::new(surface),
-            report: None,
-        })
+        Ok(Self { surface: Arc::new(surface), report: None })
     }
 
     /// The map of its texture as SVG.
     fn figure(&self) -> Option<String> {
         let texture = self.surface.texture.as_ref()?;
-        let simulated = matches!(
-            self.surface.provenance.origin,
-            Origin::Simulated | Origin::Procedural
-        );
+        let simulated = matches!(self.surface.provenance.origin, Origin::Simulated | Origin::Procedural);
         let plot = Plot {
             title: format!("Texture of {}", self.surface.name),
             note: if simulated { "simulated" } else { "" }.to_owned(),
@@ -369,13 +333,7 @@ pub fn render(
     let rows = rows.chain(std::iter::repeat_with(Default::default));
     let each = surfaces.iter().zip(&points).zip(seeds).zip(rows);
     let voices = each.filter_map(|(((surface, points), seed), out)| {
-        Some(VoiceInto {
-            texture: surface.texture.as_ref()?,
-            points,
-            seed,
-            lines_seed: seed,
-            out,
-        })
+        Some(VoiceInto { texture: surface.texture.as_ref()?, points, seed, lines_seed: seed, out })
     });
     let voices: Vec<VoiceInto<'_>> = voices.collect();
     apart_within(py, progress, move |progress| {
@@ -399,11 +357,7 @@ pub fn compare<'py>(
     let (windows, bands) = apart(py, (progress, false), move |progress| {
         let usual = WindowSettings::comparison_at(rate);
         let samples = window.unwrap_or(usual.samples);
-        let settings = WindowSettings {
-            samples,
-            overlap: samples / 2,
-            ..usual
-        };
+        let settings = WindowSettings { samples, overlap: samples / 2, ..usual };
         let windows = metrics::compare(&a, &b, rate, &settings).map_err(Failure::of)?;
         progress.at_or_end(0.5);
         let both = a.len().min(b.len());
@@ -425,11 +379,7 @@ pub fn compare<'py>(
     found.set_item("nse", windows.nse)?;
     found.set_item("pe", windows.pe)?;
     found.set_item("windows", windows.windows)?;
-    let edges = bands
-        .bands
-        .as_slice()
-        .iter()
-        .map(|band| (band.low_hz, band.high_hz));
+    let edges = bands.bands.as_slice().iter().map(|band| (band.low_hz, band.high_hz));
     found.set_item("bands", edges.collect::<Vec<_>>())?;
     found.set_item("signed", PyArray1::from_slice(py, &bands.signed_db))?;
     found.set_item("findings", findings)?;

@@ -25,11 +25,7 @@ impl BridgeType for Average {
     };
 
     fn new(cx: &BridgeContext) -> Self {
-        Self {
-            mean: cx.kind.neutral().collect(),
-            sum: vec![0.0; cx.kind.width()],
-            summed: 0,
-        }
+        Self { mean: cx.kind.neutral().collect(), sum: vec![0.0; cx.kind.width()], summed: 0 }
     }
 
     fn latency(from: Rate, to: Rate) -> Latency {

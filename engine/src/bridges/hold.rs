@@ -20,9 +20,7 @@ impl BridgeType for Hold {
     };
 
     fn new(cx: &BridgeContext) -> Self {
-        Self {
-            last: cx.kind.neutral().collect(),
-        }
+        Self { last: cx.kind.neutral().collect() }
     }
 
     fn latency(from: Rate, to: Rate) -> Latency {
@@ -66,9 +64,7 @@ impl Hold {
 fn fill(frames: &mut [f64], frame: &[f64]) {
     match frame {
         [value] => frames.fill(*value),
-        _ => frames
-            .chunks_exact_mut(frame.len())
-            .for_each(|out| out.copy_from_slice(frame)),
+        _ => frames.chunks_exact_mut(frame.len()).for_each(|out| out.copy_from_slice(frame)),
     }
 }
 

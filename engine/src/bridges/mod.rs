@@ -180,12 +180,8 @@ pub struct BridgeEntry {
 
 impl BridgeEntry {
     /// The types that every registry has.
-    pub const ENGINE: [Self; 4] = [
-        Self::of::<Hold>(),
-        Self::of::<Linear>(),
-        Self::of::<Average>(),
-        Self::of::<Resample>(),
-    ];
+    pub const ENGINE: [Self; 4] =
+        [Self::of::<Hold>(), Self::of::<Linear>(), Self::of::<Average>(), Self::of::<Resample>()];
 
     /// Erases the type of a bridge.
     pub const fn of<B: BridgeType>() -> Self {

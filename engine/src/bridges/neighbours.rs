@@ -15,10 +15,7 @@ impl Neighbours {
     /// Two neutral frames, before any frame has arrived.
     pub fn new(cx: &BridgeContext) -> Self {
         Self {
-            held: [cx.kind.neutral(), cx.kind.neutral()]
-                .into_iter()
-                .flatten()
-                .collect(),
+            held: [cx.kind.neutral(), cx.kind.neutral()].into_iter().flatten().collect(),
             has_begun: false,
         }
     }

@@ -37,9 +37,7 @@ impl BridgeType for Resample {
         let components = 0..cx.kind.width();
         Self {
             // The check accepts only rates that can be resampled.
-            resamplers: components
-                .filter_map(|_| resampler(cx.from, cx.to).ok())
-                .collect(),
+            resamplers: components.filter_map(|_| resampler(cx.from, cx.to).ok()).collect(),
             neutral: cx.kind.neutral().collect(),
             gathered: vec![0.0; cx.max_from],
             resampled: vec![0.0; cx.max_to],
@@ -69,11 +67,7 @@ impl BridgeType for Resample {
             resampler.process(&self.gathered[..frames_in], &mut self.resampled[..frames_out]);
             for (resampled, frame) in self.resampled.iter().zip(y.chunks_exact_mut(width)) {
                 // Adding a zero would lose the sign of another.
-                frame[component] = if *neutral == 0.0 {
-                    *resampled
-                } else {
-                    resampled + neutral
-                };
+                frame[component] = if *neutral == 0.0 { *resampled } else { resampled + neutral };
             }
         }
     }
@@ -100,15 +94,8 @@ mod tests {
             gathered: Vec::new(),
             resampled: Vec::new(),
         };
-        let window = crate::bridges::Ticks {
-            first: 0,
-            count: 0,
-            period: 1,
-        };
-        let ends = Ends {
-            from: window,
-            to: window,
-        };
+        let window = crate::bridges::Ticks { first: 0, count: 0, period: 1 };
+        let ends = Ends { from: window, to: window };
         let mut out = [1.0; 4];
         bridge.cross(&ends, &[1.0; 2], &mut out);
         assert_eq!(out, [0.0; 4]);

@@ -7,11 +7,7 @@ use serde_json::{Value, json};
 
 /// The findings in the form of rustc: message, source lines with carets, and help; then their number.
 pub fn render(diagnostics: &Diagnostics, colour: bool) -> String {
-    let renderer = if colour {
-        Renderer::styled()
-    } else {
-        Renderer::plain()
-    };
+    let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
     let renderer = renderer.decor_style(DecorStyle::Ascii);
     let sources = &diagnostics.sources;
     let mut text = String::new();
@@ -59,10 +55,7 @@ fn summary(list: &[Diagnostic]) -> String {
         1 => Some(format!("1 {what}")),
         n => Some(format!("{n} {what}s")),
     };
-    let parts = [
-        counted(count(Severity::Error), "error"),
-        counted(count(Severity::Warning), "warning"),
-    ];
+    let parts = [counted(count(Severity::Error), "error"), counted(count(Severity::Warning), "warning")];
     let parts: Vec<String> = parts.into_iter().flatten().collect();
     match parts.is_empty() {
         true => String::new(),
@@ -75,18 +68,10 @@ fn group<'a>(diagnostic: &'a Diagnostic, sources: &'a Sources) -> Group<'a> {
         Severity::Error => Level::ERROR,
         Severity::Warning => Level::WARNING,
     };
-    let title = level
-        .primary_title(diagnostic.message.as_str())
-        .id(diagnostic.code);
+    let title = level.primary_title(diagnostic.message.as_str()).id(diagnostic.code);
     let mut group = Group::with_title(title);
-    let primary = diagnostic
-        .primary
-        .iter()
-        .map(|label| (AnnotationKind::Primary, label));
-    let secondary = diagnostic
-        .secondary
-        .iter()
-        .map(|label| (AnnotationKind::Context, label));
+    let primary = diagnostic.primary.iter().map(|label| (AnnotationKind::Primary, label));
+    let secondary = diagnostic.secondary.iter().map(|label| (AnnotationKind::Context, label));
     // Labels of one file share a snippet, unless a line is so long that only what is around a label can be shown.
     type Labels<'a> = Vec<(AnnotationKind, &'a Label)>;
     let mut snippets: Vec<(SourceId, bool, Labels<'_>)> = Vec::new();
@@ -96,10 +81,7 @@ fn group<'a>(diagnostic: &'a Diagnostic, sources: &'a Sources) -> Group<'a> {
         };
         let file = label.span.source;
         let long = lines_around(&source.text, label.span).len() > LONG_LINES;
-        match snippets
-            .iter_mut()
-            .find(|(of, apart, _)| *of == file && !apart && !long)
-        {
+        match snippets.iter_mut().find(|(of, apart, _)| *of == file && !apart && !long) {
             Some((.., labels)) => labels.push((kind, label)),
             None => snippets.push((file, long, vec![(kind, label)])),
         }
@@ -192,10 +174,9 @@ fn finding(diagnostic: &Diagnostic, sources: &Sources) -> Value {
     });
     let place = match &diagnostic.primary {
         Some(primary) => place(primary, sources),
-        None => sources.get(SourceId::default()).map_or(
-            Value::Null,
-            |graph| json!({ "path": graph.path.to_string_lossy() }),
-        ),
+        None => sources
+            .get(SourceId::default())
+            .map_or(Value::Null, |graph| json!({ "path": graph.path.to_string_lossy() })),
     };
     if let (Some(object), Value::Object(place)) = (object.as_object_mut(), place) {
         object.extend(place);
@@ -206,10 +187,7 @@ fn finding(diagnostic: &Diagnostic, sources: &Sources) -> Value {
 fn place(label: &Label, sources: &Sources) -> Value {
     let span = label.span;
     let (line, column) = sources.line_column(span);
-    let end = Span {
-        start: span.end.max(span.start),
-        ..span
-    };
+    let end = Span { start: span.end.max(span.start), ..span };
     let (end_line, end_column) = sources.line_column(end);
     json!({
         "path": sources.get(span.source).map(|source| source.path.to_string_lossy()),
@@ -228,20 +206,10 @@ mod tests {
     fn findings(text: &str, places: impl Iterator<Item = usize>) -> Diagnostics {
         let mut sources = Sources::default();
         let source = sources.add("g.ron".into(), Arc::from(text));
-        let span = |start| Span {
-            source,
-            start,
-            end: start + 1,
-        };
-        let finding = |place| {
-            Diagnostic::error("E0105", span(place), "twice")
-                .label("again")
-                .also(span(0), "first")
-        };
-        Diagnostics {
-            list: places.map(finding).collect(),
-            sources,
-        }
+        let span = |start| Span { source, start, end: start + 1 };
+        let finding =
+            |place| Diagnostic::error("E0105", span(place), "twice").label("again").also(span(0), "first");
+        Diagnostics { list: places.map(finding).collect(), sources }
     }
 
     #[test]
@@ -249,23 +217,15 @@ mod tests {
         let many = findings(&"x\n".repeat(300), (0..300).map(|k| 2 * k));
         let text = render(&many, false);
         assert_eq!(text.matches("error[E0105]").count(), MAX_SHOWN);
-        assert!(
-            text.contains("200 more") && text.ends_with("300 errors\n"),
-            "{text}"
-        );
+        assert!(text.contains("200 more") && text.ends_with("300 errors\n"), "{text}");
         let json: Vec<Value> = serde_json::from_str(&to_json(&many)).unwrap();
-        assert_eq!(
-            (json.len(), &json[MAX_SHOWN]["severity"]),
-            (MAX_SHOWN + 1, &json!("note"))
-        );
+        assert_eq!((json.len(), &json[MAX_SHOWN]["severity"]), (MAX_SHOWN + 1, &json!("note")));
     }
 
     #[test]
     fn errors_come_before_warnings_where_not_all_are_shown() {
         let mut many = findings(&"x\n".repeat(150), (0..150).map(|k| 2 * k));
-        many.list[..80]
-            .iter_mut()
-            .for_each(|d| d.severity = Severity::Warning);
+        many.list[..80].iter_mut().for_each(|d| d.severity = Severity::Warning);
         let text = render(&many, false);
         assert_eq!(text.matches("error[").count(), 70);
         assert_eq!(text.matches("warning[").count(), 30);

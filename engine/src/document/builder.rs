@@ -63,10 +63,7 @@ impl Written for &str {
 impl Builder {
     /// A document about something.
     pub fn new(about: &str) -> Self {
-        Self {
-            about: about.to_owned(),
-            ..Self::default()
-        }
+        Self { about: about.to_owned(), ..Self::default() }
     }
 
     /// The seed of all random streams; 0 where it is not set.
@@ -120,20 +117,12 @@ impl Builder {
     /// # Errors
     /// Names of kinds or fields that are no names.
     pub fn build(&self) -> Result<Document, Diagnostics> {
-        let (
-            value,
-            Writer {
-                text, diagnostics, ..
-            },
-        ) = self.write();
+        let (value, Writer { text, diagnostics, .. }) = self.write();
         let mut sources = Sources::default();
         sources.add("<graph>".into(), text.into());
         match diagnostics.is_empty() {
             true => load::value(sources, value, &LoadOptions::default()),
-            false => Err(Diagnostics {
-                sources,
-                list: diagnostics,
-            }),
+            false => Err(Diagnostics { sources, list: diagnostics }),
         }
     }
 
@@ -149,10 +138,7 @@ impl Builder {
             ("seed", self.seed.value()),
             ("clocks", parts(&self.clocks)),
             ("nodes", parts(&self.nodes)),
-            (
-                "endpoints",
-                Value::map(sets.map(|(set, devices)| (set.as_str(), parts(devices)))),
-            ),
+            ("endpoints", Value::map(sets.map(|(set, devices)| (set.as_str(), parts(devices))))),
         ])
         .named("Graph");
         let mut writer = Writer::of(SourceId::default());
@@ -164,10 +150,7 @@ impl Builder {
 impl Part {
     /// A node or device of this kind.
     pub fn new(kind: &str) -> Self {
-        Self {
-            kind: kind.to_owned(),
-            fields: Vec::new(),
-        }
+        Self { kind: kind.to_owned(), fields: Vec::new() }
     }
 
     /// Gives the node's clock.
@@ -291,10 +274,7 @@ mod tests {
     }
 
     fn builder() -> Builder {
-        let inner = |whole| Inner {
-            pair: [-1e-300, f64::MAX],
-            whole,
-        };
+        let inner = |whole| Inner { pair: [-1e-300, f64::MAX], whole };
         let part = Part::new("Kind")
             .on("audio")
             .endpoint("the \"first\"\\second")
@@ -306,10 +286,7 @@ mod tests {
             .set("empty", Vec::<f64>::new())
             .set("none", None::<u32>)
             .set("plain", Choice::Plain)
-            .set(
-                "nested",
-                vec![Choice::Nested(inner(None)), Choice::Nested(inner(Some(7)))],
-            )
+            .set("nested", vec![Choice::Nested(inner(None)), Choice::Nested(inner(Some(7)))])
             .set("settings", inner(Some(0)))
             .wire("input", hold("a.b"))
             .wires("inputs", ["a".into(), ring("a", 12.5), delay("b", 3)])
@@ -374,10 +351,7 @@ mod tests {
             let codes: Vec<&str> = wrong.list.iter().map(|found| found.code).collect();
             assert_eq!(codes, ["E0101"]);
             assert_eq!(
-                wrong.list[0]
-                    .primary
-                    .as_ref()
-                    .map(|label| wrong.sources.line_column(label.span).0),
+                wrong.list[0].primary.as_ref().map(|label| wrong.sources.line_column(label.span).0),
                 Some(7)
             );
         }
@@ -385,11 +359,8 @@ mod tests {
 
     #[test]
     fn a_name_that_is_there_twice_is_kept_for_the_check() {
-        let document = Builder::new("")
-            .node("a", Part::new("Sine"))
-            .node("a", Part::new("Sine"))
-            .build()
-            .unwrap();
+        let document =
+            Builder::new("").node("a", Part::new("Sine")).node("a", Part::new("Sine")).build().unwrap();
         let codes: Vec<&str> = document.findings.iter().map(|found| found.code).collect();
         assert_eq!(codes, ["E0105"]);
     }

@@ -37,12 +37,7 @@ impl Document {
                             self.note(place, value, &mut found, &mut parameters);
                         }
                         if fields(limit).is_empty() {
-                            self.note(
-                                format!("the limit of {place}"),
-                                limit,
-                                &mut found,
-                                &mut parameters,
-                            );
+                            self.note(format!("the limit of {place}"), limit, &mut found, &mut parameters);
                         }
                     }
                 }
@@ -87,10 +82,9 @@ impl Document {
 
     fn uses_template(&self, value: &Value) -> bool {
         match &value.shape {
-            Shape::Tagged(Tagged { name: Some(kind), .. }) => self
-                .templates
-                .iter()
-                .any(|template| template.name.text == kind.text),
+            Shape::Tagged(Tagged { name: Some(kind), .. }) => {
+                self.templates.iter().any(|template| template.name.text == kind.text)
+            }
             _ => false,
         }
     }
@@ -98,10 +92,7 @@ impl Document {
     fn text_of(&self, span: Span) -> String {
         let source = self.sources.get(span.source);
         let text = source.and_then(|source| source.text.get(span.start..span.end));
-        text.unwrap_or_default()
-            .split_whitespace()
-            .collect::<Vec<_>>()
-            .join(" ")
+        text.unwrap_or_default().split_whitespace().collect::<Vec<_>>().join(" ")
     }
 }
 
@@ -120,10 +111,7 @@ fn limits<'v>(value: &'v Value, registry: &Registry) -> impl Iterator<Item = &'v
 
 fn fields(value: &Value) -> &[(Name, Value)] {
     match &value.shape {
-        Shape::Tagged(Tagged {
-            body: Body::Fields(fields),
-            ..
-        }) => fields,
+        Shape::Tagged(Tagged { body: Body::Fields(fields), .. }) => fields,
         _ => &[],
     }
 }

@@ -26,9 +26,7 @@ pub fn templates(library: &[(&'static str, &'static str)]) -> Vec<LibraryTemplat
     let of_file = |(file, text): &(&'static str, &'static str)| {
         let document = load::parts_alone(file, text);
         let templates = document.templates.iter();
-        templates
-            .map(|template| described(&document, template, file))
-            .collect::<Vec<_>>()
+        templates.map(|template| described(&document, template, file)).collect::<Vec<_>>()
     };
     library.iter().flat_map(of_file).collect()
 }
@@ -46,11 +44,7 @@ fn described(document: &Document, template: &Template, file: &'static str) -> Li
                 (name.text.clone(), default)
             })
             .collect(),
-        outputs: template
-            .outputs
-            .iter()
-            .map(|(name, _)| name.text.clone())
-            .collect(),
+        outputs: template.outputs.iter().map(|(name, _)| name.text.clone()).collect(),
     }
 }
 

@@ -55,10 +55,7 @@ pub(super) fn value(sources: Sources, value: Value, options: &LoadOptions) -> Re
         loaded: HashSet::new(),
     };
     if loader.graph(value).is_none() {
-        return Err(Diagnostics {
-            sources: loader.document.sources,
-            list: loader.document.findings,
-        });
+        return Err(Diagnostics { sources: loader.document.sources, list: loader.document.findings });
     }
     Ok(loader.document)
 }
@@ -100,13 +97,8 @@ pub(super) fn parts_alone(name: &str, text: &str) -> Document {
 
 /// Reads the parts of the library that a document includes, and those that they include.
 pub(super) fn library(document: Document, library: &[(&'static str, &'static str)]) -> Document {
-    let mut loader = Loader {
-        max_bytes: 0,
-        left_bytes: 0,
-        document,
-        open: Vec::new(),
-        loaded: HashSet::new(),
-    };
+    let mut loader =
+        Loader { max_bytes: 0, left_bytes: 0, document, open: Vec::new(), loaded: HashSet::new() };
     let mut read = 0;
     while let Some(Name { text: name, span }) = loader.document.library.get(read).cloned() {
         read += 1;
@@ -209,33 +201,23 @@ impl Loader {
 
     fn structure(&mut self, value: Value, name: &str, file: &str) -> Option<Fields> {
         let value = match value.shape {
-            Shape::Tagged(Tagged {
-                name: Some(written),
-                body: Body::Fields(entries),
-            }) if written.text == name => {
+            Shape::Tagged(Tagged { name: Some(written), body: Body::Fields(entries) })
+                if written.text == name =>
+            {
                 let owner = format!("`{name}`");
                 return Some(self.reading(|reading| Fields::new(owner, written.span, entries, reading)));
             }
-            shape => Value {
-                span: value.span,
-                shape,
-            },
+            shape => Value { span: value.span, shape },
         };
         let mut at = value.span;
         let mut found = value.describe().to_owned();
-        if let Shape::Tagged(Tagged {
-            name: Some(written), ..
-        }) = &value.shape
-        {
+        if let Shape::Tagged(Tagged { name: Some(written), .. }) = &value.shape {
             at = written.span;
             found = format!("`{}`", written.text);
         }
-        let mut diagnostic = Diagnostic::error(
-            "E0110",
-            at,
-            format!("{file} holds one `{name}(...)`, found {found}"),
-        )
-        .label(format!("expected `{name}(format: {FORMAT}, ...)`"));
+        let mut diagnostic =
+            Diagnostic::error("E0110", at, format!("{file} holds one `{name}(...)`, found {found}"))
+                .label(format!("expected `{name}(format: {FORMAT}, ...)`"));
         if found == "`Parts`" {
             diagnostic = diagnostic.help("parts are checked with a graph that includes them");
         }
@@ -258,9 +240,7 @@ impl Loader {
             self.report(
                 Diagnostic::error("E0107", value.span, message)
                     .label(format!("expected {FORMAT}"))
-                    .help(format!(
-                        "this program reads format {FORMAT}; is the file from a newer one?"
-                    )),
+                    .help(format!("this program reads format {FORMAT}; is the file from a newer one?")),
             );
             // What follows would be judged by rules it was not written for.
             return None;
@@ -286,10 +266,7 @@ impl Loader {
             Shape::Map(pairs) => pairs,
             shape => {
                 let expected = Expected::described(format!("a map from names, {{ \"{what}\": ... }}"));
-                let value = Value {
-                    span: value.span,
-                    shape,
-                };
+                let value = Value { span: value.span, shape };
                 self.reading(|reading| reading.mismatch(&value, &expected));
                 return Vec::new();
             }
@@ -375,10 +352,7 @@ impl Loader {
             Err(error) => return self.not_included(path, span, &error),
         };
         self.left_bytes -= text.len() as u64;
-        let id: SourceId = self
-            .document
-            .sources
-            .add(path.to_path_buf(), Arc::from(text.as_str()));
+        let id: SourceId = self.document.sources.add(path.to_path_buf(), Arc::from(text.as_str()));
         if let Some(value) = ron_text::read(id, &text, &mut self.document.findings) {
             self.open.push(key);
             self.parts(value);
@@ -403,20 +377,12 @@ impl Loader {
 
     fn templates(&mut self, fields: &mut Fields) {
         for (name, value) in self.entries(fields, "templates", "template") {
-            if let Some(known) = self
-                .document
-                .templates
-                .iter()
-                .find(|known| known.name.text == name.text)
-            {
-                let diagnostic = Diagnostic::error(
-                    "E0105",
-                    name.span,
-                    format!("there are two templates `{}`", name.text),
-                )
-                .label("declared again here")
-                .also(known.name.span, "first declared here")
-                .help("rename or remove one of them");
+            if let Some(known) = self.document.templates.iter().find(|known| known.name.text == name.text) {
+                let diagnostic =
+                    Diagnostic::error("E0105", name.span, format!("there are two templates `{}`", name.text))
+                        .label("declared again here")
+                        .also(known.name.span, "first declared here")
+                        .help("rename or remove one of them");
                 self.report(diagnostic);
                 continue;
             }
@@ -460,21 +426,15 @@ impl Loader {
 
     fn structure_named(&mut self, value: &Value, name: &str) -> Option<Fields> {
         match &value.shape {
-            Shape::Tagged(Tagged {
-                name: Some(written),
-                body: Body::Fields(entries),
-            }) if written.text == name => {
+            Shape::Tagged(Tagged { name: Some(written), body: Body::Fields(entries) })
+                if written.text == name =>
+            {
                 let (span, entries) = (written.span, entries.clone());
                 Some(self.reading(|reading| Fields::new(format!("`{name}`"), span, entries, reading)))
             }
-            Shape::Tagged(Tagged {
-                name: Some(written), ..
-            }) if closest(&written.text, [name]).is_some() => {
+            Shape::Tagged(Tagged { name: Some(written), .. }) if closest(&written.text, [name]).is_some() => {
                 let expected = Expected::described(format!("`{name}(...)` with fields"));
-                let at = Value {
-                    span: written.span,
-                    shape: value.shape.clone(),
-                };
+                let at = Value { span: written.span, shape: value.shape.clone() };
                 self.reading(|reading| reading.mismatch(&at, &expected));
                 None
             }
@@ -507,10 +467,7 @@ impl Loader {
                 self.report(diagnostic);
                 continue;
             }
-            names.push(Name {
-                span: item.span,
-                text,
-            });
+            names.push(Name { span: item.span, text });
         }
         names
     }

@@ -71,9 +71,7 @@ impl LoadOptions {
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self {
-            max_bytes: MAX_GRAPH_BYTES,
-        }
+        Self { max_bytes: MAX_GRAPH_BYTES }
     }
 }
 

@@ -24,37 +24,21 @@ pub(crate) fn read(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
     if let Some(first) = beginning_of_prose(text, &lexemes) {
         // Every line of it would be wrong in its own way.
         diagnostics.truncate(before);
-        let span = Span {
-            source,
-            start: first.start,
-            end: first.end,
-        };
+        let span = Span { source, start: first.start, end: first.end };
         let found = &text[first.start..first.end];
         let message = format!("this does not begin like a graph: found `{found}`");
         let help = "a graph file holds one `Graph(format: 1, nodes: { ... })`; is this the file you meant?";
-        diagnostics.push(
-            Diagnostic::error("E0110", span, message)
-                .label("not the beginning of a value")
-                .help(help),
-        );
+        diagnostics
+            .push(Diagnostic::error("E0110", span, message).label("not the beginning of a value").help(help));
         return None;
     }
     let partners = tokens::match_brackets(source, text, &lexemes, diagnostics)?;
-    let mut reader = Reader {
-        source,
-        text,
-        lexemes,
-        partners,
-        at: 0,
-        diagnostics,
-    };
+    let mut reader = Reader { source, text, lexemes, partners, at: 0, diagnostics };
     reader.skip_extensions();
     if reader.token().is_none() {
         let diagnostic = Diagnostic::error("E0110", reader.span(), "the file is empty");
         let help = "begin with `Graph(format: 1, nodes: { ... })`";
-        reader
-            .diagnostics
-            .push(diagnostic.label("nothing to read").help(help));
+        reader.diagnostics.push(diagnostic.label("nothing to read").help(help));
         return None;
     }
     let value = reader.value(0);
@@ -67,9 +51,7 @@ pub(crate) fn read(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
 
 /// The first token of a text that is no value: of words, or of a sign that RON does not have.
 fn beginning_of_prose<'l>(text: &str, lexemes: &'l [Lexeme]) -> Option<&'l Lexeme> {
-    let mut rest = lexemes
-        .iter()
-        .skip_while(|lexeme| lexeme.token == Token::Attribute);
+    let mut rest = lexemes.iter().skip_while(|lexeme| lexeme.token == Token::Attribute);
     let first = rest.next()?;
     let is_prose = match (first.token, rest.next().map(|next| next.token)) {
         (Token::Mistaken, _) => !text[first.start..].starts_with(['\'', '-', '+', '\u{201c}']),
@@ -110,17 +92,11 @@ impl Reader<'_> {
     }
 
     fn span_of(&self, start: usize, end: usize) -> Span {
-        Span {
-            source: self.source,
-            start,
-            end,
-        }
+        Span { source: self.source, start, end }
     }
 
     fn slice(&self) -> &str {
-        self.lexemes
-            .get(self.at)
-            .map_or("", |lexeme| &self.text[lexeme.start..lexeme.end])
+        self.lexemes.get(self.at).map_or("", |lexeme| &self.text[lexeme.start..lexeme.end])
     }
 
     fn found(&self) -> String {
@@ -166,9 +142,7 @@ impl Reader<'_> {
         let long = strings
             .filter(|lexeme| lexeme.token == Token::String)
             .find(|lexeme| self.text[lexeme.start..lexeme.end].contains('\n'))?;
-        let line = self.text[long.start..long.end]
-            .find('\n')
-            .map_or(long.end, |i| long.start + i);
+        let line = self.text[long.start..long.end].find('\n').map_or(long.end, |i| long.start + i);
         Some(self.span_of(long.start, line))
     }
 
@@ -205,10 +179,7 @@ impl Reader<'_> {
                     },
                 };
                 let end = self.lexemes[close].end;
-                return Some(Value {
-                    span: self.span_of(span.start, end),
-                    shape,
-                });
+                return Some(Value { span: self.span_of(span.start, end), shape });
             }
             _ => {
                 self.unexpected("a value");
@@ -237,10 +208,7 @@ impl Reader<'_> {
         self.at += 1;
         if self.token() != Some(Token::Open) || self.slice() != "(" {
             let body = Body::Bare;
-            return Some(Value {
-                span,
-                shape: Shape::Tagged(Tagged { name, body }),
-            });
+            return Some(Value { span, shape: Shape::Tagged(Tagged { name, body }) });
         }
         let inner = self.value(depth)?;
         let body = match inner.shape {
@@ -339,10 +307,7 @@ impl Reader<'_> {
 
     /// `name: value`
     fn field(&mut self, depth: usize) -> Option<(Name, Value)> {
-        let name = Name {
-            span: self.span(),
-            text: self.slice().trim_matches('"').to_owned(),
-        };
+        let name = Name { span: self.span(), text: self.slice().trim_matches('"').to_owned() };
         match (self.token(), self.next_token()) {
             (Some(Token::Name), Some(Token::Colon)) => {}
             (Some(Token::String), Some(Token::Colon)) => self.diagnostics.push(
@@ -359,8 +324,7 @@ impl Reader<'_> {
                 let help = format!("inputs are named: `input: {}`", self.slice());
                 let message = "expected `name: value`, found a string";
                 let diagnostic = Diagnostic::error("E0101", name.span, message);
-                self.diagnostics
-                    .push(diagnostic.label("expected `name: value`").help(help));
+                self.diagnostics.push(diagnostic.label("expected `name: value`").help(help));
                 return None;
             }
             _ if self.refuse_decimal_comma() => return None,
@@ -389,10 +353,8 @@ impl Reader<'_> {
 
     /// Reports `80,5`, where the number at hand follows a comma that follows a number.
     fn refuse_decimal_comma(&mut self) -> bool {
-        let Some([whole, comma, part]) = self
-            .at
-            .checked_sub(2)
-            .and_then(|start| self.lexemes.get(start..=self.at))
+        let Some([whole, comma, part]) =
+            self.at.checked_sub(2).and_then(|start| self.lexemes.get(start..=self.at))
         else {
             return false;
         };
@@ -465,9 +427,7 @@ impl Reader<'_> {
         let text = if radix == 10 {
             Some(format!("{sign}{digits}"))
         } else {
-            u64::from_str_radix(&digits[2..], radix)
-                .ok()
-                .map(|n| format!("{sign}{n}"))
+            u64::from_str_radix(&digits[2..], radix).ok().map(|n| format!("{sign}{n}"))
         };
         // RON has no `_` right after a point, and none in or right after `0x`.
         let unsigned = written.trim_start_matches(['+', '-']);

@@ -109,9 +109,7 @@ impl Value {
 
     /// `(x: a)`, or `()` without fields.
     pub fn structure<N: AsRef<str>>(fields: impl IntoIterator<Item = (N, Self)>) -> Self {
-        let fields = fields
-            .into_iter()
-            .map(|(name, value)| (Name::from(name.as_ref()), value));
+        let fields = fields.into_iter().map(|(name, value)| (Name::from(name.as_ref()), value));
         let fields: Vec<(Name, Self)> = fields.collect();
         let (name, body) = (None, Body::Fields(fields));
         match &body {
@@ -157,9 +155,7 @@ impl Value {
             Shape::String(text) => brief_text(text).into(),
             Shape::List(values) => format!("[{}]", all(values)),
             Shape::Map(pairs) => {
-                let pairs = pairs
-                    .iter()
-                    .map(|(key, value)| format!("{}: {}", key.brief(), value.brief()));
+                let pairs = pairs.iter().map(|(key, value)| format!("{}: {}", key.brief(), value.brief()));
                 format!("{{{}}}", pairs.collect::<Vec<_>>().join(", "))
             }
             Shape::Tagged(Tagged { name, body }) => {
@@ -168,9 +164,8 @@ impl Value {
                     Body::Bare => name.into(),
                     Body::Tuple(values) => format!("{name}({})", all(values)),
                     Body::Fields(fields) => {
-                        let fields = fields
-                            .iter()
-                            .map(|(name, value)| format!("{}: {}", name.text, value.brief()));
+                        let fields =
+                            fields.iter().map(|(name, value)| format!("{}: {}", name.text, value.brief()));
                         format!("{name}({})", fields.collect::<Vec<_>>().join(", "))
                     }
                 }
@@ -192,10 +187,7 @@ impl Value {
     /// The name, if the value is a name without brackets: `synth`.
     pub(crate) fn bare_name(&self) -> Option<&str> {
         match &self.shape {
-            Shape::Tagged(Tagged {
-                name: Some(name),
-                body: Body::Bare,
-            }) => Some(&name.text),
+            Shape::Tagged(Tagged { name: Some(name), body: Body::Bare }) => Some(&name.text),
             _ => None,
         }
     }

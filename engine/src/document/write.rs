@@ -25,10 +25,7 @@ pub(super) struct Writer {
 impl Writer {
     /// A writer of the source of this number.
     pub fn of(source: SourceId) -> Self {
-        Self {
-            source,
-            ..Self::default()
-        }
+        Self { source, ..Self::default() }
     }
 
     /// Writes a file: one structure, each field on its lines.
@@ -112,8 +109,7 @@ impl Writer {
         } else {
             let message = "brackets are nested too deeply";
             let diagnostic = Diagnostic::error("E0104", self.since(start), message);
-            self.diagnostics
-                .push(diagnostic.help(format!("at most {MAX_DEPTH} levels are read")));
+            self.diagnostics.push(diagnostic.help(format!("at most {MAX_DEPTH} levels are read")));
         }
         self.text += close;
     }
@@ -138,11 +134,7 @@ impl Writer {
     }
 
     fn since(&self, start: usize) -> Span {
-        Span {
-            source: self.source,
-            start,
-            end: self.text.len(),
-        }
+        Span { source: self.source, start, end: self.text.len() }
     }
 }
 
@@ -207,20 +199,9 @@ mod tests {
 
     #[test]
     fn numbers_keep_their_bits() {
-        for number in [
-            0.1 + 0.2,
-            -0.0,
-            5e-324,
-            -f64::MIN_POSITIVE,
-            f64::MAX,
-            1e300 / 3.0,
-            f64::NEG_INFINITY,
-        ] {
-            let Ok(Value {
-                shape: Shape::Number(read, text),
-                ..
-            }) = Value::parse(&number.show())
-            else {
+        for number in [0.1 + 0.2, -0.0, 5e-324, -f64::MIN_POSITIVE, f64::MAX, 1e300 / 3.0, f64::NEG_INFINITY]
+        {
+            let Ok(Value { shape: Shape::Number(read, text), .. }) = Value::parse(&number.show()) else {
                 panic!("{number:?}")
             };
             assert_eq!((read.to_bits(), text), (number.to_bits(), number.show()));

@@ -48,15 +48,7 @@ const COMPARISONS: usize = 2;
 
 /// The steps of a formula over inputs of these names, and the number of values that they need as working memory.
 pub(super) fn steps(text: &str, inputs: &[&str]) -> Result<(Vec<Step>, usize), FormulaError> {
-    let mut parser = Parser {
-        text,
-        at: 0,
-        inputs,
-        steps: Vec::new(),
-        height: 0,
-        depth: 0,
-        nested: 0,
-    };
+    let mut parser = Parser { text, at: 0, inputs, steps: Vec::new(), height: 0, depth: 0, nested: 0 };
     if text.chars().count() > MAX_CHARACTERS {
         return Err(parser.wrong(format!("it has more than {MAX_CHARACTERS} characters")));
     }
@@ -122,9 +114,7 @@ impl<'t> Parser<'t> {
             return self.wrong(format!("numbers of a formula are in SI units: 1 {word} is {si}"));
         }
         if strange.is_alphanumeric() || strange == '(' {
-            return self.wrong(format!(
-                "an operator is missing before `{strange}`, as in `2 * x`"
-            ));
+            return self.wrong(format!("an operator is missing before `{strange}`, as in `2 * x`"));
         }
         self.wrong(format!("`{strange}` is not expected"))
     }
@@ -133,11 +123,7 @@ impl<'t> Parser<'t> {
     fn foreign(&self, text: &str) -> Option<String> {
         let is_word = |sign: &str| sign.starts_with(char::is_alphabetic);
         let is_it = |sign: &str| {
-            if is_word(sign) {
-                text == sign
-            } else {
-                text.starts_with(sign)
-            }
+            if is_word(sign) { text == sign } else { text.starts_with(sign) }
         };
         let (sign, ours) = FOREIGN.iter().find(|(sign, _)| is_it(sign))?;
         Some(format!("`{sign}` is written as {ours} here"))
@@ -257,18 +243,13 @@ impl<'t> Parser<'t> {
         let is_called = self.rest()[name.len()..].trim_start().starts_with('(');
         // `maximum(` and `average(` begin as our functions do, or are none of them.
         let begins = |(known, _): &&(&'static str, Function)| is_called && name.starts_with(known);
-        let longer = FUNCTIONS
-            .iter()
-            .filter(begins)
-            .map(|(known, _)| *known)
-            .max_by_key(|known| known.len());
+        let longer = FUNCTIONS.iter().filter(begins).map(|(known, _)| *known).max_by_key(|known| known.len());
         let help = match longer.or_else(|| closest(near.as_deref().unwrap_or(name), known)) {
             Some(near) if is_called || self.inputs.is_empty() => format!("did you mean `{near}`?"),
             Some(near) => format!("did you mean `{near}`? The inputs are {}", self.listed()),
-            None if is_called => format!(
-                "the functions are {}",
-                FUNCTIONS.map(|(known, _)| known).join(", ")
-            ),
+            None if is_called => {
+                format!("the functions are {}", FUNCTIONS.map(|(known, _)| known).join(", "))
+            }
             None if self.inputs.is_empty() => "there are functions, `pi` and `e`".to_owned(),
             None => format!("the inputs are {}", self.listed()),
         };

@@ -51,9 +51,7 @@ fn error(
     label: impl Into<String>,
     help: impl Into<String>,
 ) -> Finding {
-    Finding::Error(Box::new(
-        Diagnostic::error(code, span, message).label(label).help(help),
-    ))
+    Finding::Error(Box::new(Diagnostic::error(code, span, message).label(label).help(help)))
 }
 
 /// Adds the place where a template passes the connection on.
@@ -80,10 +78,7 @@ fn crossing(
         };
         let message = format!("`{}` takes no bridges", to.entry.spec.name);
         let label = "there is no clock to cross to";
-        let help = format!(
-            "remove `{}(...)`: a file takes every signal at its own rate",
-            name_of(bridge)
-        );
+        let help = format!("remove `{}(...)`: a file takes every signal at its own rate", name_of(bridge));
         return error("E0406", form, message, label, help);
     }
     let (Some(a), Some(b)) = (from.clock, to.clock) else {
@@ -135,26 +130,16 @@ fn crossing(
     if two_drivers && port.flow == Flow::Held {
         let message = format!("a ring cannot carry the held signal that `{}` reads", port.name);
         let label = format!("`{}` and `{}` have different drivers", source.name, target.name);
-        let help = format!(
-            "send its inputs through the ring and compute it on `{}`",
-            target.name
-        );
+        let help = format!("send its inputs through the ring and compute it on `{}`", target.name);
         return error("E0406", form, message, label, help);
     }
     if port.flow == Flow::Held && bridge != Bridge::Between(BridgeEntry::of::<Hold>()) {
-        let message = format!(
-            "`{}` cannot feed `{}`, which reads a held signal",
-            name_of(bridge),
-            port.name
-        );
+        let message = format!("`{}` cannot feed `{}`, which reads a held signal", name_of(bridge), port.name);
         let help = "a held input reads frames unchanged: use Hold(...)";
         return error("E0406", form, message, "not a held signal", help);
     }
     let choices = || choices(cx, draft, clocks, (a, b), port.flow, wire);
-    let ends = format!(
-        "from {} on `{}` to {} on `{}`",
-        source.rate, source.name, target.rate, target.name
-    );
+    let ends = format!("from {} on `{}` to {} on `{}`", source.rate, source.name, target.rate, target.name);
     match bridge {
         Bridge::Delay { .. } => error(
             "E0406",
@@ -178,13 +163,9 @@ fn crossing(
             choices(),
         ),
         Bridge::Ring { latency_s } => match least_ring_latency_s(source.rate, target.rate) {
-            Err(problem) => error(
-                "E0406",
-                form,
-                "these rates cannot be resampled".into(),
-                ends,
-                problem.to_string(),
-            ),
+            Err(problem) => {
+                error("E0406", form, "these rates cannot be resampled".into(), ends, problem.to_string())
+            }
             Ok(least_s) if latency_s < least_s => error(
                 "E0413",
                 form,
@@ -301,8 +282,7 @@ fn choices(
                 && kind.is_none_or(|kind| bridge.carries(kind))
     };
     let bridges = cx.registry.bridges().iter().filter(fits);
-    let bridges: Vec<String> = bridges
-        .map(|bridge| format!("{}(...), {}", bridge.spec.name, bridge.spec.gives))
-        .collect();
+    let bridges: Vec<String> =
+        bridges.map(|bridge| format!("{}(...), {}", bridge.spec.name, bridge.spec.gives)).collect();
     format!("bridge it: {}", bridges.join("; or "))
 }

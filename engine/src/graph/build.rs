@@ -44,26 +44,14 @@ pub(super) fn build(
     memory.connections(cx, draft, clocks);
     for node in 0..draft.nodes.len() {
         cx.files.clear();
-        works.push(work(
-            cx,
-            draft,
-            clocks,
-            declared,
-            &simulated,
-            &mut memory,
-            seed,
-            node,
-        ));
+        works.push(work(cx, draft, clocks, declared, &simulated, &mut memory, seed, node));
         files.push(std::mem::take(&mut cx.files));
     }
     refuse_shared_files(cx, draft, &works);
     Built {
         works,
         files,
-        devices: declared
-            .iter()
-            .map(|device| body(cx, clocks, device, seed))
-            .collect(),
+        devices: declared.iter().map(|device| body(cx, clocks, device, seed)).collect(),
         simulated,
     }
 }
@@ -83,18 +71,13 @@ fn refuse_shared_files(cx: &mut Context<'_>, draft: &Draft, works: &[Option<Work
             let at = |node: usize| {
                 let fields = &draft.nodes[node].fields;
                 let file = draft.nodes[node].entry.setting_for(SettingRole::OutputFile);
-                file.and_then(|file| fields.given(file.name))
-                    .map_or(fields.span, |value| value.span)
+                file.and_then(|file| fields.given(file.name)).map_or(fields.span, |value| value.span)
             };
             let (first_path, path) = (&draft.nodes[first].path, &draft.nodes[node].path);
             let message =
                 format!("`{first_path}` and `{path}` would write the same file in the run's folder");
             let diagnostic = Diagnostic::error("E0304", at(node), message);
-            cx.report(
-                diagnostic
-                    .also(at(first), "the other")
-                    .help("give each sink a file of its own"),
-            );
+            cx.report(diagnostic.also(at(first), "the other").help("give each sink a file of its own"));
         }
     }
 }
@@ -184,12 +167,9 @@ fn work(
                 drives.iter().position(|channel| channel.name == port)
             });
             match (limit, device, channel) {
-                (Some((gain, limit)), Some(device), Some(channel)) => Some(Work::Actuator {
-                    device,
-                    channel,
-                    gain,
-                    limit,
-                }),
+                (Some((gain, limit)), Some(device), Some(channel)) => {
+                    Some(Work::Actuator { device, channel, gain, limit })
+                }
                 _ => None,
             }
         }
@@ -197,10 +177,7 @@ fn work(
             let finish = cx.reading(|reading| read(&mut fields, reading));
             let context = streams(draft, clocks, simulated, node)
                 .filter(|_| sound)
-                .map(|streams| FileContext {
-                    streams,
-                    graph_seed: seed,
-                });
+                .map(|streams| FileContext { streams, graph_seed: seed });
             match (finish, context) {
                 (Some(finish), Some(context)) => places.or_report(cx, finish(&context)).map(Work::File),
                 _ => None,
@@ -208,17 +185,14 @@ fn work(
         }
         Build::Source(read) => {
             let has_settings = cx.reading(|reading| read(&mut fields, reading));
-            target
-                .device
-                .filter(|_| sound && has_settings)
-                .and_then(|device| {
-                    let senses = &devices[device].senses;
-                    let outputs = target.entry.spec.outputs.iter();
-                    let channels =
-                        outputs.map(|port| senses.iter().position(|channel| channel.name == port.name));
-                    let channels = channels.collect::<Option<_>>()?;
-                    Some(Work::Source { device, channels })
-                })
+            target.device.filter(|_| sound && has_settings).and_then(|device| {
+                let senses = &devices[device].senses;
+                let outputs = target.entry.spec.outputs.iter();
+                let channels =
+                    outputs.map(|port| senses.iter().position(|channel| channel.name == port.name));
+                let channels = channels.collect::<Option<_>>()?;
+                Some(Work::Source { device, channels })
+            })
         }
     };
     cx.reading(|reading| fields.finish(reading));
@@ -235,14 +209,10 @@ fn no_limit(node: &DraftNode, limit: &SettingSpec) -> Diagnostic {
         Expected::Structure(fields) => written(fields),
         _ => "...".to_owned(),
     };
-    Diagnostic::error(
-        "E0605",
-        node.fields.span,
-        format!("actuator sink `{kind}` has no limit"),
-    )
-    .label(format!("`{name}` is missing"))
-    .help(format!("set the limit of the actuator: `{name}: {expected}`"))
-    .help("every actuator needs a limit")
+    Diagnostic::error("E0605", node.fields.span, format!("actuator sink `{kind}` has no limit"))
+        .label(format!("`{name}` is missing"))
+        .help(format!("set the limit of the actuator: `{name}: {expected}`"))
+        .help("every actuator needs a limit")
 }
 
 fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<BuildContext> {
@@ -265,10 +235,7 @@ fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<Bui
 /// Largest size of the output buffers of a node, without sharing.
 fn buffer_bytes(draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
     let target = &draft.nodes[node];
-    let widths = target
-        .outputs
-        .iter()
-        .map(|output| output.kind.map_or(1, Kind::width));
+    let widths = target.outputs.iter().map(|output| output.kind.map_or(1, Kind::width));
     let frames = target.clock.map_or(0, |clock| max_frames(clocks, clock));
     memory::bytes(frames as u64, widths.sum())
 }

@@ -79,10 +79,7 @@ impl CheckOptions {
     /// Options that give all endpoints to the calling program.
     pub fn hosted() -> Self {
         let hosted = Hosted::All;
-        Self {
-            hosted,
-            ..Self::default()
-        }
+        Self { hosted, ..Self::default() }
     }
 }
 
@@ -165,13 +162,8 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
 
 /// Reports names registered more than once; these and the following errors have no place in the graph.
 fn twice(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
-    let quoted = |names: Vec<&str>| {
-        names
-            .iter()
-            .map(|name| format!("`{name}`"))
-            .collect::<Vec<_>>()
-            .join(", ")
-    };
+    let quoted =
+        |names: Vec<&str>| names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
     registry.twice().map(move |(name, of)| {
         let rename = "rename one where this program registers it";
         let (message, help) = match of {
@@ -202,21 +194,13 @@ fn twice(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
                 format!("{rename}; taken are {}", quoted(bridge_names(registry))),
             ),
         };
-        Diagnostic::error("E0212", Span::default(), message)
-            .of_no_place()
-            .help(help)
+        Diagnostic::error("E0212", Span::default(), message).of_no_place().help(help)
     })
 }
 
 /// The names that no other bridge can have.
 fn bridge_names(registry: &Registry) -> Vec<&'static str> {
-    unique(
-        registry
-            .bridges()
-            .iter()
-            .map(|entry| entry.spec.name)
-            .chain(RESERVED),
-    )
+    unique(registry.bridges().iter().map(|entry| entry.spec.name).chain(RESERVED))
 }
 
 /// Each name once, in the order of their first places.
@@ -239,9 +223,7 @@ fn unregistered_kinds(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
                 "use one definition of the kind for both",
             ),
         };
-        Diagnostic::error("E0213", Span::default(), message)
-            .of_no_place()
-            .help(help)
+        Diagnostic::error("E0213", Span::default(), message).of_no_place().help(help)
     })
 }
 
@@ -257,21 +239,12 @@ fn unlimited(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
 
 /// Sorts by place and removes duplicates: an error in a template is found in each of its uses.
 fn put_in_order(list: &mut Vec<Diagnostic>) {
-    let place = |d: &Diagnostic| {
-        d.primary
-            .as_ref()
-            .map(|label| (label.span.source, label.span.start))
-    };
+    let place = |d: &Diagnostic| d.primary.as_ref().map(|label| (label.span.source, label.span.start));
     list.sort_by_key(place);
     let mut seen = HashSet::new();
     // Missing fields share a place; their labels differ.
     list.retain(|d| match &d.primary {
-        Some(label) => seen.insert((
-            d.code,
-            label.span,
-            label.text.clone(),
-            d.severity == Severity::Error,
-        )),
+        Some(label) => seen.insert((d.code, label.span, label.text.clone(), d.severity == Severity::Error)),
         None => true,
     });
 }

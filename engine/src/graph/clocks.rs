@@ -33,19 +33,12 @@ struct Declared<'a> {
 /// Reads all clocks.
 pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters) -> Clocks {
     let document = cx.document;
-    let declared: Vec<Declared<'_>> = document
-        .clocks
-        .iter()
-        .map(|(name, value)| declared(cx, parameters, name, value))
-        .collect();
-    let index: HashMap<&str, usize> = declared
-        .iter()
-        .enumerate()
-        .map(|(i, clock)| (clock.name.text.as_str(), i))
-        .collect();
-    let drivers: Vec<Option<usize>> = (0..declared.len())
-        .map(|clock| driver(cx, &declared, &index, clock))
-        .collect();
+    let declared: Vec<Declared<'_>> =
+        document.clocks.iter().map(|(name, value)| declared(cx, parameters, name, value)).collect();
+    let index: HashMap<&str, usize> =
+        declared.iter().enumerate().map(|(i, clock)| (clock.name.text.as_str(), i)).collect();
+    let drivers: Vec<Option<usize>> =
+        (0..declared.len()).map(|clock| driver(cx, &declared, &index, clock)).collect();
     let mut clocks = Clocks::default();
     let mut kept: HashMap<usize, usize> = HashMap::new();
     let mut rate_spans = Vec::new();
@@ -53,11 +46,7 @@ pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters) -> Clocks 
         let place = match (clock.rate, driver) {
             (Some(rate), Some(driver)) if drivers[*driver].is_some() && declared[*driver].rate.is_some() => {
                 kept.insert(i, clocks.list.len());
-                clocks.list.push(Clock {
-                    name: clock.name.text.clone(),
-                    rate,
-                    driver: *driver,
-                });
+                clocks.list.push(Clock { name: clock.name.text.clone(), rate, driver: *driver });
                 clocks.spans.push(clock.name.span);
                 rate_spans.push(clock.rate_span);
                 Some(clocks.list.len() - 1)
@@ -79,13 +68,7 @@ fn declared<'a>(
     name: &'a Name,
     value: &Value,
 ) -> Declared<'a> {
-    let mut clock = Declared {
-        name,
-        of: None,
-        rate: None,
-        rate_span: value.span,
-        broken: true,
-    };
+    let mut clock = Declared { name, of: None, rate: None, rate_span: value.span, broken: true };
     let expected = "a clock, `Driver(rate_hz: ...)` or `Derived(of: \"...\", rate_hz: ...)`";
     let Some(value) = parameters.replace(cx, value, Place::Graph, &mut Vec::new()) else {
         return clock;
@@ -143,14 +126,9 @@ fn declared<'a>(
 fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
     let rate = match &value.shape {
         Shape::Number(_, text) => Rate::parse(text),
-        Shape::Tagged(Tagged {
-            name: None,
-            body: Body::Tuple(parts),
-        }) if parts.len() == 2 => {
-            let parts: Vec<Option<u64>> = parts
-                .iter()
-                .map(|part| cx.reading(|reading| u64::read(part, reading)))
-                .collect();
+        Shape::Tagged(Tagged { name: None, body: Body::Tuple(parts) }) if parts.len() == 2 => {
+            let parts: Vec<Option<u64>> =
+                parts.iter().map(|part| cx.reading(|reading| u64::read(part, reading))).collect();
             Rate::new(parts[0]?, parts[1]?)
         }
         _ => {
@@ -199,14 +177,8 @@ fn driver(
                 let diagnostic = Diagnostic::error("E0206", *span, message).label("unknown clock");
                 let known = declared.iter().map(|clock| clock.name.text.as_str());
                 let known = known.filter(|name| *name != declared[clock].name.text);
-                let diagnostic = suggest(
-                    cx,
-                    diagnostic,
-                    parent,
-                    known,
-                    "the clocks are",
-                    "it is the only clock",
-                );
+                let diagnostic =
+                    suggest(cx, diagnostic, parent, known, "the clocks are", "it is the only clock");
                 cx.report(diagnostic);
             }
             return None;
@@ -247,14 +219,10 @@ fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<T
         }
     }
     let culprit = fails.checked_sub(1)?;
-    let message = format!(
-        "the rate of `{}` has no common time unit with the clocks before it",
-        clocks[culprit].name
-    );
-    let mut diagnostic = Diagnostic::error("E0503", spans[culprit], message).label(format!(
-        "{} and the others need a time unit too short for 64 bits",
-        clocks[culprit].rate
-    ));
+    let message =
+        format!("the rate of `{}` has no common time unit with the clocks before it", clocks[culprit].name);
+    let mut diagnostic = Diagnostic::error("E0503", spans[culprit], message)
+        .label(format!("{} and the others need a time unit too short for 64 bits", clocks[culprit].rate));
     if culprit > 0 {
         diagnostic = diagnostic.also(spans[0], "the first clock");
     }
@@ -395,19 +363,14 @@ fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
         }
         let target = &draft.nodes[node];
         let kind = target.entry.spec.name;
-        let names: Vec<String> = clocks
-            .list
-            .iter()
-            .map(|clock| format!("\"{}\"", clock.name))
-            .collect();
+        let names: Vec<String> = clocks.list.iter().map(|clock| format!("\"{}\"", clock.name)).collect();
         let help = match names.as_slice() {
             [] => "declare one: `clocks: { \"audio\": Driver(rate_hz: 48000) }`".to_owned(),
             names => format!("add `clock: ...` to `{kind}`, one of {}", names.join(", ")),
         };
         let message = format!("cannot infer the clock of `{}` from its connections", target.path);
-        let diagnostic = Diagnostic::error("E0504", target.fields.span, message)
-            .label("its clock is unknown")
-            .help(help);
+        let diagnostic =
+            Diagnostic::error("E0504", target.fields.span, message).label("its clock is unknown").help(help);
         let diagnostic = draft.in_use(node, diagnostic, cx);
         cx.report(diagnostic);
     }
@@ -426,11 +389,7 @@ pub(super) fn warn_unused(cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks) 
         }
     }
     for (clock, used) in clocks.list.iter().zip(used) {
-        let declared = cx
-            .document
-            .clocks
-            .iter()
-            .find(|(name, _)| name.text == clock.name);
+        let declared = cx.document.clocks.iter().find(|(name, _)| name.text == clock.name);
         if let (false, Some((name, _))) = (used, declared) {
             let message = format!("clock `{}` is never used", clock.name);
             cx.report(

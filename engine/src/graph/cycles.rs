@@ -33,9 +33,7 @@ pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft) {
     loops.sort_unstable();
     for group in loops {
         let first = group[0];
-        let itself = draft.nodes[first]
-            .wires()
-            .any(|(_, wire)| wire.from == first && immediate(wire));
+        let itself = draft.nodes[first].wires().any(|(_, wire)| wire.from == first && immediate(wire));
         if group.len() == 1 && !itself {
             continue;
         }

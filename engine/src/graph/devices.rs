@@ -50,11 +50,7 @@ pub(super) fn read(
 ) -> Option<Devices> {
     let document = cx.document;
     let set = options.endpoints.as_str();
-    let mut devices = Devices {
-        set: set.to_owned(),
-        hosted: options.hosted.clone(),
-        ..Devices::default()
-    };
+    let mut devices = Devices { set: set.to_owned(), hosted: options.hosted.clone(), ..Devices::default() };
     let Some((_, declared)) = document.endpoints.iter().find(|(name, _)| name.text == set) else {
         let needed = draft.nodes.iter().find(|node| node.entry.has_endpoint());
         let declared = document.endpoints.iter().map(|(name, _)| name.text.as_str());
@@ -64,12 +60,9 @@ pub(super) fn read(
         if document.endpoints.is_empty() || options.hosted == Hosted::All {
             return Some(devices); // Every node that needs a device reports it.
         }
-        let diagnostic = Diagnostic::error(
-            "E0210",
-            Span::default(),
-            format!("the graph has no set of endpoints `{set}`"),
-        )
-        .of_no_place();
+        let diagnostic =
+            Diagnostic::error("E0210", Span::default(), format!("the graph has no set of endpoints `{set}`"))
+                .of_no_place();
         let diagnostic = suggest(cx, diagnostic, set, declared, "its sets are", "");
         cx.report(diagnostic);
         return None;
@@ -158,9 +151,8 @@ fn written(value: &Value) -> String {
         Shape::List(values) => format!("[{}]", all(values)),
         Shape::Map(pairs) => {
             let pairs = pairs.iter();
-            let mut pairs: Vec<String> = pairs
-                .map(|(key, value)| format!("{}: {}", written(key), written(value)))
-                .collect();
+            let mut pairs: Vec<String> =
+                pairs.map(|(key, value)| format!("{}: {}", written(key), written(value))).collect();
             pairs.sort();
             format!("{{ {} }}", pairs.join(", "))
         }
@@ -171,9 +163,8 @@ fn written(value: &Value) -> String {
                 Body::Tuple(values) => format!("{name}({})", all(values)),
                 Body::Fields(fields) => {
                     let fields = fields.iter();
-                    let mut fields: Vec<String> = fields
-                        .map(|(name, value)| format!("{}: {}", name.text, written(value)))
-                        .collect();
+                    let mut fields: Vec<String> =
+                        fields.map(|(name, value)| format!("{}: {}", name.text, written(value))).collect();
                     fields.sort();
                     format!("{name}({})", fields.join(", "))
                 }
@@ -222,14 +213,8 @@ fn device(
         let message = format!("there is no kind of device `{}`", kind.text);
         let diagnostic = Diagnostic::error("E0208", kind.span, message).label("unknown kind of device");
         let known = cx.registry.devices().iter().map(|entry| entry.spec.name);
-        let diagnostic = suggest(
-            cx,
-            diagnostic,
-            &kind.text,
-            known,
-            "there are",
-            "no kinds of devices are registered",
-        );
+        let diagnostic =
+            suggest(cx, diagnostic, &kind.text, known, "there are", "no kinds of devices are registered");
         cx.report(diagnostic);
         return None;
     };
@@ -295,18 +280,11 @@ fn device_of(
         if target.fields.is_reported("endpoint") {
             return None;
         }
-        let does = if target.entry.is_actuator() {
-            "drives"
-        } else {
-            "reads"
-        };
+        let does = if target.entry.is_actuator() { "drives" } else { "reads" };
         let message = format!("`{kind}` needs the device that it {does}");
         let diagnostic =
             Diagnostic::error("E0601", target.fields.span, message).label("`endpoint` is missing");
-        let fitting = devices
-            .iter()
-            .flat_map(|devices| &devices.list)
-            .filter(|device| fits(target, device));
+        let fitting = devices.iter().flat_map(|devices| &devices.list).filter(|device| fits(target, device));
         let names: Vec<&str> = fitting.map(|device| device.name.as_str()).collect();
         let help = match names.as_slice() {
             [] => "add `endpoint: \"name\"`, and declare the device under `endpoints`".to_owned(),
@@ -330,10 +308,7 @@ fn device_of(
     let message = format!("there is no device `{name}` among the {} endpoints", devices.set);
     let diagnostic = Diagnostic::error("E0207", value.span, message).label("unknown device");
     let known = in_order(cx, &devices.names);
-    let none = format!(
-        "declare it: `endpoints: {{ \"{}\": {{ \"{name}\": ... }} }}`",
-        devices.set
-    );
+    let none = format!("declare it: `endpoints: {{ \"{}\": {{ \"{name}\": ... }} }}`", devices.set);
     let diagnostic = suggest(cx, diagnostic, &name, known.into_iter(), "the devices are", &none);
     let diagnostic = draft.in_use(node, diagnostic, cx);
     cx.report(diagnostic);
@@ -399,24 +374,14 @@ pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks, de
 /// A host endpoint has the channels that its nodes ask for.
 fn adopt_channels(target: &DraftNode, draft: &Draft, device: &mut DraftDevice) {
     let spec = target.entry.spec;
-    let channel = |name, doc, port: Type| {
-        Some(Channel {
-            name,
-            doc,
-            kind: port.kind?,
-            quantity: port.quantity?,
-        })
-    };
+    let channel =
+        |name, doc, port: Type| Some(Channel { name, doc, kind: port.kind?, quantity: port.quantity? });
     if target.entry.is_actuator() {
         let Some(port) = spec.inputs.first() else { return };
         let wire = target.wires().next().map(|(_, wire)| wire);
         let carried = wire.map(|wire| draft.nodes[wire.from].outputs[wire.output]);
         if !device.drives.iter().any(|known| known.name == port.name) {
-            device.drives.extend(channel(
-                port.name,
-                port.doc,
-                type_of(port.kind, port.quantity, carried),
-            ));
+            device.drives.extend(channel(port.name, port.doc, type_of(port.kind, port.quantity, carried)));
         }
         return;
     }
@@ -452,11 +417,7 @@ fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic>
     let kind = target.entry.spec.name;
     let names = |channels: &[Channel]| match channels {
         [] => "nothing".to_owned(),
-        channels => channels
-            .iter()
-            .map(|channel| channel.name)
-            .collect::<Vec<_>>()
-            .join(", "),
+        channels => channels.iter().map(|channel| channel.name).collect::<Vec<_>>().join(", "),
     };
     let mut found = Vec::new();
     if target.entry.is_actuator() {
@@ -471,10 +432,7 @@ fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic>
                     format!("device `{}` cannot be driven by `{kind}`", device.name),
                 )
                 .label(format!("drives `{}`", port.name))
-                .also(
-                    device.span,
-                    format!("`{}` is driven by {}", spec.name, names(&device.drives)),
-                ),
+                .also(device.span, format!("`{}` is driven by {}", spec.name, names(&device.drives))),
             ),
             Some(channel) => {
                 let wire = target.wires().next().map(|(_, wire)| wire);
@@ -499,10 +457,7 @@ fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic>
                         format!("device `{}` cannot be read by `{kind}`", device.name),
                     )
                     .label(format!("reads `{}`", port.name))
-                    .also(
-                        device.span,
-                        format!("`{}` senses {}", spec.name, names(&device.senses)),
-                    ),
+                    .also(device.span, format!("`{}` senses {}", spec.name, names(&device.senses))),
                 );
                 break;
             }
@@ -529,16 +484,10 @@ fn channel_mismatch(
     let body = device.entry.spec.name;
     let message = match (port.kind, port.quantity) {
         (Some(found), _) if found != channel.kind => {
-            format!(
-                "`{name}` of `{kind}` is {found}, but `{name}` of `{body}` is {}",
-                channel.kind
-            )
+            format!("`{name}` of `{kind}` is {found}, but `{name}` of `{body}` is {}", channel.kind)
         }
         (_, Some(found)) if found != channel.quantity => {
-            format!(
-                "`{name}` of `{kind}` is {found}, but `{name}` of `{body}` is {}",
-                channel.quantity
-            )
+            format!("`{name}` of `{kind}` is {found}, but `{name}` of `{body}` is {}", channel.quantity)
         }
         _ => return None,
     };
@@ -555,10 +504,7 @@ pub(super) fn warn_unused(cx: &mut Context<'_>, devices: &Devices) {
         cx.report(
             Diagnostic::warning("W0104", device.span, message)
                 .label("no node is bound to it")
-                .help(format!(
-                    "bind a source or sink to it: `endpoint: \"{}\"`",
-                    device.name
-                )),
+                .help(format!("bind a source or sink to it: `endpoint: \"{}\"`", device.name)),
         );
     }
 }

@@ -36,13 +36,7 @@ impl Context<'_> {
 
     /// Calls `read` with a reader of settings that reports to this context.
     pub fn reading<T>(&mut self, read: impl FnOnce(&mut Reading<'_>) -> T) -> T {
-        let Self {
-            document,
-            sources,
-            diagnostics,
-            files,
-            ..
-        } = self;
+        let Self { document, sources, diagnostics, files, .. } = self;
         let from_files = document.sources.iter().count();
         read(&mut Reading {
             diagnostics,
@@ -193,9 +187,7 @@ impl DraftNode {
     /// Slots of the input called `name`.
     pub fn slots_of(&self, name: &str) -> impl Iterator<Item = &Slot> {
         let spec = self.entry.spec;
-        self.inputs
-            .iter()
-            .filter(move |slot| spec.inputs[slot.port].name == name)
+        self.inputs.iter().filter(move |slot| spec.inputs[slot.port].name == name)
     }
 
     /// True if the slot is a connection of a list or map.

@@ -48,11 +48,7 @@ pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters, endpoint
 
 /// Reports templates of the graph file that no node uses.
 pub(super) fn warn_unused(cx: &mut Context<'_>, draft: &Draft) {
-    let used: HashSet<usize> = draft
-        .scopes
-        .iter()
-        .filter_map(|scope| Some(scope.template?.0))
-        .collect();
+    let used: HashSet<usize> = draft.scopes.iter().filter_map(|scope| Some(scope.template?.0)).collect();
     for (i, template) in cx.document.templates.iter().enumerate() {
         // Templates of included files need not be used.
         if !used.contains(&i) && template.name.span.source == SourceId::default() {
@@ -85,9 +81,9 @@ impl Expansion<'_> {
                 self.draft.cut = true;
                 let message = format!("the graph has more than {MAX_NODES} nodes");
                 cx.report(
-                    Diagnostic::error("E0702", name.span, message)
-                        .label("the count is reached here")
-                        .help("templates that use one another multiply the nodes; check how often they are used"),
+                    Diagnostic::error("E0702", name.span, message).label("the count is reached here").help(
+                        "templates that use one another multiply the nodes; check how often they are used",
+                    ),
                 );
                 return;
             }
@@ -117,19 +113,13 @@ impl Expansion<'_> {
             }
             let message = format!("there is no kind of node `{}`", kind.text);
             let kinds = cx.registry.nodes().iter().map(|entry| entry.spec.name);
-            let templates = cx
-                .document
-                .templates
-                .iter()
-                .map(|template| template.name.text.as_str());
+            let templates = cx.document.templates.iter().map(|template| template.name.text.as_str());
             let diagnostic = Diagnostic::error("E0201", kind.span, message).label("unknown kind or template");
             let of_library = library::templates(cx.registry.library());
             if let Some(known) = of_library.iter().find(|known| known.name == kind.text) {
                 let file = known.file;
-                let help = format!(
-                    "`{}` is a template of the library: add `include: [\"{file}\"]`",
-                    kind.text
-                );
+                let help =
+                    format!("`{}` is a template of the library: add `include: [\"{file}\"]`", kind.text);
                 cx.report(diagnostic.help(help));
                 return None;
             }
@@ -151,13 +141,9 @@ impl Expansion<'_> {
             let mut round: Vec<String> = open[first..].iter().map(names).collect();
             round.push(kind.text.clone());
             cx.report(
-                Diagnostic::error(
-                    "E0701",
-                    kind.span,
-                    format!("template `{}` uses itself", kind.text),
-                )
-                .label(format!("`{}`", round.join("` uses `")))
-                .help("a template is expanded in place, so it cannot contain itself"),
+                Diagnostic::error("E0701", kind.span, format!("template `{}` uses itself", kind.text))
+                    .label(format!("`{}`", round.join("` uses `")))
+                    .help("a template is expanded in place, so it cannot contain itself"),
             );
             return None;
         }
@@ -311,9 +297,7 @@ impl Expansion<'_> {
                     None
                 }
                 None if required || reported => None,
-                None => self
-                    .parameters
-                    .replace(cx, default, Place::Template(&HashMap::new()), &mut uses),
+                None => self.parameters.replace(cx, default, Place::Template(&HashMap::new()), &mut uses),
                 given => given,
             };
             scope.settings.insert(setting.text.clone(), value);
@@ -340,14 +324,10 @@ pub(super) fn refuse_unknown_set(cx: &mut Context<'_>, set: &str, span: Span) {
 /// Error of a required input that is not connected.
 pub(super) fn missing_input(kind: &Name, input: &str, presence: Presence, declared: Span) -> Diagnostic {
     let (open, close) = presence.brackets();
-    Diagnostic::error(
-        "E0401",
-        kind.span,
-        format!("input `{input}` of `{}` is not connected", kind.text),
-    )
-    .label(format!("`{input}` is missing"))
-    .also(declared, "declared here")
-    .help(format!("connect it: `{input}: {open}\"node.output\"{close}`"))
+    Diagnostic::error("E0401", kind.span, format!("input `{input}` of `{}` is not connected", kind.text))
+        .label(format!("`{input}` is missing"))
+        .also(declared, "declared here")
+        .help(format!("connect it: `{input}: {open}\"node.output\"{close}`"))
 }
 
 /// Name and fields of `Kind(field: value)`; reports any other value.
@@ -356,11 +336,7 @@ pub(super) fn parts<'v>(
     value: &'v Value,
     expected: &'static str,
 ) -> Option<(&'v Name, &'v [(Name, Value)])> {
-    if let Shape::Tagged(Tagged {
-        name: Some(name),
-        body,
-    }) = &value.shape
-    {
+    if let Shape::Tagged(Tagged { name: Some(name), body }) = &value.shape {
         match body {
             Body::Bare => return Some((name, &[])),
             Body::Fields(fields) => return Some((name, fields)),
@@ -368,10 +344,7 @@ pub(super) fn parts<'v>(
             Body::Tuple(values) => {
                 let at = &values[0];
                 let expected = Expected::described(format!("fields of `{}`, `name: value`", name.text));
-                let first = cx
-                    .registry
-                    .node_meant(&name.text)
-                    .and_then(|entry| entry.spec.inputs.first());
+                let first = cx.registry.node_meant(&name.text).and_then(|entry| entry.spec.inputs.first());
                 let before = cx.diagnostics.len();
                 cx.reading(|reading| reading.mismatch(at, &expected));
                 if let (Some(input), Shape::String(node), Some(diagnostic)) =

@@ -99,10 +99,7 @@ pub(super) fn of_node(
         }
         unset.into_iter().for_each(|name| state.text(name));
         state.maybe(target.clock.map(|_| 1));
-        target
-            .clock
-            .into_iter()
-            .for_each(|clock| state.rate(clocks.list[clock].rate));
+        target.clock.into_iter().for_each(|clock| state.rate(clocks.list[clock].rate));
         for slot in &target.inputs {
             // Only a map has names: what was a list before there were maps keeps its hash.
             if let Some(name) = &slot.name {
@@ -126,10 +123,7 @@ pub(super) fn of_device(
         state.text(device.entry.spec.name);
         state.number(fields((cx, files), &device.fields, &[]));
         state.maybe(device.clock.map(|_| 1));
-        device
-            .clock
-            .into_iter()
-            .for_each(|clock| state.rate(clocks.list[clock].rate));
+        device.clock.into_iter().for_each(|clock| state.rate(clocks.list[clock].rate));
     })
 }
 
@@ -138,10 +132,7 @@ type Files<'a> = (&'a Context<'a>, &'a [PathBuf]);
 
 /// Hash of fields, independent of their order.
 fn fields(cx: Files<'_>, fields: &Fields, but: &[&str]) -> u64 {
-    let counted = fields
-        .remaining()
-        .iter()
-        .filter(|(name, _)| !but.contains(&name.text.as_str()));
+    let counted = fields.remaining().iter().filter(|(name, _)| !but.contains(&name.text.as_str()));
     let each = counted.map(|(name, given)| {
         Fingerprint::of(|state| {
             state.text(&name.text);
@@ -228,10 +219,8 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
         });
         (format!("clock {}", clock.name), hash)
     });
-    let devices = graph
-        .devices
-        .iter()
-        .map(|device| (format!("endpoint {}", device.name), device.fingerprint));
+    let devices =
+        graph.devices.iter().map(|device| (format!("endpoint {}", device.name), device.fingerprint));
     let nodes = graph.nodes.node_indices().filter(samples).map(|index| {
         let node = &graph.nodes[index];
         let hash = Fingerprint::of(|state| {
@@ -240,25 +229,15 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
             state.maybe(node.clock.map(|clock| clock as u64));
             for (setting, value) in &node.live {
                 state.number(setting.index() as u64);
-                setting
-                    .item()
-                    .into_iter()
-                    .for_each(|item| state.number(item as u64));
+                setting.item().into_iter().for_each(|item| state.number(item as u64));
                 state.number(value.to_bits());
             }
         });
         (format!("node {}", node.path), hash)
     });
-    let edges = graph
-        .nodes
-        .edge_references()
-        .filter(|edge| samples(&edge.target()));
+    let edges = graph.nodes.edge_references().filter(|edge| samples(&edge.target()));
     let edges = edges.map(|edge| {
-        let (from, to, edge) = (
-            &graph.nodes[edge.source()],
-            &graph.nodes[edge.target()],
-            edge.weight(),
-        );
+        let (from, to, edge) = (&graph.nodes[edge.source()], &graph.nodes[edge.target()], edge.weight());
         let (output, input) = (&from.outputs[edge.output].name, to.inputs[edge.input].name);
         let name = format!("connection {}.{output} to {}.{input}", from.path, to.path);
         let hash = Fingerprint::of(|state| {
@@ -272,10 +251,7 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
         });
         (name, hash)
     });
-    let mut all = BTreeMap::from([
-        (String::from("seed"), graph.seed),
-        (String::from(VERSION_NAME), VERSION),
-    ]);
+    let mut all = BTreeMap::from([(String::from("seed"), graph.seed), (String::from(VERSION_NAME), VERSION)]);
     for (name, hash) in clocks.chain(devices).chain(nodes).chain(edges) {
         // Several connections may share a name.
         let sum = all.entry(name).or_insert(0);

@@ -40,22 +40,12 @@ pub(super) fn connections(
         (Shape::Map(pairs), Presence::Named) if (1..=MAX_NAMED).contains(&pairs.len()) => {
             return named(cx, draft, node, pairs);
         }
-        (Shape::List(values), presence) if !presence.is_several() => doubled(
-            cx,
-            draft,
-            node,
-            input,
-            value.span,
-            &format!("a list of {}", values.len()),
-        ),
-        (Shape::Map(pairs), presence) if !presence.is_several() => doubled(
-            cx,
-            draft,
-            node,
-            input,
-            value.span,
-            &format!("a map of {}", pairs.len()),
-        ),
+        (Shape::List(values), presence) if !presence.is_several() => {
+            doubled(cx, draft, node, input, value.span, &format!("a list of {}", values.len()))
+        }
+        (Shape::Map(pairs), presence) if !presence.is_several() => {
+            doubled(cx, draft, node, input, value.span, &format!("a map of {}", pairs.len()))
+        }
         (Shape::Map(pairs), Presence::Named) if pairs.len() > MAX_NAMED => {
             let message = format!("a map has at most {MAX_NAMED} connections, found {}", pairs.len());
             let diagnostic = Diagnostic::error("E0415", value.span, message);
@@ -94,19 +84,12 @@ fn named(cx: &mut Context<'_>, draft: &Draft, node: usize, pairs: Vec<(Value, Va
             Some(first) => {
                 let message = format!("there are two connections `{}`", name.text);
                 let diagnostic = Diagnostic::error("E0105", span, message).label("named again here");
-                Some(
-                    diagnostic
-                        .also(*first, "first named here")
-                        .help("rename or remove one of them"),
-                )
+                Some(diagnostic.also(*first, "first named here").help("rename or remove one of them"))
             }
             None => refused_port_name(&name, "connection"),
         };
         known.entry(name.text.clone()).or_insert(span);
-        found.push(Given {
-            value: refused.is_none().then_some(value),
-            name: Some(name),
-        });
+        found.push(Given { value: refused.is_none().then_some(value), name: Some(name) });
         if let Some(refused) = refused {
             let refused = draft.in_use(node, refused, cx);
             cx.report(refused);
@@ -134,10 +117,7 @@ fn nameless(
     pairs: Vec<(Value, Value)>,
 ) -> Diagnostic {
     let kind = draft.nodes[node].entry.spec.name;
-    let message = format!(
-        "the connections of input `{}` of `{kind}` have no names",
-        input.name
-    );
+    let message = format!("the connections of input `{}` of `{kind}` have no names", input.name);
     let list = match pairs.len() {
         0..=SHOWN => {
             let values = pairs.into_iter().map(|(_, value)| value).collect();
@@ -160,10 +140,7 @@ fn doubled(
     found: &str,
 ) -> Diagnostic {
     let kind = draft.nodes[node].entry.spec.name;
-    let message = format!(
-        "input `{}` of `{kind}` takes one connection, found {found}",
-        input.name
-    );
+    let message = format!("input `{}` of `{kind}` takes one connection, found {found}", input.name);
     let diagnostic = Diagnostic::error("E0402", span, message).label("one connection is expected here");
     let mixers = cx.registry.nodes().iter().filter(|entry| {
         let mut inputs = entry.spec.inputs.iter();
@@ -172,9 +149,6 @@ fn doubled(
     let mixers: Vec<&str> = mixers.map(|entry| entry.spec.name).collect();
     match mixers.is_empty() {
         true => diagnostic.help("remove all but one"),
-        false => diagnostic.help(format!(
-            "combine them first, for example with `{}`",
-            mixers.join("` or `")
-        )),
+        false => diagnostic.help(format!("combine them first, for example with `{}`", mixers.join("` or `"))),
     }
 }

@@ -56,18 +56,13 @@ impl Graph {
         };
         let device = &self.devices[*device].device;
         let delays = channels.iter().map(|channel| device.group_delay_s(*channel));
-        Latency {
-            transport_s: 0.0,
-            group_delay_s: delays.fold(0.0, f64::max),
-        }
+        Latency { transport_s: 0.0, group_delay_s: delays.fold(0.0, f64::max) }
     }
 
     /// Delay of the buffers of a node's device.
     fn buffers_of(&self, node: NodeIndex) -> DeviceLatency {
         let device = self.nodes[node].device();
-        device.map_or_else(DeviceLatency::default, |device| {
-            self.devices[device].device.latency()
-        })
+        device.map_or_else(DeviceLatency::default, |device| self.devices[device].device.latency())
     }
 
     fn crossing(&self, from: NodeIndex, to: NodeIndex, edge: &Edge) -> Latency {
@@ -84,10 +79,7 @@ impl Graph {
 }
 
 /// Initial value of the search, below all delays: that of a predicting filter is negative.
-const EARLIEST: Latency = Latency {
-    transport_s: 0.0,
-    group_delay_s: f64::NEG_INFINITY,
-};
+const EARLIEST: Latency = Latency { transport_s: 0.0, group_delay_s: f64::NEG_INFINITY };
 
 /// Search for the slowest paths from a source, in one pass in topological order.
 struct Slowest<'g> {
@@ -101,11 +93,7 @@ struct Slowest<'g> {
 impl<'g> Slowest<'g> {
     fn of(graph: &'g Graph) -> Self {
         let count = graph.nodes.node_count();
-        Self {
-            graph,
-            places: vec![0; count],
-            before: vec![Latency::default(); count],
-        }
+        Self { graph, places: vec![0; count], before: vec![Latency::default(); count] }
     }
 
     /// The ends of paths from `source` in the order of the graph's nodes, with their delays.
@@ -166,8 +154,5 @@ fn total(latency: &Latency) -> f64 {
 }
 
 fn sum(a: Latency, b: Latency) -> Latency {
-    Latency {
-        transport_s: a.transport_s + b.transport_s,
-        group_delay_s: a.group_delay_s + b.group_delay_s,
-    }
+    Latency { transport_s: a.transport_s + b.transport_s, group_delay_s: a.group_delay_s + b.group_delay_s }
 }

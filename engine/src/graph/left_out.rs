@@ -46,9 +46,8 @@ fn left_out(draft: &Draft, actuator: usize, cause: usize) -> Diagnostic {
 fn goes_on(draft: &Draft, node: usize, gone: &[bool]) -> bool {
     let target = &draft.nodes[node];
     let is_there = |wire: &Wire| !gone[wire.from];
-    let (listed, single): (Vec<_>, Vec<_>) = target
-        .wires()
-        .partition(|(slot, _)| target.is_many(&target.inputs[*slot]));
+    let (listed, single): (Vec<_>, Vec<_>) =
+        target.wires().partition(|(slot, _)| target.is_many(&target.inputs[*slot]));
     target.entry.is_file()
         && single.iter().all(|(_, wire)| is_there(wire))
         && (listed.is_empty() || listed.iter().any(|(_, wire)| is_there(wire)))

@@ -29,15 +29,16 @@ pub(super) fn value(fields: &Fields, spec: &SettingSpec) -> Option<LiveValue> {
 fn of(value: &Value) -> Option<LiveValue> {
     let items = match &value.shape {
         Shape::Number(number, _) => return Some(LiveValue::Number(*number)),
-        Shape::Tagged(Tagged {
-            name: Some(name),
-            body: Body::Tuple(inner),
-        }) if name.text == "Some" && inner.len() == 1 => return of(&inner[0]),
-        Shape::List(items)
-        | Shape::Tagged(Tagged {
-            name: None,
-            body: Body::Tuple(items),
-        }) if items.len() <= MAX_LIVE_ITEMS => items,
+        Shape::Tagged(Tagged { name: Some(name), body: Body::Tuple(inner) })
+            if name.text == "Some" && inner.len() == 1 =>
+        {
+            return of(&inner[0]);
+        }
+        Shape::List(items) | Shape::Tagged(Tagged { name: None, body: Body::Tuple(items) })
+            if items.len() <= MAX_LIVE_ITEMS =>
+        {
+            items
+        }
         _ => return None,
     };
     let numbers = items.iter().map(|item| match item.shape {

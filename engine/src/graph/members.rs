@@ -40,10 +40,8 @@ fn refuse(
     let written = fields.given(setting);
     let all = written.map_or(fields.span, |value| value.span);
     if members.len() > MAX_MEMBERS {
-        let message = format!(
-            "a node has at most {MAX_MEMBERS} outputs of `{setting}`, found {}",
-            members.len()
-        );
+        let message =
+            format!("a node has at most {MAX_MEMBERS} outputs of `{setting}`, found {}", members.len());
         cx.report(Diagnostic::error("E0415", all, message).help("divide it into several nodes"));
         return true;
     }
@@ -54,10 +52,7 @@ fn refuse(
             Some(Shape::List(names)) => names.get(place).map_or(all, |name| name.span),
             _ => all,
         };
-        let name = Name {
-            span,
-            text: text.clone(),
-        };
+        let name = Name { span, text: text.clone() };
         let is_known =
             members[..place].contains(text) || spec.outputs[..family].iter().any(|port| port.name == *text);
         let refused = match is_known {

@@ -276,12 +276,10 @@ impl Graph {
 
     /// The files that its file sinks write in the run's folder.
     pub fn written_files(&self) -> impl Iterator<Item = (NodeId, &Path)> {
-        self.nodes
-            .node_indices()
-            .filter_map(|index| match &self.nodes[index].work {
-                Work::File(sink) => Some((id_of(index), sink.file_name())),
-                _ => None,
-            })
+        self.nodes.node_indices().filter_map(|index| match &self.nodes[index].work {
+            Work::File(sink) => Some((id_of(index), sink.file_name())),
+            _ => None,
+        })
     }
 
     /// The progress of its file sinks, by node path.
@@ -306,9 +304,7 @@ impl Graph {
 
     /// Driver frames after which the first source that stops the run has no more data.
     pub(crate) fn frames_of_data(&self, driver: Rate) -> Option<u64> {
-        let stops = self
-            .data_ends()
-            .filter(|source| source.end.then == AfterData::Stop);
+        let stops = self.data_ends().filter(|source| source.end.then == AfterData::Stop);
         stops.map(|source| source.driver_frames(driver)).min()
     }
 
@@ -332,9 +328,7 @@ impl Graph {
             works.any(|work| matches!(work, Work::Actuator { device, .. } if *device == wanted))
         };
         let devices = self.devices.iter().enumerate();
-        devices
-            .filter(move |(at, _)| driven(*at))
-            .map(|(_, device)| device)
+        devices.filter(move |(at, _)| driven(*at)).map(|(_, device)| device)
     }
 
     /// The devices that sources read.
@@ -374,10 +368,7 @@ impl Graph {
         let clock = node.clock.filter(|_| spec.below_nyquist);
         let Some(clock) = clock else { return spec.range };
         let (low, high) = spec.range.unwrap_or((0.0, f64::MAX));
-        Some((
-            low,
-            high.min((0.5 * self.clocks[clock].rate.hz() / spec.si_per_unit).next_down()),
-        ))
+        Some((low, high.min((0.5 * self.clocks[clock].rate.hz() / spec.si_per_unit).next_down())))
     }
 
     /// Description from the file.
@@ -395,9 +386,7 @@ impl Graph {
     /// The drivers that nodes use, as indices of the clocks; the first driver if there are no nodes.
     pub fn drivers(&self) -> Vec<usize> {
         let used = |driver: &usize| {
-            self.nodes
-                .node_indices()
-                .any(|node| self.driver_of(id_of(node)) == Some(*driver))
+            self.nodes.node_indices().any(|node| self.driver_of(id_of(node)) == Some(*driver))
         };
         let mut drivers: Vec<usize> = (0..self.clocks.len())
             .filter(|clock| self.clocks[*clock].driver == *clock && used(clock))
@@ -475,11 +464,6 @@ impl Node {
 
 impl std::fmt::Debug for Graph {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "Graph({} nodes, {} edges)",
-            self.nodes.node_count(),
-            self.nodes.edge_count()
-        )
+        write!(f, "Graph({} nodes, {} edges)", self.nodes.node_count(), self.nodes.edge_count())
     }
 }

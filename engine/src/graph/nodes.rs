@@ -141,10 +141,6 @@ impl Index<NodeId> for Nodes<'_> {
 
 impl<'a> Connection<'a> {
     fn of(edge: EdgeReference<'a, Edge>) -> Self {
-        Self {
-            from: id_of(edge.source()),
-            to: id_of(edge.target()),
-            edge: edge.weight(),
-        }
+        Self { from: id_of(edge.source()), to: id_of(edge.target()), edge: edge.weight() }
     }
 }

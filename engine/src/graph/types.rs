@@ -52,19 +52,9 @@ fn quantities_by_name(cx: &mut Context<'_>, draft: &mut Draft) -> Named {
 
 fn quantity_by_name(cx: &mut Context<'_>, node: &mut DraftNode, setting: &'static str) -> Option<Quantity> {
     let names = || -> Vec<&'static str> { Quantity::NAMED.iter().map(|(_, name, _)| *name).collect() };
-    let given = node
-        .fields
-        .remaining()
-        .iter()
-        .find(|(name, _)| name.text == setting);
+    let given = node.fields.remaining().iter().find(|(name, _)| name.text == setting);
     let (name, span) = match given {
-        Some((
-            _,
-            Value {
-                span,
-                shape: Shape::String(name),
-            },
-        )) => (name.clone(), *span),
+        Some((_, Value { span, shape: Shape::String(name) })) => (name.clone(), *span),
         Some(_) => return None, // Reported when the settings are read.
         None => {
             let specs = node.entry.settings();
@@ -92,9 +82,7 @@ fn quantity_by_name(cx: &mut Context<'_>, node: &mut DraftNode, setting: &'stati
             unknown_choice(&name, &names(), span, reading);
         });
         if let (Some(meant), Some(finding)) = (quantity_by_unit(&name), cx.diagnostics.get_mut(before)) {
-            finding.help = vec![format!(
-                "did you mean `{meant}`? Quantities are written by their names"
-            )];
+            finding.help = vec![format!("did you mean `{meant}`? Quantities are written by their names")];
         }
     }
     found
@@ -120,9 +108,7 @@ fn infer(draft: &mut Draft, named: &Named) {
             let known = draft.nodes[node].outputs[output];
             let found = Type {
                 kind: known.kind.or_else(|| kind_of(draft, node, port.kind)),
-                quantity: known
-                    .quantity
-                    .or_else(|| quantity_of(draft, named, node, port.quantity)),
+                quantity: known.quantity.or_else(|| quantity_of(draft, named, node, port.quantity)),
             };
             changed |= found != known;
             draft.nodes[node].outputs[output] = found;
@@ -147,18 +133,14 @@ fn kind_of(draft: &Draft, node: usize, rule: KindRule) -> Option<Kind> {
         // An output without a rule carries scalars.
         KindRule::Linear | KindRule::Any => Some(Kind::SCALAR),
         KindRule::Same(input) => {
-            let connected = target
-                .slots_of(input)
-                .any(|slot| slot.wire.is_some() || slot.broken);
+            let connected = target.slots_of(input).any(|slot| slot.wire.is_some() || slot.broken);
             if !connected {
                 return match port(target, input)?.kind {
                     KindRule::Is(kind) => Some(kind),
                     _ => Some(Kind::SCALAR),
                 };
             }
-            target
-                .slots_of(input)
-                .find_map(|slot| arriving(draft, slot)?.kind)
+            target.slots_of(input).find_map(|slot| arriving(draft, slot)?.kind)
         }
     }
 }
@@ -167,18 +149,14 @@ fn kind_of(draft: &Draft, node: usize, rule: KindRule) -> Option<Kind> {
 fn quantity_of(draft: &Draft, named: &Named, node: usize, rule: QuantityRule) -> Option<Quantity> {
     let target = &draft.nodes[node];
     let of = |input: &'static str| {
-        let connected = target
-            .slots_of(input)
-            .any(|slot| slot.wire.is_some() || slot.broken);
+        let connected = target.slots_of(input).any(|slot| slot.wire.is_some() || slot.broken);
         if !connected {
             return match port(target, input)?.quantity {
                 QuantityRule::Is(quantity) => Some(quantity),
                 _ => Some(Quantity::NUMBER),
             };
         }
-        target
-            .slots_of(input)
-            .find_map(|slot| arriving(draft, slot)?.quantity)
+        target.slots_of(input).find_map(|slot| arriving(draft, slot)?.quantity)
     };
     match rule {
         QuantityRule::Is(quantity) => Some(quantity),
@@ -222,11 +200,7 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
     let from = draft.nodes[wire.from].output_name(wire.output);
     let to = format!("`{}` of `{}`", port.name, target.entry.spec.name);
     let first_in_list = (target.is_many(slot) && list_is_uniform(target, port.name))
-        .then(|| {
-            target
-                .slots_of(port.name)
-                .find_map(|other| arriving(draft, other))
-        })
+        .then(|| target.slots_of(port.name).find_map(|other| arriving(draft, other)))
         .flatten();
     if let Some(kind) = carried.kind {
         let (fits, wanted) = match port.kind {
@@ -238,10 +212,7 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
             }
             KindRule::Same(other) if other != port.name => {
                 let wanted = kind_of(draft, node, port.kind)?;
-                (
-                    kind == wanted,
-                    format!("takes {}, like `{other}`", wanted.spec().one),
-                )
+                (kind == wanted, format!("takes {}, like `{other}`", wanted.spec().one))
             }
             _ => match first_in_list.and_then(|first| first.kind) {
                 Some(first) => (
@@ -264,10 +235,8 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
                     && wanted.is_some_and(|wanted| output.0 == KindRule::Is(wanted))
             });
             let swapped = wanted.and_then(|wanted| {
-                let wanted = Type {
-                    kind: Some(wanted),
-                    quantity: quantity_of(draft, named, node, port.quantity),
-                };
+                let wanted =
+                    Type { kind: Some(wanted), quantity: quantity_of(draft, named, node, port.quantity) };
                 swapped(draft, named, node, slot, (carried, wanted))
             });
             let made = || converters.map(|list| format!("{list} makes one from the other"));
@@ -305,24 +274,18 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         ))
     };
     let swapped = || {
-        let wanted = Type {
-            kind: carried.kind,
-            quantity: Some(wanted),
-        };
+        let wanted = Type { kind: carried.kind, quantity: Some(wanted) };
         swapped(draft, named, node, slot, (carried, wanted))
     };
     // The node states which quantity it takes.
     let restated = || match (port.quantity, quantity.name()) {
-        (QuantityRule::Setting(setting), Some(name)) => Some(format!(
-            "write `{setting}: \"{name}\"` if that is intended, or connect {}",
-            word(wanted)
-        )),
+        (QuantityRule::Setting(setting), Some(name)) => {
+            Some(format!("write `{setting}: \"{name}\"` if that is intended, or connect {}", word(wanted)))
+        }
         _ => None,
     };
-    let help = stated()
-        .or_else(swapped)
-        .or_else(restated)
-        .unwrap_or_else(|| conversion(cx, quantity, wanted));
+    let help =
+        stated().or_else(swapped).or_else(restated).unwrap_or_else(|| conversion(cx, quantity, wanted));
     Some(via(diagnostic.help(help), wire))
 }
 
@@ -365,10 +328,7 @@ fn swapped(
     let other = target.inputs.iter().find(|other| {
         other.port != slot.port && arriving(draft, other) == Some(wanted) && takes(&ports[other.port])
     })?;
-    Some(format!(
-        "did you swap `{}` and `{}`?",
-        ports[slot.port].name, ports[other.port].name
-    ))
+    Some(format!("did you swap `{}` and `{}`?", ports[slot.port].name, ports[other.port].name))
 }
 
 fn word(quantity: Quantity) -> String {
@@ -401,16 +361,10 @@ fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> String {
     };
     let stated = || {
         let is_stated = |rule| matches!(rule, QuantityRule::Setting(_));
-        let list = converters(cx, |input, output| {
-            is_stated(input.quantity) && is_stated(output.1)
-        })?;
-        Some(format!(
-            "{list} turns {had} into {wanted} by a factor that you state"
-        ))
+        let list = converters(cx, |input, output| is_stated(input.quantity) && is_stated(output.1))?;
+        Some(format!("{list} turns {had} into {wanted} by a factor that you state"))
     };
-    over_time
-        .or_else(stated)
-        .unwrap_or_else(|| format!("put a node between that turns {had} into {wanted}"))
+    over_time.or_else(stated).unwrap_or_else(|| format!("put a node between that turns {had} into {wanted}"))
 }
 
 /// Names of kinds with one required input for which `fits` holds.
@@ -422,11 +376,7 @@ fn converters(
     let nodes = cx.registry.nodes().iter().filter(|entry| !entry.has_endpoint());
     let names: Vec<String> = nodes
         .filter(|entry| {
-            let mut needed = entry
-                .spec
-                .inputs
-                .iter()
-                .filter(|input| input.presence != Presence::Optional);
+            let mut needed = entry.spec.inputs.iter().filter(|input| input.presence != Presence::Optional);
             let mut outputs = entry.spec.outputs.iter();
             match (needed.next(), needed.next()) {
                 (Some(input), None) => outputs.any(|output| fits(input, (output.kind, output.quantity))),
@@ -442,16 +392,11 @@ fn converters(
 /// Reports the first output whose type cannot be inferred: a loop without input.
 fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft) {
     let unsettled = |node: &DraftNode| {
-        node.outputs
-            .iter()
-            .position(|output| output.kind.is_none() || output.quantity.is_none())
+        node.outputs.iter().position(|output| output.kind.is_none() || output.quantity.is_none())
     };
     // Nodes that depend on a reported one are not at fault.
-    let mut excused: Vec<bool> = draft
-        .nodes
-        .iter()
-        .map(|node| node.broken || node.has_broken_input())
-        .collect();
+    let mut excused: Vec<bool> =
+        draft.nodes.iter().map(|node| node.broken || node.has_broken_input()).collect();
     let readers = draft.readers(|_| true);
     let mut queue: Vec<usize> = (0..draft.nodes.len()).filter(|i| excused[*i]).collect();
     while let Some(node) = queue.pop() {

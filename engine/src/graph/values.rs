@@ -44,14 +44,7 @@ fn unknown(cx: &mut Context<'_>, name: &str, span: Span) {
     let message = format!("the graph has no parameter `{name}`");
     let known = cx.document.parameters.iter().map(|(name, _)| name.text.as_str());
     let diagnostic = Diagnostic::error("E0209", span, message).label("unknown parameter");
-    let diagnostic = suggest(
-        cx,
-        diagnostic,
-        name,
-        known,
-        "its parameters are",
-        "it has no parameters",
-    );
+    let diagnostic = suggest(cx, diagnostic, name, known, "its parameters are", "it has no parameters");
     cx.report(diagnostic);
 }
 
@@ -78,11 +71,7 @@ impl Parameters {
         for (name, written) in &options.set {
             let line = format!("{name}={written}");
             let id = cx.sources.add_text(options.set_as, Arc::from(line.as_str()));
-            let at = |start, end| Span {
-                source: id,
-                start,
-                end,
-            };
+            let at = |start, end| Span { source: id, start, end };
             let Some(parameter) = values.get_mut(name) else {
                 unknown(cx, name, at(0, name.len()));
                 continue;
@@ -99,10 +88,7 @@ impl Parameters {
             let wants_text = matches!(parameter.value.shape, Shape::String(_));
             parameter.value = match value {
                 Some(value) if !wants_text || matches!(value.shape, Shape::String(_)) => value,
-                _ => Value {
-                    span: at(name.len() + 1, line.len()),
-                    shape: Shape::String(written.clone()),
-                },
+                _ => Value { span: at(name.len() + 1, line.len()), shape: Shape::String(written.clone()) },
             };
         }
         let mut this = Self { values, replaced: 0 };
@@ -113,18 +99,10 @@ impl Parameters {
     /// Computes parameters that are formulas over earlier ones.
     fn compute_defaults(&mut self, cx: &mut Context<'_>) {
         for (name, _) in &cx.document.parameters {
-            let Some(value) = self
-                .values
-                .get(&name.text)
-                .map(|parameter| parameter.value.clone())
-            else {
+            let Some(value) = self.values.get(&name.text).map(|parameter| parameter.value.clone()) else {
                 continue;
             };
-            let Shape::Tagged(Tagged {
-                name: Some(tag),
-                body,
-            }) = &value.shape
-            else {
+            let Shape::Tagged(Tagged { name: Some(tag), body }) = &value.shape else {
                 continue;
             };
             if tag.text != "Expr" {
@@ -136,10 +114,7 @@ impl Parameters {
             };
             // A placeholder avoids further errors at the uses.
             let one = Shape::Number(1.0, "1".into());
-            let computed = computed.unwrap_or(Value {
-                span: value.span,
-                shape: one,
-            });
+            let computed = computed.unwrap_or(Value { span: value.span, shape: one });
             if let Some(parameter) = self.values.get_mut(&name.text) {
                 parameter.value = computed;
             }
@@ -149,11 +124,7 @@ impl Parameters {
     /// Reports unused parameters.
     pub fn warn_unused(&self, cx: &mut Context<'_>) {
         for (name, _) in &cx.document.parameters {
-            if self
-                .values
-                .get(&name.text)
-                .is_some_and(|parameter| !parameter.used)
-            {
+            if self.values.get(&name.text).is_some_and(|parameter| !parameter.used) {
                 let message = format!("parameter `{}` is never used", name.text);
                 cx.diagnostics.push(
                     Diagnostic::warning("W0102", name.span, message)
@@ -189,16 +160,11 @@ impl Parameters {
             Shape::Map(pairs) => {
                 let replaced: Vec<Option<Value>> = pairs.iter().map(|(_, value)| each(value)).collect();
                 let keys = pairs.iter().map(|(key, _)| key.clone());
-                Shape::Map(
-                    keys.zip(replaced)
-                        .map(|(key, value)| Some((key, value?)))
-                        .collect::<Option<_>>()?,
-                )
+                Shape::Map(keys.zip(replaced).map(|(key, value)| Some((key, value?))).collect::<Option<_>>()?)
             }
-            Shape::Tagged(Tagged {
-                name: Some(name),
-                body,
-            }) if matches!(name.text.as_str(), "Param" | "Setting" | "Expr") => {
+            Shape::Tagged(Tagged { name: Some(name), body })
+                if matches!(name.text.as_str(), "Param" | "Setting" | "Expr") =>
+            {
                 let Some((asked, at)) = only_text(body) else {
                     return malformed(cx, value, &name.text);
                 };
@@ -277,10 +243,7 @@ impl Parameters {
                 Place::Template(settings) => settings.get(*name).map(Option::as_ref),
             };
             match found {
-                Some(Some(Value {
-                    shape: Shape::Number(number, _),
-                    ..
-                })) => numbers.push(*number),
+                Some(Some(Value { shape: Shape::Number(number, _), .. })) => numbers.push(*number),
                 Some(Some(other)) => {
                     cx.report(wrong(at, format!("`{name}` is not a number")).also(other.span, "its value"));
                     return None;
@@ -316,10 +279,7 @@ impl Parameters {
             cx.report(wrong(at, message));
             return None;
         }
-        Some(Value {
-            span: value.span,
-            shape: Shape::Number(result, result.to_string()),
-        })
+        Some(Value { span: value.span, shape: Shape::Number(result, result.to_string()) })
     }
 
     fn put(
@@ -337,9 +297,7 @@ impl Parameters {
             cx.report(
                 Diagnostic::error("E0702", at, message)
                     .label("this replacement is too large")
-                    .help(format!(
-                        "at most {MAX_REPLACED} values, {MAX_DEPTH} levels deep, are replaced"
-                    )),
+                    .help(format!("at most {MAX_REPLACED} values, {MAX_DEPTH} levels deep, are replaced")),
             );
             return None;
         }
@@ -384,15 +342,9 @@ impl Parameters {
 fn setting(cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -> Option<Value> {
     let Place::Template(settings) = place else {
         cx.report(
-            Diagnostic::error(
-                "E0704",
-                value.span,
-                "`Setting` can only be used inside a template",
-            )
-            .label("not in a template")
-            .help(format!(
-                "a parameter of the graph is written `Param(\"{asked}\")`"
-            )),
+            Diagnostic::error("E0704", value.span, "`Setting` can only be used inside a template")
+                .label("not in a template")
+                .help(format!("a parameter of the graph is written `Param(\"{asked}\")`")),
         );
         return None;
     };
@@ -403,14 +355,7 @@ fn setting(cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -
     let diagnostic = Diagnostic::error("E0209", value.span, message).label("unknown setting");
     let known = in_order(cx, settings);
     let none = format!("declare it: `settings: {{ \"{asked}\": Required }}`");
-    let diagnostic = suggest(
-        cx,
-        diagnostic,
-        asked,
-        known.into_iter(),
-        "its settings are",
-        &none,
-    );
+    let diagnostic = suggest(cx, diagnostic, asked, known.into_iter(), "its settings are", &none);
     cx.report(diagnostic);
     None
 }
@@ -419,12 +364,7 @@ fn setting(cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -
 fn only_text(body: &Body) -> Option<(&str, Span)> {
     match body {
         Body::Tuple(values) => match values.as_slice() {
-            [
-                Value {
-                    shape: Shape::String(text),
-                    span,
-                },
-            ] => Some((text, *span)),
+            [Value { shape: Shape::String(text), span }] => Some((text, *span)),
             _ => None,
         },
         _ => None,
@@ -455,10 +395,7 @@ fn measure(value: &Value) -> (usize, usize) {
         },
         _ => Vec::new(),
     };
-    inner
-        .into_iter()
-        .map(measure)
-        .fold((1, 1), |(values, levels), (v, l)| (values + v, levels.max(l + 1)))
+    inner.into_iter().map(measure).fold((1, 1), |(values, levels), (v, l)| (values + v, levels.max(l + 1)))
 }
 
 /// Largest number of names compared with an unknown one; with 20,000 of each it would take a minute.

@@ -29,21 +29,13 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
             let given = match given {
                 Some(value) => given::connections(cx, draft, node, input, value),
                 None if input.presence == Presence::Optional => {
-                    draft.nodes[node].inputs.push(Slot {
-                        port,
-                        name: None,
-                        wire: None,
-                        broken: false,
-                    });
+                    draft.nodes[node].inputs.push(Slot { port, name: None, wire: None, broken: false });
                     continue;
                 }
                 None => {
                     if !draft.nodes[node].fields.is_reported(input.name) {
                         let fields = &draft.nodes[node].fields;
-                        let kind = Name {
-                            span: fields.span,
-                            text: spec.name.to_owned(),
-                        };
+                        let kind = Name { span: fields.span, text: spec.name.to_owned() };
                         let mut diagnostic = missing_input(&kind, input.name, input.presence, kind.span);
                         diagnostic.secondary.clear();
                         draft.nodes[node].fields.miss(input.name, diagnostic);
@@ -54,14 +46,9 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
             let scope = draft.nodes[node].scope;
             for Given { name, value } in given {
                 let before = cx.diagnostics.len();
-                let wire = value
-                    .as_ref()
-                    .and_then(|value| resolve(cx, draft, scope, value, 0));
+                let wire = value.as_ref().and_then(|value| resolve(cx, draft, scope, value, 0));
                 // A number in place of a connection is most likely that of the setting of the same name with a unit.
-                if let Some(Value {
-                    shape: Shape::Number(_, number),
-                    ..
-                }) = &value
+                if let Some(Value { shape: Shape::Number(_, number), .. }) = &value
                     && let Some(setting) = draft.nodes[node].entry.settings().iter().find(|setting| {
                         let unit = setting.name.strip_prefix(input.name);
                         unit.is_some_and(|unit| unit.starts_with('_'))
@@ -71,12 +58,7 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
                     found.help = vec![format!("did you mean `{}: {number}`?", setting.name)];
                 }
                 let broken = wire.is_none();
-                draft.nodes[node].inputs.push(Slot {
-                    port,
-                    name,
-                    wire,
-                    broken,
-                });
+                draft.nodes[node].inputs.push(Slot { port, name, wire, broken });
             }
         }
     }
@@ -122,19 +104,13 @@ fn resolve(cx: &mut Context<'_>, draft: &Draft, scope: usize, value: &Value, dep
     }
     match &value.shape {
         Shape::String(written) => named(cx, draft, scope, value.span, written, depth),
-        Shape::Tagged(Tagged {
-            name: Some(form),
-            body,
-        }) => match (form.text.as_str(), body) {
+        Shape::Tagged(Tagged { name: Some(form), body }) => match (form.text.as_str(), body) {
             ("Delay", Body::Fields(fields)) => delayed(cx, draft, scope, value, form, fields, depth),
             ("Ring", Body::Fields(fields)) => ringed(cx, draft, scope, value, form, fields, depth),
             ("Input", Body::Tuple(inner)) => match inner.as_slice() {
-                [
-                    Value {
-                        shape: Shape::String(input),
-                        ..
-                    },
-                ] => handed_in(cx, draft, scope, value.span, input, depth),
+                [Value { shape: Shape::String(input), .. }] => {
+                    handed_in(cx, draft, scope, value.span, input, depth)
+                }
                 _ => not_a_connection(cx, value),
             },
             (name, Body::Tuple(inner)) => match (cx.registry.bridge(name), inner.as_slice()) {
@@ -158,12 +134,7 @@ fn not_a_connection<T>(cx: &mut Context<'_>, value: &Value) -> Option<T> {
     };
     let message = format!("expected a connection, found {found}");
     let mut diagnostic = Diagnostic::error("E0411", span, message).label("expected \"node.output\"");
-    let bridges: Vec<&str> = cx
-        .registry
-        .bridges()
-        .iter()
-        .map(|bridge| bridge.spec.name)
-        .collect();
+    let bridges: Vec<&str> = cx.registry.bridges().iter().map(|bridge| bridge.spec.name).collect();
     if let Shape::Tagged(Tagged { name: Some(name), .. }) = &value.shape {
         diagnostic = match name.text.as_str() {
             "Delay" => diagnostic.help("write `Delay(from: \"node.output\", frames: 1)`"),
@@ -214,24 +185,13 @@ fn named(
                 (None, Some(family)) => (names.iter().position(|name| Some(*name) == port)).unwrap_or(family),
                 _ => choose(cx, span, node, source.entry.spec.name, port, &names)?,
             };
-            Some(Wire {
-                from: *from,
-                output,
-                bridge: None,
-                general: false,
-                span,
-                via: None,
-            })
+            Some(Wire { from: *from, output, bridge: None, general: false, span, via: None })
         }
         Some(Target::Instance(inner)) => {
             let (template, _) = draft.scopes[*inner].template?;
             let document = cx.document;
             let template = &document.templates[template];
-            let names: Vec<&str> = template
-                .outputs
-                .iter()
-                .map(|(name, _)| name.text.as_str())
-                .collect();
+            let names: Vec<&str> = template.outputs.iter().map(|(name, _)| name.text.as_str()).collect();
             let output = choose(cx, span, node, &template.name.text, port, &names)?;
             let value = &template.outputs[output].1;
             let wire = resolve(cx, draft, *inner, value, depth + 1)?;
@@ -260,16 +220,10 @@ fn choose(
         (_, []) => Diagnostic::error("E0203", span, format!("`{node}` has no outputs"))
             .label(format!("`{kind}` has inputs only")),
         (None, several) => {
-            let diagnostic = Diagnostic::error(
-                "E0410",
-                span,
-                format!("`{node}` has {} outputs; name one", several.len()),
-            )
-            .label(format!("which output of this `{kind}`?"));
-            let list: Vec<String> = several
-                .iter()
-                .map(|output| format!("\"{node}.{output}\""))
-                .collect();
+            let diagnostic =
+                Diagnostic::error("E0410", span, format!("`{node}` has {} outputs; name one", several.len()))
+                    .label(format!("which output of this `{kind}`?"));
+            let list: Vec<String> = several.iter().map(|output| format!("\"{node}.{output}\"")).collect();
             diagnostic.help(format!("write {}", list.join(" or ")))
         }
         (Some(port), outputs) => {
@@ -278,14 +232,7 @@ fn choose(
             }
             let diagnostic = Diagnostic::error("E0203", span, format!("`{node}` has no output `{port}`"))
                 .label(format!("no such output of `{kind}`"));
-            suggest(
-                cx,
-                diagnostic,
-                port,
-                outputs.iter().copied(),
-                "its outputs are",
-                "",
-            )
+            suggest(cx, diagnostic, port, outputs.iter().copied(), "its outputs are", "")
         }
     };
     cx.report(diagnostic);
@@ -303,21 +250,12 @@ fn unknown_node(cx: &mut Context<'_>, draft: &Draft, scope: usize, span: Span, n
     };
     let diagnostic = Diagnostic::error("E0202", span, message).label("unknown node");
     let diagnostic = if place.inputs.contains_key(node) {
-        diagnostic.help(format!(
-            "`{node}` is an input of the template: write `Input(\"{node}\")`"
-        ))
+        diagnostic.help(format!("`{node}` is an input of the template: write `Input(\"{node}\")`"))
     } else if node.contains('/') {
         diagnostic.help("what is inside a template is reached through the template's outputs alone")
     } else {
         let known = in_order(cx, &place.names);
-        suggest(
-            cx,
-            diagnostic,
-            node,
-            known.into_iter(),
-            "there are",
-            "there are no nodes",
-        )
+        suggest(cx, diagnostic, node, known.into_iter(), "there are", "there are no nodes")
     };
     cx.report(diagnostic);
 }
@@ -369,11 +307,8 @@ fn bridged(
     scope: usize,
 ) -> Option<Wire> {
     if let Some((first, inner)) = wire.bridge {
-        let message = format!(
-            "this connection is bridged twice, by `{}` and `{}`",
-            name_of(first),
-            name_of(bridge)
-        );
+        let message =
+            format!("this connection is bridged twice, by `{}` and `{}`", name_of(first), name_of(bridge));
         cx.report(
             Diagnostic::error("E0407", form, message)
                 .label("the second bridge")
@@ -384,12 +319,7 @@ fn bridged(
     }
     // A connection passed into a template is shown where it is given, unless the bridge is inside.
     let general = draft.scopes[scope].template.is_some();
-    Some(Wire {
-        bridge: Some((bridge, form)),
-        general,
-        span,
-        ..wire
-    })
+    Some(Wire { bridge: Some((bridge, form)), general, span, ..wire })
 }
 
 /// Name of a bridge in graph files.
@@ -430,12 +360,7 @@ fn delayed(
 ) -> Option<Wire> {
     let (from, frames, initial) = cx.reading(|reading| {
         let mut fields = Fields::new("`Delay`".into(), form.span, fields.to_vec(), reading);
-        let from = take_from(
-            &mut fields,
-            form,
-            "write `Delay(from: \"node.output\", frames: 1)`",
-            reading,
-        );
+        let from = take_from(&mut fields, form, "write `Delay(from: \"node.output\", frames: 1)`", reading);
         let frames = fields.take("frames");
         let initial = fields.setting("initial", Some(None), None, reading);
         let frames = match &frames {
@@ -473,10 +398,8 @@ fn delayed(
     let kind = draft.nodes[wire.from].outputs[wire.output].kind;
     let is_neutral =
         |value: &f64| kind.is_some_and(|kind| kind.neutral().all(|x| x.to_bits() == value.to_bits()));
-    let bridge = Bridge::Delay {
-        frames: u64::from(frames?),
-        initial: initial?.filter(|value| !is_neutral(value)),
-    };
+    let bridge =
+        Bridge::Delay { frames: u64::from(frames?), initial: initial?.filter(|value| !is_neutral(value)) };
     bridged(cx, draft, wire, bridge, form.span, value.span, scope)
 }
 
@@ -491,20 +414,14 @@ fn ringed(
 ) -> Option<Wire> {
     let (from, latency_ms) = cx.reading(|reading| {
         let mut fields = Fields::new("`Ring`".into(), form.span, fields.to_vec(), reading);
-        let from = take_from(
-            &mut fields,
-            form,
-            "write `Ring(from: \"node.output\", latency_ms: 10)`",
-            reading,
-        );
+        let from =
+            take_from(&mut fields, form, "write `Ring(from: \"node.output\", latency_ms: 10)`", reading);
         let range = Some((0.0, MAX_RING_LATENCY_MS));
         let latency_ms = fields.setting::<Milliseconds>("latency_ms", None, range, reading);
         fields.finish(reading);
         (from, latency_ms)
     });
     let wire = resolve(cx, draft, scope, &from?, depth + 1)?;
-    let bridge = Bridge::Ring {
-        latency_s: latency_ms?.si(),
-    };
+    let bridge = Bridge::Ring { latency_s: latency_ms?.si() };
     bridged(cx, draft, wire, bridge, form.span, value.span, scope)
 }

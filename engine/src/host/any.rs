@@ -152,12 +152,8 @@ impl AnyOutput {
     }
 
     pub(super) fn of_ring(name: &str, stream: &Stream, ring: Consumer<f64>) -> Self {
-        let about = About {
-            name: name.to_owned(),
-            kind: stream.kind,
-            quantity: stream.quantity,
-            rate: stream.rate,
-        };
+        let about =
+            About { name: name.to_owned(), kind: stream.kind, quantity: stream.quantity, rate: stream.rate };
         let from = From::Ring(ring);
         Self { about, from }
     }

@@ -126,10 +126,7 @@ impl Device for HostEndpoint {
 
     fn read(&mut self, channel: usize, frame: &mut [f64]) {
         if let Some((_, value)) = self.senses.get(channel) {
-            frame
-                .iter_mut()
-                .zip(value)
-                .for_each(|(component, value)| *component = *value);
+            frame.iter_mut().zip(value).for_each(|(component, value)| *component = *value);
         }
     }
 

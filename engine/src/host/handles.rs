@@ -242,10 +242,7 @@ impl<V: HostFrame> Output<V> {
     }
 
     pub(super) fn of(any: AnyOutput) -> Self {
-        Self {
-            any,
-            frame: PhantomData,
-        }
+        Self { any, frame: PhantomData }
     }
 }
 
@@ -257,10 +254,7 @@ impl Graph {
     pub fn input<V: HostFrame>(&self, name: &str) -> Result<Input<V>, HostError> {
         let (about, queue) = self.host_input(name)?;
         about.expect(V::KIND)?;
-        Ok(Input {
-            any: AnyInput::new(about, &queue)?,
-            frame: PhantomData,
-        })
+        Ok(Input { any: AnyInput::new(about, &queue)?, frame: PhantomData })
     }
 
     /// As [`input`](Self::input), for a channel of any kind.
@@ -315,10 +309,7 @@ impl Graph {
         &self,
         of: impl Fn(&HostEndpoint) -> Vec<Channel>,
     ) -> impl Iterator<Item = (String, Channel)> {
-        let endpoints = self
-            .devices()
-            .iter()
-            .filter_map(move |device| Some((device, of(host(device)?))));
+        let endpoints = self.devices().iter().filter_map(move |device| Some((device, of(host(device)?))));
         endpoints.flat_map(|(device, channels)| {
             let named = |channel: Channel| (format!("{}.{}", device.name, channel.name), channel);
             channels.into_iter().map(named)
@@ -332,10 +323,7 @@ impl Graph {
         channels: &dyn Fn(&HostEndpoint) -> Vec<HostChannel>,
     ) -> Result<(About, Arc<Queue>), HostError> {
         let (endpoint, channel) = name.split_once('.').map_or((name, None), |(e, c)| (e, Some(c)));
-        let mut hosts = self
-            .devices()
-            .iter()
-            .filter_map(|device| Some((device, host(device)?)));
+        let mut hosts = self.devices().iter().filter_map(|device| Some((device, host(device)?)));
         let found = hosts.find(|(device, _)| device.name == endpoint);
         let known = found.map(|(_, host)| (host.rate, channels(host)));
         let (rate, known) = known.unwrap_or((self.clocks()[0].rate, Vec::new()));

@@ -98,9 +98,7 @@ impl Player {
             let (node, output) = graph.find_output(name)?;
             names.push((name.clone(), sinks.hand_over(node, output)));
         }
-        let system = |reason: &dyn std::fmt::Display| HostError::System {
-            reason: reason.to_string(),
-        };
+        let system = |reason: &dyn std::fmt::Display| HostError::System { reason: reason.to_string() };
         if let Some(folder) = &options.folder {
             sinks.open_files(folder).map_err(|error| system(&error))?;
         }
@@ -112,12 +110,7 @@ impl Player {
             live.sample_costs();
         }
         let probes = Probes::new(names, session.handed());
-        let player = Self {
-            live,
-            check_interval,
-            probes,
-            _playing: playing,
-        };
+        let player = Self { live, check_interval, probes, _playing: playing };
         Ok((player, session))
     }
 
@@ -182,9 +175,7 @@ pub struct Probes(Vec<(String, Stream, Option<Consumer<f64>>)>);
 impl Probes {
     fn new(names: Vec<(String, Stream)>, rings: Vec<Consumer<f64>>) -> Self {
         let mut rings = rings.into_iter();
-        let probes = names
-            .into_iter()
-            .map(|(name, stream)| (name, stream, rings.next()));
+        let probes = names.into_iter().map(|(name, stream)| (name, stream, rings.next()));
         Self(probes.collect())
     }
 
@@ -215,9 +206,7 @@ impl Probes {
         if let Some(asked) = asked.filter(|asked| *asked != kind) {
             return Err(HostError::Kind { name, kind, asked });
         }
-        let ring = ring
-            .take()
-            .ok_or_else(|| HostError::Taken { name: name.clone() })?;
+        let ring = ring.take().ok_or_else(|| HostError::Taken { name: name.clone() })?;
         Ok(AnyOutput::of_ring(&name, stream, ring))
     }
 }
@@ -235,9 +224,7 @@ impl Session {
         folder: Option<&Path>,
         probes: &[String],
     ) -> Result<(Changed, Probes), ChangeError> {
-        let ports = probes
-            .iter()
-            .filter_map(|name| Some((name, graph.find_output(name).ok()?)));
+        let ports = probes.iter().filter_map(|name| Some((name, graph.find_output(name).ok()?)));
         let ports: Vec<(&String, (NodeId, usize))> = ports.collect();
         let wanted: Vec<(NodeId, usize)> = ports.iter().map(|(_, port)| *port).collect();
         let (changed, begun) = self.change_with(graph.into(), folder, Some(&wanted))?;
@@ -255,9 +242,7 @@ struct Playing(Vec<Arc<AtomicBool>>);
 
 impl Drop for Playing {
     fn drop(&mut self) {
-        self.0
-            .iter()
-            .for_each(|playing| playing.store(false, Ordering::Release));
+        self.0.iter().for_each(|playing| playing.store(false, Ordering::Release));
     }
 }
 
@@ -282,11 +267,10 @@ impl Graph {
     /// [`HostError::Unknown`] with the existing outputs.
     pub fn find_output(&self, name: &str) -> Result<(NodeId, usize), HostError> {
         self.output_called(name).ok_or_else(|| {
-            let ports = self.nodes().iter().flat_map(|node| {
-                node.outputs
-                    .iter()
-                    .map(move |port| format!("{}.{}", node.path, port.name))
-            });
+            let ports = self
+                .nodes()
+                .iter()
+                .flat_map(|node| node.outputs.iter().map(move |port| format!("{}.{}", node.path, port.name)));
             unknown("output", name, &ports.collect::<Vec<_>>())
         })
     }

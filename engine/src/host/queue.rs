@@ -49,13 +49,7 @@ pub(super) struct Queue {
 impl Queue {
     pub fn new(width: usize, frames: usize) -> Self {
         let words = (0..frames * (width + 1)).map(|_| AtomicU64::new(0)).collect();
-        Self {
-            width,
-            words,
-            put: AtomicU64::new(0),
-            taken: AtomicU64::new(0),
-            held: AtomicBool::new(false),
-        }
+        Self { width, words, put: AtomicU64::new(0), taken: AtomicU64::new(0), held: AtomicBool::new(false) }
     }
 
     pub fn capacity(&self) -> usize {
@@ -135,9 +129,7 @@ mod tests {
         let queue = Arc::new(Queue::new(3, 16));
         let putter = Arc::clone(&queue);
         let putting = std::thread::spawn(move || {
-            (0..20_000)
-                .filter(|k| putter.put(Due::Next, &[f64::from(*k); 3]))
-                .count()
+            (0..20_000).filter(|k| putter.put(Due::Next, &[f64::from(*k); 3])).count()
         });
         let (mut got, mut last) = (0, -1.0);
         loop {
@@ -149,10 +141,7 @@ mod tests {
                 }
                 continue;
             }
-            assert!(
-                components[0] > last && components == [components[0]; 3],
-                "{components:?} after {last}"
-            );
+            assert!(components[0] > last && components == [components[0]; 3], "{components:?} after {last}");
             (last, got) = (components[0], got + 1);
         }
         assert_eq!(putting.join().expect("puts"), got);

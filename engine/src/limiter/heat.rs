@@ -53,10 +53,7 @@ impl Heat {
         let chunk_ticks = (CHUNK_S * rate_hz).clamp(1.0, 1e6) as u32;
         let chunk_s = f64::from(chunk_ticks) / rate_hz;
         Self {
-            known: Known {
-                energies: [0.0; WINDOWS],
-                largest_square: 0.0,
-            },
+            known: Known { energies: [0.0; WINDOWS], largest_square: 0.0 },
             known_for_s: f64::INFINITY,
             rate_hz,
             decay: std::array::from_fn(|place| (-chunk_s / window_s(place)).exp()),

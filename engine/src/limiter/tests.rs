@@ -3,12 +3,7 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-const LIMIT: Limit = Limit {
-    peak: 0.5,
-    continuous: 0.25,
-    window_s: 0.05,
-    slew_per_s: Some(300.0),
-};
+const LIMIT: Limit = Limit { peak: 0.5, continuous: 0.25, window_s: 0.05, slew_per_s: Some(300.0) };
 const RATE_HZ: f64 = 10_000.0;
 
 /// An independent account of what an actuator was given.
@@ -21,23 +16,14 @@ struct Judge {
 
 impl Judge {
     fn new(limit: Limit, rate_hz: f64) -> Self {
-        Self {
-            limit,
-            rate_hz,
-            mean_square: 0.0,
-            previous: 0.0,
-        }
+        Self { limit, rate_hz, mean_square: 0.0, previous: 0.0 }
     }
 
     fn watch(&mut self, request: f64, output: f64) {
         assert!(output.abs() <= self.limit.peak, "peak: {output}");
         let keep = (-1.0 / (self.limit.window_s * self.rate_hz)).exp();
         self.mean_square = keep * self.mean_square + (1.0 - keep) * output * output;
-        assert!(
-            self.mean_square.sqrt() <= self.limit.continuous,
-            "heat: {}",
-            self.mean_square.sqrt()
-        );
+        assert!(self.mean_square.sqrt() <= self.limit.continuous, "heat: {}", self.mean_square.sqrt());
         if !request.is_finite() {
             let (before, now) = (self.previous.abs(), output.abs());
             assert!(now < before || output == 0.0, "{now} is asked for by nothing");
@@ -45,10 +31,7 @@ impl Judge {
         if let Some(slew_per_s) = self.limit.slew_per_s {
             let most = slew_per_s / self.rate_hz;
             let change = (output - self.previous).abs();
-            assert!(
-                change <= most + 1e-15 * self.limit.peak,
-                "slew: {change} of {most}"
-            );
+            assert!(change <= most + 1e-15 * self.limit.peak, "slew: {change} of {most}");
         }
         self.previous = output;
     }
@@ -59,28 +42,11 @@ fn no_limit_is_ever_exceeded() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
     let limits = [
         LIMIT,
-        Limit {
-            slew_per_s: None,
-            ..LIMIT
-        },
-        Limit {
-            slew_per_s: Some(8.0),
-            ..LIMIT
-        },
-        Limit {
-            continuous: 0.5,
-            ..LIMIT
-        },
-        Limit {
-            window_s: 10.0,
-            ..LIMIT
-        },
-        Limit {
-            peak: 3.3,
-            continuous: 0.88,
-            window_s: 1.0,
-            slew_per_s: Some(1e9),
-        },
+        Limit { slew_per_s: None, ..LIMIT },
+        Limit { slew_per_s: Some(8.0), ..LIMIT },
+        Limit { continuous: 0.5, ..LIMIT },
+        Limit { window_s: 10.0, ..LIMIT },
+        Limit { peak: 3.3, continuous: 0.88, window_s: 1.0, slew_per_s: Some(1e9) },
     ];
     for limit in limits {
         let mut limiter = Limiter::<1>::new(&limit, RATE_HZ).unwrap();
@@ -109,12 +75,7 @@ fn no_limit_is_ever_exceeded() {
 
 #[test]
 fn no_limit_is_ever_exceeded_in_space() {
-    let limit = Limit {
-        peak: 3.3,
-        continuous: 1.0,
-        window_s: 0.1,
-        slew_per_s: Some(200.0),
-    };
+    let limit = Limit { peak: 3.3, continuous: 1.0, window_s: 0.1, slew_per_s: Some(200.0) };
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(2);
     let mut limiter = Limiter::<3>::new(&limit, 1000.0).unwrap();
     let (mut mean_square, mut previous) = (0.0, [0.0; 3]);
@@ -131,11 +92,7 @@ fn no_limit_is_ever_exceeded_in_space() {
         assert!(norm(sub(output, previous)) <= 0.2 * (1.0 + 1e-12));
         previous = output;
     }
-    assert!(
-        limiter.counts().continuous > 1000 && limiter.counts().slew > 1000,
-        "{:?}",
-        limiter.counts()
-    );
+    assert!(limiter.counts().continuous > 1000 && limiter.counts().slew > 1000, "{:?}", limiter.counts());
 }
 
 proptest! {
@@ -163,25 +120,13 @@ fn what_is_within_the_limits_passes_bit_for_bit() {
         assert_eq!(limiter.apply([request]), [request]);
     }
     let counts = limiter.counts();
-    assert_eq!(
-        counts,
-        ClipCounts {
-            ticks: 50_000,
-            ..ClipCounts::default()
-        }
-    );
+    assert_eq!(counts, ClipCounts { ticks: 50_000, ..ClipCounts::default() });
 }
 
 #[test]
 fn the_largest_finite_request_is_kept_and_continued() {
     let mut limiter = Limiter::<2>::new(&LIMIT, RATE_HZ).unwrap();
-    for request in [
-        [0.1, 0.0],
-        [0.6, -0.8],
-        [f64::INFINITY, 0.0],
-        [f64::NAN, 9.0],
-        [0.3, 0.3],
-    ] {
+    for request in [[0.1, 0.0], [0.6, -0.8], [f64::INFINITY, 0.0], [f64::NAN, 9.0], [0.3, 0.3]] {
         limiter.apply(request);
     }
     assert_eq!(limiter.largest_request(), 1.0);
@@ -195,18 +140,10 @@ fn the_largest_finite_request_is_kept_and_continued() {
 
 #[test]
 fn a_short_overload_passes_and_a_long_one_falls_to_continuous() {
-    let limit = Limit {
-        peak: 5.0,
-        continuous: 3.3,
-        window_s: 0.2,
-        slew_per_s: None,
-    };
+    let limit = Limit { peak: 5.0, continuous: 3.3, window_s: 0.2, slew_per_s: None };
     let mut limiter = Limiter::<1>::new(&limit, 1000.0).unwrap();
     let outputs: Vec<f64> = (0..2000).map(|_| limiter.apply([5.0])[0]).collect();
-    assert!(
-        outputs[..100].iter().all(|&y| y == 5.0),
-        "the tap of 0.1 s is whole"
-    );
+    assert!(outputs[..100].iter().all(|&y| y == 5.0), "the tap of 0.1 s is whole");
     assert!((outputs[1999] - 3.3).abs() < 1e-6);
     let heat = limiter.mean_square() / (3.3 * 3.3);
     assert!(heat > 0.999 && heat <= 1.0);
@@ -214,12 +151,7 @@ fn a_short_overload_passes_and_a_long_one_falls_to_continuous() {
 
 #[test]
 fn one_that_goes_on_for_another_heats_its_actuator_no_further() {
-    let limit = |continuous| Limit {
-        peak: 5.0,
-        continuous,
-        window_s: 0.2,
-        slew_per_s: None,
-    };
+    let limit = |continuous| Limit { peak: 5.0, continuous, window_s: 0.2, slew_per_s: None };
     for continuous in [1.0, 3.0, 4.5] {
         let mut before = Limiter::<1>::new(&limit(4.0), 1000.0).unwrap();
         (0..2000).for_each(|_| {
@@ -282,10 +214,7 @@ fn no_sequence_of_limits_allows_more_than_the_one_in_force() {
             before = Some(limiter);
         }
     }
-    assert!(
-        edits == 440 && warm > 150 && in_debt > 80,
-        "{edits}, {warm}, {in_debt}"
-    );
+    assert!(edits == 440 && warm > 150 && in_debt > 80, "{edits}, {warm}, {in_debt}");
 }
 
 #[test]
@@ -306,12 +235,7 @@ fn a_bound_of_any_window_is_close_for_a_steady_drive() {
 #[test]
 fn no_limit_is_more_than_spent_by_raising_it_where_rest_is_not_known() {
     for raised in [1.0, 3.0] {
-        let limit = |continuous| Limit {
-            peak: 5.0,
-            continuous,
-            window_s: 0.2,
-            slew_per_s: None,
-        };
+        let limit = |continuous| Limit { peak: 5.0, continuous, window_s: 0.2, slew_per_s: None };
         let mut limiter = Limiter::<1>::new(&limit(1.0), 1000.0).unwrap();
         limiter.assume_thermally_saturated();
         assert!(limiter.has_unknown_history());
@@ -326,14 +250,7 @@ fn no_limit_is_more_than_spent_by_raising_it_where_rest_is_not_known() {
 
 #[test]
 fn faults_are_zero_at_once_and_counted() {
-    let mut limiter = Limiter::<1>::new(
-        &Limit {
-            slew_per_s: None,
-            ..LIMIT
-        },
-        RATE_HZ,
-    )
-    .unwrap();
+    let mut limiter = Limiter::<1>::new(&Limit { slew_per_s: None, ..LIMIT }, RATE_HZ).unwrap();
     assert_eq!(limiter.apply([0.2]), [0.2]);
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert_eq!(limiter.apply([bad]), [0.0]);
@@ -345,10 +262,7 @@ fn faults_are_zero_at_once_and_counted() {
 #[test]
 fn faults_go_to_zero_within_the_slew_and_are_counted() {
     // A tenth of a unit in a tick.
-    let slewing = Limit {
-        slew_per_s: Some(0.1 * RATE_HZ),
-        ..LIMIT
-    };
+    let slewing = Limit { slew_per_s: Some(0.1 * RATE_HZ), ..LIMIT };
     let mut limiter = Limiter::<1>::new(&slewing, RATE_HZ).unwrap();
     let mut given = Vec::new();
     for request in [0.1, 0.2, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.05] {
@@ -363,29 +277,8 @@ fn faults_go_to_zero_within_the_slew_and_are_counted() {
 #[test]
 fn impossible_limits_are_refused() {
     let refused = |limit: Limit| Limiter::<1>::new(&limit, RATE_HZ).unwrap_err();
-    assert!(matches!(
-        refused(Limit { peak: 0.0, ..LIMIT }),
-        LimitError::NotPositive { name: "peak", .. }
-    ));
-    assert!(matches!(
-        refused(Limit {
-            window_s: f64::NAN,
-            ..LIMIT
-        }),
-        LimitError::NotPositive { .. }
-    ));
-    assert!(matches!(
-        refused(Limit {
-            continuous: 0.6,
-            ..LIMIT
-        }),
-        LimitError::ContinuousAbovePeak { .. }
-    ));
-    assert!(matches!(
-        refused(Limit {
-            slew_per_s: Some(1e-6),
-            ..LIMIT
-        }),
-        LimitError::SlewTooSlow { .. }
-    ));
+    assert!(matches!(refused(Limit { peak: 0.0, ..LIMIT }), LimitError::NotPositive { name: "peak", .. }));
+    assert!(matches!(refused(Limit { window_s: f64::NAN, ..LIMIT }), LimitError::NotPositive { .. }));
+    assert!(matches!(refused(Limit { continuous: 0.6, ..LIMIT }), LimitError::ContinuousAbovePeak { .. }));
+    assert!(matches!(refused(Limit { slew_per_s: Some(1e-6), ..LIMIT }), LimitError::SlewTooSlow { .. }));
 }

@@ -176,9 +176,7 @@ impl NodeEntry {
     /// Its live settings, with the handles that [`Processor::set`](super::Processor::set) takes.
     pub fn live_settings(&self) -> impl Iterator<Item = (SettingId, SettingSpec)> {
         let settings = self.settings().into_iter().enumerate();
-        settings
-            .filter(|(_, spec)| spec.live)
-            .map(|(index, spec)| (SettingId::at(index), spec))
+        settings.filter(|(_, spec)| spec.live).map(|(index, spec)| (SettingId::at(index), spec))
     }
 
     /// True if the kind is described while the program runs; its nodes run offline only.
@@ -204,10 +202,7 @@ impl NodeEntry {
 
 /// Only what processes has a family of outputs.
 const fn without_family(spec: &'static NodeSpec) -> &'static NodeSpec {
-    assert!(
-        spec.family().is_none(),
-        "only a node that processes has a family of outputs"
-    );
+    assert!(spec.family().is_none(), "only a node that processes has a family of outputs");
     spec
 }
 

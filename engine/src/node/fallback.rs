@@ -100,12 +100,7 @@ pub struct Fallback<K> {
 impl<K: NodeKind> Fallback<K> {
     /// The input `port` of the kind, and its setting `field`, which is an `Option`.
     pub const fn named(port: &'static str, field: &'static str) -> Self {
-        Self {
-            input: Input::named(port),
-            setting: LiveId::named(field),
-            port,
-            field,
-        }
+        Self { input: Input::named(port), setting: LiveId::named(field), port, field }
     }
 
     /// True if the input is connected.
@@ -142,14 +137,7 @@ pub fn next_change(signals: &[Option<&[f64]>], from: usize, frames: usize) -> us
     let change = |signal: &&[f64]| {
         let first = signal.get(from)?.to_bits();
         let rest = signal.get(from + 1..frames)?;
-        rest.iter()
-            .position(|x| x.to_bits() != first)
-            .map(|at| from + 1 + at)
+        rest.iter().position(|x| x.to_bits() != first).map(|at| from + 1 + at)
     };
-    signals
-        .iter()
-        .flatten()
-        .filter_map(change)
-        .min()
-        .unwrap_or(frames)
+    signals.iter().flatten().filter_map(change).min().unwrap_or(frames)
 }

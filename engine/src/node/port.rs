@@ -372,10 +372,7 @@ impl Mode for Named {
 
 impl<K, F, M> Input<K, F, M> {
     const fn at(index: usize) -> Self {
-        Self {
-            index,
-            types: PhantomData,
-        }
+        Self { index, types: PhantomData }
     }
 
     pub(crate) const fn index(self) -> usize {
@@ -391,14 +388,9 @@ impl<K: NodeKind, F: FrameKind, M: Mode> Input<K, F, M> {
     /// If no input has this name, or its frames, its presence or its flow are not those of the handle.
     pub const fn named(name: &str) -> Self {
         let spec = const { &K::SPEC };
-        let Some(index) = spec.input_index(name) else {
-            panic!("no input has this name")
-        };
+        let Some(index) = spec.input_index(name) else { panic!("no input has this name") };
         let port = &spec.inputs[index];
-        assert!(
-            F::KINDS.include(spec.resolved(port.kind)),
-            "the frames of this input are of another kind"
-        );
+        assert!(F::KINDS.include(spec.resolved(port.kind)), "the frames of this input are of another kind");
         match port.presence {
             Presence::Required => assert!(
                 matches!(M::PRESENCE, Presence::Required),
@@ -422,10 +414,9 @@ impl<K: NodeKind, F: FrameKind, M: Mode> Input<K, F, M> {
                 matches!(M::FLOW, Flow::Sampled),
                 "this input has a frame per tick: its handle is not `Held`"
             ),
-            Flow::Held => assert!(
-                matches!(M::FLOW, Flow::Held),
-                "this input is read as runs: its handle is `Held`"
-            ),
+            Flow::Held => {
+                assert!(matches!(M::FLOW, Flow::Held), "this input is read as runs: its handle is `Held`")
+            }
         }
         let mut before = 0;
         while before < index {
@@ -441,10 +432,7 @@ impl<K: NodeKind, F: FrameKind, M: Mode> Input<K, F, M> {
 
 impl<K, F> Output<K, F> {
     const fn at(index: usize) -> Self {
-        Self {
-            index,
-            types: PhantomData,
-        }
+        Self { index, types: PhantomData }
     }
 
     pub(crate) const fn index(self) -> usize {
@@ -489,10 +477,7 @@ impl<K: NodeKind, F: FrameKind> OutputFamily<K, F> {
             "this is one output: its handle is an `Output`"
         );
         assert!(first + 1 == spec.outputs.len(), "a family of outputs comes last");
-        Self {
-            first,
-            types: PhantomData,
-        }
+        Self { first, types: PhantomData }
     }
 }
 
@@ -502,9 +487,7 @@ impl NodeSpec {
     pub fn any_inputs(&self) -> impl Iterator<Item = (&InputSpec, Input<Scripted, AnyKind, Optional>)> {
         let one = |port: &InputSpec| !port.presence.is_several() && port.flow == Flow::Sampled;
         let inputs = self.inputs.iter().enumerate();
-        inputs
-            .filter(move |(_, port)| one(port))
-            .map(|(index, port)| (port, Input::at(index)))
+        inputs.filter(move |(_, port)| one(port)).map(|(index, port)| (port, Input::at(index)))
     }
 
     /// The outputs with their handles, as [`any_inputs`](Self::any_inputs).

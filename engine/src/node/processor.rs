@@ -143,17 +143,11 @@ pub struct Built<K> {
 impl<K: 'static> Built<K> {
     /// Erases the type of a processor.
     pub fn new(processor: impl Processor<K>) -> Self {
-        Self::erased(Of {
-            processor,
-            kind: PhantomData::<fn() -> K>,
-        })
+        Self::erased(Of { processor, kind: PhantomData::<fn() -> K> })
     }
 
     fn erased(processor: impl AnyProcessor) -> Self {
-        Self {
-            processor: Box::new(processor),
-            kind: PhantomData,
-        }
+        Self { processor: Box::new(processor), kind: PhantomData }
     }
 
     pub(crate) fn into_processor(self) -> Box<dyn AnyProcessor> {
@@ -171,11 +165,7 @@ impl<K: NodeKind> Built<K> {
                 "a law has one number, and so at most one live setting"
             );
         }
-        Self::erased(Lawful {
-            law,
-            input: input.index(),
-            output: output.index(),
-        })
+        Self::erased(Lawful { law, input: input.index(), output: output.index() })
     }
 }
 
@@ -285,10 +275,7 @@ impl<K: 'static, P: Processor<K>> AnyProcessor for Of<K, P> {
     }
 
     fn boxed_clone(&self) -> Box<dyn AnyProcessor> {
-        Box::new(Self {
-            processor: self.processor.clone(),
-            kind: PhantomData,
-        })
+        Box::new(Self { processor: self.processor.clone(), kind: PhantomData })
     }
 }
 
@@ -358,18 +345,12 @@ pub struct Latency {
 impl Latency {
     /// A transport delay, without group delay.
     pub const fn of_transport(transport_s: f64) -> Self {
-        Self {
-            transport_s,
-            group_delay_s: 0.0,
-        }
+        Self { transport_s, group_delay_s: 0.0 }
     }
 
     /// A group delay, without transport delay.
     pub const fn of_group(group_delay_s: f64) -> Self {
-        Self {
-            transport_s: 0.0,
-            group_delay_s,
-        }
+        Self { transport_s: 0.0, group_delay_s }
     }
 }
 

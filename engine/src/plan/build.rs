@@ -67,11 +67,7 @@ struct DevicePorts {
 }
 
 /// Port of an input that is not connected.
-const ABSENT: Port = Port {
-    demand: usize::MAX,
-    placing: Placing { start: 0, width: 0 },
-    clock: 0,
-};
+const ABSENT: Port = Port { demand: usize::MAX, placing: Placing { start: 0, width: 0 }, clock: 0 };
 /// Group number of nodes outside islands; bridges are shared only within a group.
 const OUTSIDE: usize = usize::MAX;
 
@@ -90,11 +86,7 @@ pub(super) fn build(graph: &Graph, driver: usize, options: &PlanOptions) -> Plan
 
 impl<'a> Builder<'a> {
     fn new(graph: &'a Graph, driver: usize, options: &PlanOptions) -> Self {
-        let block = if options.block == 0 {
-            64
-        } else {
-            options.block.min(MAX_BLOCK)
-        };
+        let block = if options.block == 0 { 64 } else { options.block.min(MAX_BLOCK) };
         let mut sinks_left = vec![0; graph.devices.len()];
         for node in graph.nodes.node_weights() {
             if let Some(device) = node.work.sink_device() {
@@ -277,9 +269,7 @@ impl<'a> Builder<'a> {
                 });
                 StepWork::Process((self.plan.processors.len() - 1) as u32)
             }
-            Work::Actuator {
-                gain, limit, device, ..
-            } => {
+            Work::Actuator { gain, limit, device, .. } => {
                 let reached = self.reaches.iter().filter(|reach| reach.nodes[index.index()]);
                 let silenced_by = reached.map(|reach| (reach.device, reach.device == *device));
                 let output = node.outputs.first();
@@ -298,10 +288,8 @@ impl<'a> Builder<'a> {
             Work::Source { device, .. } => StepWork::DeviceRead(*device as u32),
             Work::File(_) => return,
         };
-        let first_source = node
-            .work
-            .source_device()
-            .is_none_or(|device| self.device_ports[device].reads.is_empty());
+        let first_source =
+            node.work.source_device().is_none_or(|device| self.device_ports[device].reads.is_empty());
         let step = match first_source {
             true => self.step(work, clock, index, path),
             // All sources of a device are filled by the step of the first one.
@@ -316,13 +304,8 @@ impl<'a> Builder<'a> {
     }
 
     fn source_step(&self, work: &Work) -> usize {
-        let wanted = work
-            .source_device()
-            .map(|device| StepWork::DeviceRead(device as u32));
-        self.steps
-            .iter()
-            .position(|step| Some(step.work) == wanted)
-            .unwrap_or(0)
+        let wanted = work.source_device().map(|device| StepWork::DeviceRead(device as u32));
+        self.steps.iter().position(|step| Some(step.work) == wanted).unwrap_or(0)
     }
 
     /// Connects the ports of sources and sinks to their device; the last sink is followed by the write.
@@ -360,10 +343,7 @@ impl<'a> Builder<'a> {
             .inputs
             .iter()
             .map(|input| {
-                let placing = Placing {
-                    start: 0,
-                    width: input.kind.width() as u32,
-                };
+                let placing = Placing { start: 0, width: input.kind.width() as u32 };
                 (Port { placing, ..ABSENT }, Form::Absent)
             })
             .collect();
@@ -407,13 +387,8 @@ impl<'a> Builder<'a> {
         if shared && let Some(port) = self.crossings.get(&key) {
             return (*port, form(runs));
         }
-        let port = self.bridge(
-            work,
-            name,
-            self.ports[from.index()][edge.output],
-            clock,
-            (from, edge.output, to),
-        );
+        let port =
+            self.bridge(work, name, self.ports[from.index()][edge.output], clock, (from, edge.output, to));
         if shared {
             self.crossings.insert(key, port);
         }
@@ -472,9 +447,7 @@ impl<'a> Builder<'a> {
     /// Places the outputs of a step one after the other in a buffer of its own.
     fn allot(&mut self, step: usize, clock: usize, widths: &[usize]) -> Vec<Port> {
         let frames = self.most_frames(clock);
-        self.place(step, clock, widths, |width| {
-            (width * frames).next_multiple_of(LINE)
-        })
+        self.place(step, clock, widths, |width| (width * frames).next_multiple_of(LINE))
     }
 
     fn allot_len(&mut self, step: usize, clock: usize, width: usize, len: usize) -> Port {
@@ -495,22 +468,11 @@ impl<'a> Builder<'a> {
         let mut start = 0;
         let mut ports = Vec::with_capacity(widths.len());
         for width in widths {
-            let placing = Placing {
-                start: start as u32,
-                width: *width as u32,
-            };
-            ports.push(Port {
-                demand,
-                placing,
-                clock: clock as u32,
-            });
+            let placing = Placing { start: start as u32, width: *width as u32 };
+            ports.push(Port { demand, placing, clock: clock as u32 });
             start += len_of(*width);
         }
-        self.demands.push(Demand {
-            len: start,
-            from: step,
-            to: step,
-        });
+        self.demands.push(Demand { len: start, from: step, to: step });
         let step = &mut self.steps[step];
         if step.out.is_none() {
             step.out = Some(demand);
@@ -521,11 +483,7 @@ impl<'a> Builder<'a> {
 
     /// Largest number of ticks of a clock in a block.
     fn most_frames(&self, clock: usize) -> usize {
-        let block = self
-            .plan
-            .base
-            .period(self.plan.driver)
-            .saturating_mul(self.plan.block as u64);
+        let block = self.plan.base.period(self.plan.driver).saturating_mul(self.plan.block as u64);
         usize::try_from(block.div_ceil(self.plan.base.period(clock))).unwrap_or(usize::MAX)
     }
 
@@ -555,11 +513,8 @@ impl<'a> Builder<'a> {
             device.reads = ports.reads.iter().map(of_device).collect();
             device.writes = ports.writes.iter().map(of_device).collect();
         }
-        let tap = |(port, stream): (Port, Stream)| Tap {
-            place: places.port(&port),
-            clock: port.clock,
-            stream,
-        };
+        let tap =
+            |(port, stream): (Port, Stream)| Tap { place: places.port(&port), clock: port.clock, stream };
         plan.taps = tapped.into_iter().map(tap).collect();
         resolve::join(plan);
         plan.slots = places.slots;

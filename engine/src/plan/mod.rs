@@ -200,11 +200,7 @@ pub(crate) enum StepWork {
     /// Writes a ring to another driver.
     RingWrite(u32),
     /// Runs the next `steps` steps in windows that end at multiples of the pacings.
-    Island {
-        steps: u32,
-        first_pacing: u32,
-        pacings: u32,
-    },
+    Island { steps: u32, first_pacing: u32, pacings: u32 },
 }
 
 /// Identity of a node across plans.
@@ -253,10 +249,7 @@ pub(crate) struct ActuatorPlan {
 impl ActuatorPlan {
     /// True if every live input that it depends on delivers data or is held.
     pub(crate) fn is_let_through(&self, input: impl Fn(usize) -> Option<LiveInput>) -> bool {
-        let mut inputs = self
-            .silenced_by
-            .iter()
-            .map(|(device, own)| (input(*device), *own));
+        let mut inputs = self.silenced_by.iter().map(|(device, own)| (input(*device), *own));
         inputs.all(|(input, own)| input.is_none_or(|input| input.lets_through(own)))
     }
 
@@ -281,13 +274,7 @@ pub(crate) struct Delivered {
 impl Delivered {
     /// Writes the number of ticks in which each limit acted since the run began.
     pub fn put_clipped(&self, counts: ClipCounts) {
-        let ClipCounts {
-            ticks,
-            peak,
-            continuous,
-            slew,
-            fault,
-        } = counts;
+        let ClipCounts { ticks, peak, continuous, slew, fault } = counts;
         let counts = [ticks, peak, continuous, slew, fault];
         for (to, count) in self.clipped.iter().zip(counts) {
             to.store(count, Relaxed);
@@ -297,13 +284,7 @@ impl Delivered {
     /// The counts that were written last.
     pub fn clipped(&self) -> ClipCounts {
         let [ticks, peak, continuous, slew, fault] = self.clipped.each_ref().map(|count| count.load(Relaxed));
-        ClipCounts {
-            ticks,
-            peak,
-            continuous,
-            slew,
-            fault,
-        }
+        ClipCounts { ticks, peak, continuous, slew, fault }
     }
 
     /// Writes the largest magnitude over the axes, and whether a silent input keeps it at zero.
@@ -343,8 +324,7 @@ impl StepTime {
     /// Adds the time between two clock reads, ns.
     pub fn add(&self, ns: u64) {
         self.ns.store(self.ns.load(Relaxed).wrapping_add(ns), Relaxed);
-        self.looks
-            .store(self.looks.load(Relaxed).wrapping_add(1), Relaxed);
+        self.looks.store(self.looks.load(Relaxed).wrapping_add(1), Relaxed);
     }
 
     /// Returns the sum, ns, and the number of samples.
@@ -422,9 +402,7 @@ impl Plan {
     /// Plans a graph: at least one plan, one for each driver in the order of [`Graph::drivers`].
     pub fn of(graph: &Graph, options: &PlanOptions) -> Vec<Self> {
         let drivers = graph.drivers().into_iter();
-        drivers
-            .map(|driver| build::build(graph, driver, options))
-            .collect()
+        drivers.map(|driver| build::build(graph, driver, options)).collect()
     }
 
     /// Name of the driver.
@@ -450,12 +428,8 @@ impl Plan {
         };
         let mut steps = self.steps.iter().zip(&other.steps);
         let mut settings = self.live.iter().zip(&other.live);
-        let device_keys = |plan: &Self| {
-            plan.devices
-                .iter()
-                .map(|device| device.key.clone())
-                .collect::<Vec<_>>()
-        };
+        let device_keys =
+            |plan: &Self| plan.devices.iter().map(|device| device.key.clone()).collect::<Vec<_>>();
         self.block == other.block
             && self.driver == other.driver
             && self.rates == other.rates
@@ -470,11 +444,7 @@ impl Plan {
             && rings(&self.ring_reads, &other.ring_reads)
             && self.processor_keys == other.processor_keys
             && self.actuators.len() == other.actuators.len()
-            && self
-                .actuators
-                .iter()
-                .zip(&other.actuators)
-                .all(|(a, b)| a.is_same_as(b))
+            && self.actuators.iter().zip(&other.actuators).all(|(a, b)| a.is_same_as(b))
             && self.taps == other.taps
             && device_keys(self) == device_keys(other)
     }
@@ -502,8 +472,7 @@ impl Plan {
             devices.any(|device| device.key == *key && !device.driven_by.is_empty())
         };
         let mut own = self.devices.iter().filter(|device| driven(self, &device.key));
-        own.find(|device| !driven(other, &device.key))
-            .map(|device| &*device.name)
+        own.find(|device| !driven(other, &device.key)).map(|device| &*device.name)
     }
 
     /// Length of all buffers in f64.

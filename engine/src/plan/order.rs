@@ -63,10 +63,7 @@ fn with_device_links(graph: &Graph) -> DiGraph<NodeIndex, ()> {
     }
     for device in 0..graph.devices.len() {
         let bound = |wanted: fn(&Work) -> Option<usize>| {
-            graph
-                .nodes
-                .node_indices()
-                .filter(move |node| wanted(&graph.nodes[*node].work) == Some(device))
+            graph.nodes.node_indices().filter(move |node| wanted(&graph.nodes[*node].work) == Some(device))
         };
         for source in bound(Work::source_device) {
             for sink in bound(Work::sink_device) {
@@ -87,10 +84,7 @@ fn island(
 ) -> Group {
     let looped = members.len() > 1 || links.find_edge(members[0], members[0]).is_some();
     if !looped {
-        return Group {
-            members: members.to_vec(),
-            pacing: Vec::new(),
-        };
+        return Group { members: members.to_vec(), pacing: Vec::new() };
     }
     let mut local = DiGraph::<NodeIndex, ()>::new();
     let numbers: Vec<NodeIndex> = members.iter().map(|node| local.add_node(*node)).collect();
@@ -101,10 +95,8 @@ fn island(
         place.ok().map(|place| numbers[place])
     };
     let mut pacing = Vec::new();
-    for edge in members
-        .iter()
-        .flat_map(|member| graph.nodes.edges(*member))
-        .filter(|edge| inside(edge.target()))
+    for edge in
+        members.iter().flat_map(|member| graph.nodes.edges(*member)).filter(|edge| inside(edge.target()))
     {
         if let Some(frames) = delay_frames(edge.weight()) {
             let clock = graph.nodes[edge.target()].clock.unwrap_or(0);
@@ -113,16 +105,9 @@ fn island(
             local.add_edge(from, to, ());
         }
     }
-    let read = |device: &usize| {
-        members
-            .iter()
-            .any(|node| graph.nodes[*node].work.source_device() == Some(*device))
-    };
-    for device in members
-        .iter()
-        .filter_map(|node| graph.nodes[*node].work.sink_device())
-        .filter(read)
-    {
+    let read =
+        |device: &usize| members.iter().any(|node| graph.nodes[*node].work.source_device() == Some(*device));
+    for device in members.iter().filter_map(|node| graph.nodes[*node].work.sink_device()).filter(read) {
         pacing.push(graph.base.period(graph.devices[device].clock));
         // A device is read before it is written, whatever the alphabet says.
         for (source, sink) in members
@@ -138,28 +123,19 @@ fn island(
     }
     pacing.sort_unstable();
     pacing.dedup();
-    let members = topological(&local, |node| path(local[node]))
-        .into_iter()
-        .map(|node| local[node])
-        .collect();
+    let members = topological(&local, |node| path(local[node])).into_iter().map(|node| local[node]).collect();
     Group { members, pacing }
 }
 
 pub(crate) fn delay_frames(edge: &Edge) -> Option<u64> {
-    if let Bridge::Delay { frames, .. } = edge.bridge {
-        Some(frames)
-    } else {
-        None
-    }
+    if let Bridge::Delay { frames, .. } = edge.bridge { Some(frames) } else { None }
 }
 
 /// Kahn's algorithm, the alphabetically first ready node first. A cycle, which no checked graph has, is cut where
 /// the alphabet begins.
 fn topological<'a, N>(graph: &DiGraph<N, ()>, key: impl Fn(NodeIndex) -> &'a str) -> Vec<NodeIndex> {
-    let mut waiting: Vec<usize> = graph
-        .node_indices()
-        .map(|node| graph.edges_directed(node, petgraph::Incoming).count())
-        .collect();
+    let mut waiting: Vec<usize> =
+        graph.node_indices().map(|node| graph.edges_directed(node, petgraph::Incoming).count()).collect();
     let mut ready: BinaryHeap<Reverse<(&str, usize)>> = graph
         .node_indices()
         .filter(|node| waiting[node.index()] == 0)
@@ -176,10 +152,6 @@ fn topological<'a, N>(graph: &DiGraph<N, ()>, key: impl Fn(NodeIndex) -> &'a str
             }
         }
     }
-    debug_assert_eq!(
-        sequence.len(),
-        graph.node_count(),
-        "a checked graph has no cycle through wires"
-    );
+    debug_assert_eq!(sequence.len(), graph.node_count(), "a checked graph has no cycle through wires");
     sequence
 }

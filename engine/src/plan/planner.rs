@@ -57,9 +57,7 @@ impl<'g> Planner<'g> {
     /// The outputs of all nodes, in file order.
     pub(crate) fn outputs(self) -> impl Iterator<Item = Port> {
         let nodes = self.0.nodes();
-        nodes
-            .ids()
-            .flat_map(move |id| (0..nodes[id].outputs.len()).map(move |output| (id, output)))
+        nodes.ids().flat_map(move |id| (0..nodes[id].outputs.len()).map(move |output| (id, output)))
     }
 
     /// Description of an output's signal.

@@ -19,32 +19,22 @@ impl Places {
         let (placed, lens) = slots::assign(demands);
         let mut end = 0;
         let extent = |len: &usize| {
-            let extent = Extent {
-                start: end,
-                len: *len as u32,
-            };
+            let extent = Extent { start: end, len: *len as u32 };
             end += extent.len;
             extent
         };
-        Self {
-            placed,
-            slots: lens.iter().map(extent).collect(),
-        }
+        Self { placed, slots: lens.iter().map(extent).collect() }
     }
 
     fn slot(&self, demand: usize) -> Extent {
         let slot = self.placed.get(demand);
-        slot.and_then(|slot| self.slots.get(*slot as usize).copied())
-            .unwrap_or_default()
+        slot.and_then(|slot| self.slots.get(*slot as usize).copied()).unwrap_or_default()
     }
 
     /// Place of a port in memory.
     pub(super) fn port(&self, port: &Port) -> Placing {
         let Placing { start, width } = port.placing;
-        Placing {
-            start: self.slot(port.demand).start + start,
-            width,
-        }
+        Placing { start: self.slot(port.demand).start + start, width }
     }
 
     pub(super) fn step(&self, draft: StepDraft) -> Step {
@@ -57,9 +47,7 @@ impl Places {
             singles: 0,
             wires: Wires {
                 out,
-                inputs: inputs
-                    .map(|(port, form)| ResolvedInput::new(self.port(port), *form, out))
-                    .collect(),
+                inputs: inputs.map(|(port, form)| ResolvedInput::new(self.port(port), *form, out)).collect(),
                 outputs: draft.outputs.into(),
             },
             node: draft.node,
@@ -86,11 +74,7 @@ pub(super) fn join(plan: &mut Plan) {
         step.singles = u32::from(found.is_some());
     }
     join_streaks(&mut plan.steps);
-    let of = |node| {
-        works
-            .get(node)
-            .map_or_else(Box::default, |works| works.as_slice().into())
-    };
+    let of = |node| works.get(node).map_or_else(Box::default, |works| works.as_slice().into());
     plan.live_works = plan.live.iter().map(|live| of(&live.node)).collect();
 }
 
@@ -112,9 +96,5 @@ fn join_streaks(steps: &mut [Step]) {
 
 impl SingleStep {
     /// Placeholder for a processor of other ports.
-    const NONE: Self = Self {
-        law: None,
-        from: 0,
-        to: 0,
-    };
+    const NONE: Self = Self { law: None, from: 0, to: 0 };
 }

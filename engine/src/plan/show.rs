@@ -7,11 +7,7 @@ use std::fmt;
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let driver = &self.clock_names[self.driver];
-        writeln!(
-            f,
-            "block {} frames of `{driver}` ({})",
-            self.block, self.rates[self.driver]
-        )?;
+        writeln!(f, "block {} frames of `{driver}` ({})", self.block, self.rates[self.driver])?;
         writeln!(
             f,
             "{} steps, {} buffers, {} bytes",
@@ -22,24 +18,13 @@ impl fmt::Display for Plan {
         let mut island_end = 0;
         for (number, step) in self.steps.iter().enumerate() {
             let indent = if number < island_end { "  " } else { "" };
-            write!(
-                f,
-                "{number:4} {indent}{} @{}",
-                step.label, self.clock_names[step.clock as usize]
-            )?;
-            if let StepWork::Island {
-                steps,
-                first_pacing,
-                pacings,
-            } = step.work
-            {
+            write!(f, "{number:4} {indent}{} @{}", step.label, self.clock_names[step.clock as usize])?;
+            if let StepWork::Island { steps, first_pacing, pacings } = step.work {
                 island_end = number + 1 + steps as usize;
                 let windows = &self.pacings[first_pacing as usize..][..pacings as usize];
                 let unit = self.base.units_per_second();
-                let windows: Vec<String> = windows
-                    .iter()
-                    .map(|w| format!("{} s", *w as f64 / unit))
-                    .collect();
+                let windows: Vec<String> =
+                    windows.iter().map(|w| format!("{} s", *w as f64 / unit)).collect();
                 write!(f, " in windows of {}", windows.join(", "))?;
             }
             let inputs = step.wires.inputs.iter().map(|input| match input.form {

@@ -64,13 +64,8 @@ mod tests {
 
     #[test]
     fn lives_that_touch_never_share_a_slot() {
-        let demands: Vec<Demand> = (0..40)
-            .map(|i| Demand {
-                len: 8 + i % 5,
-                from: i,
-                to: i + 1 + (i * 7) % 9,
-            })
-            .collect();
+        let demands: Vec<Demand> =
+            (0..40).map(|i| Demand { len: 8 + i % 5, from: i, to: i + 1 + (i * 7) % 9 }).collect();
         let (placed, slots) = assign(&demands);
         for (i, a) in demands.iter().enumerate() {
             assert!(slots[placed[i] as usize] >= a.len);
@@ -83,13 +78,7 @@ mod tests {
 
     #[test]
     fn a_chain_needs_two_buffers() {
-        let demands: Vec<Demand> = (0..100)
-            .map(|i| Demand {
-                len: 64,
-                from: i,
-                to: i + 1,
-            })
-            .collect();
+        let demands: Vec<Demand> = (0..100).map(|i| Demand { len: 64, from: i, to: i + 1 }).collect();
         assert_eq!(assign(&demands).1.len(), 2);
     }
 }

@@ -46,11 +46,7 @@ const LEVEL_S: f64 = 0.3;
 
 impl Level {
     fn new(rate_hz: f64) -> Self {
-        Self {
-            mean_square: 0.0,
-            largest_square: 0.0,
-            weight: 1.0 / (LEVEL_S * rate_hz),
-        }
+        Self { mean_square: 0.0, largest_square: 0.0, weight: 1.0 / (LEVEL_S * rate_hz) }
     }
 
     /// Measures frames of the output.
@@ -167,13 +163,9 @@ impl ActuatorState {
             CrossFadeRole::Mixer(other, rise) => {
                 let (share, own) = (rise.factor(when.time(0)), gate.factor(when.time(0)));
                 let mut mixed = other.map(|other| other * (1.0 - share));
-                mixed
-                    .iter_mut()
-                    .zip(x)
-                    .for_each(|(mixed, x)| *mixed += x * gain * own * share);
+                mixed.iter_mut().zip(x).for_each(|(mixed, x)| *mixed += x * gain * own * share);
                 let width = x.len().min(mixed.len());
-                self.limiter
-                    .apply(&mixed[..width], y, |_| when.fade.factor(when.time(0)));
+                self.limiter.apply(&mixed[..width], y, |_| when.fade.factor(when.time(0)));
             }
         }
         self.level.measure(y, self.limiter.width());

@@ -34,9 +34,7 @@ impl ArmSwitch {
     pub fn set_gain(&self, gain: f64) {
         let (gain, is_armed) = (bounded(gain).to_bits(), |bits: u64| bits != 0);
         // An error means that it is disarmed.
-        let _ = self
-            .gain
-            .fetch_update(Relaxed, Relaxed, |now| is_armed(now).then_some(gain));
+        let _ = self.gain.fetch_update(Relaxed, Relaxed, |now| is_armed(now).then_some(gain));
     }
 
     /// Keeps it armed for another [`ARM_HOLD_S`]. Does nothing while disarmed.

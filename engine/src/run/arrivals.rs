@@ -141,10 +141,7 @@ pub struct ReplayBounds {
 impl ReplayBounds {
     /// Bounds of a run of which no driver can have run for longer than this, s.
     pub fn new(longest_s: f64) -> Self {
-        Self {
-            longest_s,
-            frames: None,
-        }
+        Self { longest_s, frames: None }
     }
 }
 
@@ -183,10 +180,8 @@ pub(super) fn keep_graph(planner: Planner<'_>, rested: bool, folder: &Path) -> s
         true => String::new(),
         false => format!("{:016x} {UNRESTED}\n", 1),
     };
-    let lines = planner
-        .fingerprints()
-        .into_iter()
-        .map(|(name, fingerprint)| format!("{fingerprint:016x} {name}\n"));
+    let lines =
+        planner.fingerprints().into_iter().map(|(name, fingerprint)| format!("{fingerprint:016x} {name}\n"));
     std::fs::create_dir_all(folder.join(ARRIVALS))?;
     std::fs::write(graph_file(folder), lines.collect::<String>() + &heat)
 }
@@ -249,14 +244,8 @@ fn cell(live: &LiveSetting) -> String {
 }
 
 fn header(plan: &Plan) -> String {
-    let reads = plan
-        .ring_reads
-        .iter()
-        .map(|read| format!("arrived {}", read.ring.name));
-    let writes = plan
-        .ring_writes
-        .iter()
-        .map(|write| format!("sent {}", write.ring.name));
+    let reads = plan.ring_reads.iter().map(|read| format!("arrived {}", read.ring.name));
+    let writes = plan.ring_writes.iter().map(|write| format!("sent {}", write.ring.name));
     let gates = gated(plan).map(|place| format!("open {}", plan.actuators[place].path));
     let names = [format!("{} frames", plan.driver_name()), "fade".to_owned()];
     let cells = names.into_iter().chain(gates).chain(reads).chain(writes);
@@ -270,9 +259,7 @@ fn columns(plan: &Plan) -> usize {
 /// Indices of the actuators downstream of live inputs.
 fn gated(plan: &Plan) -> impl Iterator<Item = usize> {
     let actuators = plan.actuators.iter().enumerate();
-    actuators
-        .filter(|(_, actuator)| !actuator.silenced_by.is_empty())
-        .map(|(place, _)| place)
+    actuators.filter(|(_, actuator)| !actuator.silenced_by.is_empty()).map(|(place, _)| place)
 }
 
 /// Writes a line of numbers with enough digits to restore their bits.

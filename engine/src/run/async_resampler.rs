@@ -172,9 +172,8 @@ impl AsyncResamplerReader {
     fn new(plan: &RingSpec, ring: Consumer<f64>, meter: Arc<RingMeter>) -> Self {
         let width = plan.kind.width();
         // The check refuses rates that cannot be resampled.
-        let resamplers: Vec<SteeredResampler> = steered(plan.from, plan.to)
-            .map(|one| vec![one; width])
-            .unwrap_or_default();
+        let resamplers: Vec<SteeredResampler> =
+            steered(plan.from, plan.to).map(|one| vec![one; width]).unwrap_or_default();
         let kernel_s = resamplers.first().map_or(0.0, SteeredResampler::latency_s);
         let ratio = plan.from.hz() / plan.to.hz();
         let at_once = (plan.max_to as f64 * ratio * (1.0 + MAX_CORRECTION)).ceil() as usize + 2;
@@ -324,14 +323,7 @@ impl AsyncResamplerReader {
     fn resample(&mut self, y: &mut [f64]) {
         let (width, ticks) = (self.width, y.len() / self.width);
         let needed = self.resamplers.first().map_or(0, |one| one.inputs_needed(ticks));
-        let Self {
-            ring,
-            resamplers,
-            gathered,
-            taken_frames,
-            resampled,
-            ..
-        } = self;
+        let Self { ring, resamplers, gathered, taken_frames, resampled, .. } = self;
         let frames = &mut taken_frames[..needed * width];
         if ring.pop_entire_slice(frames).is_err() {
             // Unreachable: arrived frames stay in the ring until they are taken.

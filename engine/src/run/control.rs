@@ -101,10 +101,7 @@ impl Control {
     /// # Errors
     /// [`ControlError`] if the setting is not live, the value is invalid, or the command ring is full.
     pub fn set(&mut self, node: NodeId, setting: SettingId, value: f64) -> Result<(), ControlError> {
-        let place = self
-            .settings
-            .iter()
-            .position(|live| (live.node, live.setting) == (node, setting));
+        let place = self.settings.iter().position(|live| (live.node, live.setting) == (node, setting));
         self.set_at(place.ok_or(ControlError::NotLive)?, value)
     }
 
@@ -179,14 +176,8 @@ impl Control {
                 continue;
             };
             let by_file = written.value.to_bits() != live.value.to_bits();
-            let possible = live
-                .range
-                .is_none_or(|(low, high)| (low..=high).contains(&was.value));
-            let wanted = if by_file || !possible {
-                live.value
-            } else {
-                was.value
-            };
+            let possible = live.range.is_none_or(|(low, high)| (low..=high).contains(&was.value));
+            let wanted = if by_file || !possible { live.value } else { was.value };
             let in_new_plan = std::mem::replace(&mut live.value, was.value);
             if wanted.to_bits() != was.value.to_bits() || wanted.to_bits() != in_new_plan.to_bits() {
                 changes.push((place, wanted));
@@ -203,22 +194,12 @@ impl Control {
         for (place, live) in settings.iter().enumerate() {
             next.run.set_live(place, live.value);
         }
-        Ok(Prepared {
-            next,
-            plan,
-            settings,
-            changes,
-        })
+        Ok(Prepared { next, plan, settings, changes })
     }
 
     /// Starts a prepared swap.
     pub(super) fn put(&mut self, prepared: Prepared) -> Result<Change, ControlError> {
-        let Prepared {
-            next,
-            plan,
-            settings,
-            changes,
-        } = prepared;
+        let Prepared { next, plan, settings, changes } = prepared;
         let mode = next.mode;
         let drives = |plan: &Plan| !plan.actuators.is_empty();
         let drives = drives(&self.plan) || drives(&plan);
@@ -238,9 +219,7 @@ impl Control {
 
     /// The plans that may drive actuators now: [`plan`](Self::plan) and those not returned yet.
     pub(super) fn plans(&self) -> impl Iterator<Item = &Plan> {
-        std::iter::once(&self.plan)
-            .chain(&self.leaving)
-            .map(|plan| &**plan)
+        std::iter::once(&self.plan).chain(&self.leaving).map(|plan| &**plan)
     }
 
     /// Receives the reports of the real-time side, frees replaced plans and returns the meters.

@@ -60,10 +60,7 @@ impl Run {
     pub(super) fn advance_timed(&mut self, frames: usize) {
         let Self { plan, state } = self;
         state.windows.next_block(frames.min(plan.block));
-        let mut stopwatch = Stopwatch {
-            latest: Instant::now(),
-            times: &plan.times,
-        };
+        let mut stopwatch = Stopwatch { latest: Instant::now(), times: &plan.times };
         state.steps(plan, 0..plan.steps.len(), &mut stopwatch);
     }
 }
@@ -90,9 +87,7 @@ mod tests {
         let timed: Vec<usize> = (0..160_000).filter(|_| sampler.is_due()).collect();
         assert!((9_900..=10_100).contains(&timed.len()), "{}", timed.len());
         let gaps = timed.windows(2).map(|pair| pair[1] - pair[0]);
-        let (least, most) = gaps.fold((usize::MAX, 0), |(least, most), gap| {
-            (least.min(gap), most.max(gap))
-        });
+        let (least, most) = gaps.fold((usize::MAX, 0), |(least, most), gap| (least.min(gap), most.max(gap)));
         assert_eq!((least, most), (1, 31));
         // Whatever the rhythm of a clock, each of its phases is timed alike.
         for phase in 0..6 {

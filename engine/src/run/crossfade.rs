@@ -52,20 +52,10 @@ impl PlanSwap {
         }
         new.steps(0..new.plan.steps.len());
         let time = new.state.windows.block().1;
-        let over = new
-            .state
-            .actuators
-            .iter()
-            .all(|actuator| actuator.role.is_over(time));
+        let over = new.state.actuators.iter().all(|actuator| actuator.role.is_over(time));
         if over {
-            new.state
-                .actuators
-                .iter_mut()
-                .for_each(|actuator| actuator.role = CrossFadeRole::Single);
-            new.state
-                .devices
-                .iter_mut()
-                .for_each(|device| device.ownership = Ownership::Exclusive);
+            new.state.actuators.iter_mut().for_each(|actuator| actuator.role = CrossFadeRole::Single);
+            new.state.devices.iter_mut().for_each(|device| device.ownership = Ownership::Exclusive);
         }
         over
     }

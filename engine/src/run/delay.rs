@@ -45,11 +45,7 @@ impl DelayState {
 
     /// Reads and writes, for a delay outside of any loop and windows of any length.
     pub(crate) fn pass(&mut self, window: Window, x: &[f64], y: &mut [f64]) {
-        for (j, (frame, out)) in x
-            .chunks_exact(self.width)
-            .zip(y.chunks_exact_mut(self.width))
-            .enumerate()
-        {
+        for (j, (frame, out)) in x.chunks_exact(self.width).zip(y.chunks_exact_mut(self.width)).enumerate() {
             let at = self.at(window.first + j as u64);
             let kept = &mut self.ring[at..at + self.width];
             out.copy_from_slice(kept);

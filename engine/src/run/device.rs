@@ -45,11 +45,7 @@ impl DeviceState {
             written: vec![[0.0; 6]; plan.writes.len()],
             lost: false,
             ownership: Ownership::Exclusive,
-            sensed: plan
-                .reads
-                .iter()
-                .map(|(place, _)| vec![0.0; place.width as usize].into())
-                .collect(),
+            sensed: plan.reads.iter().map(|(place, _)| vec![0.0; place.width as usize].into()).collect(),
             log: None,
             script: None,
         }

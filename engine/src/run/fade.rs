@@ -16,11 +16,7 @@ impl FadeGate {
     #[inline]
     pub(crate) fn factor(self, time: u64) -> f64 {
         let along = |begin: u64, end: u64| {
-            if time >= end {
-                1.0
-            } else {
-                time.saturating_sub(begin) as f64 / (end - begin) as f64
-            }
+            if time >= end { 1.0 } else { time.saturating_sub(begin) as f64 / (end - begin) as f64 }
         };
         match self {
             Self::Full => 1.0,

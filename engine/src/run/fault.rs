@@ -29,9 +29,7 @@ impl Faults {
     /// Records this step as the origin if its output is NaN or infinite.
     pub(super) fn trace_origin(&mut self, step: &Step, out: &[f64], window: Window) {
         let bad = |placing: &Placing| {
-            !out[range_of(placing.start, placing.width, window)]
-                .iter()
-                .all(|x| x.is_finite())
+            !out[range_of(placing.start, placing.width, window)].iter().all(|x| x.is_finite())
         };
         if self.origin.is_none() && step.wires.outputs.iter().any(bad) {
             self.origin = Some(Arc::clone(&step.label));

@@ -35,12 +35,7 @@ pub(super) struct WrittenFile {
 impl WrittenFile {
     /// Makes a writer without taps.
     pub fn apart(writer: Box<dyn FrameWriter>, what: PathBuf) -> Self {
-        Self {
-            writer: Some(writer),
-            taps: Vec::new(),
-            what,
-            sink: None,
-        }
+        Self { writer: Some(writer), taps: Vec::new(), what, sink: None }
     }
 }
 
@@ -57,11 +52,7 @@ pub struct WriteError {
 impl<'a> FileSinks<'a> {
     /// Makes an empty list.
     pub fn new(graph: impl Into<Planner<'a>>) -> Self {
-        Self {
-            planner: graph.into(),
-            taps: Vec::new(),
-            written: Vec::new(),
-        }
+        Self { planner: graph.into(), taps: Vec::new(), written: Vec::new() }
     }
 
     /// Adds a probe.
@@ -118,16 +109,10 @@ impl<'a> FileSinks<'a> {
         let path = folder.join(sink.file_name());
         let ports = self.planner.read_by(node);
         let streams: Vec<Stream> = ports.iter().map(|port| self.planner.stream(*port)).collect();
-        let inside = sink
-            .file_name()
-            .parent()
-            .filter(|parent| parent.components().next().is_some());
+        let inside = sink.file_name().parent().filter(|parent| parent.components().next().is_some());
         let made = inside.map_or(Ok(()), |parent| std::fs::create_dir_all(folder.join(parent)));
         let writer = made.and_then(|()| sink.open(&path, &streams));
-        let writer = writer.map_err(|error| WriteError {
-            path: path.clone(),
-            error,
-        })?;
+        let writer = writer.map_err(|error| WriteError { path: path.clone(), error })?;
         let first = self.taps.len();
         self.taps.extend(ports);
         self.written.push(WrittenFile {

@@ -17,10 +17,7 @@ impl Files {
         let count = taps.map_or(0, |last| last + 1);
         let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
         let places = plans.map(|plan| (0..count).map(|tap| place(plan, tap)).collect());
-        Self {
-            places: places.collect(),
-            written,
-        }
+        Self { places: places.collect(), written }
     }
 
     /// Writes the last block of a driver.

@@ -229,9 +229,7 @@ impl Live {
     fn block_now(&mut self) -> usize {
         let rate_hz = self.run.plan.driver_rate().hz();
         let block = self.run.plan.block.min(self.ramps.step(&mut self.run, rate_hz));
-        let left = self
-            .ends_after
-            .map_or(u64::MAX, |end| end.saturating_sub(self.frames));
+        let left = self.ends_after.map_or(u64::MAX, |end| end.saturating_sub(self.frames));
         if left == 0 {
             self.state = LiveState::Finished;
         }
@@ -441,11 +439,7 @@ impl Run {
         }
         if let FadeGate::Falling { .. } = self.state.fade {
             let (begin, end) = self.fade_span(0.0);
-            self.state.fade = FadeGate::Falling {
-                begin,
-                end,
-                from: 0.0,
-            };
+            self.state.fade = FadeGate::Falling { begin, end, from: 0.0 };
         } else {
             self.fade_in(seconds);
         }

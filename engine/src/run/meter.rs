@@ -64,11 +64,7 @@ impl Meters {
     /// Load: the 99 % quantile of the work as a fraction of the mean time between wake-ups; 0 before the first.
     pub fn load(&self, rate_hz: f64) -> f64 {
         let between_ns = self.frames as f64 / rate_hz / self.wakes.max(1) as f64 * 1e9;
-        if between_ns > 0.0 {
-            self.work.quantile_ns(0.99) as f64 / between_ns
-        } else {
-            0.0
-        }
+        if between_ns > 0.0 { self.work.quantile_ns(0.99) as f64 / between_ns } else { 0.0 }
     }
 
     /// Adds the counters of another driver.
@@ -97,10 +93,6 @@ impl fmt::Display for Meters {
                 histogram.max_ns() as f64 / 1e3
             )?;
         }
-        write!(
-            f,
-            "{} wakes, {} overruns, {} stalls",
-            self.wakes, self.overruns, self.stalls
-        )
+        write!(f, "{} wakes, {} overruns, {} stalls", self.wakes, self.overruns, self.stalls)
     }
 }

@@ -133,11 +133,7 @@ impl Run {
             windows: Windows::new(&plan),
             whole: vec![Window::default(); plan.rates.len()],
             memory: Memory::new(plan.memory_len()),
-            processors: plan
-                .processors
-                .iter()
-                .map(|processor| processor.boxed_clone())
-                .collect(),
+            processors: plan.processors.iter().map(|processor| processor.boxed_clone()).collect(),
             singles: plan.singles.clone(),
             devices: plan.devices.iter().map(DeviceState::new).collect(),
             actuators: plan.actuators.iter().map(ActuatorState::new).collect(),
@@ -258,11 +254,7 @@ impl Run {
                 // A straight line: each tick takes an equal share, the last one all that is left.
                 let tick_frames =
                     state.windows.period(*clock) as f64 / state.windows.period(plan.driver as u32) as f64;
-                let factor = if left < tick_frames {
-                    0.0
-                } else {
-                    left / (left + tick_frames)
-                };
+                let factor = if left < tick_frames { 0.0 } else { left / (left + tick_frames) };
                 for _ in 0..state.windows.of(*clock).count {
                     for (actuator, channel, _) in &plan_device.driven_by {
                         let mut frame = [0.0; 6];
@@ -280,9 +272,7 @@ impl Run {
     /// Names of the devices that panicked during the ramp to zero.
     pub fn lost_devices(&self) -> impl Iterator<Item = &str> {
         let devices = self.plan.devices.iter().zip(&self.state.devices);
-        devices
-            .filter(|(_, state)| state.lost)
-            .map(|(device, _)| &*device.name)
+        devices.filter(|(_, state)| state.lost).map(|(device, _)| &*device.name)
     }
 
     /// True if the ramp to zero has ended. The limits may make it longer.
@@ -292,10 +282,7 @@ impl Run {
 
     /// True if the last output of every actuator was zero.
     pub fn is_idle(&self) -> bool {
-        self.state
-            .actuators
-            .iter()
-            .all(|actuator| actuator.limiter.is_idle())
+        self.state.actuators.iter().all(|actuator| actuator.limiter.is_idle())
     }
 
     /// Starts the limiters of real actuators without heat reserve, because their earlier output is unknown.
@@ -343,16 +330,12 @@ impl Run {
 
     /// Limiter counts of each actuator sink so far.
     pub fn actuators(&self) -> impl Iterator<Item = ActuatorReport> {
-        self.plan
-            .actuators
-            .iter()
-            .zip(&self.state.actuators)
-            .map(|(plan, state)| ActuatorReport {
-                path: plan.path.clone(),
-                clipped: state.limiter.counts(),
-                largest_request: state.limiter.largest_request(),
-                limit: plan.limit,
-                unit: plan.unit.clone(),
-            })
+        self.plan.actuators.iter().zip(&self.state.actuators).map(|(plan, state)| ActuatorReport {
+            path: plan.path.clone(),
+            clipped: state.limiter.counts(),
+            largest_request: state.limiter.largest_request(),
+            limit: plan.limit,
+            unit: plan.unit.clone(),
+        })
     }
 }

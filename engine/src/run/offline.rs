@@ -49,11 +49,7 @@ pub struct RingReport {
 impl RingReport {
     /// Snapshot of a ring.
     pub fn of(meter: &RingMeter) -> Self {
-        Self {
-            name: meter.name.clone(),
-            latency_s: meter.latency_s,
-            counts: meter.counts(),
-        }
+        Self { name: meter.name.clone(), latency_s: meter.latency_s, counts: meter.counts() }
     }
 }
 
@@ -76,10 +72,7 @@ impl<'a> Offline<'a> {
     }
 
     fn plans(&self) -> Vec<Arc<Plan>> {
-        let options = PlanOptions {
-            block: self.block,
-            taps: self.sinks.taps.clone(),
-        };
+        let options = PlanOptions { block: self.block, taps: self.sinks.taps.clone() };
         let plans = self.sinks.planner.plans(&options).into_iter();
         plans.map(Arc::new).collect()
     }
@@ -131,19 +124,12 @@ impl<'a> Offline<'a> {
         let goes_on = || !stop.load(Ordering::Relaxed);
         check_logs(&plans, folder, bounds, &goes_on)?;
         let open = |(driver, plan): (usize, &Arc<Plan>)| Arrivals::open(plan, (folder, driver), bounds);
-        let mut scripts = plans
-            .iter()
-            .enumerate()
-            .map(open)
-            .collect::<Result<Vec<_>, _>>()?;
+        let mut scripts = plans.iter().enumerate().map(open).collect::<Result<Vec<_>, _>>()?;
         let mut files = Files::new(self.sinks.written, plans.iter().map(Arc::as_ref));
         let mut runner = Runner::new(&plans);
         runner.repeat_inputs(&plans, folder, bounds)?;
         if !rested {
-            runner
-                .runs_mut()
-                .iter_mut()
-                .for_each(Run::assume_thermally_saturated);
+            runner.runs_mut().iter_mut().for_each(Run::assume_thermally_saturated);
         }
         let played = runner.replay(&mut scripts, goes_on, |driver, run| -> Result<(), OfflineError> {
             files.write(driver, run)?;

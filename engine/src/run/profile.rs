@@ -231,10 +231,7 @@ impl Profile {
                 samples: samples.seen,
             })
         };
-        steps
-            .zip(&self.drivers[driver].samples)
-            .filter_map(cost)
-            .collect()
+        steps.zip(&self.drivers[driver].samples).filter_map(cost).collect()
     }
 }
 

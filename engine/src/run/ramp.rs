@@ -27,9 +27,7 @@ pub(super) struct ParamRamp {
 
 impl ParamRamps {
     pub fn with_room_for(most: usize) -> Self {
-        Self {
-            list: Vec::with_capacity(most),
-        }
+        Self { list: Vec::with_capacity(most) }
     }
 
     /// Starts a ramp from the setting's present value.

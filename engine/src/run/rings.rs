@@ -104,11 +104,7 @@ impl RunningWriter {
         let (failed, failing) = channel();
         let thread = std::thread::Builder::new().name("haptograph-files".into());
         let thread = thread.spawn(move || write_all(&receiver, &failed))?;
-        Ok(Self {
-            jobs,
-            thread,
-            failing,
-        })
+        Ok(Self { jobs, thread, failing })
     }
 }
 
@@ -137,12 +133,8 @@ impl WriterThread {
         }
         if let Some(running) = &self.running {
             // Cannot fail: the thread receives until this end is dropped.
-            let _ = running.jobs.send(Job {
-                writer: written.writer,
-                what: written.what,
-                rings,
-                failed: None,
-            });
+            let _ =
+                running.jobs.send(Job { writer: written.writer, what: written.what, rings, failed: None });
         }
     }
 
@@ -154,10 +146,7 @@ impl WriterThread {
         drop(jobs);
         let written = thread.join().unwrap_or_else(|_| {
             let error = std::io::Error::other("the thread that writes files panicked");
-            vec![WriteError {
-                path: PathBuf::from("the files of the run"),
-                error,
-            }]
+            vec![WriteError { path: PathBuf::from("the files of the run"), error }]
         });
         self.failed.extend(written);
         self.failed
@@ -204,9 +193,7 @@ impl Job {
             };
             let (first, second) = chunk.as_slices();
             if let Some(writer) = &mut self.writer {
-                let result = writer
-                    .write(stream, first)
-                    .and_then(|()| writer.write(stream, second));
+                let result = writer.write(stream, first).and_then(|()| writer.write(stream, second));
                 if let Err(error) = result {
                     let path = self.what.clone();
                     self.failed = Some(WriteError { path, error });

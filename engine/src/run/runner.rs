@@ -46,13 +46,9 @@ pub struct Runner {
 impl Runner {
     /// Makes connected runs of the plans of [`Plan::of`].
     pub fn new(plans: &[Arc<Plan>]) -> Self {
-        let reserves = plans
-            .iter()
-            .flat_map(|plan| &plan.ring_reads)
-            .map(|read| reserve_s(&read.ring));
-        let quantum_s = reserves.fold(QUANTUM_S, |quantum_s, reserve_s| {
-            quantum_s.min(PART_OF_RESERVE * reserve_s)
-        });
+        let reserves = plans.iter().flat_map(|plan| &plan.ring_reads).map(|read| reserve_s(&read.ring));
+        let quantum_s =
+            reserves.fold(QUANTUM_S, |quantum_s, reserve_s| quantum_s.min(PART_OF_RESERVE * reserve_s));
         let quantum = match plans {
             [alone] => u128::from(alone.base.period(alone.driver)) * alone.block as u128,
             _ => {
@@ -175,10 +171,7 @@ impl Runner {
         let sink = faulted.runs.iter().find_map(Run::first_faulted_sink)?;
         let upstream_candidates = planner.leading_to(sink);
         let mut runner = fresh();
-        runner
-            .runs
-            .iter_mut()
-            .for_each(|run| run.trace_fault(&upstream_candidates));
+        runner.runs.iter_mut().for_each(|run| run.trace_fault(&upstream_candidates));
         let watched = runner.until_a_fault(stop)?;
         Faults::of(watched.runs.iter().map(Run::faults)).origin
     }

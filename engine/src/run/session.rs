@@ -188,10 +188,7 @@ impl Session {
         if !options.offline {
             sinks.planner.refuse_scripts().map_err(std::io::Error::other)?;
         }
-        let plan_options = PlanOptions {
-            block: options.block,
-            taps: sinks.taps.clone(),
-        };
+        let plan_options = PlanOptions { block: options.block, taps: sinks.taps.clone() };
         let mut session = Self {
             stop: Arc::clone(&options.stop),
             arm: options.arm.clone(),
@@ -222,13 +219,7 @@ impl Session {
                 live.run_mut().arm_by(switch);
             }
             let frames = |seconds: f64| (seconds * plan.driver_rate().hz()).round().max(0.0) as u64;
-            if let Some(frames) = options
-                .seconds
-                .map(frames)
-                .into_iter()
-                .chain(plan.data_frames)
-                .min()
-            {
+            if let Some(frames) = options.seconds.map(frames).into_iter().chain(plan.data_frames).min() {
                 live.end_after(frames);
             }
             session.controls.push(control);
@@ -386,9 +377,8 @@ impl Session {
     /// Completes all files. `lives` are the real-time sides that the drivers returned, in the order of the graph.
     pub fn finish_all(mut self, lives: Vec<Live>) -> LiveOutcome {
         let meters = self.poll().into_iter();
-        let drivers: Vec<(String, Meters)> = meters
-            .map(|(name, meters)| (name.to_owned(), meters.clone()))
-            .collect();
+        let drivers: Vec<(String, Meters)> =
+            meters.map(|(name, meters)| (name.to_owned(), meters.clone())).collect();
         let mut meters = Meters::default();
         drivers.iter().for_each(|(_, one)| meters.add(one));
         let frames = lives.first().map_or(0, Live::frames);
@@ -401,9 +391,7 @@ impl Session {
             actuators: lives.iter().flat_map(Live::actuators).collect(),
             rings: self.rings().collect(),
         };
-        let lost_devices = lives
-            .iter()
-            .flat_map(|live| live.run().lost_devices().map(str::to_owned));
+        let lost_devices = lives.iter().flat_map(|live| live.run().lost_devices().map(str::to_owned));
         let lost_devices = lost_devices.collect();
         let panicked = |live: &Live| live.state() == LiveState::Panicked;
         let (panicked, lost_numbers, lost_arrivals) = (

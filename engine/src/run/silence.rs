@@ -17,12 +17,7 @@ pub(super) struct SilenceGate {
 
 impl SilenceGate {
     pub fn new(is_open: bool) -> Self {
-        Self {
-            from: f64::from(u8::from(is_open)),
-            is_open,
-            begin: 0,
-            end: 0,
-        }
+        Self { from: f64::from(u8::from(is_open)), is_open, begin: 0, end: 0 }
     }
 
     /// Opens or closes between two times, from the present factor.

@@ -94,11 +94,7 @@ impl PlanSwap {
         let leaves = |old_at: &usize| drives.iter().all(|(from, _)| from != old_at);
         let is_new = |new_at: &usize| drives.iter().all(|(_, to)| to != new_at);
         let delays = pairs(old, &plan, delay);
-        let common = Common {
-            devices: &devices,
-            drives: &drives,
-            delays: &delays,
-        };
+        let common = Common { devices: &devices, drives: &drives, delays: &delays };
         let facts = Facts::of(old, &plan, common, has_time);
         Self {
             removed_actuators: (0..old.actuators.len()).filter(leaves).collect(),

@@ -24,16 +24,7 @@ use world::random_graph;
 fn play(graph: &Graph, frames: usize, blocks: &[usize]) -> Vec<Vec<f64>> {
     let taps: Vec<(NodeId, usize)> = graph.nodes().ids().map(|node| (node, 0)).collect();
     let block = blocks.iter().copied().max().unwrap_or(1);
-    let mut run = Run::new(Arc::new(
-        Plan::of(
-            graph,
-            &PlanOptions {
-                block,
-                taps: taps.clone(),
-            },
-        )
-        .remove(0),
-    ));
+    let mut run = Run::new(Arc::new(Plan::of(graph, &PlanOptions { block, taps: taps.clone() }).remove(0)));
     let mut heard = vec![Vec::new(); taps.len()];
     let mut sizes = blocks.iter().cycle();
     while run.driver_frames() < frames as u64 {
@@ -50,12 +41,7 @@ fn assert_same_bits(a: &[Vec<f64>], b: &[Vec<f64>], graph: &Graph, what: &str) {
     for (node, (a, b)) in graph.nodes.node_weights().zip(a.iter().zip(b)) {
         assert_eq!(a.len(), b.len(), "{what}: frames of {}", node.path);
         for (tick, (a, b)) in a.iter().zip(b).enumerate() {
-            assert_eq!(
-                a.to_bits(),
-                b.to_bits(),
-                "{what}: {} at tick {tick}: {a} against {b}",
-                node.path
-            );
+            assert_eq!(a.to_bits(), b.to_bits(), "{what}: {} at tick {tick}: {a} against {b}", node.path);
         }
     }
 }
@@ -85,11 +71,7 @@ fn the_order_in_the_file_changes_no_bit() {
         let (graph, shuffled) = (random_graph(seed, seed), random_graph(seed, seed + 1000));
         let (a, b) = (play(&graph, 900, &[64]), play(&shuffled, 900, &[64]));
         for (node, heard) in graph.nodes.node_weights().zip(&a) {
-            let same = shuffled
-                .nodes
-                .node_indices()
-                .find(|i| shuffled.nodes[*i].path == node.path)
-                .unwrap();
+            let same = shuffled.nodes.node_indices().find(|i| shuffled.nodes[*i].path == node.path).unwrap();
             assert_eq!(heard, &b[same.index()], "seed {seed}, {}", node.path);
         }
     }
@@ -151,14 +133,8 @@ fn a_measured_run_gives_the_same_bits_and_sees_every_step() {
         }
         assert_eq!(measured.timed_quanta(), rounds / 3);
         assert!(took_ns.iter().all(|ns| *ns > 0.0), "seed {seed}: {took_ns:?}");
-        let costs: Vec<StepCost> = (0..plans.len())
-            .flat_map(|driver| measured.costs(driver))
-            .collect();
-        assert!(
-            costs
-                .iter()
-                .all(|cost| cost.median_ns <= cost.p99_ns && cost.p99_ns <= cost.worst_ns)
-        );
+        let costs: Vec<StepCost> = (0..plans.len()).flat_map(|driver| measured.costs(driver)).collect();
+        assert!(costs.iter().all(|cost| cost.median_ns <= cost.p99_ns && cost.p99_ns <= cost.worst_ns));
         let processors = graph.nodes().ids().filter(|node| {
             // A clock of a graph may be too slow to tick in 1500 frames.
             costs.iter().any(|cost| cost.node == *node)

@@ -50,11 +50,7 @@ impl State {
                         self.with_ports(&plan.steps[number..number + streak], first, period_s)
                     }
                 }
-                StepWork::Island {
-                    steps,
-                    first_pacing,
-                    pacings,
-                } => {
+                StepWork::Island { steps, first_pacing, pacings } => {
                     let steps = steps as usize;
                     let pacings = &plan.pacings[first_pacing as usize..][..pacings as usize];
                     self.island(plan, number + 1..number + 1 + steps, pacings, observer);
@@ -131,10 +127,7 @@ impl State {
             }
             processor.process(&tick, window.offset, &step.wires, memory);
             if tracing
-                && self
-                    .upstream_candidates
-                    .get(step.node.index())
-                    .is_none_or(|is_candidate| *is_candidate)
+                && self.upstream_candidates.get(step.node.index()).is_none_or(|is_candidate| *is_candidate)
             {
                 let (_, out, _) = step.wires.out.split(memory);
                 self.faults.trace_origin(step, out, window);
@@ -169,11 +162,8 @@ impl State {
             }
             StepWork::Actuator(index) => {
                 let x = input(around, &step.wires.inputs[0], window);
-                let when = When {
-                    fade: self.fade,
-                    first: window.first,
-                    period: self.windows.period(step.clock),
-                };
+                let when =
+                    When { fade: self.fade, first: window.first, period: self.windows.period(step.clock) };
                 let faults = self.actuators[index as usize].apply(&when, x, output(out, step, window));
                 if faults > 0 {
                     self.faults.ticks += faults;
@@ -245,11 +235,7 @@ impl State {
 }
 
 fn tick(window: Window, period_s: f64) -> Tick {
-    Tick {
-        first: window.first,
-        frames: window.count,
-        period_s,
-    }
+    Tick { first: window.first, frames: window.count, period_s }
 }
 
 /// The frames of a sampled input in the memory before and behind the step's own buffer.

@@ -19,20 +19,12 @@ pub(crate) struct Window {
 impl Window {
     /// One frame of it.
     pub(crate) fn one(self, frame: usize) -> Self {
-        Self {
-            first: self.first + frame as u64,
-            count: 1,
-            offset: self.offset + frame,
-        }
+        Self { first: self.first + frame as u64, count: 1, offset: self.offset + frame }
     }
 
     /// The ticks, of a clock of this period.
     pub(crate) fn ticks(self, period: u64) -> Ticks {
-        Ticks {
-            first: self.first,
-            count: self.count,
-            period,
-        }
+        Ticks { first: self.first, count: self.count, period }
     }
 
     /// Moves on to the following ticks before the time `end`.
@@ -41,11 +33,7 @@ impl Window {
         self.first += self.count as u64;
         let next = self.first.saturating_mul(period);
         // A slow clock mostly has no tick: avoid the division.
-        self.count = if next < end {
-            (end - next).div_ceil(period) as usize
-        } else {
-            0
-        };
+        self.count = if next < end { (end - next).div_ceil(period) as usize } else { 0 };
     }
 }
 
@@ -64,13 +52,7 @@ pub(crate) struct Windows {
 impl Windows {
     pub(crate) fn new(plan: &Plan) -> Self {
         let clocks = vec![Window::default(); plan.rates.len()];
-        Self {
-            base: plan.base.clone(),
-            driver: plan.driver,
-            begin: 0,
-            end: 0,
-            clocks,
-        }
+        Self { base: plan.base.clone(), driver: plan.driver, begin: 0, end: 0, clocks }
     }
 
     #[inline]
@@ -85,9 +67,7 @@ impl Windows {
     /// Moves on to a block of `frames` driver frames.
     pub(crate) fn next_block(&mut self, frames: usize) {
         self.begin = self.end;
-        self.end = self
-            .begin
-            .saturating_add(self.base.period(self.driver).saturating_mul(frames as u64));
+        self.end = self.begin.saturating_add(self.base.period(self.driver).saturating_mul(frames as u64));
         for (clock, window) in self.clocks.iter_mut().enumerate() {
             window.offset = 0;
             if clock == self.driver {
@@ -104,11 +84,7 @@ impl Windows {
         self.end = frames.saturating_mul(self.base.period(self.driver));
         self.begin = self.end;
         for (clock, window) in self.clocks.iter_mut().enumerate() {
-            *window = Window {
-                first: ticks_before(self.end, self.base.period(clock)),
-                count: 0,
-                offset: 0,
-            };
+            *window = Window { first: ticks_before(self.end, self.base.period(clock)), count: 0, offset: 0 };
         }
     }
 

@@ -47,14 +47,7 @@ impl Fields {
                 }
             }
         }
-        Self {
-            owner,
-            span,
-            entries: kept,
-            known: Vec::new(),
-            missing: Vec::new(),
-            missed: Vec::new(),
-        }
+        Self { owner, span, entries: kept, known: Vec::new(), missing: Vec::new(), missed: Vec::new() }
     }
 
     /// Takes the field called `name`, if it was given.
@@ -81,9 +74,7 @@ impl Fields {
 
     /// True if an error of this field has been reported.
     pub(crate) fn is_reported(&self, name: &str) -> bool {
-        self.missing
-            .iter()
-            .any(|(missing, special)| missing == name && special.is_none())
+        self.missing.iter().any(|(missing, special)| missing == name && special.is_none())
     }
 
     /// True if an error was reported for the value of any field.
@@ -94,9 +85,7 @@ impl Fields {
     /// The value of the field called `name`, if it was given and not taken.
     pub fn given(&self, name: &str) -> Option<&Value> {
         let mut entries = self.entries.iter();
-        entries
-            .find(|(given, _)| given.text == name)
-            .map(|(_, value)| value)
+        entries.find(|(given, _)| given.text == name).map(|(_, value)| value)
     }
 
     /// The fields that have not been taken.
@@ -120,10 +109,8 @@ impl Fields {
     /// The field that an unknown name probably means, and the help.
     fn meant(&self, name: &str, value: &Value) -> (Option<String>, String) {
         if let Shape::Number(number, _) = value.shape
-            && let Some((known, factor)) = self
-                .known
-                .iter()
-                .find_map(|known| Some((known, units::between(name, known)?)))
+            && let Some((known, factor)) =
+                self.known.iter().find_map(|known| Some((known, units::between(name, known)?)))
         {
             let help = format!("did you mean `{known}: {}`?", rounded(number * factor));
             return (Some(known.clone()), help);
@@ -183,8 +170,7 @@ impl Fields {
                             .help(format!("add `{name}: ...`, {}", T::expected())),
                     ),
                 };
-                self.missed
-                    .extend(diagnostic.map(|diagnostic| (name.to_owned(), diagnostic)));
+                self.missed.extend(diagnostic.map(|diagnostic| (name.to_owned(), diagnostic)));
             }
             return default;
         };
@@ -193,16 +179,11 @@ impl Fields {
         reading.setting = outer;
         let read = read?;
         if let Some((low, high)) = range
-            && let Some(number) = read
-                .numbers()
-                .into_iter()
-                .find(|number| !(low..=high).contains(number))
+            && let Some(number) = read.numbers().into_iter().find(|number| !(low..=high).contains(number))
         {
             let message = format!("`{name}` is out of range: {number}");
             let label = format!("choose a value from {low} to {high}");
-            reading
-                .diagnostics
-                .push(Diagnostic::error("E0302", value.span, message).label(label));
+            reading.diagnostics.push(Diagnostic::error("E0302", value.span, message).label(label));
             return None;
         }
         Some(read)
@@ -218,15 +199,9 @@ pub(super) fn rounded(number: f64) -> f64 {
 pub fn fields_of(value: &Value, owner: &str, reading: &mut Reading<'_>) -> Option<Fields> {
     let entries = match &value.shape {
         Shape::Unit => Vec::new(),
-        Shape::Tagged(Tagged {
-            body: Body::Fields(fields),
-            ..
-        }) => fields.clone(),
+        Shape::Tagged(Tagged { body: Body::Fields(fields), .. }) => fields.clone(),
         Shape::Tagged(Tagged { body: Body::Bare, .. }) => Vec::new(),
-        Shape::Tagged(Tagged {
-            body: Body::Tuple(values),
-            ..
-        }) if values.is_empty() => Vec::new(),
+        Shape::Tagged(Tagged { body: Body::Tuple(values), .. }) if values.is_empty() => Vec::new(),
         _ => {
             let expected = Expected::described(format!("the settings of {owner}, like (name: value)"));
             reading.mismatch(value, &expected);

@@ -192,30 +192,21 @@ impl<K: NodeKind> LiveId<K> {
     /// # Panics
     /// If no setting has this name, or the setting is not live.
     pub const fn named(name: &str) -> Self {
-        Self {
-            index: SettingId::of::<K::Settings>(name).index,
-            kind: PhantomData,
-        }
+        Self { index: SettingId::of::<K::Settings>(name).index, kind: PhantomData }
     }
 }
 
 impl<K> LiveId<K> {
     /// One number of the setting, which is a list.
     pub const fn item(self, item: usize) -> SettingId {
-        SettingId {
-            index: self.index,
-            item: Some(item),
-        }
+        SettingId { index: self.index, item: Some(item) }
     }
 }
 
 impl<K> LiveId<K> {
     /// The handle of a setting of the list of `K`.
     pub(crate) const fn at(setting: SettingId) -> Self {
-        Self {
-            index: setting.index,
-            kind: PhantomData,
-        }
+        Self { index: setting.index, kind: PhantomData }
     }
 }
 
@@ -235,10 +226,7 @@ impl SettingId {
         while index < S::FIELDS.len() {
             let field = S::FIELDS[index];
             if same(field.name, name) {
-                assert!(
-                    field.is_live,
-                    "this setting is not live: its declaration needs `[live]`"
-                );
+                assert!(field.is_live, "this setting is not live: its declaration needs `[live]`");
                 return Self::at(index);
             }
             index += 1;
@@ -254,10 +242,7 @@ impl SettingId {
     /// This number of the setting, which is a list.
     #[must_use]
     pub const fn with_item(self, item: usize) -> Self {
-        Self {
-            item: Some(item),
-            ..self
-        }
+        Self { item: Some(item), ..self }
     }
 
     /// Index in the list of settings.
@@ -345,15 +330,9 @@ mod tests {
         assert_eq!((LOW.index(), HIGH.index()), (0, 2));
         assert_eq!(count_live(Toy::FIELDS), 2);
         let names: Vec<&str> = Toy::specs().iter().map(|spec| spec.name).collect();
-        assert_eq!(
-            names,
-            Toy::FIELDS.iter().map(|field| field.name).collect::<Vec<_>>()
-        );
+        assert_eq!(names, Toy::FIELDS.iter().map(|field| field.name).collect::<Vec<_>>());
         let lives: Vec<bool> = Toy::specs().iter().map(|spec| spec.live).collect();
-        assert_eq!(
-            lives,
-            Toy::FIELDS.iter().map(|field| field.is_live).collect::<Vec<_>>()
-        );
+        assert_eq!(lives, Toy::FIELDS.iter().map(|field| field.is_live).collect::<Vec<_>>());
     }
 
     #[test]

@@ -8,22 +8,14 @@ impl Fields {
     /// the structure is that of all fields, so that missing fields are reported there.
     pub fn nest(&mut self, into: &str, structure: &str, stays: &[&str]) {
         let is_inner = |name: &str| !stays.contains(&name);
-        let (inner, outer) = std::mem::take(&mut self.entries)
-            .into_iter()
-            .partition(|(name, _)| is_inner(&name.text));
+        let (inner, outer) =
+            std::mem::take(&mut self.entries).into_iter().partition(|(name, _)| is_inner(&name.text));
         self.entries = outer;
         // With an error in one of them, others would only follow from it.
-        if self
-            .missing
-            .iter()
-            .any(|(name, special)| special.is_none() && is_inner(name))
-        {
+        if self.missing.iter().any(|(name, special)| special.is_none() && is_inner(name)) {
             return self.if_missing(into, None);
         }
-        let structure = Tagged {
-            name: Some(self.name(structure)),
-            body: Body::Fields(inner),
-        };
+        let structure = Tagged { name: Some(self.name(structure)), body: Body::Fields(inner) };
         self.put(into, Shape::Tagged(structure));
     }
 
@@ -40,9 +32,6 @@ impl Fields {
     }
 
     fn name(&self, text: &str) -> Name {
-        Name {
-            span: self.span,
-            text: text.to_owned(),
-        }
+        Name { span: self.span, text: text.to_owned() }
     }
 }

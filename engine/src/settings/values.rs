@@ -116,18 +116,11 @@ impl Setting for PathBuf {
 
 /// Error of a file outside the folders that may be read, whether it exists or not.
 fn outside(span: Span, written: &str, roots: &Roots) -> Diagnostic {
-    let folders: Vec<String> = roots
-        .folders()
-        .iter()
-        .map(|folder| folder.display().to_string())
-        .collect();
+    let folders: Vec<String> = roots.folders().iter().map(|folder| folder.display().to_string()).collect();
     let message = format!("`{written}` is outside the folders that may be read here");
     Diagnostic::error("E0112", span, message)
         .label("not read")
-        .help(format!(
-            "name a file in {}, or move it there",
-            folders.join(" or ")
-        ))
+        .help(format!("name a file in {}, or move it there", folders.join(" or ")))
 }
 
 impl<T: Setting> Setting for Option<T> {
@@ -139,11 +132,7 @@ impl<T: Setting> Setting for Option<T> {
         T::parts()
     }
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
-        if let Shape::Tagged(Tagged {
-            name: Some(name),
-            body,
-        }) = &value.shape
-        {
+        if let Shape::Tagged(Tagged { name: Some(name), body }) = &value.shape {
             match (name.text.as_str(), body) {
                 ("None", Body::Bare) => return Some(None),
                 ("Some", Body::Tuple(inner)) if inner.len() == 1 => {
@@ -198,21 +187,14 @@ impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
         let values = match &value.shape {
             Shape::List(values) => values,
-            Shape::Tagged(Tagged {
-                name: None,
-                body: Body::Tuple(values),
-            }) => values,
+            Shape::Tagged(Tagged { name: None, body: Body::Tuple(values) }) => values,
             _ => {
                 reading.mismatch(value, &Self::expected());
                 return None;
             }
         };
         if values.len() != N {
-            reading.miscounted(
-                value,
-                &format!("{N} values, each {}", T::expected()),
-                values.len(),
-            );
+            reading.miscounted(value, &format!("{N} values, each {}", T::expected()), values.len());
             return None;
         }
         let mut read = [T::default(); N];

@@ -59,13 +59,7 @@ pub fn node_from_example(
     linear: Kind,
 ) -> Result<ExampleNode, String> {
     let spec = entry.spec;
-    let example = Example {
-        text: spec.example,
-        settings,
-        kind: spec.name,
-        inputs: spec.inputs,
-        folder,
-    };
+    let example = Example { text: spec.example, settings, kind: spec.name, inputs: spec.inputs, folder };
     let kinds = |times: &[usize]| -> Vec<Kind> {
         let ports = spec.inputs.iter().zip(times);
         ports
@@ -88,12 +82,9 @@ pub fn node_from_example(
             let connected: Vec<Option<Kind>> = connected.collect();
             let names: Vec<&str> = names.iter().map(String::as_str).collect();
             let cx = context(spec, rate_hz, &connected).named(&names);
-            let (processor, _) = finish(&cx)
-                .and_then(|(_, finish)| finish(&cx))
-                .map_err(|error| error.to_string())?;
-            Ok(ExampleNode::Processor(Bench::around(
-                processor, spec, members, &cx, &connected,
-            )))
+            let (processor, _) =
+                finish(&cx).and_then(|(_, finish)| finish(&cx)).map_err(|error| error.to_string())?;
+            Ok(ExampleNode::Processor(Bench::around(processor, spec, members, &cx, &connected)))
         }
         Build::Actuator(build) => {
             let (finish, _) = example.read(build)?;
@@ -110,10 +101,7 @@ pub fn node_from_example(
                 simulated: false,
             };
             let streams: Vec<Stream> = kinds(&times).into_iter().enumerate().map(stream).collect();
-            let cx = FileContext {
-                streams: streams.clone(),
-                graph_seed: 1,
-            };
+            let cx = FileContext { streams: streams.clone(), graph_seed: 1 };
             let sink = finish(&cx).map_err(|error| error.to_string())?;
             Ok(ExampleNode::File(sink, streams))
         }
@@ -135,13 +123,7 @@ pub fn device_from_example(
     folder: &Path,
     rate_hz: f64,
 ) -> Result<Box<dyn Device>, String> {
-    let example = Example {
-        text: entry.spec.example,
-        settings,
-        kind: entry.spec.name,
-        inputs: &[],
-        folder,
-    };
+    let example = Example { text: entry.spec.example, settings, kind: entry.spec.name, inputs: &[], folder };
     let (finish, _) = example.read(entry.build)?;
     let built = finish(&super::bare_context(rate_hz));
     built.map(|built| built.body).map_err(|error| error.to_string())
@@ -192,10 +174,7 @@ impl Example<'_> {
         };
         let others = parse(&format!("\"others\": {}({})", self.kind, self.settings));
         let (Some((written, mut entries)), Some((_, others))) = (parse(self.text), others) else {
-            return Err(format!(
-                "the example is not `\"name\": {}(...)`: {}",
-                self.kind, self.text
-            ));
+            return Err(format!("the example is not `\"name\": {}(...)`: {}", self.kind, self.text));
         };
         entries.retain(|(name, _)| others.iter().all(|(other, _)| other.text != name.text));
         entries.extend(others);
@@ -248,13 +227,7 @@ fn entry(value: Value, kind: &str) -> Option<(Name, Vec<(Name, Value)>)> {
     let Shape::Map(mut entries) = value.shape else {
         return None;
     };
-    let (
-        _,
-        Value {
-            shape: Shape::Tagged(tagged),
-            ..
-        },
-    ) = entries.pop().filter(|_| entries.is_empty())?
+    let (_, Value { shape: Shape::Tagged(tagged), .. }) = entries.pop().filter(|_| entries.is_empty())?
     else {
         return None;
     };

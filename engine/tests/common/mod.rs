@@ -45,9 +45,7 @@ pub fn registry() -> Registry {
         .add(NodeEntry::actuator::<Drive>())
         .add(NodeEntry::source(&STYLUS))
         .add(NodeEntry::source(&THERMOMETER));
-    registry
-        .add_device(DeviceEntry::of::<Tablet>())
-        .add_device(DeviceEntry::of::<Coil>());
+    registry.add_device(DeviceEntry::of::<Tablet>()).add_device(DeviceEntry::of::<Coil>());
     registry.add_parts("std/tones.ron", TONES);
     registry
 }
@@ -75,15 +73,7 @@ const fn spec(
     inputs: &'static [InputSpec],
     outputs: &'static [OutputSpec],
 ) -> NodeSpec {
-    NodeSpec {
-        name,
-        group: "test",
-        doc,
-        source: "",
-        inputs,
-        outputs,
-        example: "",
-    }
+    NodeSpec { name, group: "test", doc, source: "", inputs, outputs, example: "" }
 }
 
 macro_rules! silent {
@@ -129,9 +119,8 @@ impl NodeKind for Sine {
         let nyquist = cx.rate.hz() / 2.0;
         if settings.frequency_hz >= nyquist {
             let message = format!("{} Hz cannot be made at {}", settings.frequency_hz, cx.rate);
-            return Err(BuildError::at("frequency_hz", message).help(format!(
-                "stay below {nyquist} Hz, half the rate, or use a faster clock"
-            )));
+            return Err(BuildError::at("frequency_hz", message)
+                .help(format!("stay below {nyquist} Hz, half the rate, or use a faster clock")));
         }
         Ok(Built::new(Silent))
     }
@@ -176,12 +165,7 @@ const LIST: InputSpec = InputSpec {
 silent!(
     Sum,
     haptograph_engine::settings::NoSettings,
-    spec(
-        "Sum",
-        "Adds.",
-        &[LIST],
-        &[output_like("output", "inputs", "The sum.")]
-    )
+    spec("Sum", "Adds.", &[LIST], &[output_like("output", "inputs", "The sum.")])
 );
 
 /// Adds under names, which are written in small letters.
@@ -231,22 +215,14 @@ impl NodeKind for Fan {
         "Copies its input.",
         &[any_input("input", "What is copied.")],
         &[
-            output(
-                "count",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "How many copies there are.",
-            ),
+            output("count", Kind::SCALAR, Quantity::NUMBER, "How many copies there are."),
             output_like("copies", "input", "A copy.").named_by("names"),
         ],
     );
     fn members(settings: &FanSettings) -> Result<Vec<String>, BuildError> {
         let found = settings.names.len();
         match settings.count.filter(|count| *count as usize != found) {
-            Some(count) => Err(BuildError::at(
-                "count",
-                format!("{found} copies are named, not {count}"),
-            )),
+            Some(count) => Err(BuildError::at("count", format!("{found} copies are named, not {count}"))),
             None => Ok(settings.names.clone()),
         }
     }
@@ -263,10 +239,7 @@ silent!(
         "Multiplies two signals.",
         &[
             any_input("a", "One factor."),
-            InputSpec {
-                kind: KindRule::Same("a"),
-                ..any_input("b", "The other.")
-            },
+            InputSpec { kind: KindRule::Same("a"), ..any_input("b", "The other.") },
         ],
         &[OutputSpec {
             name: "output",
@@ -325,12 +298,7 @@ impl NodeKind for Filter {
             input("weights", WEIGHTS, Quantity::NUMBER, "Which models.").held(),
             input("excitation", Kind::SCALAR, Quantity::NUMBER, "Noise.").optional(),
         ],
-        &[output(
-            "acceleration",
-            Kind::SCALAR,
-            Quantity::ACCELERATION,
-            "The vibration.",
-        )],
+        &[output("acceleration", Kind::SCALAR, Quantity::ACCELERATION, "The vibration.")],
     );
     fn build(settings: FilterSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         match haptograph_signal::files::read(&settings.surface, 1 << 20) {
@@ -386,18 +354,8 @@ silent!(
     spec(
         "Compensator",
         "From acceleration to current.",
-        &[input(
-            "acceleration",
-            Kind::SCALAR,
-            Quantity::ACCELERATION,
-            "What is wanted."
-        )],
-        &[output(
-            "current",
-            Kind::SCALAR,
-            Quantity::CURRENT,
-            "What makes it."
-        )],
+        &[input("acceleration", Kind::SCALAR, Quantity::ACCELERATION, "What is wanted.")],
+        &[output("current", Kind::SCALAR, Quantity::CURRENT, "What makes it.")],
     )
 );
 
@@ -411,23 +369,12 @@ settings! {
 struct Wav;
 impl FileKind for Wav {
     type Settings = WavSettings;
-    const SPEC: NodeSpec = spec(
-        "Wav",
-        "Writes a file.",
-        &[InputSpec {
-            kind: KindRule::Any,
-            ..LIST
-        }],
-        &[],
-    );
+    const SPEC: NodeSpec = spec("Wav", "Writes a file.", &[InputSpec { kind: KindRule::Any, ..LIST }], &[]);
     fn build(settings: WavSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
         let rates = cx.streams.windows(2).all(|pair| pair[0].rate == pair[1].rate);
         if !rates {
-            return Err(BuildError::at(
-                "inputs",
-                "a WAV file has one rate, and these signals have several",
-            )
-            .help("write a file for each rate"));
+            return Err(BuildError::at("inputs", "a WAV file has one rate, and these signals have several")
+                .help("write a file for each rate"));
         }
         Ok(Box::new(WavFile(settings.file.into())))
     }
@@ -462,27 +409,12 @@ impl ActuatorKind for Drive {
     const SPEC: NodeSpec = spec(
         "Drive",
         "Drives a coil.",
-        &[input(
-            "current",
-            Kind::SCALAR,
-            Quantity::CURRENT,
-            "What is given.",
-        )],
-        &[output(
-            "delivered",
-            Kind::SCALAR,
-            Quantity::CURRENT,
-            "What was given.",
-        )],
+        &[input("current", Kind::SCALAR, Quantity::CURRENT, "What is given.")],
+        &[output("delivered", Kind::SCALAR, Quantity::CURRENT, "What was given.")],
     );
     fn limit(settings: &DriveSettings) -> Result<(f64, Limit), BuildError> {
         let peak = settings.limit.peak_a;
-        let limit = Limit {
-            peak,
-            continuous: peak,
-            window_s: 1.0,
-            slew_per_s: None,
-        };
+        let limit = Limit { peak, continuous: peak, window_s: 1.0, slew_per_s: None };
         Ok((1.0, limit))
     }
 }
@@ -515,12 +447,7 @@ impl Device for Still {
 }
 
 const fn channel(name: &'static str, kind: Kind, quantity: Quantity) -> Channel {
-    Channel {
-        name,
-        kind,
-        quantity,
-        doc: "",
-    }
+    Channel { name, kind, quantity, doc: "" }
 }
 
 settings! {

@@ -100,11 +100,7 @@ impl Reading {
 }
 
 fn failed(device: &str, input: &Input, error: std::io::Error) -> BackendError {
-    BackendError::Input {
-        device: device.to_owned(),
-        path: input.path.clone(),
-        error,
-    }
+    BackendError::Input { device: device.to_owned(), path: input.path.clone(), error }
 }
 
 impl Drop for Reading {

@@ -56,10 +56,7 @@ impl Tip {
             let reported = has.place.and_then(|place| place[axis].counts_per_mm);
             input.counts_per_mm.or(reported)
         };
-        let middle = |axis: usize| {
-            has.place
-                .map_or(0.0, |place| 0.5 * (place[axis].min + place[axis].max))
-        };
+        let middle = |axis: usize| has.place.map_or(0.0, |place| 0.5 * (place[axis].min + place[axis].max));
         Some(Self {
             counts_per_m: [counts_per_mm(0)?.si(), counts_per_mm(1)?.si()],
             origin: [middle(0), middle(1)],
@@ -113,10 +110,7 @@ impl Open {
     /// Changes the settings; the tip keeps its position.
     fn with(self, input: &Input) -> Result<Self> {
         let tip = tip(&self.device, input)?;
-        let tip = Tip {
-            sensed: self.tip.sensed,
-            ..tip
-        };
+        let tip = Tip { sensed: self.tip.sensed, ..tip };
         Ok(Self { tip, ..self })
     }
 
@@ -143,10 +137,7 @@ fn tip(device: &evdev::Device, input: &Input) -> Result<Tip> {
 
 /// The error of a device of unknown scale.
 pub(super) fn unknown_scale() -> Error {
-    Error::new(
-        ErrorKind::InvalidInput,
-        "it does not report its counts per millimetre; give `counts_per_mm`",
-    )
+    Error::new(ErrorKind::InvalidInput, "it does not report its counts per millimetre; give `counts_per_mm`")
 }
 
 fn capabilities(device: &evdev::Device) -> Result<Capabilities> {
@@ -203,32 +194,30 @@ pub(super) fn begin(
     let states_scale = place.is_some_and(|place| place.iter().all(|axis| axis.counts_per_mm.is_some()));
     let mut open = Some(first);
     let (mut input, stop) = (input.clone(), Arc::clone(stop));
-    let thread = std::thread::Builder::new()
-        .name(format!("input {device}"))
-        .spawn(move || {
-            let mut quiet = 0;
-            while !stop.load(Relaxed) {
-                if let Some(edited) = edits.try_iter().last() {
-                    input = edited;
-                    open = open.and_then(|this| this.with(&input).ok());
-                }
-                let Some(this) = &mut open else {
-                    std::thread::sleep(RETRY);
-                    open = Open::new(&input).ok();
-                    continue;
-                };
-                match this.take() {
-                    Ok(has_events) => {
-                        quiet = if has_events { 0 } else { quiet + 1 };
-                        if quiet % PRESENCE_POLLS == 0 {
-                            input.link.publish(&this.tip.sensed);
-                        }
-                        std::thread::sleep(PAUSE);
-                    }
-                    Err(_) => open = None,
-                }
+    let thread = std::thread::Builder::new().name(format!("input {device}")).spawn(move || {
+        let mut quiet = 0;
+        while !stop.load(Relaxed) {
+            if let Some(edited) = edits.try_iter().last() {
+                input = edited;
+                open = open.and_then(|this| this.with(&input).ok());
             }
-        })?;
+            let Some(this) = &mut open else {
+                std::thread::sleep(RETRY);
+                open = Open::new(&input).ok();
+                continue;
+            };
+            match this.take() {
+                Ok(has_events) => {
+                    quiet = if has_events { 0 } else { quiet + 1 };
+                    if quiet % PRESENCE_POLLS == 0 {
+                        input.link.publish(&this.tip.sensed);
+                    }
+                    std::thread::sleep(PAUSE);
+                }
+                Err(_) => open = None,
+            }
+        }
+    })?;
     Ok((thread, states_scale))
 }
 
@@ -254,31 +243,18 @@ mod tests {
     #[test]
     fn a_file_that_is_not_an_event_device_is_an_error() {
         let path = tempfile::NamedTempFile::new().unwrap();
-        let input = Input {
-            link: Arc::default(),
-            path: path.path().to_owned(),
-            counts_per_mm: None,
-            pressed_n: 1.0,
-        };
+        let input =
+            Input { link: Arc::default(), path: path.path().to_owned(), counts_per_mm: None, pressed_n: 1.0 };
         assert!(begin("stylus", &input, std::sync::mpsc::channel().1, &Arc::default()).is_err());
     }
 
     fn input(counts_per_mm: Option<f64>) -> Input {
         let counts_per_mm = counts_per_mm.map(PerMillimetre);
-        Input {
-            link: Arc::default(),
-            path: PathBuf::from("none"),
-            counts_per_mm,
-            pressed_n: 3.0,
-        }
+        Input { link: Arc::default(), path: PathBuf::from("none"), counts_per_mm, pressed_n: 3.0 }
     }
 
     const fn axis(max: f64, counts_per_mm: Option<PerMillimetre>) -> Axis {
-        Axis {
-            min: 0.0,
-            max,
-            counts_per_mm,
-        }
+        Axis { min: 0.0, max, counts_per_mm }
     }
 
     const SCALE: Option<PerMillimetre> = Some(PerMillimetre(100.0));
@@ -290,12 +266,9 @@ mod tests {
             pressure: Some(axis(1023.0, None)),
         };
         let mut tip = Tip::new(&input(None), &has).unwrap();
-        for event in [
-            Event::Place(0, 11_000.0),
-            Event::Place(1, 4000.0),
-            Event::Pressure(1023.0),
-            Event::Down(true),
-        ] {
+        for event in
+            [Event::Place(0, 11_000.0), Event::Place(1, 4000.0), Event::Pressure(1023.0), Event::Down(true)]
+        {
             tip.take(event);
         }
         // 10 mm right of the middle, 10 mm away from the user.
@@ -309,18 +282,11 @@ mod tests {
         let has = Capabilities::default();
         assert_eq!(Tip::new(&input(None), &has), None, "its scale is unknown");
         let mut tip = Tip::new(&input(Some(40.0)), &has).unwrap();
-        for event in [
-            Event::Move(0, 400.0),
-            Event::Move(0, -200.0),
-            Event::Move(1, 40.0),
-            Event::Down(true),
-        ] {
+        for event in [Event::Move(0, 400.0), Event::Move(0, -200.0), Event::Move(1, 40.0), Event::Down(true)]
+        {
             tip.take(event);
         }
-        assert_eq!(
-            (tip.sensed[0], tip.sensed[1], tip.sensed[8]),
-            (0.005, -0.001, 3.0)
-        );
+        assert_eq!((tip.sensed[0], tip.sensed[1], tip.sensed[8]), (0.005, -0.001, 3.0));
         tip.take(Event::Down(false));
         assert_eq!(tip.sensed[8], 0.0);
     }

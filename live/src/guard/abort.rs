@@ -12,11 +12,7 @@ extern "C" fn on_abort(_: std::ffi::c_int) {
 
 /// Installs the handler, which ends the process as without it.
 pub(super) fn install() -> std::io::Result<()> {
-    let action = SigAction::new(
-        SigHandler::Handler(on_abort),
-        SaFlags::SA_RESETHAND,
-        SigSet::empty(),
-    );
+    let action = SigAction::new(SigHandler::Handler(on_abort), SaFlags::SA_RESETHAND, SigSet::empty());
     // SAFETY: `on_abort` does only what may be done in a handler, whatever the interrupted thread held: it stores an atomic,
     // sleeps by `nanosleep` and raises a signal. It neither allocates, locks nor unwinds.
     unsafe { sigaction(Signal::SIGABRT, &action) }?;

@@ -55,11 +55,7 @@ impl Guard {
         let socket = OwnedFd::from(socket.try_clone()?);
         // A group of its own: no key of the terminal reaches it.
         let mut command = Command::new(program);
-        command
-            .arg0("haptograph")
-            .arg(WORD)
-            .current_dir("/")
-            .process_group(0);
+        command.arg0("haptograph").arg(WORD).current_dir("/").process_group(0);
         command.stdin(Stdio::piped()).stdout(socket).stderr(Stdio::null());
         command.spawn().map(|child| Some(Self(child)))
     }
@@ -88,9 +84,7 @@ impl Guard {
 
 /// True in a process that was started as a guard.
 pub fn is_guard() -> bool {
-    std::env::args_os()
-        .nth(1)
-        .is_some_and(|argument| argument == WORD)
+    std::env::args_os().nth(1).is_some_and(|argument| argument == WORD)
 }
 
 /// Guards a socket: waits for the end of the process that started this one, then sends zeros.
@@ -101,13 +95,7 @@ pub fn serve() -> io::Result<()> {
     let socket = UdpSocket::from(io::stdout().as_fd().try_clone_to_owned()?);
     socket.set_read_timeout(Some(WAIT))?;
     // Who ends the run so ends the guard too soon; it ends after the run in any case.
-    let ends = [
-        Signal::SIGINT,
-        Signal::SIGTERM,
-        Signal::SIGHUP,
-        Signal::SIGQUIT,
-        Signal::SIGTSTP,
-    ];
+    let ends = [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP, Signal::SIGQUIT, Signal::SIGTSTP];
     ends.into_iter().collect::<SigSet>().thread_block()?;
     let lines = files::lines(io::stdin().lock(), files::MAX_LINE_BYTES);
     let last = lines.map_while(Result::ok).last();

@@ -33,18 +33,11 @@ impl Event {
             // All sound off, all notes off.
             0xb0 if first == 120 || first == 123 => (Target::AllNotes, 0.0),
             0xb0 => (Target::Of(Message::Control(number)), value),
-            0xe0 => (
-                Target::Of(Message::PitchBend),
-                bend(u16::from(first) | u16::from(second) << 7),
-            ),
+            0xe0 => (Target::Of(Message::PitchBend), bend(u16::from(first) | u16::from(second) << 7)),
             _ => return None,
         };
         let channel = 1 + u32::from(status & 0x0f);
-        Some(Self {
-            channel,
-            target,
-            share,
-        })
+        Some(Self { channel, target, share })
     }
 
     /// The number for a selector, if the message matches.
@@ -79,10 +72,7 @@ impl ByteStream {
                 None
             }
             0x80..0xf0 => {
-                *self = Self {
-                    status: Some(byte),
-                    first: None,
-                };
+                *self = Self { status: Some(byte), first: None };
                 None
             }
             data => {
@@ -127,44 +117,23 @@ mod tests {
         assert_eq!(heard(&[0xb2, 7, 0], Message::Control(7), Some(3)), Some(0.0));
         assert_eq!(heard(&[0xb2, 7, 0], Message::Control(7), Some(1)), None);
         assert_eq!(heard(&[0x90, 60, 127], Message::Note(60), None), Some(1.0));
-        assert_eq!(
-            heard(&[0x90, 60, 0], Message::Note(60), None),
-            Some(0.0),
-            "struck with 0 is let go"
-        );
+        assert_eq!(heard(&[0x90, 60, 0], Message::Note(60), None), Some(0.0), "struck with 0 is let go");
         assert_eq!(heard(&[0x80, 60, 64], Message::Note(60), None), Some(0.0));
         assert_eq!(heard(&[0xb0, 123, 0], Message::Note(60), None), Some(0.0));
         let wheel = |low, high| heard(&[0xe0, low, high], Message::PitchBend, None);
-        assert_eq!(
-            (wheel(0, 0), wheel(0, 64), wheel(127, 127)),
-            (Some(0.0), Some(0.5), Some(1.0))
-        );
+        assert_eq!((wheel(0, 0), wheel(0, 64), wheel(127, 127)), (Some(0.0), Some(0.5), Some(1.0)));
     }
 
     #[test]
     fn what_is_cut_short_or_wrong_says_nothing() {
-        for bytes in [
-            &[][..],
-            &[0xb0],
-            &[0xb0, 7],
-            &[0xb0, 7, 128],
-            &[0xb0, 7, 1, 1],
-            &[0xf8],
-            &[7, 7, 7],
-        ] {
+        for bytes in [&[][..], &[0xb0], &[0xb0, 7], &[0xb0, 7, 128], &[0xb0, 7, 1, 1], &[0xf8], &[7, 7, 7]] {
             assert_eq!(Event::parse(bytes), None, "{bytes:?}");
         }
     }
 
     /// The numbers that a stream of bytes has for a message, in order.
     fn heard_of(stream: &[u8], message: Message) -> Vec<f64> {
-        let (mut bytes, selector) = (
-            ByteStream::default(),
-            MidiSelector {
-                message,
-                channel: None,
-            },
-        );
+        let (mut bytes, selector) = (ByteStream::default(), MidiSelector { message, channel: None });
         let events = stream.iter().filter_map(|byte| bytes.take(*byte));
         events.filter_map(|event| event.number(&selector)).collect()
     }

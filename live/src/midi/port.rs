@@ -38,10 +38,7 @@ pub fn names() -> Result<Vec<String>> {
 
 fn names_by(client: &MidiInput) -> Vec<String> {
     let ports = client.ports();
-    ports
-        .iter()
-        .filter_map(|port| client.port_name(port).ok())
-        .collect()
+    ports.iter().filter_map(|port| client.port_name(port).ok()).collect()
 }
 
 /// Lists the ports again and again by one client: to open one takes JACK longer than a port may be silent.
@@ -88,9 +85,7 @@ fn open(part: &str, inbox: Inbox) -> Result<Open> {
             none if none.is_empty() => "there is none".to_owned(),
             names => format!("there are `{names}`"),
         };
-        return Err(Error::other(format!(
-            "no MIDI port has `{part}` in its name; {found}"
-        )));
+        return Err(Error::other(format!("no MIDI port has `{part}` in its name; {found}")));
     };
     let mut stream = ByteStream::default();
     let receive = move |_: u64, bytes: &[u8], (): &mut ()| {
@@ -144,28 +139,23 @@ impl NumberSource for MidiPort {
 /// Listens to a port until `stop`, on a separate thread, and reopens one that was unplugged.
 fn listen(part: &str, readers: Readers<MidiSelector>, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
     let (events, arrived) = sync_channel(MAX_WAITING);
-    let inbox = Inbox {
-        events,
-        overflowed: Arc::default(),
-    };
+    let inbox = Inbox { events, overflowed: Arc::default() };
     let (opened, outcome) = sync_channel(1);
     let part = part.to_owned();
-    let thread = std::thread::Builder::new()
-        .name(format!("input {part}"))
-        .spawn(move || {
-            let first = open(&part, inbox.clone());
-            let connection = match first {
-                Ok(connection) => {
-                    let _ = opened.send(Ok(()));
-                    connection
-                }
-                Err(error) => {
-                    let _ = opened.send(Err(error));
-                    return;
-                }
-            };
-            run(&part, (connection, inbox), &arrived, &readers, &stop);
-        })?;
+    let thread = std::thread::Builder::new().name(format!("input {part}")).spawn(move || {
+        let first = open(&part, inbox.clone());
+        let connection = match first {
+            Ok(connection) => {
+                let _ = opened.send(Ok(()));
+                connection
+            }
+            Err(error) => {
+                let _ = opened.send(Err(error));
+                return;
+            }
+        };
+        run(&part, (connection, inbox), &arrived, &readers, &stop);
+    })?;
     outcome.recv().map_err(Error::other)??;
     Ok(thread)
 }
@@ -199,10 +189,8 @@ fn run(
             if let Some(known) = connection.take_if(|_| last_event.elapsed() >= IDLE) {
                 last_event = Instant::now();
                 // Values hold: whether the port was gone is unknown.
-                connection = open(&known.name, inbox.clone()).ok().map(|anew| Open {
-                    updated: known.updated,
-                    ..anew
-                });
+                connection =
+                    open(&known.name, inbox.clone()).ok().map(|anew| Open { updated: known.updated, ..anew });
             }
             connection = connection.or_else(|| open(part, inbox.clone()).ok());
         }
@@ -263,11 +251,7 @@ mod tests {
 
     fn reader(listener: &Listener<MidiPort>, message: Message) -> Arc<Link> {
         let channel = None;
-        listener.link(
-            "knob",
-            MidiSelector { message, channel },
-            Duration::from_millis(50),
-        )
+        listener.link("knob", MidiSelector { message, channel }, Duration::from_millis(50))
     }
 
     /// Waits until a number is heard.
@@ -320,13 +304,8 @@ mod tests {
         let Some(_knobs) = sender("other knobs") else {
             return;
         };
-        let refused = Listener::<MidiPort>::open(&PortName("no such port".to_owned()))
-            .err()
-            .unwrap();
+        let refused = Listener::<MidiPort>::open(&PortName("no such port".to_owned())).err().unwrap();
         let said = refused.to_string();
-        assert!(
-            said.contains("`no such port`") && said.contains("other knobs"),
-            "{said}"
-        );
+        assert!(said.contains("`no such port`") && said.contains("other knobs"), "{said}");
     }
 }

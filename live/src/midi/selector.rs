@@ -34,10 +34,7 @@ pub(super) struct MidiSelector {
 impl MidiSelector {
     /// The selector of an input.
     pub fn of(settings: &MidiInputSettings) -> Self {
-        Self {
-            message: Message::from(&settings.message),
-            channel: settings.channel,
-        }
+        Self { message: Message::from(&settings.message), channel: settings.channel }
     }
 
     /// True if the message is that of a key, which is held and released.

@@ -45,29 +45,22 @@ impl OscControl {
         let address = socket.local_addr()?;
         let (malformed, stop) = (Arc::<AtomicU64>::default(), Arc::<AtomicBool>::default());
         let (bad, ends) = (Arc::clone(&malformed), Arc::clone(&stop));
-        let thread = std::thread::Builder::new()
-            .name("settings by OSC".to_owned())
-            .spawn(move || {
-                let mut bytes = [0; 65_536];
-                while !ends.load(Relaxed) {
-                    // Other errors are timeouts.
-                    let Ok(count) = socket.recv(&mut bytes) else {
-                        continue;
-                    };
-                    match parse_settings(&bytes[..count]) {
-                        Some(settings) => settings.into_iter().for_each(&mut on_setting),
-                        None => {
-                            bad.fetch_add(1, Relaxed);
-                        }
+        let thread = std::thread::Builder::new().name("settings by OSC".to_owned()).spawn(move || {
+            let mut bytes = [0; 65_536];
+            while !ends.load(Relaxed) {
+                // Other errors are timeouts.
+                let Ok(count) = socket.recv(&mut bytes) else {
+                    continue;
+                };
+                match parse_settings(&bytes[..count]) {
+                    Some(settings) => settings.into_iter().for_each(&mut on_setting),
+                    None => {
+                        bad.fetch_add(1, Relaxed);
                     }
                 }
-            })?;
-        Ok(Self {
-            address,
-            malformed,
-            stop,
-            thread: Some(thread),
-        })
+            }
+        })?;
+        Ok(Self { address, malformed, stop, thread: Some(thread) })
     }
 
     /// The address, with the port that the system chose for port 0.
@@ -147,49 +140,19 @@ mod tests {
 
     fn settings_of(packet: &OscPacket) -> Option<Vec<(String, SettingValue)>> {
         let settings = parse_settings(&rosc::encoder::encode(packet).unwrap())?;
-        Some(
-            settings
-                .into_iter()
-                .map(|setting| (setting.name, setting.value))
-                .collect(),
-        )
+        Some(settings.into_iter().map(|setting| (setting.name, setting.value)).collect())
     }
 
     #[test]
     fn addresses_are_names_and_arguments_values_as_they_were_meant() {
         for (addr, argument, name, value) in [
             ("/gain", OscType::Float(0.1), "gain", 0.1_f64.into()),
-            (
-                "/out/gain",
-                OscType::Double(0.1 + 0.2),
-                "out.gain",
-                (0.1 + 0.2).into(),
-            ),
-            (
-                "/hand/mix/gains/1",
-                OscType::Int(2),
-                "hand/mix.gains[1]",
-                SettingValue::Number(2.0),
-            ),
-            (
-                "/texture/filter/gain",
-                OscType::Int(-3),
-                "texture/filter.gain",
-                SettingValue::Number(-3.0),
-            ),
-            (
-                "/surface",
-                OscType::String("a b.ron".into()),
-                "surface",
-                "a b.ron".into(),
-            ),
+            ("/out/gain", OscType::Double(0.1 + 0.2), "out.gain", (0.1 + 0.2).into()),
+            ("/hand/mix/gains/1", OscType::Int(2), "hand/mix.gains[1]", SettingValue::Number(2.0)),
+            ("/texture/filter/gain", OscType::Int(-3), "texture/filter.gain", SettingValue::Number(-3.0)),
+            ("/surface", OscType::String("a b.ron".into()), "surface", "a b.ron".into()),
             ("/out/gain", OscType::String("0.5".into()), "out.gain", 0.5.into()),
-            (
-                "/seed",
-                OscType::Long(i64::MAX),
-                "seed",
-                "9223372036854775807".into(),
-            ),
+            ("/seed", OscType::Long(i64::MAX), "seed", "9223372036854775807".into()),
             ("/on", OscType::Bool(true), "on", "true".into()),
         ] {
             let settings = settings_of(&message(addr, vec![argument]));
@@ -200,31 +163,14 @@ mod tests {
     #[test]
     fn bundles_keep_their_order() {
         let inner = OscPacket::Bundle(OscBundle {
-            timetag: OscTime {
-                seconds: 0,
-                fractional: 1,
-            },
-            content: vec![
-                message("/b", vec![OscType::Int(2)]),
-                message("/c", vec![OscType::Int(3)]),
-            ],
+            timetag: OscTime { seconds: 0, fractional: 1 },
+            content: vec![message("/b", vec![OscType::Int(2)]), message("/c", vec![OscType::Int(3)])],
         });
         let outer = OscPacket::Bundle(OscBundle {
-            timetag: OscTime {
-                seconds: 0,
-                fractional: 1,
-            },
-            content: vec![
-                message("/a", vec![OscType::Int(1)]),
-                inner,
-                message("/d", vec![OscType::Int(4)]),
-            ],
+            timetag: OscTime { seconds: 0, fractional: 1 },
+            content: vec![message("/a", vec![OscType::Int(1)]), inner, message("/d", vec![OscType::Int(4)])],
         });
-        let names: Vec<String> = settings_of(&outer)
-            .unwrap()
-            .into_iter()
-            .map(|(name, _)| name)
-            .collect();
+        let names: Vec<String> = settings_of(&outer).unwrap().into_iter().map(|(name, _)| name).collect();
         assert_eq!(names, ["a", "b", "c", "d"]);
     }
 

@@ -43,9 +43,10 @@ impl Addresses {
 
     fn read_packet(&self, packet: &OscPacket, sensed: &mut [f64; SENSED]) -> Result<bool, Count> {
         match packet {
-            OscPacket::Bundle(bundle) => bundle.content.iter().try_fold(false, |has_state, inner| {
-                Ok(has_state | self.read_packet(inner, sensed)?)
-            }),
+            OscPacket::Bundle(bundle) => bundle
+                .content
+                .iter()
+                .try_fold(false, |has_state, inner| Ok(has_state | self.read_packet(inner, sensed)?)),
             OscPacket::Message(message) if message.addr == self.position => {
                 match numbers(message)?[..] {
                     [x, y] => sensed[..3].copy_from_slice(&[1e-3 * x, 1e-3 * y, 0.0]),
@@ -68,11 +69,7 @@ impl Addresses {
 
     /// Sends commands, if they go anywhere.
     pub fn sender(&self) -> Option<OscSender> {
-        self.send_to.map(|to| OscSender {
-            to,
-            every: self.every,
-            next: Instant::now(),
-        })
+        self.send_to.map(|to| OscSender { to, every: self.every, next: Instant::now() })
     }
 }
 
@@ -84,11 +81,7 @@ fn numbers(message: &OscMessage) -> Result<Vec<f64>, Count> {
         _ => Err(Count::Malformed),
     };
     let numbers: Vec<f64> = message.args.iter().map(number).collect::<Result<_, _>>()?;
-    if numbers.iter().all(|x| x.is_finite()) {
-        Ok(numbers)
-    } else {
-        Err(Count::NotNumbers)
-    }
+    if numbers.iter().all(|x| x.is_finite()) { Ok(numbers) } else { Err(Count::NotNumbers) }
 }
 
 /// Sends commands to an address at a fixed rate.
@@ -120,15 +113,8 @@ impl OscSender {
 /// Sends a command to an address.
 pub(crate) fn send_driven(socket: &UdpSocket, to: SocketAddr, driven: &[f64; DRIVEN]) {
     let [x, y, z, current, brake] = driven.map(|value| OscType::Float(value as f32));
-    for (addr, args) in [
-        ("/force", vec![x, y, z]),
-        ("/current", vec![current]),
-        ("/brake", vec![brake]),
-    ] {
-        let message = OscMessage {
-            addr: addr.to_owned(),
-            args,
-        };
+    for (addr, args) in [("/force", vec![x, y, z]), ("/current", vec![current]), ("/brake", vec![brake])] {
+        let message = OscMessage { addr: addr.to_owned(), args };
         if let Ok(bytes) = rosc::encoder::encode(&OscPacket::Message(message)) {
             // If nothing receives it, the next one replaces it.
             let _ = socket.send_to(&bytes, to);
@@ -180,25 +166,16 @@ mod tests {
     fn an_invalid_packet_changes_nothing() {
         let (addresses, mut sensed) = (addresses(), [0.5; SENSED]);
         let nan = packet("/pen/xy", vec![OscType::Float(f32::NAN), OscType::Float(0.0)]);
-        assert!(matches!(
-            addresses.read(&nan, &mut sensed),
-            Err(Count::NotNumbers)
-        ));
+        assert!(matches!(addresses.read(&nan, &mut sensed), Err(Count::NotNumbers)));
         let far = packet("/pen/xy", vec![OscType::Float(1e30), OscType::Float(0.0)]);
         assert!(matches!(addresses.read(&far, &mut sensed), Err(Count::TooLarge)));
         let four = packet("/pen/xy", vec![OscType::Int(1); 4]);
-        assert!(matches!(
-            addresses.read(&four, &mut sensed),
-            Err(Count::Malformed)
-        ));
+        assert!(matches!(addresses.read(&four, &mut sensed), Err(Count::Malformed)));
         let deep: Vec<u8> = (0..3000)
             .rev()
             .flat_map(|k: u32| [&b"#bundle\0\0\0\0\0\0\0\0\x01"[..], &(20 * k).to_be_bytes()].concat())
             .collect();
-        assert!(matches!(
-            addresses.read(&deep, &mut sensed),
-            Err(Count::Malformed)
-        ));
+        assert!(matches!(addresses.read(&deep, &mut sensed), Err(Count::Malformed)));
         for length in 0..four.len() {
             let _ = addresses.read(&four[..length], &mut sensed);
         }

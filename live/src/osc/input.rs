@@ -22,10 +22,8 @@ impl NumberSource for OscPort {
     type Field = OscSelector;
 
     fn locate(settings: &OscInputSettings) -> Result<(SocketAddr, OscSelector)> {
-        let selector = OscSelector {
-            address: settings.address.clone(),
-            argument: settings.argument as usize,
-        };
+        let selector =
+            OscSelector { address: settings.address.clone(), argument: settings.argument as usize };
         Ok((settings.listen().map_err(Error::other)?, selector))
     }
 
@@ -36,17 +34,15 @@ impl NumberSource for OscPort {
     ) -> Result<JoinHandle<()>> {
         let socket = UdpSocket::bind(address)?;
         socket.set_read_timeout(Some(WAIT))?;
-        std::thread::Builder::new()
-            .name(format!("input {address}"))
-            .spawn(move || {
-                let mut bytes = [0; 65_536];
-                while !stop.load(Relaxed) {
-                    // Other results are timeouts.
-                    if let Ok(count) = socket.recv(&mut bytes) {
-                        take(&bytes[..count], &readers);
-                    }
+        std::thread::Builder::new().name(format!("input {address}")).spawn(move || {
+            let mut bytes = [0; 65_536];
+            while !stop.load(Relaxed) {
+                // Other results are timeouts.
+                if let Ok(count) = socket.recv(&mut bytes) {
+                    take(&bytes[..count], &readers);
                 }
-            })
+            }
+        })
     }
 }
 
@@ -87,8 +83,7 @@ fn take(bytes: &[u8], readers: &Readers<OscSelector>) {
             readers.publish(|selector| selector.number(message));
             let list = readers.list();
             if !list.iter().any(|reader| reader.field.address == message.addr) {
-                list.iter()
-                    .for_each(|reader| reader.link.count_unclaimed(&message.addr));
+                list.iter().for_each(|reader| reader.link.count_unclaimed(&message.addr));
             }
         }),
         Err(what) => readers.publish(|_| Some(Err(what))),
@@ -111,10 +106,7 @@ mod tests {
 
     /// A listener for the second argument of `/knob`.
     fn second() -> (Readers<OscSelector>, Arc<Link>) {
-        let selector = OscSelector {
-            address: "/knob".to_owned(),
-            argument: 2,
-        };
+        let selector = OscSelector { address: "/knob".to_owned(), argument: 2 };
         let reader = Reader::new("knob", selector, Duration::from_secs(1));
         let (readers, link) = (Readers::default(), Arc::clone(&reader.link));
         readers.list().push(reader);
@@ -128,30 +120,18 @@ mod tests {
     #[test]
     fn the_selected_argument_is_taken_and_other_messages_are_counted() {
         let (readers, link) = second();
-        take(
-            &packet("/knob", vec![OscType::Float(1.0), OscType::Int(7)]),
-            &readers,
-        );
-        take(
-            &packet("/other", vec![OscType::Float(1.0), OscType::Int(9)]),
-            &readers,
-        );
+        take(&packet("/knob", vec![OscType::Float(1.0), OscType::Int(7)]), &readers);
+        take(&packet("/other", vec![OscType::Float(1.0), OscType::Int(9)]), &readers);
         assert_eq!((latest(&link), link.counts().accepted), (7.0, 1));
         assert_eq!(link.unclaimed.list(), [("/other".to_owned(), 1)]);
-        take(
-            &packet("/knob", vec![OscType::Nil, OscType::Bool(true)]),
-            &readers,
-        );
+        take(&packet("/knob", vec![OscType::Nil, OscType::Bool(true)]), &readers);
         assert_eq!(latest(&link), 1.0);
     }
 
     #[test]
     fn an_invalid_number_is_counted_and_changes_nothing() {
         let (readers, link) = second();
-        take(
-            &packet("/knob", vec![OscType::Int(0), OscType::Float(f32::INFINITY)]),
-            &readers,
-        );
+        take(&packet("/knob", vec![OscType::Int(0), OscType::Float(f32::INFINITY)]), &readers);
         take(&packet("/knob", vec![OscType::Int(0)]), &readers);
         take(b"/knob", &readers);
         let counts = link.counts();

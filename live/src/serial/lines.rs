@@ -28,11 +28,7 @@ pub(super) struct Lines {
 
 impl Lines {
     pub fn new() -> Self {
-        Self {
-            buffer: [0; MAX_LINE_BYTES],
-            length: None,
-            is_first: true,
-        }
+        Self { buffer: [0; MAX_LINE_BYTES], length: None, is_first: true }
     }
 
     /// Passes on each line that ends in these bytes; an error stands for a line that is too long.
@@ -85,10 +81,7 @@ mod tests {
 
     /// The numbers that pieces of bytes have in a column, in order, and the counts.
     fn values_of(column: usize, pieces: &[&[u8]]) -> (Vec<f64>, Counts) {
-        let (readers, reader) = (
-            Readers::default(),
-            Reader::new("", Column(column), Duration::ZERO),
-        );
+        let (readers, reader) = (Readers::default(), Reader::new("", Column(column), Duration::ZERO));
         let link = Arc::clone(&reader.link);
         readers.list().push(reader);
         let (mut lines, mut values) = (Lines::new(), Vec::new());

@@ -33,10 +33,7 @@ const NAMES: [BaudRate; RATES.len()] = [
 /// Opens a port in raw mode at a rate.
 fn open(path: &Path, baud: u32) -> Result<File> {
     let port = files::open_terminal(path)?;
-    let rate = RATES
-        .iter()
-        .position(|rate| *rate == baud)
-        .map(|place| NAMES[place]);
+    let rate = RATES.iter().position(|rate| *rate == baud).map(|place| NAMES[place]);
     let mut settings = termios::tcgetattr(&port)?;
     termios::cfmakeraw(&mut settings);
     settings.control_flags |= ControlFlags::CLOCAL | ControlFlags::CREAD;
@@ -71,10 +68,7 @@ impl NumberSource for SerialPort {
     type Field = Column;
 
     fn locate(settings: &SerialInputSettings) -> Result<(Line, Column)> {
-        let line = Line {
-            path: PathBuf::from(&settings.port),
-            baud: settings.baud,
-        };
+        let line = Line { path: PathBuf::from(&settings.port), baud: settings.baud };
         Ok((line, Column(settings.column as usize)))
     }
 
@@ -91,22 +85,20 @@ impl NumberSource for SerialPort {
 fn listen(path: &Path, baud: u32, readers: Readers<Column>, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
     let mut port = Some((open(path, baud)?, Lines::new()));
     let path = path.to_owned();
-    std::thread::Builder::new()
-        .name(format!("input {}", path.display()))
-        .spawn(move || {
-            while !stop.load(Relaxed) {
-                let Some((file, lines)) = &mut port else {
-                    std::thread::sleep(RETRY);
-                    port = open(&path, baud).ok().map(|file| (file, Lines::new()));
-                    continue;
-                };
-                match read(file, lines, &readers) {
-                    Ok(true) => {}
-                    Ok(false) => std::thread::sleep(PAUSE),
-                    Err(_) => port = None,
-                }
+    std::thread::Builder::new().name(format!("input {}", path.display())).spawn(move || {
+        while !stop.load(Relaxed) {
+            let Some((file, lines)) = &mut port else {
+                std::thread::sleep(RETRY);
+                port = open(&path, baud).ok().map(|file| (file, Lines::new()));
+                continue;
+            };
+            match read(file, lines, &readers) {
+                Ok(true) => {}
+                Ok(false) => std::thread::sleep(PAUSE),
+                Err(_) => port = None,
             }
-        })
+        }
+    })
 }
 
 /// Processes received bytes. Returns whether there were any.
@@ -146,9 +138,7 @@ mod tests {
     fn receives(link: &Link, number: f64) -> bool {
         (0..5000).any(|_| {
             std::thread::sleep(Duration::from_millis(1));
-            link.sensed
-                .look()
-                .is_some_and(|(version, sensed)| version > 0 && sensed[0] == number)
+            link.sensed.look().is_some_and(|(version, sensed)| version > 0 && sensed[0] == number)
         })
     }
 
@@ -158,10 +148,7 @@ mod tests {
         let path = folder.path().join("port");
         let (mut far, near, device) = terminal();
         std::os::unix::fs::symlink(&device, &path).unwrap();
-        let place = Line {
-            path: path.clone(),
-            baud: 9600,
-        };
+        let place = Line { path: path.clone(), baud: 9600 };
         let listener = Listener::<SerialPort>::open(&place).unwrap();
         let link = listener.link("squeeze", Column(2), Duration::from_secs(1));
         far.write_all(b"\n1 2\n").unwrap();
@@ -183,10 +170,7 @@ mod tests {
     #[test]
     fn a_file_that_is_not_a_port_is_refused() {
         let file = tempfile::NamedTempFile::new().unwrap();
-        let place = Line {
-            path: file.path().to_owned(),
-            baud: 9600,
-        };
+        let place = Line { path: file.path().to_owned(), baud: 9600 };
         assert!(Listener::<SerialPort>::open(&place).is_err());
     }
 }

@@ -58,11 +58,7 @@ fn listening(graph: &Graph) -> (FileSinks<'_>, [Bits; 2]) {
     for (path, bits) in ["felt", "out"].iter().zip(&bits) {
         let node = graph.nodes().find(path).unwrap();
         let writer = Box::new(Heard(Arc::clone(bits)));
-        outlets.probe(Probe {
-            node,
-            output: 0,
-            writer,
-        });
+        outlets.probe(Probe { node, output: 0, writer });
     }
     (outlets, bits)
 }
@@ -117,16 +113,11 @@ fn a_run_whose_input_fell_silent_is_repeated_bit_for_bit() {
         let live = live_run(&graph, from, folder.path());
         // It was driven, it was not, and it was again.
         let [_, out] = &live;
-        let last_zero = out[..out.len() - out.len() / 10]
-            .iter()
-            .rposition(|bits| *bits == 0);
+        let last_zero = out[..out.len() - out.len() / 10].iter().rposition(|bits| *bits == 0);
         let first_drive = out.iter().position(|bits| *bits != 0);
         assert!(first_drive.unwrap() + 100 < last_zero.unwrap() && last_zero.unwrap() + 100 < out.len());
         for block in [1, 13, 64] {
-            assert!(
-                replay(&graph, block, folder.path()).unwrap() == live,
-                "{two}, block {block}"
-            );
+            assert!(replay(&graph, block, folder.path()).unwrap() == live, "{two}, block {block}");
         }
         // It hangs on when the silence ended.
         let path = { ["arrivals/0.csv", "arrivals/1.csv"] }
@@ -156,9 +147,7 @@ fn what_no_device_can_have_sensed_is_refused_at_its_line() {
     live_run(&graph, 21, folder.path());
     let logs = std::fs::read_dir(folder.path().join("arrivals")).unwrap();
     let mut logs = logs.map(|entry| entry.unwrap().path());
-    let path = logs
-        .find(|path| path.to_string_lossy().contains(".input-"))
-        .unwrap();
+    let path = logs.find(|path| path.to_string_lossy().contains(".input-")).unwrap();
     let right = std::fs::read_to_string(&path).unwrap();
     let columns = right.lines().next().unwrap().split(',').count();
     let zeros = ",0".repeat(columns - 2);

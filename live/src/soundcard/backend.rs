@@ -56,10 +56,7 @@ impl Backend for Soundcards {
     fn drive(&mut self, graph: &Graph, lives: &mut Lives) -> Result<(), BackendError> {
         self.is_new = false;
         self.inputs = Inputs::open(graph, lives.iter_mut().map(|(_, live)| live))?;
-        let request = self
-            .requests
-            .as_ref()
-            .and_then(|requests| requests.output.clone());
+        let request = self.requests.as_ref().and_then(|requests| requests.output.clone());
         let sinks = output_sinks(graph);
         let clock = sinks.first().and_then(|output| graph.driver_of(output.sink));
         let own = lives.iter().position(|(driver, _)| Some(*driver) == clock);
@@ -92,17 +89,14 @@ impl Backend for Soundcards {
             },
             ..Connected::driver(&driver.name, driver.clock, place(driver))
         });
-        let inputs = self
-            .inputs
-            .streams()
-            .map(|(endpoints, request, got, _)| Connected {
-                names: endpoints.to_vec(),
-                role: Role::Input,
-                clock: None,
-                place: description(got, request),
-                state: State::Running,
-                refused: Vec::new(),
-            });
+        let inputs = self.inputs.streams().map(|(endpoints, request, got, _)| Connected {
+            names: endpoints.to_vec(),
+            role: Role::Input,
+            clock: None,
+            place: description(got, request),
+            state: State::Running,
+            refused: Vec::new(),
+        });
         driver.chain(inputs).collect()
     }
 
@@ -130,9 +124,7 @@ impl Backend for Soundcards {
 
 /// A stream in words.
 fn description(got: &OpenedStream, request: &Request) -> String {
-    let frames = got
-        .buffer_frames
-        .map_or_else(|| "?".to_owned(), |frames| frames.to_string());
+    let frames = got.buffer_frames.map_or_else(|| "?".to_owned(), |frames| frames.to_string());
     format!(
         "soundcard {}: {} Hz, {} channels, {}, buffers of {frames} frames ({} requested)",
         got.card, got.rate_hz, got.channels, got.format, request.buffer_frames

@@ -17,11 +17,7 @@ pub(super) struct PlaybackCallback<D> {
 impl<D: Driven> PlaybackCallback<D> {
     /// Takes the run out of the slot.
     pub fn new(slot: &Detached<D>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
-        Self {
-            live: slot.attach(),
-            shared: Arc::clone(shared),
-            due: Due::new(rate_hz, start),
-        }
+        Self { live: slot.attach(), shared: Arc::clone(shared), due: Due::new(rate_hz, start) }
     }
 
     /// Fills a buffer of any length with frames of `channels` samples.
@@ -143,10 +139,7 @@ mod tests {
         for frames in [1, 64, 170, 5000, 7] {
             let mut data = vec![9.0; frames * 4];
             callback.fill(&mut data, 4, 0.0, |x| x);
-            assert!(
-                data.chunks(4).all(|frame| frame == [1.0, 0.25, 1.0, 0.0]),
-                "{frames}"
-            );
+            assert!(data.chunks(4).all(|frame| frame == [1.0, 0.25, 1.0, 0.0]), "{frames}");
         }
         // Twice full scale is cut off, and counted once for each sample that should have been played.
         assert_eq!(shared.clipped.load(Relaxed), 1 + 64 + 170 + 5000 + 7);

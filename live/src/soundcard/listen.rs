@@ -69,11 +69,7 @@ pub(super) struct CaptureCallback {
 impl CaptureCallback {
     /// Takes the taps out of the slot.
     pub fn new(slot: &Detached<InputTaps>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
-        Self {
-            taps: slot.attach(),
-            shared: Arc::clone(shared),
-            due: Due::new(rate_hz, start),
-        }
+        Self { taps: slot.attach(), shared: Arc::clone(shared), due: Due::new(rate_hz, start) }
     }
 
     /// Takes a buffer of any length, frames of `channels` samples, the last of which was captured `age` ago.
@@ -173,10 +169,7 @@ mod tests {
         }
 
         fn accelerometer(rate_hz: u64) -> Self {
-            Self::new(
-                SoundcardAccelerometer::build(settings(), &at(rate_hz)),
-                rate_hz as f64,
-            )
+            Self::new(SoundcardAccelerometer::build(settings(), &at(rate_hz)), rate_hz as f64)
         }
 
         /// A buffer passes, heard or not; returns what was read meanwhile.
@@ -218,20 +211,13 @@ mod tests {
                 let share = 2.0 / (heard.len() - first) as f64;
                 (s, c) = (s + share * x * turned.sin(), c + share * x * turned.cos());
             }
-            assert!(
-                (s.hypot(c) / 25.0 - 1.0).abs() < 1e-3,
-                "{rate_hz}: {}",
-                s.hypot(c)
-            );
+            assert!((s.hypot(c) / 25.0 - 1.0).abs() < 1e-3, "{rate_hz}: {}", s.hypot(c));
             // A frame is written when its buffer is full, up to a buffer after its time.
             let late_s = (-c).atan2(s).rem_euclid(TAU) / TAU / TONE_HZ;
             let buffer_s = FRAMES as f64 / RATE_HZ;
             let stated = world.device.latency().sensing_s;
             assert!((stated - (LATENCY_S + buffer_s)).abs() < 1e-12);
-            assert!(
-                (LATENCY_S - buffer_s..=stated).contains(&late_s),
-                "{rate_hz}: {late_s} s"
-            );
+            assert!((LATENCY_S - buffer_s..=stated).contains(&late_s), "{rate_hz}: {late_s} s");
         }
     }
 
@@ -258,12 +244,7 @@ mod tests {
         let rings_on = ((LATENCY_S + 0.006) * RATE_HZ) as usize;
         assert!(fallen[rings_on..].iter().all(|x| *x == 0.0));
         let back: Vec<f64> = (0..100).flat_map(|_| world.pass(Some(&steady))).collect();
-        let leap = |ticks: &[f64]| {
-            ticks
-                .windows(2)
-                .map(|pair| (pair[1] - pair[0]).abs())
-                .fold(0.0, f64::max)
-        };
+        let leap = |ticks: &[f64]| ticks.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
         // 25 m/s2 in 5 ms.
         assert!(leap(&fallen) < 0.12 && leap(&back) < 0.12);
         assert!((back.last().unwrap() - 25.0).abs() < 0.01);
@@ -325,15 +306,7 @@ mod tests {
         let data = vec![0.5_f32; 3 * 5000];
         let mut highest = 0.0_f64;
         // Buffers of any length, silence, far too much, and time that stands still.
-        let odd = [
-            (0, 500),
-            (64, 13),
-            (480, 100),
-            (5000, 1),
-            (5000, 0),
-            (5000, 2000),
-            (1, 3),
-        ];
+        let odd = [(0, 500), (64, 13), (480, 100), (5000, 1), (5000, 0), (5000, 2000), (1, 3)];
         for (frames, ticks) in odd.into_iter().chain([(480, 100); 20]) {
             let mut frame = [0.0];
             let allocated = crate::realtime::allocations(|| {
@@ -353,20 +326,14 @@ mod tests {
 
     #[test]
     fn a_latency_that_cannot_be_kept_is_refused() {
-        let hasty = SoundcardAccelerometerSettings {
-            latency_ms: Some(Milliseconds(2.0)),
-            ..settings()
-        };
+        let hasty = SoundcardAccelerometerSettings { latency_ms: Some(Milliseconds(2.0)), ..settings() };
         let Err(error) = SoundcardAccelerometer::build(hasty, &at(48_000)) else {
             panic!("taken");
         };
         assert_eq!(error.field, Some("latency_ms"));
         assert!(error.message.contains("two buffers"), "{error}");
         let crooked = BuildContext::new("tool", Rate::new(44_101, 2).unwrap());
-        let settings = SoundcardAccelerometerSettings {
-            rate_hz: None,
-            ..settings()
-        };
+        let settings = SoundcardAccelerometerSettings { rate_hz: None, ..settings() };
         let Err(error) = SoundcardAccelerometer::build(settings, &crooked) else {
             panic!("taken");
         };

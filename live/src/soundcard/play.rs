@@ -44,20 +44,11 @@ pub fn ready_to_play() -> Result<(), SoundcardError> {
 /// # Errors
 /// [`SoundcardError`] if there is no soundcard, it does not support the rate, or it vanishes.
 pub fn play_once(samples: Vec<f32>, rate_hz: u32, stop: &AtomicBool) -> Result<(), SoundcardError> {
-    let request = Request {
-        device: None,
-        rate_hz,
-        buffer_frames: 1024,
-        format: CardFormat::Best,
-        channels: 1,
-    };
+    let request =
+        Request { device: None, rate_hz, buffer_frames: 1024, format: CardFormat::Best, channels: 1 };
     let device = find(Direction::Play, None)?;
     let (channels, format) = choose(Direction::Play, &request, &device, &card_name(&device))?;
-    let config = StreamConfig {
-        channels,
-        sample_rate: rate_hz,
-        buffer_size: BufferSize::Default,
-    };
+    let config = StreamConfig { channels, sample_rate: rate_hz, buffer_size: BufferSize::Default };
     let (shared, count) = (Arc::new(Shared::default()), samples.len());
     let voice = Voice {
         samples,
@@ -128,10 +119,7 @@ impl Voice {
             self.shared.taken.store(self.next, Relaxed);
         };
         let failed = move |error: Error| {
-            if matches!(
-                error.kind(),
-                ErrorKind::DeviceNotAvailable | ErrorKind::StreamInvalidated
-            ) {
+            if matches!(error.kind(), ErrorKind::DeviceNotAvailable | ErrorKind::StreamInvalidated) {
                 shared.lost.store(true, Relaxed);
             }
         };
@@ -153,13 +141,7 @@ mod tests {
     use super::*;
 
     fn voice(shared: &Arc<Shared>) -> Voice {
-        Voice {
-            samples: vec![0.25; 1000],
-            next: 0,
-            level: 1.0,
-            fall: 0.01,
-            shared: Arc::clone(shared),
-        }
+        Voice { samples: vec![0.25; 1000], next: 0, level: 1.0, fall: 0.01, shared: Arc::clone(shared) }
     }
 
     #[test]

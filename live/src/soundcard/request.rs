@@ -43,10 +43,7 @@ pub fn card_requests(graph: &Graph) -> Result<CardRequests, SoundcardError> {
         endpoint: device.name.clone(),
         fingerprint: device.fingerprint,
     };
-    Ok(CardRequests {
-        output: output(graph)?,
-        inputs: inputs.map(request).collect(),
-    })
+    Ok(CardRequests { output: output(graph)?, inputs: inputs.map(request).collect() })
 }
 
 fn output(graph: &Graph) -> Result<Option<Request>, SoundcardError> {
@@ -63,9 +60,8 @@ fn output(graph: &Graph) -> Result<Option<Request>, SoundcardError> {
             return Err(SoundcardError::Differ((*first).to_owned(), name(), what));
         }
         for channel in output.playback.channels() {
-            if let Some((other, _)) = found
-                .iter()
-                .find(|(_, other)| other.playback.channels().contains(channel))
+            if let Some((other, _)) =
+                found.iter().find(|(_, other)| other.playback.channels().contains(channel))
             {
                 return Err(SoundcardError::Shared((*other).to_owned(), name(), *channel));
             }
@@ -136,10 +132,7 @@ mod tests {
             ("m_s2_full_scale: 50", "m_s2_full_scale: 50, latency_ms: 9"),
             ("channels: [3]", "channels: [4]"),
             // The input is the same, but the swap would replace the device and leave its ring without a writer.
-            (
-                "Haptuator(amperes_full_scale: 1,",
-                "Haptuator(amperes_full_scale: 2,",
-            ),
+            ("Haptuator(amperes_full_scale: 1,", "Haptuator(amperes_full_scale: 2,"),
             ("m_s2_full_scale: 50", "m_s2_full_scale: 50, channel: 1"),
         ] {
             assert_ne!(requests_of(&BOTH.replace(from, to), 0.1).unwrap(), first, "{to}");
@@ -150,13 +143,7 @@ mod tests {
     fn one_stream_drives_a_graph_and_no_channel_is_driven_twice() {
         let unlike = BOTH.replace("channels: [1]", "channels: [1], buffer_frames: 128");
         let shared = BOTH.replace("channels: [1]", "channels: [3, 1]");
-        assert!(matches!(
-            requests_of(&unlike, 0.1),
-            Err(SoundcardError::Differ(_, _, "`buffer_frames`"))
-        ));
-        assert!(matches!(
-            requests_of(&shared, 0.1),
-            Err(SoundcardError::Shared(_, _, 3))
-        ));
+        assert!(matches!(requests_of(&unlike, 0.1), Err(SoundcardError::Differ(_, _, "`buffer_frames`"))));
+        assert!(matches!(requests_of(&shared, 0.1), Err(SoundcardError::Shared(_, _, 3))));
     }
 }

@@ -48,11 +48,7 @@ pub(super) struct Due {
 
 impl Due {
     pub fn new(rate_hz: u32, start: Instant) -> Self {
-        Self {
-            rate_hz: f64::from(rate_hz),
-            start,
-            next: None,
-        }
+        Self { rate_hz: f64::from(rate_hz), start, next: None }
     }
 
     /// Records a callback; returns its delay and the duration of its frames.
@@ -96,10 +92,7 @@ impl<T> Detached<T> {
 
     /// Moves the state to a stream, if no other stream has it.
     pub fn attach(&self) -> Active<T> {
-        Active {
-            it: self.lock().take(),
-            slot: self.clone(),
-        }
+        Active { it: self.lock().take(), slot: self.clone() }
     }
 }
 

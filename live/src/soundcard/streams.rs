@@ -26,10 +26,7 @@ impl<D: Driven> CardDriver<D> {
     /// # Errors
     /// [`SoundcardError`] if there is no such card, or it does not support the request.
     pub fn start(request: Request, live: D) -> Result<Self, SoundcardError> {
-        Ok(Self {
-            stream: ReconnectingStream::open(request, live)?,
-            rested: None,
-        })
+        Ok(Self { stream: ReconnectingStream::open(request, live)?, rested: None })
     }
 
     /// The stream as the card opened it.
@@ -116,10 +113,7 @@ impl Inputs {
             let tap = InputTap::of(input);
             inputs.rings.push(Arc::clone(tap.writer.meter()));
             let (endpoint, stream) = (input.endpoint.clone(), &input.stream);
-            match requested
-                .iter_mut()
-                .find(|(known, ..)| known.differs_from(stream).is_none())
-            {
+            match requested.iter_mut().find(|(known, ..)| known.differs_from(stream).is_none()) {
                 Some((known, endpoints, taps)) => {
                     known.channels = known.channels.max(stream.channels);
                     endpoints.push(endpoint);
@@ -150,9 +144,7 @@ impl Inputs {
     pub fn poll(&mut self) -> Vec<BackendEvent> {
         // Dependent outputs fade out when the card's ring is empty, and rise when it fills again.
         let streams = self.streams.iter_mut();
-        streams
-            .flat_map(|(_, stream)| stream.poll("its inputs are silent", |_| {}))
-            .collect()
+        streams.flat_map(|(_, stream)| stream.poll("its inputs are silent", |_| {})).collect()
     }
 }
 

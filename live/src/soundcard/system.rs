@@ -94,9 +94,7 @@ pub fn list() -> Result<Vec<Listed>, SoundcardError> {
 
 /// The available hosts, created one by one: cpal's default host can panic if a library is missing.
 fn hosts() -> impl Iterator<Item = cpal::Host> {
-    cpal::available_hosts()
-        .into_iter()
-        .filter_map(|id| cpal::host_from_id(id).ok())
+    cpal::available_hosts().into_iter().filter_map(|id| cpal::host_from_id(id).ok())
 }
 
 fn name(device: &cpal::Device) -> Option<String> {
@@ -108,23 +106,13 @@ pub(super) fn card_name(device: &cpal::Device) -> String {
 }
 
 fn about(device: &cpal::Device) -> String {
-    device
-        .description()
-        .map_or_else(|_| String::new(), |about| about.name().to_owned())
+    device.description().map_or_else(|_| String::new(), |about| about.name().to_owned())
 }
 
 fn shown(config: &SupportedStreamConfigRange) -> String {
     let (low, high) = (config.min_sample_rate(), config.max_sample_rate());
-    let rates = if low == high {
-        format!("{low} Hz")
-    } else {
-        format!("{low} to {high} Hz")
-    };
-    format!(
-        "{} channels, {}, {rates}",
-        config.channels(),
-        config.sample_format()
-    )
+    let rates = if low == high { format!("{low} Hz") } else { format!("{low} to {high} Hz") };
+    format!("{} channels, {}, {rates}", config.channels(), config.sample_format())
 }
 
 pub(super) fn system(error: Error) -> SoundcardError {
@@ -171,11 +159,7 @@ pub(super) fn open<P: CallbackState>(
     let card = card_name(&device);
     let (channels, format) = choose(direction, request, &device, &card)?;
     let built = |buffer_size: BufferSize| {
-        let config = StreamConfig {
-            channels,
-            sample_rate: request.rate_hz,
-            buffer_size,
-        };
+        let config = StreamConfig { channels, sample_rate: request.rate_hz, buffer_size };
         match format {
             SampleFormat::F32 => P::build::<f32>(setup, &device, config),
             SampleFormat::I32 => P::build::<i32>(setup, &device, config),
@@ -211,9 +195,7 @@ pub(super) fn find(direction: Direction, wanted: Option<&str>) -> Result<cpal::D
         };
         let all = direction.devices_of(&host)?;
         let part = wanted.to_lowercase();
-        let exact = all
-            .iter()
-            .position(|device| name(device).as_deref() == Some(wanted));
+        let exact = all.iter().position(|device| name(device).as_deref() == Some(wanted));
         let partly = || {
             all.iter().position(|device| {
                 let name = name(device).unwrap_or_default();
@@ -246,12 +228,7 @@ pub(super) fn choose(
     card: &str,
 ) -> Result<(u16, SampleFormat), SoundcardError> {
     let wanted = match request.format {
-        CardFormat::Best => &[
-            SampleFormat::F32,
-            SampleFormat::I32,
-            SampleFormat::I24,
-            SampleFormat::I16,
-        ][..],
+        CardFormat::Best => &[SampleFormat::F32, SampleFormat::I32, SampleFormat::I24, SampleFormat::I16][..],
         CardFormat::Float => &[SampleFormat::F32],
         CardFormat::Bits32 => &[SampleFormat::I32],
         CardFormat::Bits24 => &[SampleFormat::I24],
@@ -264,23 +241,17 @@ pub(super) fn choose(
             && (config.min_sample_rate()..=config.max_sample_rate()).contains(&rate)
     };
     let best = |config: &&SupportedStreamConfigRange| {
-        let place = wanted
-            .iter()
-            .position(|format| *format == config.sample_format())?;
+        let place = wanted.iter().position(|format| *format == config.sample_format())?;
         Some((config.channels(), place))
     };
-    let chosen = all
-        .iter()
-        .filter(fits)
-        .filter(|config| best(config).is_some())
-        .min_by_key(best);
-    chosen
-        .map(|config| (config.channels(), config.sample_format()))
-        .ok_or_else(|| SoundcardError::Unsupported {
+    let chosen = all.iter().filter(fits).filter(|config| best(config).is_some()).min_by_key(best);
+    chosen.map(|config| (config.channels(), config.sample_format())).ok_or_else(|| {
+        SoundcardError::Unsupported {
             card: card.to_owned(),
             wanted: format!("{} channels at {rate} Hz in {wanted:?}", request.channels),
             found: all.iter().map(shown).collect::<Vec<_>>().join("; "),
-        })
+        }
+    })
 }
 
 impl<P> Setup<P> {

@@ -36,12 +36,7 @@ impl Drivers {
         lives: Vec<Live>,
         stop: &Arc<AtomicBool>,
     ) -> Result<Self, BackendError> {
-        let mut drivers = Self {
-            connections,
-            first_end: None,
-            stop: Arc::clone(stop),
-            is_closed: false,
-        };
+        let mut drivers = Self { connections, first_end: None, stop: Arc::clone(stop), is_closed: false };
         let lives = graph.drivers().into_iter().zip(lives).collect();
         drivers.connections.drive(graph, lives)?;
         Ok(drivers)
@@ -54,12 +49,7 @@ impl Drivers {
     /// What the system refused at the start, without repetition.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
-        for note in self
-            .connections
-            .status()
-            .into_iter()
-            .flat_map(|known| known.refused)
-        {
+        for note in self.connections.status().into_iter().flat_map(|known| known.refused) {
             if !notes.contains(&note) {
                 notes.push(note);
             }
@@ -81,8 +71,7 @@ impl Drivers {
         if self.first_end.is_none() && self.all().any(|driver| driver.state == State::Finished) {
             self.first_end = Some(Instant::now());
         }
-        self.first_end
-            .is_some_and(|since| since.elapsed() > MAX_END_DELAY)
+        self.first_end.is_some_and(|since| since.elapsed() > MAX_END_DELAY)
     }
 
     /// Waits for the end of the run. Returns its real-time sides in the order of the graph.
@@ -134,9 +123,7 @@ pub(super) fn description(connections: &Connections) -> String {
     match &all[..] {
         [one] => one.place.clone(),
         several => {
-            let each = several
-                .iter()
-                .map(|driver| format!("{} by {}", driver.names.concat(), driver.place));
+            let each = several.iter().map(|driver| format!("{} by {}", driver.names.concat(), driver.place));
             each.collect::<Vec<_>>().join("; ")
         }
     }
@@ -144,26 +131,20 @@ pub(super) fn description(connections: &Connections) -> String {
 
 /// The output latency that the system stated.
 pub(super) fn output_latency(connections: &Connections) -> Option<Histogram> {
-    connections
-        .counted(Role::Driver)
-        .find_map(|(_, counts)| match counts {
-            Counts::Stream(counts) => Some(counts.latency),
-            Counts::None | Counts::Packets(..) => None,
-        })
+    connections.counted(Role::Driver).find_map(|(_, counts)| match counts {
+        Counts::Stream(counts) => Some(counts.latency),
+        Counts::None | Counts::Packets(..) => None,
+    })
 }
 
 /// Warnings about the streams of a run.
 pub(super) fn warnings(connections: &Connections) -> Vec<String> {
     let mut list = Vec::new();
-    for (connected, counts) in [Role::Driver, Role::Input]
-        .into_iter()
-        .flat_map(|role| connections.counted(role))
+    for (connected, counts) in
+        [Role::Driver, Role::Input].into_iter().flat_map(|role| connections.counted(role))
     {
         let (whose, xrun) = match connected.role {
-            Role::Input => (
-                format!("the input of {}", connected.names.join(" and ")),
-                "ran over",
-            ),
+            Role::Input => (format!("the input of {}", connected.names.join(" and ")), "ran over"),
             Role::Driver | Role::Link => ("the soundcard".to_owned(), "ran dry"),
         };
         if let Counts::Stream(counts) = counts {
@@ -177,10 +158,7 @@ pub(super) fn warnings(connections: &Connections) -> Vec<String> {
 fn troubles(whose: &str, xrun: &str, counts: &CardCounts) -> Vec<String> {
     let mut list = Vec::new();
     if counts.xruns > 0 {
-        list.push(format!(
-            "{whose} {xrun} {} times: the signal has gaps",
-            counts.xruns
-        ));
+        list.push(format!("{whose} {xrun} {} times: the signal has gaps", counts.xruns));
     }
     if counts.clipped > 0 {
         list.push(format!(

@@ -26,11 +26,7 @@ impl Request {
 
     /// A request of another origin.
     pub fn from_origin(origin: Origin, name: impl Into<String>, value: impl Into<SettingValue>) -> Self {
-        Self {
-            name: name.into(),
-            value: value.into(),
-            origin,
-        }
+        Self { name: name.into(), value: value.into(), origin }
     }
 }
 

@@ -130,9 +130,6 @@ mod tests {
             assert!(notes.add(changed("gone")).is_some() && notes.add(changed("back")).is_some());
         }
         notes.add(changed("gone"));
-        assert_eq!(
-            notes.counted(),
-            ["broken pipe (2 times)", "gone (3 times)", "back (2 times)"]
-        );
+        assert_eq!(notes.counted(), ["broken pipe (2 times)", "gone (3 times)", "back (2 times)"]);
     }
 }

@@ -90,13 +90,7 @@ pub(super) struct Inbox {
 impl Inbox {
     pub fn new() -> Self {
         let (sender, messages) = sync_channel(MAX_QUEUED);
-        Self {
-            messages,
-            sender: RequestSender {
-                messages: sender,
-                latest: Arc::default(),
-            },
-        }
+        Self { messages, sender: RequestSender { messages: sender, latest: Arc::default() } }
     }
 
     /// A sender to this queue.

@@ -116,11 +116,7 @@ impl Measured {
         let at = |fraction: f64| self.transport_ms(fraction).map(|ms| (ms * 1e3).round() / 1e3);
         let planned = &self.planned;
         let report = LatencyReport {
-            transport: TransportMs {
-                p50: at(0.5),
-                p99: at(0.99),
-                max: at(1.0),
-            },
+            transport: TransportMs { p50: at(0.5), p99: at(0.99), max: at(1.0) },
             age_when_read: self.age.report(),
             held_by_the_graph: round(planned.held_s),
             until_played: self.leaving.report(),

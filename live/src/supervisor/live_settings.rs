@@ -67,9 +67,7 @@ impl SettingHandle {
             return Err(SendError::Ended);
         }
         self.slot.bits.store(value.to_bits(), Ordering::Release);
-        self.slot
-            .order
-            .store(self.sender.ordered(()).order, Ordering::Release);
+        self.slot.order.store(self.sender.ordered(()).order, Ordering::Release);
         if !self.slot.is_pending.swap(true, Ordering::AcqRel) {
             self.sender.wake();
         }
@@ -107,11 +105,7 @@ pub(super) struct PendingValue {
 impl LiveSettings {
     /// The live settings of a graph.
     pub fn of<'l>(settings: impl Iterator<Item = &'l LiveSetting>) -> Self {
-        Self {
-            by_name: targets(settings),
-            handles: Vec::new(),
-            latest: HashMap::new(),
-        }
+        Self { by_name: targets(settings), handles: Vec::new(), latest: HashMap::new() }
     }
 
     /// Turns to the settings of another graph.
@@ -135,10 +129,7 @@ impl LiveSettings {
         self.handles.retain(|bound| is_in_use(&bound.slot));
         // All handles of a name are one, so that the latest value counts.
         if let Some(bound) = self.handles.iter().find(|bound| &*bound.slot.name == name) {
-            return Some(SettingHandle {
-                slot: Arc::clone(&bound.slot),
-                sender: sender.clone(),
-            });
+            return Some(SettingHandle { slot: Arc::clone(&bound.slot), sender: sender.clone() });
         }
         let slot = Arc::new(Slot {
             name: name.into(),
@@ -147,15 +138,8 @@ impl LiveSettings {
             is_pending: AtomicBool::new(false),
             has_ended: AtomicBool::new(false),
         });
-        self.handles.push(Bound {
-            slot: Arc::clone(&slot),
-            target: Some(target),
-            is_refused: false,
-        });
-        Some(SettingHandle {
-            slot,
-            sender: sender.clone(),
-        })
+        self.handles.push(Bound { slot: Arc::clone(&slot), target: Some(target), is_refused: false });
+        Some(SettingHandle { slot, sender: sender.clone() })
     }
 
     /// The values that were set, in their order.
@@ -178,10 +162,7 @@ impl LiveSettings {
     /// Takes a handle's value once more at the next poll, unless there is a newer one: the queue to the driver was
     /// full.
     pub fn retry(&self, handle: usize) {
-        self.handles[handle]
-            .slot
-            .is_pending
-            .store(true, Ordering::Release);
+        self.handles[handle].slot.is_pending.store(true, Ordering::Release);
     }
 
     /// True if a value of this order is newer than all that were set by the same name.
@@ -214,9 +195,7 @@ impl LiveSettings {
 }
 
 fn targets<'l>(settings: impl Iterator<Item = &'l LiveSetting>) -> HashMap<String, Target> {
-    settings
-        .map(|live| (live.name(), (live.node, live.setting)))
-        .collect()
+    settings.map(|live| (live.name(), (live.node, live.setting))).collect()
 }
 
 impl Drop for LiveSettings {

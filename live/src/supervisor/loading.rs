@@ -41,12 +41,7 @@ pub struct GraphSource {
 impl GraphSource {
     /// A graph with the defaults of its file.
     pub fn of(path: impl Into<PathBuf>) -> Self {
-        Self {
-            path: path.into(),
-            set: Vec::new(),
-            endpoints: None,
-            seed: None,
-        }
+        Self { path: path.into(), set: Vec::new(), endpoints: None, seed: None }
     }
 }
 
@@ -64,11 +59,7 @@ pub struct Job {
 impl Job {
     /// The first job for a graph.
     pub(super) fn first(source: &GraphSource) -> Self {
-        Self {
-            source: source.clone(),
-            saved: None,
-            known: None,
-        }
+        Self { source: source.clone(), saved: None, known: None }
     }
 }
 
@@ -144,11 +135,7 @@ pub(super) struct Loading {
 impl Loader {
     /// Loads by a function.
     pub fn new(load: LoadFn, registry: &Registry) -> Self {
-        Self {
-            load,
-            registry: Arc::new(registry.clone()),
-            working: Arc::default(),
-        }
+        Self { load, registry: Arc::new(registry.clone()), working: Arc::default() }
     }
 
     /// Starts a load.
@@ -211,13 +198,9 @@ pub fn load(mut job: Job, registry: &Registry) -> LoadOutcome {
         }
     };
     let parameters = document.parameters();
-    let parameters: ParameterDefaults = parameters
-        .map(|(name, text)| (name.to_owned(), Some(text.to_owned())))
-        .collect();
-    let typed = job
-        .saved
-        .take()
-        .map(|saved| saved.reset(&mut job.source.set, &parameters));
+    let parameters: ParameterDefaults =
+        parameters.map(|(name, text)| (name.to_owned(), Some(text.to_owned()))).collect();
+    let typed = job.saved.take().map(|saved| saved.reset(&mut job.source.set, &parameters));
     let endpoints = endpoints(&job.source, &document);
     let mut options = CheckOptions::default().endpoints(&endpoints);
     options.set.clone_from(&job.source.set);
@@ -257,10 +240,7 @@ fn read(
     let stamps: Option<Vec<_>> = files.map(|path| Some((path.clone(), stamp(&path)?))).collect();
     let settled = |(time, _): (SystemTime, u64)| began.duration_since(time).is_ok_and(|age| age > SETTLED);
     let stamps = stamps.filter(|stamps| stamps.iter().all(|(_, stamp)| settled(*stamp)));
-    let known = stamps.map(|stamps| KnownDocument {
-        document: Arc::clone(&document),
-        stamps,
-    });
+    let known = stamps.map(|stamps| KnownDocument { document: Arc::clone(&document), stamps });
     Ok((document, known))
 }
 

@@ -48,16 +48,7 @@ mod tests {
     #[test]
     fn numbers_and_words_are_taken_and_no_paths_out() {
         let graph = Path::new("src/lib.rs");
-        for value in [
-            "0.5",
-            "-3",
-            "true",
-            "soft",
-            "inf",
-            "src/supervisor/swap.rs",
-            "nobody.ron",
-            "",
-        ] {
+        for value in ["0.5", "-3", "true", "soft", "inf", "src/supervisor/swap.rs", "nobody.ron", ""] {
             assert_eq!(refusal(value, graph), None, "{value}");
         }
         for (value, why) in [

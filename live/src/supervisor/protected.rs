@@ -19,15 +19,11 @@ impl ProtectedSettings {
             let output = node.and_then(|node| node.outputs.first());
             output.map_or_else(String::new, |output| output.quantity.unit())
         };
-        let limits = graph
-            .limits()
-            .map(|(sink, limit)| (sink.to_owned(), unit(sink), limit));
+        let limits = graph.limits().map(|(sink, limit)| (sink.to_owned(), unit(sink), limit));
         let driven = graph.driven_devices();
         Self {
             limits: limits.collect(),
-            driven: driven
-                .map(|device| (device.name.clone(), device.fingerprint))
-                .collect(),
+            driven: driven.map(|device| (device.name.clone(), device.fingerprint)).collect(),
         }
     }
 

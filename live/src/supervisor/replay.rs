@@ -32,9 +32,7 @@ pub fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
         return Err(format!("`clocks` is {then}, the clocks of the graph are {now}"));
     }
     let time = |name: &str| {
-        let time_s = facts[name]
-            .as_f64()
-            .filter(|time_s| (0.0..=MAX_S).contains(time_s));
+        let time_s = facts[name].as_f64().filter(|time_s| (0.0..=MAX_S).contains(time_s));
         time_s.ok_or_else(|| format!("`{name}` is {}, which is not a possible duration", facts[name]))
     };
     let (seconds, took_s) = (time("seconds")?, time("took_s")?);
@@ -42,10 +40,7 @@ pub fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
     if seconds > longest_s {
         return Err(format!("`seconds` is {seconds}, more than `took_s`, {took_s}"));
     }
-    let driver = graph
-        .drivers()
-        .first()
-        .map(|driver| graph.clocks()[*driver].rate.hz());
+    let driver = graph.drivers().first().map(|driver| graph.clocks()[*driver].rate.hz());
     let rate_hz = driver.unwrap_or(1.0);
     let frames = facts["driver_frames"].as_u64();
     let is_right = |frames: &u64| (*frames as f64 - seconds * rate_hz).abs() <= 0.5 + 1e-9 * *frames as f64;
@@ -67,11 +62,7 @@ pub fn differences(facts: &Value) -> Vec<String> {
     let mut list = Vec::new();
     let swaps = facts["swaps"].as_u64().unwrap_or(0);
     if swaps > 0 {
-        let times = if swaps == 1 {
-            "once".to_owned()
-        } else {
-            format!("{swaps} times")
-        };
+        let times = if swaps == 1 { "once".to_owned() } else { format!("{swaps} times") };
         list.push(format!(
             "the graph was swapped {times} during that run; the replay ends at the first swap"
         ));
@@ -90,10 +81,7 @@ mod tests {
         let quiet = json!({"set_while_running": ["0.10 s out.gain=0.3 (OSC)"], "changes": 1, "swaps": 0, "vanished": 0});
         assert_eq!(differences(&quiet), Vec::<String>::new());
         let differences = differences(&json!({"swaps": 2, "vanished": 1}));
-        assert!(
-            differences.len() == 1 && differences[0].contains("2 times"),
-            "{differences:?}"
-        );
+        assert!(differences.len() == 1 && differences[0].contains("2 times"), "{differences:?}");
     }
 
     #[test]
@@ -132,11 +120,7 @@ mod tests {
         ] {
             assert!(with(name, value.clone()).is_err(), "{name}: {value}");
         }
-        for (name, value) in [
-            ("swaps", json!(1)),
-            ("lost_callbacks", json!(7)),
-            ("panics", json!(["x"])),
-        ] {
+        for (name, value) in [("swaps", json!(1)), ("lost_callbacks", json!(7)), ("panics", json!(["x"]))] {
             assert_eq!(with(name, value).unwrap().frames, Some((250, false)), "{name}");
         }
     }

@@ -274,10 +274,7 @@ impl RunReport {
             }
         }
         for (device, counts, unclaimed) in connections.packets() {
-            let report = PacketReport {
-                counts,
-                unclaimed_addresses: unclaimed.into_iter().collect(),
-            };
+            let report = PacketReport { counts, unclaimed_addresses: unclaimed.into_iter().collect() };
             self.packets.insert(device, report);
         }
     }
@@ -300,18 +297,10 @@ impl RunReport {
             let clock = graph.clocks().iter().find(|clock| clock.name == *name);
             let rate_hz = clock.map_or(f64::INFINITY, |clock| clock.rate.hz());
             let stalled_at_s = meters.stalled_at.iter().map(|frames| *frames as f64 / rate_hz);
-            (
-                name.clone(),
-                TimingReport {
-                    stalled_at_s: stalled_at_s.collect(),
-                    ..TimingReport::of(meters)
-                },
-            )
+            (name.clone(), TimingReport { stalled_at_s: stalled_at_s.collect(), ..TimingReport::of(meters) })
         };
         let drivers: Vec<(String, TimingReport)> = ended.drivers.iter().map(timed).collect();
-        let stalls = drivers
-            .iter()
-            .flat_map(|(_, timing)| timing.stalled_at_s.iter().copied());
+        let stalls = drivers.iter().flat_map(|(_, timing)| timing.stalled_at_s.iter().copied());
         self.timing.stalled_at_s = stalls.collect();
         // Those of the first driver come first.
         self.timing.stalled_at_s.sort_by(f64::total_cmp);
@@ -355,11 +344,7 @@ impl QuantilesMs {
     /// Those of a histogram.
     pub(super) fn of(histogram: &Histogram) -> Self {
         let at = |fraction: f64| ms(histogram.quantile_ns(fraction));
-        Self {
-            p50: at(0.5),
-            p99: at(0.99),
-            max: ms(histogram.max_ns()),
-        }
+        Self { p50: at(0.5), p99: at(0.99), max: ms(histogram.max_ns()) }
     }
 }
 
@@ -367,12 +352,7 @@ impl QuantilesUs {
     fn of(histogram: &Histogram) -> Self {
         let us = |ns: u64| (ns as f64 / 100.0).round() / 10.0;
         let at = |fraction: f64| us(histogram.quantile_ns(fraction));
-        Self {
-            p50: at(0.5),
-            p99: at(0.99),
-            p999: at(0.999),
-            max: us(histogram.max_ns()),
-        }
+        Self { p50: at(0.5), p99: at(0.99), p999: at(0.999), max: us(histogram.max_ns()) }
     }
 }
 
@@ -386,12 +366,7 @@ const NAMED_STALLS: usize = 5;
 
 /// Warnings about an outcome, whose machine stalled at some times, s.
 pub(super) fn warnings_of(ended: &LiveOutcome, stalled_at_s: &[f64]) -> Vec<String> {
-    let Meters {
-        overruns,
-        stalls,
-        lost_wakes,
-        ..
-    } = ended.meters;
+    let Meters { overruns, stalls, lost_wakes, .. } = ended.meters;
     let mut list = Vec::new();
     if ended.panicked {
         list.push("a node panicked; the actuators were ramped to zero and the run ended".to_owned());
@@ -405,16 +380,9 @@ pub(super) fn warnings_of(ended: &LiveOutcome, stalled_at_s: &[f64]) -> Vec<Stri
         list.push(format!("{overruns} ticks took longer than their period"));
     }
     if stalls > 0 {
-        let at = stalled_at_s
-            .iter()
-            .take(NAMED_STALLS)
-            .map(|at_s| format!("{at_s:.3} s"));
+        let at = stalled_at_s.iter().take(NAMED_STALLS).map(|at_s| format!("{at_s:.3} s"));
         let at: Vec<String> = at.collect();
-        let more = if stalled_at_s.len() > at.len() {
-            " and later"
-        } else {
-            ""
-        };
+        let more = if stalled_at_s.len() > at.len() { " and later" } else { "" };
         list.push(format!(
             "the machine stalled {stalls} times and lost {lost_wakes} wake-ups; the run continued from there, and recorded \
              signals jump at {}{more}",

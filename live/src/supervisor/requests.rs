@@ -78,10 +78,9 @@ impl Supervisor {
                 let value = SettingValue::Number(pending.value);
                 self.history.set(at_s, pending.name, value, Origin::Program);
             }
-            Err(error) if is_first_refusal => self.refuse(
-                Verbosity::All,
-                format!("`{}` was not changed: {error}", pending.name),
-            ),
+            Err(error) if is_first_refusal => {
+                self.refuse(Verbosity::All, format!("`{}` was not changed: {error}", pending.name))
+            }
             Err(_) => {}
         }
     }
@@ -192,26 +191,18 @@ impl Supervisor {
                 source.set.push((name.clone(), value.to_string()));
                 None
             }
-            PendingChange::Saved => Some(SavedOverrides {
-                given: self.given.clone(),
-                typed: self.typed.clone(),
-            }),
+            PendingChange::Saved => {
+                Some(SavedOverrides { given: self.given.clone(), typed: self.typed.clone() })
+            }
         };
-        Job {
-            source,
-            saved,
-            known: self.known.take(),
-        }
+        Job { source, saved, known: self.known.take() }
     }
 
     fn set_directly(&mut self, name: &str, value: &SettingValue, verbosity: Verbosity) -> bool {
         let number = match value {
             SettingValue::Number(number) => *number,
             SettingValue::Text(text) => {
-                self.refuse(
-                    verbosity,
-                    format!("`{name}` was not changed: `{text}` is not a number"),
-                );
+                self.refuse(verbosity, format!("`{name}` was not changed: `{text}` is not a number"));
                 return false;
             }
         };
@@ -253,10 +244,6 @@ fn choices(name: &str, known: &[&str], are: &str) -> String {
         (Some(near), _) => format!("; did you mean `{near}`?"),
         (None, 0) => String::new(),
         (None, 1..=SHOWN) => format!("; {are} {}", known.join(", ")),
-        (None, _) => format!(
-            "; {are} {} and {} others",
-            known[..SHOWN].join(", "),
-            known.len() - SHOWN
-        ),
+        (None, _) => format!("; {are} {} and {} others", known[..SHOWN].join(", "), known.len() - SHOWN),
     }
 }

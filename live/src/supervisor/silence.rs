@@ -42,22 +42,14 @@ struct Known {
 impl SilenceMonitor {
     /// Starts at `now`.
     pub fn new(now: Instant) -> Self {
-        Self {
-            start: now,
-            known: Vec::new(),
-            events: Vec::new(),
-        }
+        Self { start: now, known: Vec::new(), events: Vec::new() }
     }
 
     /// Takes the states of the inputs; returns messages for the user.
     pub fn poll(&mut self, now: Instant, inputs: &[InputStatus], network: &Connections) -> Vec<String> {
         // An input that leaves the graph and returns counts as new.
-        self.known
-            .retain(|known| inputs.iter().any(|input| input.device == known.device));
-        inputs
-            .iter()
-            .filter_map(|input| self.poll_one(now, input, network))
-            .collect()
+        self.known.retain(|known| inputs.iter().any(|input| input.device == known.device));
+        inputs.iter().filter_map(|input| self.poll_one(now, input, network)).collect()
     }
 
     fn poll_one(&mut self, now: Instant, input: &InputStatus, network: &Connections) -> Option<String> {
@@ -92,8 +84,7 @@ impl SilenceMonitor {
         }
         known.is_reported = true;
         if self.events.len() < MAX_EVENTS {
-            self.events
-                .push(event(input, now.saturating_duration_since(self.start)));
+            self.events.push(event(input, now.saturating_duration_since(self.start)));
         }
         Some(match input.state {
             InputState::Never => format!(
@@ -122,10 +113,7 @@ impl SilenceMonitor {
 
     /// Duration of an input's silence, beyond its timeout.
     pub fn silent_for(&self, device: &str, now: Instant) -> Option<Duration> {
-        let known = self
-            .known
-            .iter()
-            .find(|known| known.device == device && !known.is_heard)?;
+        let known = self.known.iter().find(|known| known.device == device && !known.is_heard)?;
         Some(now.saturating_duration_since(known.since))
     }
 
@@ -156,10 +144,7 @@ impl SilenceMonitor {
                 1 => "once".to_owned(),
                 more => format!("{more} times"),
             };
-            Some(format!(
-                "`{}` was silent {times}, {silent_s:.1} s in all{end}",
-                input.device
-            ))
+            Some(format!("`{}` was silent {times}, {silent_s:.1} s in all{end}", input.device))
         };
         inputs.iter().filter_map(warning).collect()
     }
@@ -175,10 +160,7 @@ fn is_due(input: &InputStatus, lasts: Duration) -> bool {
     if input.state == InputState::Never {
         return lasts > PATIENCE;
     }
-    let settled = input
-        .actuators
-        .iter()
-        .all(|actuator| actuator.at_zero || !actuator.is_closed);
+    let settled = input.actuators.iter().all(|actuator| actuator.at_zero || !actuator.is_closed);
     lasts > LONGEST || lasts > SHORTEST && settled
 }
 
@@ -193,12 +175,7 @@ fn name(input: &InputStatus, network: &Connections) -> String {
 /// The actuators that depend on a silent input, with the delivered values.
 fn delivered(input: &InputStatus) -> String {
     let each = input.actuators.iter().map(|actuator| {
-        let ActuatorStatus {
-            path,
-            delivered,
-            unit,
-            ..
-        } = actuator;
+        let ActuatorStatus { path, delivered, unit, .. } = actuator;
         let does = match (actuator.at_zero, actuator.is_closed, input.state) {
             (true, _, InputState::Never) => "is at zero",
             (true, ..) => "ramped to zero",
@@ -292,10 +269,7 @@ mod tests {
         assert_eq!(message(1000, input(Silent, 0.4, true)), "");
         assert_eq!(message(1200, input(Silent, 0.2, true)), "", "it is on its way");
         let late = message(2050, input(Silent, 0.1, true));
-        assert!(
-            late.contains("still ramping to zero") && late.contains("delivered 0.100 A"),
-            "{late}"
-        );
+        assert!(late.contains("still ramping to zero") && late.contains("delivered 0.100 A"), "{late}");
         assert_eq!(message(2100, input(Silent, 0.0, true)), "", "said once");
         assert!(message(2200, input(Heard, 0.0, false)).contains("`out` follows it again"));
         assert_eq!(message(3000, input(Silent, 0.0, true)), "");
@@ -337,10 +311,7 @@ mod tests {
         let end = start + Duration::from_secs(9);
         assert_eq!(monitor.warnings(end, &never, &network).len(), 1);
         let first = monitor.poll(end, &[input(InputState::Heard, 0.0, false)], &network);
-        assert!(
-            first[0].contains("`stylus` delivers data: actuator `out` follows it"),
-            "{first:?}"
-        );
+        assert!(first[0].contains("`stylus` delivers data: actuator `out` follows it"), "{first:?}");
         let heard = [input(InputState::Heard, 0.1, false)];
         assert!(monitor.warnings(end, &heard, &network).is_empty());
     }

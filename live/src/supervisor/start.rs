@@ -122,12 +122,7 @@ impl PreparedRun {
         self.connections.connect(&mut self.loaded.graph)?;
         let inbox = Inbox::new();
         let osc = listen_for_settings(self.options.osc, inbox.sender())?;
-        let LoadedGraph {
-            graph,
-            watch,
-            protected,
-            texts,
-        } = self.loaded;
+        let LoadedGraph { graph, watch, protected, texts } = self.loaded;
         Ok(ConnectedRun {
             watch: self.options.watch.then_some(watch),
             graph: Arc::new(graph),
@@ -156,9 +151,7 @@ fn listen_for_settings(
         // A full queue drops the value: faders repeat theirs. A closed queue belongs to a finished run.
         let _ = sender.try_send(Request::from_origin(Origin::Osc, setting.name, setting.value));
     });
-    listening
-        .map(Some)
-        .map_err(|error| StartError::Osc(address, error))
+    listening.map(Some).map_err(|error| StartError::Osc(address, error))
 }
 
 /// A graph whose devices are connected.
@@ -197,10 +190,7 @@ impl ConnectedRun {
         options.rested = self.options.rested;
         options.stop = Arc::clone(&stop);
         let (lives, session) = Session::open_all(sinks, &options, folder)?;
-        let unrested = lives
-            .iter()
-            .flat_map(|live| live.run().unrested().map(str::to_owned))
-            .collect();
+        let unrested = lives.iter().flat_map(|live| live.run().unrested().map(str::to_owned)).collect();
         let start = Instant::now();
         let mut drivers = Drivers::start(self.connections, &self.graph, lives, &stop)?;
         drivers.keep(&self.graph);

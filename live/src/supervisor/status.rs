@@ -49,9 +49,7 @@ impl Supervisor {
     pub fn status(&mut self) -> Status {
         let now = Instant::now();
         let drivers = self.session.poll().into_iter();
-        let drivers = drivers
-            .map(|(name, meters)| (name.to_owned(), meters.clone()))
-            .collect();
+        let drivers = drivers.map(|(name, meters)| (name.to_owned(), meters.clone())).collect();
         let roles = [Role::Driver, Role::Input].into_iter();
         let mut packets: Vec<_> = self.drivers.packets().collect();
         let input = |status: InputStatus| {

@@ -140,13 +140,7 @@ impl Supervisor {
                 list: graph.warnings().to_vec(),
             }));
         }
-        let is_remote = matches!(
-            change,
-            PendingChange::Set(Request {
-                origin: Origin::Osc,
-                ..
-            })
-        );
+        let is_remote = matches!(change, PendingChange::Set(Request { origin: Origin::Osc, .. }));
         let guarded = match is_remote && ready.protected != self.protected {
             true => Err("limits and devices can only be changed in the file or from the terminal".to_owned()),
             false => Ok(()),
@@ -162,11 +156,7 @@ impl Supervisor {
         };
         // The file may have been edited meanwhile, so a swap is always reported.
         if verbosity == Verbosity::All || !matches!(changed.change, Change::Settings(_)) {
-            let by = if matches!(change, PendingChange::Saved) {
-                "saved"
-            } else {
-                "set"
-            };
+            let by = if matches!(change, PendingChange::Saved) { "saved" } else { "set" };
             let text = describe(&changed, &set, by, loading.elapsed());
             self.events.push(Event::Changed(changed.change, text));
         }
@@ -186,11 +176,8 @@ impl Supervisor {
     /// Connects the network devices of a graph and hands the graph to the drivers.
     fn change(&mut self, graph: &mut Graph) -> Result<Difference, String> {
         self.drivers.connect(graph).map_err(|error| error.to_string())?;
-        let before: HashMap<String, f64> = self
-            .session
-            .settings()
-            .map(|live| (live.name(), live.value))
-            .collect();
+        let before: HashMap<String, f64> =
+            self.session.settings().map(|live| (live.name(), live.value)).collect();
         let changed = match &self.folder {
             Some(folder) => self.session.change(&*graph, folder),
             None => self.session.change_without_files(&*graph),

@@ -48,9 +48,6 @@ impl Backend for Timers {
 
     fn close(&mut self) -> Result<Lives, BackendError> {
         let ended = |driver: Driver| Some((driver.clock, driver.thread.join()?));
-        self.0
-            .drain(..)
-            .map(|driver| ended(driver).ok_or(BackendError::Lost))
-            .collect()
+        self.0.drain(..).map(|driver| ended(driver).ok_or(BackendError::Lost)).collect()
     }
 }

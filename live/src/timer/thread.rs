@@ -25,11 +25,7 @@ pub struct Timer {
 impl Default for Timer {
     fn default() -> Self {
         let (spin, stall) = (Duration::from_micros(200), Duration::from_millis(20));
-        Self {
-            wakes_hz: 1000.0,
-            spin,
-            stall,
-        }
+        Self { wakes_hz: 1000.0, spin, stall }
     }
 }
 
@@ -67,14 +63,12 @@ impl Timer {
     /// System errors if no thread can be started.
     pub fn start(self, mut live: Live) -> std::io::Result<TimerThread> {
         let (notes_in, notes) = channel();
-        let thread = std::thread::Builder::new()
-            .name("haptograph-timer".into())
-            .spawn(move || {
-                // The receiver may be gone.
-                let _ = notes_in.send(self.prepare_thread());
-                self.run(&mut live);
-                live
-            })?;
+        let thread = std::thread::Builder::new().name("haptograph-timer".into()).spawn(move || {
+            // The receiver may be gone.
+            let _ = notes_in.send(self.prepare_thread());
+            self.run(&mut live);
+            live
+        })?;
         let notes = notes.recv().unwrap_or_default();
         Ok(TimerThread { notes, thread })
     }
@@ -153,9 +147,7 @@ impl Timer {
     }
 
     fn wait_until(&self, deadline: Instant) {
-        let sleep = deadline
-            .saturating_duration_since(Instant::now())
-            .saturating_sub(self.spin);
+        let sleep = deadline.saturating_duration_since(Instant::now()).saturating_sub(self.spin);
         if !sleep.is_zero() {
             std::thread::sleep(sleep);
         }

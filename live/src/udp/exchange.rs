@@ -159,8 +159,7 @@ impl<'a> Exchange<'a> {
     }
 
     fn is_silent(&self) -> bool {
-        self.last_packet
-            .is_none_or(|time| time.elapsed() > self.config.timeout)
+        self.last_packet.is_none_or(|time| time.elapsed() > self.config.timeout)
     }
 
     fn receive(&mut self, bytes: &[u8], from: SocketAddr) {
@@ -182,9 +181,7 @@ impl<'a> Exchange<'a> {
                 Ok(false) => {
                     // It was decoded above.
                     if let Ok(packet) = decode(bytes) {
-                        each_message(&packet, &mut |message| {
-                            self.config.link.count_unclaimed(&message.addr)
-                        });
+                        each_message(&packet, &mut |message| self.config.link.count_unclaimed(&message.addr));
                     }
                 }
                 Err(what) => self.config.link.count(what, 1),
@@ -204,12 +201,7 @@ impl<'a> Exchange<'a> {
             }
         }
         self.latest = (state.sequence, state.timestamp_ns);
-        let parts = [
-            state.position_m,
-            state.orientation_rad,
-            state.force_n,
-            state.torque_n_m,
-        ];
+        let parts = [state.position_m, state.orientation_rad, state.force_n, state.torque_n_m];
         self.sensed.copy_from_slice(parts.as_flattened());
         self.accept(from);
         self.update_command();
@@ -281,8 +273,5 @@ pub(super) fn ahead(new: u32, old: u32) -> Option<u32> {
 /// Errors that do not affect a socket: a timeout, or an answer that nothing received.
 fn is_transient(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{ConnectionRefused, ConnectionReset, Interrupted, TimedOut, WouldBlock};
-    matches!(
-        error.kind(),
-        WouldBlock | TimedOut | Interrupted | ConnectionReset | ConnectionRefused
-    )
+    matches!(error.kind(), WouldBlock | TimedOut | Interrupted | ConnectionReset | ConnectionRefused)
 }

@@ -102,19 +102,8 @@ impl State {
     /// Encodes a packet.
     pub fn to_bytes(&self) -> [u8; STATE_BYTES] {
         let mut bytes = [0; STATE_BYTES];
-        let numbers = [
-            self.position_m,
-            self.orientation_rad,
-            self.force_n,
-            self.torque_n_m,
-        ];
-        close(
-            &mut bytes,
-            STATE,
-            (self.sequence, 0),
-            self.timestamp_ns,
-            numbers.as_flattened(),
-        );
+        let numbers = [self.position_m, self.orientation_rad, self.force_n, self.torque_n_m];
+        close(&mut bytes, STATE, (self.sequence, 0), self.timestamp_ns, numbers.as_flattened());
         bytes
     }
 }
@@ -147,21 +136,8 @@ impl Command {
     pub fn to_bytes(&self) -> [u8; COMMAND_BYTES] {
         let mut bytes = [0; COMMAND_BYTES];
         let [x, y, z] = self.force_n;
-        let numbers = [
-            x,
-            y,
-            z,
-            self.current_a,
-            self.brake_a,
-            f64::from(u8::from(self.running)),
-        ];
-        close(
-            &mut bytes,
-            COMMAND,
-            (self.sequence, self.answers),
-            self.timestamp_ns,
-            &numbers,
-        );
+        let numbers = [x, y, z, self.current_a, self.brake_a, f64::from(u8::from(self.running))];
+        close(&mut bytes, COMMAND, (self.sequence, self.answers), self.timestamp_ns, &numbers);
         bytes
     }
 }
@@ -245,11 +221,7 @@ mod tests {
         for length in 0..200 {
             let mut bytes = good.to_vec();
             bytes.resize(length, 0);
-            assert_eq!(
-                State::from_bytes(&bytes).is_ok(),
-                length == STATE_BYTES,
-                "{length}"
-            );
+            assert_eq!(State::from_bytes(&bytes).is_ok(), length == STATE_BYTES, "{length}");
         }
         for at in 0..8 {
             let mut bytes = good;

@@ -45,11 +45,7 @@ struct Connection {
 
 impl Connection {
     fn open(device: &str, config: &SocketConfig) -> Result<Self, BackendError> {
-        let failed = |error| BackendError::Bind {
-            device: device.to_owned(),
-            address: config.listen,
-            error,
-        };
+        let failed = |error| BackendError::Bind { device: device.to_owned(), address: config.listen, error };
         let socket = bind(config.listen).map_err(failed)?;
         socket.set_read_timeout(Some(WAIT)).map_err(failed)?;
         let bound = socket.local_addr().map_err(failed)?;
@@ -156,11 +152,7 @@ pub(super) fn configs(graph: &Graph) -> Result<Vec<(usize, String, SocketConfig)
             known.listen == config.listen && config.listen.port() != 0
         };
         if let Some((_, other, _)) = found.iter().find(shared) {
-            return Err(BackendError::Shared(
-                other.clone(),
-                device.name.clone(),
-                config.listen,
-            ));
+            return Err(BackendError::Shared(other.clone(), device.name.clone(), config.listen));
         }
         found.push((index, device.name.clone(), config));
     }

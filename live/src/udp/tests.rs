@@ -27,13 +27,8 @@ impl Table {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.set_read_timeout(Some(WAIT)).unwrap();
         let to = socket.local_addr().unwrap();
-        let config = SocketConfig {
-            link: Arc::clone(&link),
-            listen: to,
-            only: None,
-            timeout,
-            codec: Codec::Protocol,
-        };
+        let config =
+            SocketConfig { link: Arc::clone(&link), listen: to, only: None, timeout, codec: Codec::Protocol };
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
         let (_, edits) = channel();
@@ -42,21 +37,11 @@ impl Table {
             std::thread::spawn(move || Exchange::new(config, &socket, None, version).run(&edits, &flag));
         let device = UdpSocket::bind("127.0.0.1:0").unwrap();
         device.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
-        Self {
-            link,
-            device,
-            stop,
-            thread,
-            to,
-        }
+        Self { link, device, stop, thread, to }
     }
 
     fn send(&self, sequence: u32, x_m: f64) {
-        let state = State {
-            sequence,
-            position_m: [x_m, 0.0, 0.0],
-            ..State::default()
-        };
+        let state = State { sequence, position_m: [x_m, 0.0, 0.0], ..State::default() };
         self.device.send_to(&state.to_bytes(), self.to).unwrap();
     }
 
@@ -86,10 +71,7 @@ fn every_state_is_answered_with_the_latest_drives() {
     table.send(41, 0.01);
     let command = table.answer();
     assert_eq!((command.answers, command.running), (41, true));
-    assert_eq!(
-        (command.force_n, command.current_a, command.brake_a),
-        ([1.0, 2.0, 3.0], 0.25, 0.1)
-    );
+    assert_eq!((command.force_n, command.current_a, command.brake_a), ([1.0, 2.0, 3.0], 0.25, 0.1));
     assert_eq!(table.link.sensed.look().unwrap().1[0], 0.01);
     let device = table.device.try_clone().unwrap();
     table.end();
@@ -142,30 +124,15 @@ fn forged_sizes_foreign_packets_and_what_is_no_number_change_nothing() {
     for length in [0, 1, 24, 119, 121, 1400, 9000] {
         table.device.send_to(&vec![0x48; length], table.to).unwrap();
     }
-    let nan = State {
-        sequence: 2,
-        force_n: [0.0, f64::NAN, 0.0],
-        ..State::default()
-    };
+    let nan = State { sequence: 2, force_n: [0.0, f64::NAN, 0.0], ..State::default() };
     table.device.send_to(&nan.to_bytes(), table.to).unwrap();
-    let far = State {
-        sequence: 2,
-        position_m: [0.0, 0.0, 1e308],
-        ..State::default()
-    };
+    let far = State { sequence: 2, position_m: [0.0, 0.0, 1e308], ..State::default() };
     table.device.send_to(&far.to_bytes(), table.to).unwrap();
     let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
-    let state = State {
-        sequence: 2,
-        position_m: [9.0; 3],
-        ..State::default()
-    };
+    let state = State { sequence: 2, position_m: [9.0; 3], ..State::default() };
     stranger.send_to(&state.to_bytes(), table.to).unwrap();
     let counts = table.settle(2);
-    assert_eq!(
-        (counts.malformed, counts.not_numbers, counts.too_large),
-        (7, 1, 1)
-    );
+    assert_eq!((counts.malformed, counts.not_numbers, counts.too_large), (7, 1, 1));
     assert_eq!(counts.rejected_packets, 1);
     assert_eq!((counts.accepted, counts.missing, counts.outdated), (2, 0, 0));
     assert_eq!(table.link.sensed.look().unwrap().1[0], 0.25);
@@ -189,10 +156,7 @@ fn drives_that_nobody_renews_are_not_told_again() {
     std::thread::sleep(Duration::from_millis(20));
     table.send(2, 0.0);
     let command = table.answer();
-    assert_eq!(
-        (command.answers, command.force_n, command.current_a),
-        (2, [0.0; 3], 0.0)
-    );
+    assert_eq!((command.answers, command.force_n, command.current_a), (2, [0.0; 3], 0.0));
     table.end();
 }
 
@@ -257,19 +221,12 @@ fn other_settings_at_the_same_address_hold_from_the_edit_on() {
     while heard.is_none() && start.elapsed() < Duration::from_secs(30) {
         for (addr, x_mm) in [("/old", 10.0), ("/new", 20.0)] {
             let args = [x_mm, 0.0].map(rosc::OscType::Float).to_vec();
-            let message = rosc::OscMessage {
-                addr: addr.to_owned(),
-                args,
-            };
+            let message = rosc::OscMessage { addr: addr.to_owned(), args };
             let bytes = rosc::encoder::encode(&rosc::OscPacket::Message(message)).unwrap();
             device.send_to(&bytes, listen).unwrap();
         }
         std::thread::sleep(WAIT);
-        heard = link
-            .sensed
-            .look()
-            .map(|(_, sensed)| sensed[0])
-            .filter(|x_m| *x_m > 0.015);
+        heard = link.sensed.look().map(|(_, sensed)| sensed[0]).filter(|x_m| *x_m > 0.015);
     }
     assert_eq!(heard, Some(0.02), "at the new address");
     assert_eq!(connections.status().len(), 1);
@@ -302,15 +259,9 @@ fn a_graph_that_is_not_run_after_all_leaves_no_socket_behind() {
         let links = connections.status().into_iter();
         links.map(|link| link.names.concat()).collect::<Vec<_>>()
     };
-    assert!(
-        connections
-            .connect(&mut graph(&[("a", any), ("b", free), ("c", busy)]))
-            .is_err()
-    );
+    assert!(connections.connect(&mut graph(&[("a", any), ("b", free), ("c", busy)])).is_err());
     assert_eq!(names(&connections), ["a"]);
-    connections
-        .connect(&mut graph(&[("a", any), ("b", free)]))
-        .unwrap();
+    connections.connect(&mut graph(&[("a", any), ("b", free)])).unwrap();
     assert_eq!(names(&connections), ["a", "b"]);
     connections.undo();
     assert_eq!(names(&connections), ["a"]);

@@ -77,20 +77,10 @@ impl NodeKind for BrakeController {
         inputs: &[
             input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
             input("friction", Kind::VECTOR, Quantity::FORCE, "Measured friction, N."),
-            input(
-                "speed",
-                Kind::SCALAR,
-                Quantity::SPEED,
-                "Speed along the surface, m/s.",
-            ),
+            input("speed", Kind::SCALAR, Quantity::SPEED, "Speed along the surface, m/s."),
         ],
         outputs: &[
-            output(
-                "current",
-                Kind::SCALAR,
-                Quantity::CURRENT,
-                "Current for the brake, A.",
-            ),
+            output("current", Kind::SCALAR, Quantity::CURRENT, "Current for the brake, A."),
             output(
                 "measured",
                 Kind::SCALAR,
@@ -98,12 +88,7 @@ impl NodeKind for BrakeController {
                 "Measured coefficient of friction; it holds its last value at rest.",
             )
             .with_role(OutputRole::FrictionCoefficient),
-            output(
-                "trim",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "Correction of the coefficient.",
-            ),
+            output("trim", Kind::SCALAR, Quantity::NUMBER, "Correction of the coefficient."),
             output(
                 "reach",
                 Kind::SCALAR,
@@ -117,12 +102,7 @@ impl NodeKind for BrakeController {
                 "the correction of the friction was at its limit",
                 "the coil was too hot",
             ])),
-            output(
-                "coil",
-                Kind::SCALAR,
-                Quantity::TEMPERATURE,
-                "Modelled temperature of the coil, K.",
-            ),
+            output("coil", Kind::SCALAR, Quantity::TEMPERATURE, "Modelled temperature of the coil, K."),
         ],
         example: r#""brake": BrakeController(load: "touch.load", friction: "touch.friction", speed: "speed.speed", surface: "surfaces/t3-tile.ron")"#,
     };
@@ -213,11 +193,7 @@ impl Processor<BrakeController> for Braking {
             BrakeController::COIL,
         ));
         for (frame, ((load, friction), speed)) in loads.iter().zip(frictions).zip(speeds).enumerate() {
-            let dragging = Dragging {
-                normal_n: *load,
-                friction_n: norm(*friction),
-                speed_m_s: *speed,
-            };
+            let dragging = Dragging { normal_n: *load, friction_n: norm(*friction), speed_m_s: *speed };
             let command = self.brake.update(self.wanted, &dragging);
             self.measured = command.measured.unwrap_or(self.measured);
             current[frame] = command.current_a;
@@ -276,18 +252,8 @@ impl ActuatorKind for BrakeSink {
         group: "sinks",
         doc: "Drives the solenoid of the pen's brake by current, within limits that the graph has to state.",
         source: "5.5",
-        inputs: &[input(
-            "brake",
-            Kind::SCALAR,
-            Quantity::CURRENT,
-            "Requested current, A.",
-        )],
-        outputs: &[output(
-            "delivered",
-            Kind::SCALAR,
-            Quantity::CURRENT,
-            "Current after the limit, A.",
-        )],
+        inputs: &[input("brake", Kind::SCALAR, Quantity::CURRENT, "Requested current, A.")],
+        outputs: &[output("delivered", Kind::SCALAR, Quantity::CURRENT, "Current after the limit, A.")],
         example: r#""hold": BrakeSink(brake: "brake.current", endpoint: "pen", limit: (peak_a: 0.3, continuous_a: 0.3))"#,
     };
 
@@ -348,10 +314,7 @@ mod tests {
             line_offset: -0.5,
             force_n_per_a2: 35.0,
             plunger_n: 0.05,
-            coil: CoilSettings {
-                ambient_c: 20.0,
-                ..CoilSettings::default()
-            },
+            coil: CoilSettings { ambient_c: 20.0, ..CoilSettings::default() },
             ..settings(Some(0.35))
         };
         let mut bench = Bench::new::<BrakeController>(other.clone(), 1000.0, &kinds).unwrap();
@@ -360,10 +323,7 @@ mod tests {
         assert!((out[0][0] - by_hand_a).abs() < 1e-12, "{}", out[0][0]);
         assert!((out[4][0] - 293.15).abs() < 0.1, "{}", out[4][0]);
         let never_back = BrakeControllerSettings {
-            coil: CoilSettings {
-                rearm_c: 130.0,
-                ..CoilSettings::default()
-            },
+            coil: CoilSettings { rearm_c: 130.0, ..CoilSettings::default() },
             ..other
         };
         let refused = Bench::new::<BrakeController>(never_back, 1000.0, &kinds).err();

@@ -81,19 +81,9 @@ impl Compensator {
             true => corner_hz,
             false => least_corner_hz(actuator, most_a_per_m_s2, corner_hz),
         };
-        let filter = Sections {
-            sections: sections(modes, actuator.gain, corner_hz, rate_hz).into(),
-        };
+        let filter = Sections { sections: sections(modes, actuator.gain, corner_hz, rate_hz).into() };
         let state = SectionsState::new(&filter);
-        Ok(Self {
-            corner_hz,
-            least_corner_hz,
-            modes,
-            gain: actuator.gain,
-            rate_hz,
-            filter,
-            state,
-        })
+        Ok(Self { corner_hz, least_corner_hz, modes, gain: actuator.gain, rate_hz, filter, state })
     }
 
     /// Converts commanded accelerations, m/s2, into currents, A, in place.
@@ -156,10 +146,7 @@ fn sections(modes: [Mode; 2], gain: f64, corner_hz: f64, rate_hz: f64) -> [Biqua
 
 /// The two modes of a fourth-order Butterworth filter.
 fn butterworth_4(corner_hz: f64) -> [Mode; 2] {
-    [1.0, 3.0].map(|k| Mode {
-        frequency_hz: corner_hz,
-        q: 0.5 / (std::f64::consts::FRAC_PI_8 * k).cos(),
-    })
+    [1.0, 3.0].map(|k| Mode { frequency_hz: corner_hz, q: 0.5 / (std::f64::consts::FRAC_PI_8 * k).cos() })
 }
 
 /// The largest current per acceleration of the inverse over all frequencies, A/(m/s2).
@@ -177,21 +164,14 @@ fn most_gain(actuator: &Response, corner_hz: f64) -> f64 {
 /// A quadratic over a quadratic, by the bilinear rule.
 fn section(zeros: Mode, poles: Mode, rate_hz: f64) -> Biquad {
     let ([b0, b1, b2], [a0, a1, a2]) = (bilinear(zeros, rate_hz), bilinear(poles, rate_hz));
-    Biquad {
-        b: [b0 / a0, b1 / a0, b2 / a0],
-        a: [a1 / a0, a2 / a0],
-    }
+    Biquad { b: [b0 / a0, b1 / a0, b2 / a0], a: [a1 / a0, a2 / a0] }
 }
 
 /// s^2 + (w/q) s + w^2 at s = 2 rate (z - 1)/(z + 1), times (z + 1)^2: coefficients of z^2, z, 1.
 fn bilinear(mode: Mode, rate_hz: f64) -> [f64; 3] {
     let (k, w) = (2.0 * rate_hz, TAU * mode.frequency_hz);
     let middle = w / mode.q * k;
-    [
-        k * k + middle + w * w,
-        2.0 * (w * w - k * k),
-        k * k - middle + w * w,
-    ]
+    [k * k + middle + w * w, 2.0 * (w * w - k * k), k * k - middle + w * w]
 }
 
 #[cfg(test)]
@@ -252,30 +232,16 @@ mod tests {
     fn with_all_parameters_wrong_no_fixed_compensator_could_be_much_better() {
         let compensator = design(&TwoMass::PLACEHOLDER);
         let box_of_actuators: Vec<TwoMass> = (0..128)
-            .map(|signs| {
-                scaled(std::array::from_fn(
-                    |i| if signs >> i & 1 == 1 { 1.1 } else { 0.9 },
-                ))
-            })
+            .map(|signs| scaled(std::array::from_fn(|i| if signs >> i & 1 == 1 { 1.1 } else { 0.9 })))
             .collect();
-        let worst = box_of_actuators
-            .iter()
-            .map(|a| worst_db(&compensator, a))
-            .fold(0.0, f64::max);
+        let worst = box_of_actuators.iter().map(|a| worst_db(&compensator, a)).fold(0.0, f64::max);
         let half_spread_at = |f_hz: f64| {
-            let db = box_of_actuators
-                .iter()
-                .map(|a| 20.0 * a.response().at(f_hz).norm().log10());
+            let db = box_of_actuators.iter().map(|a| 20.0 * a.response().at(f_hz).norm().log10());
             let (low, high) = db.fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(x), h.max(x)));
             (high - low) / 2.0
         };
-        let least = (40..500)
-            .map(|f| half_spread_at(f64::from(f)))
-            .fold(0.0, f64::max);
-        assert!(
-            least > 5.0 && worst < least + 0.5,
-            "worst {worst} dB, least possible {least} dB"
-        );
+        let least = (40..500).map(|f| half_spread_at(f64::from(f))).fold(0.0, f64::max);
+        assert!(least > 5.0 && worst < least + 0.5, "worst {worst} dB, least possible {least} dB");
     }
 
     #[test]
@@ -283,9 +249,7 @@ mod tests {
         let actuator = TwoMass::PLACEHOLDER;
         let (compensator, machine) = (design(&actuator), actuator.machine(RATE_HZ));
         let db = |f: f64| {
-            20.0 * (compensator.filter().response(f, RATE_HZ) * machine.response_at(f))
-                .norm()
-                .log10()
+            20.0 * (compensator.filter().response(f, RATE_HZ) * machine.response_at(f)).norm().log10()
         };
         assert_eq!(compensator.corner_hz(), 20.0);
         assert!((db(20.0) + 3.01).abs() < 0.05);

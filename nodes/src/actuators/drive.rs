@@ -39,20 +39,13 @@ impl NodeKind for DynamicCompensator {
             Quantity::ACCELERATION,
             "Requested acceleration, m/s2.",
         )],
-        outputs: &[output(
-            "current",
-            Kind::SCALAR,
-            Quantity::CURRENT,
-            "Current for the actuator, A.",
-        )],
+        outputs: &[output("current", Kind::SCALAR, Quantity::CURRENT, "Current for the actuator, A.")],
         example: r#""drive": DynamicCompensator(acceleration: "texture.acceleration")"#,
     };
 
     fn build(settings: DynamicCompensatorSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let model = settings.model.to_two_mass();
-        let model = model
-            .checked()
-            .map_err(|error| BuildError::at("model", error.to_string()))?;
+        let model = model.checked().map_err(|error| BuildError::at("model", error.to_string()))?;
         let (corner_hz, most_a_per_m_s2) = (settings.corner_hz, settings.most_a_per_m_s2);
         let designed = Compensator::design(&model.response(), corner_hz, most_a_per_m_s2, cx.rate.hz());
         let compensator = designed.map_err(|error| {
@@ -139,18 +132,8 @@ impl ActuatorKind for ActuatorSink {
         doc: "Drives a voice-coil actuator by current, within limits that the graph has to state. NaN and infinity \
               become zero.",
         source: "3.1.3",
-        inputs: &[input(
-            "current",
-            Kind::SCALAR,
-            Quantity::CURRENT,
-            "Requested current, A.",
-        )],
-        outputs: &[output(
-            "delivered",
-            Kind::SCALAR,
-            Quantity::CURRENT,
-            "Current after the limit, A.",
-        )],
+        inputs: &[input("current", Kind::SCALAR, Quantity::CURRENT, "Requested current, A.")],
+        outputs: &[output("delivered", Kind::SCALAR, Quantity::CURRENT, "Current after the limit, A.")],
         example: r#""out": ActuatorSink(current: "drive.current", endpoint: "haptuator", limit: (peak_a: 0.5, continuous_a: 0.25))"#,
     };
 
@@ -179,11 +162,7 @@ mod tests {
         let mut power = 0.0;
         for (k, current_a) in current.iter().enumerate() {
             machine.advance(*current_a, 0.0);
-            power += if k < 20_000 {
-                0.0
-            } else {
-                machine.read().acceleration_m_s2.powi(2) / 10_000.0
-            };
+            power += if k < 20_000 { 0.0 } else { machine.read().acceleration_m_s2.powi(2) / 10_000.0 };
         }
         assert!((power / 0.5 - 1.0).abs() < 0.01);
     }
@@ -192,17 +171,9 @@ mod tests {
     fn a_limit_with_more_continuous_than_peak_is_refused() {
         let settings = |peak_a| ActuatorSinkSettings {
             gain: 1.0,
-            limit: CurrentLimitSettings {
-                peak_a,
-                continuous_a: 0.25,
-                window_s: 10.0,
-                slew_a_per_s: None,
-            },
+            limit: CurrentLimitSettings { peak_a, continuous_a: 0.25, window_s: 10.0, slew_a_per_s: None },
         };
         assert!(ActuatorSink::limit(&settings(0.5)).is_ok());
-        assert_eq!(
-            ActuatorSink::limit(&settings(0.2)).err().and_then(|e| e.field),
-            Some("limit")
-        );
+        assert_eq!(ActuatorSink::limit(&settings(0.2)).err().and_then(|e| e.field), Some("limit"));
     }
 }

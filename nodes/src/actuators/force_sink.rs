@@ -25,18 +25,8 @@ impl ActuatorKind for ForceSink {
         group: "sinks",
         doc: "Drives an arm by force, within limits that the graph has to state. NaN and infinity become zero.",
         source: "4.3",
-        inputs: &[input(
-            "force",
-            Kind::VECTOR,
-            Quantity::FORCE,
-            "Requested force on the hand, N.",
-        )],
-        outputs: &[output(
-            "delivered",
-            Kind::VECTOR,
-            Quantity::FORCE,
-            "Force after the limit, N.",
-        )],
+        inputs: &[input("force", Kind::VECTOR, Quantity::FORCE, "Requested force on the hand, N.")],
+        outputs: &[output("delivered", Kind::VECTOR, Quantity::FORCE, "Force after the limit, N.")],
         example: r#""push": ForceSink(force: "total.output", endpoint: "arm", limit: (peak_n: 3.3, continuous_n: 0.88))"#,
     };
 

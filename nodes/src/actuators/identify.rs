@@ -181,15 +181,12 @@ pub fn sweep_current(peak_a: f64, band_hz: [f64; 2], duration_s: f64, rate_hz: f
 /// Fits an actuator to a recorded sweep.
 pub fn identify(sweep: &Sweep, known: Known) -> Result<Identified, IdentifyError> {
     let (bands, early) = measure(sweep)?;
-    let fit = Fit::start(&bands, sweep.rate_hz)
-        .ok_or(IdentifyError::NoFit { unexplained: 100.0 })?
-        .refine(&bands);
+    let fit =
+        Fit::start(&bands, sweep.rate_hz).ok_or(IdentifyError::NoFit { unexplained: 100.0 })?.refine(&bands);
     let unexplained = fit.error(&bands) / bands.iter().map(|b| b.weight * b.answer.norm_sqr()).sum::<f64>();
     let response = fit.response();
     let modes = response.modes().filter(|_| unexplained < 0.5);
-    let modes = modes.ok_or(IdentifyError::NoFit {
-        unexplained: 100.0 * unexplained,
-    })?;
+    let modes = modes.ok_or(IdentifyError::NoFit { unexplained: 100.0 * unexplained })?;
     let parameters = match known {
         Known::Nothing => None,
         _ => Some(parameters(&response, known).ok_or(IdentifyError::Contradiction)?),
@@ -218,18 +215,11 @@ fn measure(sweep: &Sweep) -> Result<(Vec<Band>, usize), IdentifyError> {
     const PER_OCTAVE: f64 = 32.0;
     let (current, acceleration) = (sweep.current_a.len(), sweep.acceleration_m_s2.len());
     if current != acceleration || current < MIN_SAMPLES {
-        return Err(IdentifyError::Lengths {
-            current,
-            acceleration,
-        });
+        return Err(IdentifyError::Lengths { current, acceleration });
     }
     let ([low_hz, high_hz], rate_hz) = (sweep.band_hz, sweep.rate_hz);
     if !(0.0 < low_hz && low_hz < high_hz && high_hz < rate_hz / 4.0) {
-        return Err(IdentifyError::Band {
-            low_hz,
-            high_hz,
-            rate_hz,
-        });
+        return Err(IdentifyError::Band { low_hz, high_hz, rate_hz });
     }
     let bad = |x: &[f64]| x.iter().position(|v| !v.is_finite());
     if let Some(index) = bad(sweep.current_a).or(bad(sweep.acceleration_m_s2)) {
@@ -237,12 +227,7 @@ fn measure(sweep: &Sweep) -> Result<(Vec<Band>, usize), IdentifyError> {
     }
     for (what, unit, x, most) in [
         ("current", "A", sweep.current_a, MAX_CURRENT_A),
-        (
-            "acceleration",
-            "m/s2",
-            sweep.acceleration_m_s2,
-            MAX_ACCELERATION_M_S2,
-        ),
+        ("acceleration", "m/s2", sweep.acceleration_m_s2, MAX_ACCELERATION_M_S2),
     ] {
         let largest = x.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
         if largest > most {
@@ -267,18 +252,10 @@ fn measure(sweep: &Sweep) -> Result<(Vec<Band>, usize), IdentifyError> {
             middle += current[bin].norm_sqr() * bin as f64 * bin_hz;
         }
         if power > 0.0 {
-            bands.push(Band {
-                omega: TAU * middle / power,
-                answer: cross / power,
-                weight: power,
-            });
+            bands.push(Band { omega: TAU * middle / power, answer: cross / power, weight: power });
         }
     }
-    if bands.len() < 10 {
-        Err(IdentifyError::NoSignal)
-    } else {
-        Ok((bands, early))
-    }
+    if bands.len() < 10 { Err(IdentifyError::NoSignal) } else { Ok((bands, early)) }
 }
 
 /// Samples by which to advance the acceleration, so that a delay of a few samples remains. A soundcard's buffers
@@ -295,10 +272,7 @@ fn whole_delay(
     const LEAST_POWER: f64 = 1e-4;
     /// Samples of delay left for the fit to determine.
     const LEFT: usize = 5;
-    let strongest = within
-        .clone()
-        .map(|bin| current[bin].norm_sqr())
-        .fold(0.0, f64::max);
+    let strongest = within.clone().map(|bin| current[bin].norm_sqr()).fold(0.0, f64::max);
     let mut answer = vec![Complex64::ZERO; current.len()];
     for bin in within {
         let power = current[bin].norm_sqr();
@@ -334,21 +308,15 @@ struct Fit {
 
 impl Fit {
     fn start(bands: &[Band], rate_hz: f64) -> Option<Self> {
-        let candidates = [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0]
-            .iter()
-            .filter_map(|&delay| {
-                let response = linear_fit(bands, delay / rate_hz)?;
-                let [first, second] = response.modes()?.map(|mode| {
-                    let omega = TAU * mode.frequency_hz;
-                    [(omega / mode.q).ln(), (omega * omega).ln()]
-                });
-                let values = [first[0], first[1], second[0], second[1], 1.0, delay];
-                Some(Self {
-                    values,
-                    gain_scale: response.gain,
-                    rate_hz,
-                })
+        let candidates = [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0].iter().filter_map(|&delay| {
+            let response = linear_fit(bands, delay / rate_hz)?;
+            let [first, second] = response.modes()?.map(|mode| {
+                let omega = TAU * mode.frequency_hz;
+                [(omega / mode.q).ln(), (omega * omega).ln()]
             });
+            let values = [first[0], first[1], second[0], second[1], 1.0, delay];
+            Some(Self { values, gain_scale: response.gain, rate_hz })
+        });
         candidates.min_by(|a, b| a.error(bands).total_cmp(&b.error(bands)))
     }
 
@@ -361,18 +329,11 @@ impl Fit {
     }
 
     fn answer(&self, band: &Band) -> BandAnswer {
-        BandAnswer {
-            frequency_hz: band.omega / TAU,
-            measured: band.answer,
-            fitted: self.at(band.omega),
-        }
+        BandAnswer { frequency_hz: band.omega / TAU, measured: band.answer, fitted: self.at(band.omega) }
     }
 
     fn error(&self, bands: &[Band]) -> f64 {
-        bands
-            .iter()
-            .map(|b| b.weight * (b.answer - self.at(b.omega)).norm_sqr())
-            .sum()
+        bands.iter().map(|b| b.weight * (b.answer - self.at(b.omega)).norm_sqr()).sum()
     }
 
     fn residuals(&self, bands: &[Band]) -> DVector<f64> {
@@ -400,11 +361,7 @@ impl Fit {
                 break;
             };
             let mut moved = self.clone();
-            moved
-                .values
-                .iter_mut()
-                .zip(step.iter())
-                .for_each(|(value, step)| *value -= step);
+            moved.values.iter_mut().zip(step.iter()).for_each(|(value, step)| *value -= step);
             if moved.error(bands) < self.error(bands) {
                 let done = step.amax() < 1e-10;
                 self = moved;
@@ -451,19 +408,9 @@ fn linear_fit(bands: &[Band], delay_s: f64) -> Option<Response> {
             let s = Complex64::new(0.0, band.omega / unit);
             let answer = band.answer * Complex64::from_polar(1.0, band.omega * delay_s);
             let [c3, c2, c1, c0] = denominator;
-            let last = if round == 0 {
-                s.powi(4)
-            } else {
-                (((s + c3) * s + c2) * s + c1) * s + c0
-            };
+            let last = if round == 0 { s.powi(4) } else { (((s + c3) * s + c2) * s + c1) * s + c0 };
             let weight = band.weight.sqrt() / last.norm();
-            let columns = [
-                s.powi(4),
-                -answer * s.powi(3),
-                -answer * s.powi(2),
-                -answer * s,
-                -answer,
-            ];
+            let columns = [s.powi(4), -answer * s.powi(3), -answer * s.powi(2), -answer * s, -answer];
             for (j, column) in columns.iter().enumerate() {
                 rows[(2 * k, j)] = column.re * weight;
                 rows[(2 * k + 1, j)] = column.im * weight;
@@ -476,10 +423,7 @@ fn linear_fit(bands: &[Band], delay_s: f64) -> Option<Response> {
         if !rows.iter().chain(&right).all(|x| x.is_finite()) {
             return None;
         }
-        let solution = rows
-            .try_svd(true, true, f64::EPSILON, SVD_ITERATIONS)?
-            .solve(&right, 1e-12)
-            .ok()?;
+        let solution = rows.try_svd(true, true, f64::EPSILON, SVD_ITERATIONS)?.solve(&right, 1e-12).ok()?;
         gain = solution[0];
         denominator = [solution[1], solution[2], solution[3], solution[4]];
     }
@@ -493,10 +437,9 @@ fn parameters(response: &Response, known: Known) -> Option<TwoMass> {
     let (magnet_kg, body_kg, force_n_per_a) = match known {
         Known::Nothing => return None,
         Known::Masses { magnet_kg, body_kg } => (magnet_kg, body_kg, response.gain.abs() * body_kg),
-        Known::MagnetAndForce {
-            magnet_kg,
-            force_n_per_a,
-        } => (magnet_kg, force_n_per_a / response.gain.abs(), force_n_per_a),
+        Known::MagnetAndForce { magnet_kg, force_n_per_a } => {
+            (magnet_kg, force_n_per_a / response.gain.abs(), force_n_per_a)
+        }
     };
     let [c3, c2, c1, c0] = response.denominator;
     let ratio = 1.0 + magnet_kg / body_kg;
@@ -517,11 +460,7 @@ fn parameters(response: &Response, known: Known) -> Option<TwoMass> {
         }
         for _ in 0..100 {
             let middle = 0.5 * (high + low);
-            if rest(middle).1 * rest(high).1 > 0.0 {
-                high = middle
-            } else {
-                low = middle
-            }
+            if rest(middle).1 * rest(high).1 > 0.0 { high = middle } else { low = middle }
         }
         let [grip, beta, grip_beta] = rest(low).0;
         let found = TwoMass {

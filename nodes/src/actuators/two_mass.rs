@@ -91,10 +91,7 @@ impl TwoMass {
             ("hand_n_per_m", self.hand_n_per_m),
             ("hand_n_s_per_m", self.hand_n_s_per_m),
         ];
-        match named
-            .into_iter()
-            .find(|(_, value)| !(*value > 0.0 && value.is_finite()))
-        {
+        match named.into_iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
             Some((name, value)) => Err(TwoMassError::NotPositive { name, value }),
             None => Ok(self),
         }
@@ -122,10 +119,7 @@ impl TwoMass {
             self.suspension_n_per_m / self.magnet_kg,
             self.suspension_n_s_per_m / self.magnet_kg,
         );
-        let (omega_h, beta_h) = (
-            self.hand_n_per_m / self.body_kg,
-            self.hand_n_s_per_m / self.body_kg,
-        );
+        let (omega_h, beta_h) = (self.hand_n_per_m / self.body_kg, self.hand_n_s_per_m / self.body_kg);
         Response {
             gain: -self.force_n_per_a / self.body_kg,
             denominator: [
@@ -161,10 +155,7 @@ impl TwoMass {
             -(b + grip_b) / n,
         );
         let force = self.force_n_per_a;
-        (
-            a,
-            [[0.0, 0.0], [force / m, 0.0], [0.0, 0.0], [-force / n, 1.0 / n]],
-        )
+        (a, [[0.0, 0.0], [force / m, 0.0], [0.0, 0.0], [-force / n, 1.0 / n]])
     }
 
     /// A machine with these parameters; its inputs hold over each tick of `rate_hz`.
@@ -204,10 +195,7 @@ impl Response {
             frequency_hz: constant.sqrt() / std::f64::consts::TAU,
             q: constant.sqrt() / linear,
         });
-        if !modes
-            .iter()
-            .all(|mode| mode.frequency_hz.is_finite() && mode.q > 0.0)
-        {
+        if !modes.iter().all(|mode| mode.frequency_hz.is_finite() && mode.q > 0.0) {
             return None;
         }
         modes.sort_by(|a, b| b.frequency_hz.total_cmp(&a.frequency_hz));
@@ -245,11 +233,8 @@ fn quadratic_factors([c3, c2, c1, c0]: [f64; 4]) -> Option<[[f64; 2]; 2]> {
     let mut real: Vec<f64> = roots.iter().filter(|r| r.im == 0.0).map(|r| r.re).collect();
     real.sort_by(f64::total_cmp);
     let mut factors = Vec::with_capacity(2);
-    upper
-        .drain(..)
-        .for_each(|r| factors.push([-2.0 * r.re * unit, r.norm_sqr() * unit * unit]));
-    real.chunks_exact(2)
-        .for_each(|r| factors.push([-(r[0] + r[1]) * unit, r[0] * r[1] * unit * unit]));
+    upper.drain(..).for_each(|r| factors.push([-2.0 * r.re * unit, r.norm_sqr() * unit * unit]));
+    real.chunks_exact(2).for_each(|r| factors.push([-(r[0] + r[1]) * unit, r[0] * r[1] * unit * unit]));
     factors.try_into().ok()
 }
 
@@ -284,11 +269,7 @@ impl TwoMassMachine {
             a * magnet_m + b * magnet_m_s + c * body_m + d * body_m_s + e * current_a + f * force_n
         });
         // Flush denormals, which are slow.
-        self.state = if next.iter().all(|x| x.abs() < 1e-30) {
-            [0.0; 4]
-        } else {
-            next
-        };
+        self.state = if next.iter().all(|x| x.abs() < 1e-30) { [0.0; 4] } else { next };
         self.acceleration_m_s2 = (self.state[3] - body_m_s) * self.rate_hz;
     }
 
@@ -307,10 +288,7 @@ impl TwoMassMachine {
         let z = Complex64::from_polar(1.0, std::f64::consts::TAU * frequency_hz / self.rate_hz);
         let a = Matrix4::from_fn(|i, j| Complex64::from(self.transition[i][j]));
         let b = Vector4::from_fn(|i, _| Complex64::from(self.transition[i][4]));
-        let state = (Matrix4::from_diagonal_element(z) - a)
-            .lu()
-            .solve(&b)
-            .unwrap_or_else(Vector4::zeros);
+        let state = (Matrix4::from_diagonal_element(z) - a).lu().solve(&b).unwrap_or_else(Vector4::zeros);
         state[3] * (Complex64::from(1.0) - z.inv()) * self.rate_hz
     }
 }
@@ -324,10 +302,7 @@ mod tests {
     #[test]
     fn the_placeholder_resonates_near_100_hz_with_a_quality_near_4() {
         let [high, low] = TwoMass::PLACEHOLDER.response().modes().unwrap();
-        assert!(
-            (high.frequency_hz - 100.0).abs() < 5.0 && (high.q - 4.0).abs() < 0.5,
-            "{high:?}"
-        );
+        assert!((high.frequency_hz - 100.0).abs() < 5.0 && (high.q - 4.0).abs() < 0.5, "{high:?}");
         assert!(low.frequency_hz < 20.0, "{low:?}");
     }
 
@@ -339,10 +314,8 @@ mod tests {
         for frequency_hz in [1.0, 20.0, 99.0, 104.0, 500.0, 3000.0] {
             let s = Complex64::new(0.0, std::f64::consts::TAU * frequency_hz);
             let input = Vector4::from_fn(|i, _| Complex64::from(b[i][0]));
-            let state = (Matrix4::from_diagonal_element(s) - a.map(Complex64::from))
-                .lu()
-                .solve(&input)
-                .unwrap();
+            let state =
+                (Matrix4::from_diagonal_element(s) - a.map(Complex64::from)).lu().solve(&input).unwrap();
             let direct = state[2] * s * s;
             assert!((direct - response.at(frequency_hz)).norm() < 1e-9 * direct.norm());
         }
@@ -353,17 +326,11 @@ mod tests {
         let mut machine = TwoMass::PLACEHOLDER.machine(RATE_HZ);
         machine.advance(0.1, 0.0);
         let first = machine.read().acceleration_m_s2;
-        assert!(
-            (first + 0.1 * 2.9 / 0.05).abs() < 0.2 * first.abs(),
-            "recoil first: {first}"
-        );
+        assert!((first + 0.1 * 2.9 / 0.05).abs() < 0.2 * first.abs(), "recoil first: {first}");
         (0..20_000).for_each(|_| machine.advance(0.1, 0.0));
         assert!(machine.read().acceleration_m_s2.abs() < 1e-9);
         let stroke_m = machine.read().stroke_m;
-        assert!(
-            (stroke_m - 0.29 / 2100.0).abs() < 1e-9,
-            "the suspension carries the force: {stroke_m}"
-        );
+        assert!((stroke_m - 0.29 / 2100.0).abs() < 1e-9, "the suspension carries the force: {stroke_m}");
     }
 
     #[test]
@@ -383,38 +350,19 @@ mod tests {
                 }
             }
             let (seen, expected) = (seen / sum, machine.response_at(frequency_hz));
-            assert!(
-                (seen - expected).norm() < 2e-3 * expected.norm(),
-                "{seen} {expected}"
-            );
+            assert!((seen - expected).norm() < 2e-3 * expected.norm(), "{seen} {expected}");
             let continuous = actuator.response().at(frequency_hz).norm();
-            assert!(
-                (expected.norm() / continuous - 1.0).abs() < 0.02,
-                "{frequency_hz} Hz"
-            );
+            assert!((expected.norm() / continuous - 1.0).abs() < 0.02, "{frequency_hz} Hz");
         }
     }
 
     #[test]
     fn quartics_factor_into_what_they_were_made_of() {
-        for [a, b] in [
-            [[80.0, 4e5], [60.0, 1e4]],
-            [[300.0, 1e4], [80.0, 4e5]],
-            [[2000.0, 1e4], [900.0, 2e4]],
-        ] {
-            let product = [
-                a[0] + b[0],
-                a[1] + b[1] + a[0] * b[0],
-                a[0] * b[1] + a[1] * b[0],
-                a[1] * b[1],
-            ];
+        for [a, b] in [[[80.0, 4e5], [60.0, 1e4]], [[300.0, 1e4], [80.0, 4e5]], [[2000.0, 1e4], [900.0, 2e4]]]
+        {
+            let product = [a[0] + b[0], a[1] + b[1] + a[0] * b[0], a[0] * b[1] + a[1] * b[0], a[1] * b[1]];
             let [f, g] = quadratic_factors(product).unwrap();
-            let again = [
-                f[0] + g[0],
-                f[1] + g[1] + f[0] * g[0],
-                f[0] * g[1] + f[1] * g[0],
-                f[1] * g[1],
-            ];
+            let again = [f[0] + g[0], f[1] + g[1] + f[0] * g[0], f[0] * g[1] + f[1] * g[0], f[1] * g[1]];
             for (x, y) in product.iter().zip(&again) {
                 assert!((x - y).abs() < 1e-9 * x);
             }
@@ -423,16 +371,7 @@ mod tests {
 
     #[test]
     fn parameters_that_are_no_actuator_are_refused() {
-        let broken = TwoMass {
-            magnet_kg: 0.0,
-            ..TwoMass::PLACEHOLDER
-        };
-        assert_eq!(
-            broken.checked(),
-            Err(TwoMassError::NotPositive {
-                name: "magnet_kg",
-                value: 0.0
-            })
-        );
+        let broken = TwoMass { magnet_kg: 0.0, ..TwoMass::PLACEHOLDER };
+        assert_eq!(broken.checked(), Err(TwoMassError::NotPositive { name: "magnet_kg", value: 0.0 }));
     }
 }

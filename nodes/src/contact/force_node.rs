@@ -36,13 +36,8 @@ impl NodeKind for NormalForce {
         source: "4.3, A.3.2; Colgate and Schenkel 1997",
         inputs: &[
             input("contact", Contact::KIND, Quantity::NUMBER, "The contact."),
-            input(
-                "velocity",
-                Kind::VECTOR,
-                Quantity::SPEED,
-                "Velocity of the tool, m/s, for the damping.",
-            )
-            .optional(),
+            input("velocity", Kind::VECTOR, Quantity::SPEED, "Velocity of the tool, m/s, for the damping.")
+                .optional(),
         ],
         outputs: &[
             output("force", Kind::VECTOR, Quantity::FORCE, "Force on the tool, N."),
@@ -57,9 +52,7 @@ impl NodeKind for NormalForce {
             return Err(BuildError::at("damping_n_s_per_m", message)
                 .help("connect `velocity`, or remove the damping"));
         }
-        Ok(Built::new(Pushing {
-            wall: wall(&settings),
-        }))
+        Ok(Built::new(Pushing { wall: wall(&settings) }))
     }
 
     fn advice(settings: &NormalForceSettings, cx: &BuildContext) -> Vec<BuildError> {
@@ -140,17 +133,10 @@ mod tests {
 
     #[test]
     fn a_wall_pushes_by_hookes_law_and_its_stiffness_can_be_turned() {
-        let contact = Contact {
-            touching: true,
-            penetration_m: 0.004,
-            normal: [0.0, 0.0, 1.0],
-            ..Contact::default()
-        };
+        let contact =
+            Contact { touching: true, penetration_m: 0.004, normal: [0.0, 0.0, 1.0], ..Contact::default() };
         let mut bench = Bench::new::<NormalForce>(settings(0.25, 0.0), 1000.0, &[Contact::KIND]).unwrap();
-        assert_eq!(
-            bench.run(&[&contact.to_components()]),
-            vec![vec![0.0, 0.0, 1.0], vec![1.0]]
-        );
+        assert_eq!(bench.run(&[&contact.to_components()]), vec![vec![0.0, 0.0, 1.0], vec![1.0]]);
         bench.set(NormalForce::STIFFNESS_N_PER_MM, 500.0);
         assert_eq!(bench.run(&[&contact.to_components()])[1], [2.0]);
         let free = Contact::default().to_components();
@@ -160,19 +146,10 @@ mod tests {
     #[test]
     fn a_wall_beyond_the_passivity_bound_is_warned_about() {
         let cx = BuildContext::new("", Rate::parse("1000").unwrap()).connected(&[Some(Contact::KIND), None]);
-        assert!(
-            NormalForce::advice(&settings(0.25, 0.0), &cx).is_empty(),
-            "0.2 > 0.125"
-        );
+        assert!(NormalForce::advice(&settings(0.25, 0.0), &cx).is_empty(), "0.2 > 0.125");
         let doubts = NormalForce::advice(&settings(0.5, 0.0), &cx);
         assert_eq!(doubts[0].field, Some("stiffness_n_per_mm"));
-        assert!(
-            doubts[0]
-                .help
-                .as_deref()
-                .is_some_and(|help| help.contains("0.400 N/mm")),
-            "{doubts:?}"
-        );
+        assert!(doubts[0].help.as_deref().is_some_and(|help| help.contains("0.400 N/mm")), "{doubts:?}");
     }
 
     #[test]

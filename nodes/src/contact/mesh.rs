@@ -117,12 +117,7 @@ pub enum EdgeFault {
 }
 
 fn mm(point: &Vec3) -> String {
-    format!(
-        "{:.3}, {:.3}, {:.3}",
-        point[0] * 1e3,
-        point[1] * 1e3,
-        point[2] * 1e3
-    )
+    format!("{:.3}, {:.3}, {:.3}", point[0] * 1e3, point[1] * 1e3, point[2] * 1e3)
 }
 
 /// The first intersection of a segment with a mesh.
@@ -141,9 +136,7 @@ impl TriangleMesh {
         if let Some(vertex) = corners.iter().position(|c| !c.iter().all(|x| x.is_finite())) {
             return Err(MeshError::NotFinite { vertex });
         }
-        if let Some(triangle) = triangles
-            .iter()
-            .position(|t| t.iter().any(|&i| i as usize >= corners.len()))
+        if let Some(triangle) = triangles.iter().position(|t| t.iter().any(|&i| i as usize >= corners.len()))
         {
             return Err(MeshError::BadIndex { triangle });
         }
@@ -160,11 +153,8 @@ impl TriangleMesh {
         let (vertices, renamed) = weld(corners, 1e-7 * diagonal_m);
         let named: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|i| renamed[i as usize])).collect();
         let least_area = 1e-14 * diagonal_m * diagonal_m;
-        let mut triangles: Vec<[u32; 3]> = named
-            .iter()
-            .copied()
-            .filter(|t| norm(doubled_area(&vertices, *t)) > least_area)
-            .collect();
+        let mut triangles: Vec<[u32; 3]> =
+            named.iter().copied().filter(|t| norm(doubled_area(&vertices, *t)) > least_area).collect();
         if triangles.is_empty() {
             return Err(MeshError::Empty);
         }
@@ -237,12 +227,11 @@ impl TriangleMesh {
     /// two triangles that share an edge or a corner. Allocates nothing.
     pub fn first_hit(&self, from_m: Vec3, to_m: Vec3) -> Option<Hit> {
         let mut first: Option<Hit> = None;
-        self.index
-            .hits(&self.vertices, &self.triangles, from_m, to_m, |hit| {
-                if first.is_none_or(|f| hit.fraction < f.fraction) {
-                    first = Some(hit);
-                }
-            });
+        self.index.hits(&self.vertices, &self.triangles, from_m, to_m, |hit| {
+            if first.is_none_or(|f| hit.fraction < f.fraction) {
+                first = Some(hit);
+            }
+        });
         first
     }
 
@@ -271,9 +260,7 @@ impl TriangleMesh {
                     return Err(self.not_convex(
                         t,
                         edge,
-                        EdgeFault::Concave {
-                            degrees: cos.acos().to_degrees(),
-                        },
+                        EdgeFault::Concave { degrees: cos.acos().to_degrees() },
                     ));
                 }
             }
@@ -290,11 +277,7 @@ impl TriangleMesh {
 
     fn not_convex(&self, triangle: usize, edge: usize, fault: EdgeFault) -> NotConvex {
         let corners = self.corners(triangle as u32);
-        NotConvex {
-            from_m: corners[edge],
-            to_m: corners[(edge + 1) % 3],
-            fault,
-        }
+        NotConvex { from_m: corners[edge], to_m: corners[(edge + 1) % 3], fault }
     }
 
     /// The corner of `triangle` that its neighbour does not share.
@@ -318,10 +301,7 @@ impl TriangleMesh {
 
     fn vertices_used(&self) -> usize {
         let mut used = vec![false; self.vertices.len()];
-        self.triangles
-            .iter()
-            .flatten()
-            .for_each(|&i| used[i as usize] = true);
+        self.triangles.iter().flatten().for_each(|&i| used[i as usize] = true);
         used.iter().filter(|u| **u).count()
     }
 }
@@ -335,20 +315,13 @@ fn doubled_area(vertices: &[Vec3], triangle: [u32; 3]) -> Vec3 {
 fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
     let start = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     points.iter().fold(start, |(low, high), p| {
-        (
-            std::array::from_fn(|i| low[i].min(p[i])),
-            std::array::from_fn(|i| high[i].max(p[i])),
-        )
+        (std::array::from_fn(|i| low[i].min(p[i])), std::array::from_fn(|i| high[i].max(p[i])))
     })
 }
 
 fn diagonal(points: &[Vec3]) -> f64 {
     let (low, high) = bounds(points);
-    if points.is_empty() {
-        0.0
-    } else {
-        distance(low, high)
-    }
+    if points.is_empty() { 0.0 } else { distance(low, high) }
 }
 
 /// The largest coordinate.
@@ -386,25 +359,15 @@ fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     for (t, corners) in triangles.iter().enumerate() {
         for edge in 0..3 {
             let key = (corners[edge], corners[(edge + 1) % 3]);
-            owners
-                .entry(key)
-                .and_modify(|owner| *owner = NONE)
-                .or_insert(t as u32);
+            owners.entry(key).and_modify(|owner| *owner = NONE).or_insert(t as u32);
         }
     }
     let across = |corners: &[u32; 3], edge: usize| {
         let (a, b) = (corners[edge], corners[(edge + 1) % 3]);
         let contested = owners.get(&(a, b)) == Some(&NONE);
-        if contested {
-            NONE
-        } else {
-            owners.get(&(b, a)).copied().unwrap_or(NONE)
-        }
+        if contested { NONE } else { owners.get(&(b, a)).copied().unwrap_or(NONE) }
     };
-    triangles
-        .iter()
-        .map(|corners| [0, 1, 2].map(|edge| across(corners, edge)))
-        .collect()
+    triangles.iter().map(|corners| [0, 1, 2].map(|edge| across(corners, edge))).collect()
 }
 
 /// Six times the enclosed volume, positive when normals point outwards.

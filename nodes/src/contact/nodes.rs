@@ -110,22 +110,18 @@ pub(crate) fn metres(mm: [Millimetres; 3]) -> Vec3 {
 impl Solid {
     fn to_shape(&self) -> Result<SolidShape, BuildError> {
         Ok(match self {
-            Self::Plane(plane) => SolidShape::Plane {
-                origin_m: metres(plane.origin_mm),
-                normal: plane.normal,
-            },
-            Self::Sphere(sphere) => SolidShape::Sphere {
-                centre_m: metres(sphere.centre_mm),
-                diameter_m: sphere.diameter_mm.si(),
-            },
-            Self::Box(cuboid) => SolidShape::Box {
-                centre_m: metres(cuboid.centre_mm),
-                size_m: metres(cuboid.size_mm),
-            },
-            Self::Room(room) => SolidShape::Room {
-                centre_m: metres(room.centre_mm),
-                size_m: metres(room.size_mm),
-            },
+            Self::Plane(plane) => {
+                SolidShape::Plane { origin_m: metres(plane.origin_mm), normal: plane.normal }
+            }
+            Self::Sphere(sphere) => {
+                SolidShape::Sphere { centre_m: metres(sphere.centre_mm), diameter_m: sphere.diameter_mm.si() }
+            }
+            Self::Box(cuboid) => {
+                SolidShape::Box { centre_m: metres(cuboid.centre_mm), size_m: metres(cuboid.size_mm) }
+            }
+            Self::Room(room) => {
+                SolidShape::Room { centre_m: metres(room.centre_mm), size_m: metres(room.size_mm) }
+            }
             Self::Mesh(mesh) => SolidShape::Mesh {
                 mesh: Arc::new(load_mesh(&mesh.file, mesh.unit_mm)?),
                 start_m: mesh.start_mm.map(metres),
@@ -171,12 +167,7 @@ impl NodeKind for ContactNode {
               A mesh comes from an STL or OBJ file and is touched by a point only, `proxy_diameter_mm: 0`; the god-object \
               proxy never passes through one of its triangles.",
         source: "4.3, 4.5.2, A.3.2; Zilles and Salisbury 1995",
-        inputs: &[input(
-            "position",
-            Kind::VECTOR,
-            Quantity::LENGTH,
-            "Position of the tool (HIP), m.",
-        )],
+        inputs: &[input("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tool (HIP), m.")],
         outputs: &[
             output(
                 "contact",
@@ -184,12 +175,7 @@ impl NodeKind for ContactNode {
                 Quantity::NUMBER,
                 "HIP, IHIP, penetration, outward normal and face.",
             ),
-            output(
-                "solid",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "Index of the touched shape, from 0.",
-            ),
+            output("solid", Kind::SCALAR, Quantity::NUMBER, "Index of the touched shape, from 0."),
         ],
         example: r#""touch": Contact(position: "arm.position", solids: [Room(size_mm: [160.0, 160.0, 120.0]), Sphere(diameter_mm: 50.0)])"#,
     };
@@ -263,36 +249,11 @@ impl NodeKind for ContactParts {
         source: "4.3",
         inputs: &[input("contact", Contact::KIND, Quantity::NUMBER, "The contact.")],
         outputs: &[
-            output(
-                "touching",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "1 while the tool touches, else 0.",
-            ),
-            output(
-                "hip",
-                Kind::VECTOR,
-                Quantity::LENGTH,
-                "Haptic interface point: position of the tool, m.",
-            ),
-            output(
-                "ihip",
-                Kind::VECTOR,
-                Quantity::LENGTH,
-                "Ideal haptic interface point: the proxy, m.",
-            ),
-            output(
-                "normal",
-                Kind::VECTOR,
-                Quantity::NUMBER,
-                "Outward unit normal; zero in free space.",
-            ),
-            output(
-                "penetration",
-                Kind::SCALAR,
-                Quantity::LENGTH,
-                "Distance from HIP to IHIP, m.",
-            ),
+            output("touching", Kind::SCALAR, Quantity::NUMBER, "1 while the tool touches, else 0."),
+            output("hip", Kind::VECTOR, Quantity::LENGTH, "Haptic interface point: position of the tool, m."),
+            output("ihip", Kind::VECTOR, Quantity::LENGTH, "Ideal haptic interface point: the proxy, m."),
+            output("normal", Kind::VECTOR, Quantity::NUMBER, "Outward unit normal; zero in free space."),
+            output("penetration", Kind::SCALAR, Quantity::LENGTH, "Distance from HIP to IHIP, m."),
         ],
         example: r#""parts": ContactParts(contact: "touch.contact")"#,
     };
@@ -338,10 +299,8 @@ mod tests {
     use haptograph_engine::testing::Bench;
 
     fn bench(solids: Vec<Solid>, proxy_diameter_mm: f64) -> Result<Bench, BuildError> {
-        let settings = ContactSettings {
-            solids: Solids(solids),
-            proxy_diameter_mm: Millimetres(proxy_diameter_mm),
-        };
+        let settings =
+            ContactSettings { solids: Solids(solids), proxy_diameter_mm: Millimetres(proxy_diameter_mm) };
         Bench::new::<ContactNode>(settings, 1000.0, &[Kind::VECTOR])
     }
 
@@ -355,9 +314,7 @@ mod tests {
     #[test]
     fn a_tip_in_the_thesis_sphere_is_pushed_out_of_it() {
         let mut bench = bench(vec![sphere(100.0)], 3.2).unwrap();
-        let out = bench
-            .run(&[&[0.0, 0.0, 0.0506, 0.0, 0.03, 0.04, 0.0, 0.0, 0.06]])
-            .remove(0);
+        let out = bench.run(&[&[0.0, 0.0, 0.0506, 0.0, 0.03, 0.04, 0.0, 0.0, 0.06]]).remove(0);
         let contacts: Vec<Contact> = out.as_chunks().0.iter().map(Contact::from_components).collect();
         assert!(contacts[0].touching && contacts[1].touching && !contacts[2].touching);
         assert!((contacts[0].penetration_m - 0.001).abs() < 1e-12);
@@ -368,10 +325,7 @@ mod tests {
 
     #[test]
     fn a_scene_says_which_solid_is_touched() {
-        let room = BoxSettings {
-            centre_mm: [Millimetres(0.0); 3],
-            size_mm: [Millimetres(100.0); 3],
-        };
+        let room = BoxSettings { centre_mm: [Millimetres(0.0); 3], size_mm: [Millimetres(100.0); 3] };
         let mut bench = bench(vec![Solid::Room(room), sphere(20.0)], 0.0).unwrap();
         let out = bench.run(&[&[0.0, 0.0, 0.052, 0.0, 0.0, 0.03, 0.0, 0.0, 0.009]]);
         assert_eq!(out[1], [0.0, 0.0, 1.0]);
@@ -381,21 +335,11 @@ mod tests {
 
     #[test]
     fn shapes_that_cannot_be_touched_are_refused_at_their_field() {
-        let plane = PlaneSettings {
-            origin_mm: [Millimetres(0.0); 3],
-            normal: [0.0; 3],
-        };
-        let mesh = MeshSettings {
-            file: "tool.step".into(),
-            unit_mm: Millimetres(1.0),
-            start_mm: None,
-        };
+        let plane = PlaneSettings { origin_mm: [Millimetres(0.0); 3], normal: [0.0; 3] };
+        let mesh = MeshSettings { file: "tool.step".into(), unit_mm: Millimetres(1.0), start_mm: None };
         for (wrong, field) in [(Solid::Plane(plane), "normal"), (Solid::Mesh(mesh), "file")] {
             let refused = bench(vec![sphere(10.0), wrong], 0.0).err().unwrap();
-            assert_eq!(
-                (refused.field, refused.inside),
-                (Some(field), Some(("solids", 1)))
-            );
+            assert_eq!((refused.field, refused.inside), (Some(field), Some(("solids", 1))));
         }
         let refused = bench(Vec::new(), 0.0).err();
         assert_eq!(refused.and_then(|e| e.field), Some("solids"));

@@ -75,15 +75,11 @@ pub fn on_sensor(object: &Object, height_m: f64) -> Result<Arc<TriangleMesh>, Bu
             TriangleMesh::cylinder(radius_m, height_m, cylinder.strips)
         }
         Object::Ball(ball) => TriangleMesh::sphere(0.5 * ball.diameter_mm.si(), BALL_SPLITS),
-        Object::Solid(solid) => Ok(load_mesh(&solid.file, solid.unit_mm).map_err(|error| BuildError {
-            field: Some("object"),
-            ..error
-        })?),
+        Object::Solid(solid) => Ok(load_mesh(&solid.file, solid.unit_mm)
+            .map_err(|error| BuildError { field: Some("object"), ..error })?),
     };
     let failed = |error: super::mesh::MeshError| BuildError::at("object", error.to_string());
     let mesh = made.map_err(failed)?;
     let lowest_m = mesh.vertices().iter().map(|v| v[2]).fold(f64::INFINITY, f64::min);
-    Ok(Arc::new(
-        mesh.moved([0.0, 0.0, height_m - lowest_m]).map_err(failed)?,
-    ))
+    Ok(Arc::new(mesh.moved([0.0, 0.0, height_m - lowest_m]).map_err(failed)?))
 }

@@ -36,11 +36,7 @@ impl MeshProxy {
     /// A proxy at a point in free space, on the side of the surface that the tool feels.
     pub fn new(mesh: Arc<TriangleMesh>, start_m: Vec3) -> Self {
         let skin_m = 1e-6 * mesh.diagonal_m();
-        Self {
-            mesh,
-            proxy_m: start_m,
-            skin_m,
-        }
+        Self { mesh, proxy_m: start_m, skin_m }
     }
 
     /// A proxy outside the mesh, above it along z.
@@ -128,16 +124,8 @@ impl MeshProxy {
         let corner = self.mesh.corners(hit.triangle)[0];
         let outward = self.mesh.normal(hit.triangle);
         let height_m = dot(outward, sub(self.proxy_m, corner));
-        let normal = if height_m < 0.0 {
-            scale(outward, -1.0)
-        } else {
-            outward
-        };
-        let plane = Plane {
-            normal,
-            offset: dot(normal, corner) + self.skin_m,
-            face: hit.triangle,
-        };
+        let normal = if height_m < 0.0 { scale(outward, -1.0) } else { outward };
+        let plane = Plane { normal, offset: dot(normal, corner) + self.skin_m, face: hit.triangle };
         // Stop a skin above the triangle. The way there is part of a way already seen, but its end is rounded: look again.
         let sink_m = -dot(normal, way);
         let back = if sink_m > 0.0 { self.skin_m / sink_m } else { 1.0 };
@@ -186,19 +174,12 @@ fn onto_line(a: &Plane, b: &Plane, x: Vec3) -> Option<Vec3> {
     let cos = dot(a.normal, b.normal);
     let sin_square = 1.0 - cos * cos;
     let (miss_a, miss_b) = (a.offset - dot(a.normal, x), b.offset - dot(b.normal, x));
-    let (u, v) = (
-        (miss_a - cos * miss_b) / sin_square,
-        (miss_b - cos * miss_a) / sin_square,
-    );
+    let (u, v) = ((miss_a - cos * miss_b) / sin_square, (miss_b - cos * miss_a) / sin_square);
     (sin_square > 1e-12).then(|| add_scaled(add_scaled(x, a.normal, u), b.normal, v))
 }
 
 fn corner_of(a: &Plane, b: &Plane, c: &Plane) -> Option<Vec3> {
-    let (bc, ca, ab) = (
-        cross(b.normal, c.normal),
-        cross(c.normal, a.normal),
-        cross(a.normal, b.normal),
-    );
+    let (bc, ca, ab) = (cross(b.normal, c.normal), cross(c.normal, a.normal), cross(a.normal, b.normal));
     let volume = dot(a.normal, bc);
     let sum = add_scaled(add_scaled(scale(bc, a.offset), ca, b.offset), ab, c.offset);
     (volume.abs() > 1e-9).then(|| scale(sum, 1.0 / volume))

@@ -72,24 +72,10 @@ pub struct Touch {
 
 #[derive(Debug, Clone)]
 enum Kind {
-    Plane {
-        origin_m: Vec3,
-        normal: Vec3,
-    },
-    Sphere {
-        centre_m: Vec3,
-        radius_m: f64,
-        last_normal: Vec3,
-    },
-    Box {
-        centre_m: Vec3,
-        half_m: Vec3,
-        proxy_m: Option<Vec3>,
-    },
-    Room {
-        centre_m: Vec3,
-        half_m: Vec3,
-    },
+    Plane { origin_m: Vec3, normal: Vec3 },
+    Sphere { centre_m: Vec3, radius_m: f64, last_normal: Vec3 },
+    Box { centre_m: Vec3, half_m: Vec3, proxy_m: Option<Vec3> },
+    Room { centre_m: Vec3, half_m: Vec3 },
     Mesh(MeshProxy),
 }
 
@@ -99,19 +85,11 @@ impl Touch {
         let radius_m = 0.5 * proxy_diameter_m;
         if !(radius_m >= 0.0 && radius_m.is_finite()) {
             let range = "a finite length in m, zero or more";
-            return Err(ShapeError::OutOfRange {
-                name: "proxy_diameter_m",
-                value: proxy_diameter_m,
-                range,
-            });
+            return Err(ShapeError::OutOfRange { name: "proxy_diameter_m", value: proxy_diameter_m, range });
         }
         let half = |name: &'static str, size_m: Vec3, grow_m: f64| -> Result<Vec3, ShapeError> {
             let half_m = size_m.map(|s| 0.5 * s + grow_m);
-            match half_m
-                .into_iter()
-                .zip(size_m)
-                .find(|(h, s)| !(*h > 0.0 && *s > 0.0 && s.is_finite()))
-            {
+            match half_m.into_iter().zip(size_m).find(|(h, s)| !(*h > 0.0 && *s > 0.0 && s.is_finite())) {
                 Some((_, value)) => {
                     let range = "extents in m larger than the proxy";
                     Err(ShapeError::OutOfRange { name, value, range })
@@ -122,33 +100,20 @@ impl Touch {
         let kind = match shape {
             Shape::Plane { origin_m, normal } => {
                 let range = "a direction other than zero";
-                let normal = direction(*normal).ok_or(ShapeError::OutOfRange {
-                    name: "normal",
-                    value: 0.0,
-                    range,
-                })?;
-                Kind::Plane {
-                    origin_m: add_scaled(*origin_m, normal, radius_m),
-                    normal,
-                }
+                let normal =
+                    direction(*normal).ok_or(ShapeError::OutOfRange { name: "normal", value: 0.0, range })?;
+                Kind::Plane { origin_m: add_scaled(*origin_m, normal, radius_m), normal }
             }
             Shape::Sphere { centre_m, diameter_m } => {
                 let grown_m = half("diameter_m", [*diameter_m; 3], radius_m)?[0];
-                Kind::Sphere {
-                    centre_m: *centre_m,
-                    radius_m: grown_m,
-                    last_normal: [0.0, 0.0, 1.0],
-                }
+                Kind::Sphere { centre_m: *centre_m, radius_m: grown_m, last_normal: [0.0, 0.0, 1.0] }
             }
-            Shape::Box { centre_m, size_m } => Kind::Box {
-                centre_m: *centre_m,
-                half_m: half("size_m", *size_m, radius_m)?,
-                proxy_m: None,
-            },
-            Shape::Room { centre_m, size_m } => Kind::Room {
-                centre_m: *centre_m,
-                half_m: half("size_m", *size_m, -radius_m)?,
-            },
+            Shape::Box { centre_m, size_m } => {
+                Kind::Box { centre_m: *centre_m, half_m: half("size_m", *size_m, radius_m)?, proxy_m: None }
+            }
+            Shape::Room { centre_m, size_m } => {
+                Kind::Room { centre_m: *centre_m, half_m: half("size_m", *size_m, -radius_m)? }
+            }
             Shape::Mesh { mesh, start_m } => Kind::Mesh(match start_m {
                 Some(start_m) => MeshProxy::new(mesh.clone(), *start_m),
                 None => MeshProxy::outside(mesh.clone()),
@@ -160,12 +125,9 @@ impl Touch {
     /// Takes over the state of another tool on a shape of the same kind.
     pub fn copy_state_from(&mut self, other: &Self) {
         match (&mut self.kind, &other.kind) {
-            (
-                Kind::Sphere { last_normal, .. },
-                Kind::Sphere {
-                    last_normal: other, ..
-                },
-            ) => *last_normal = *other,
+            (Kind::Sphere { last_normal, .. }, Kind::Sphere { last_normal: other, .. }) => {
+                *last_normal = *other
+            }
             (Kind::Box { proxy_m, .. }, Kind::Box { proxy_m: other, .. }) => *proxy_m = *other,
             (Kind::Mesh(proxy), Kind::Mesh(other)) => proxy.copy_state_from(other),
             _ => {}
@@ -182,21 +144,13 @@ impl Touch {
                 let depth_m = dot(sub(*origin_m, hip_m), *normal);
                 pushed(hip_m, *normal, depth_m, 0)
             }
-            Kind::Sphere {
-                centre_m,
-                radius_m,
-                last_normal,
-            } => {
+            Kind::Sphere { centre_m, radius_m, last_normal } => {
                 let away = sub(hip_m, *centre_m);
                 let normal = direction(away).unwrap_or(*last_normal);
                 *last_normal = normal;
                 pushed(hip_m, normal, *radius_m - norm(away), 0)
             }
-            Kind::Box {
-                centre_m,
-                half_m,
-                proxy_m,
-            } => {
+            Kind::Box { centre_m, half_m, proxy_m } => {
                 let local_m = sub(hip_m, *centre_m);
                 let (next_m, side) = around_box(*half_m, proxy_m.unwrap_or(local_m), local_m);
                 *proxy_m = Some(next_m);
@@ -233,25 +187,11 @@ fn pushed(hip_m: Vec3, normal: Vec3, depth_m: f64, face: u32) -> Contact {
         return Contact::free(hip_m);
     }
     let ihip_m = add_scaled(hip_m, normal, depth_m);
-    Contact {
-        touching: true,
-        hip_m,
-        ihip_m,
-        penetration_m: depth_m,
-        normal,
-        face,
-    }
+    Contact { touching: true, hip_m, ihip_m, penetration_m: depth_m, normal, face }
 }
 
 fn pushed_to(hip_m: Vec3, ihip_m: Vec3, normal: Vec3, face: u32) -> Contact {
-    Contact {
-        touching: true,
-        hip_m,
-        ihip_m,
-        penetration_m: distance(hip_m, ihip_m),
-        normal,
-        face,
-    }
+    Contact { touching: true, hip_m, ihip_m, penetration_m: distance(hip_m, ihip_m), normal, face }
 }
 
 /// The god-object around a box at the origin: from where the proxy was towards the device, stopped at a side, along that
@@ -259,11 +199,7 @@ fn pushed_to(hip_m: Vec3, ihip_m: Vec3, normal: Vec3, face: u32) -> Contact {
 fn around_box(half_m: Vec3, proxy_m: Vec3, hip_m: Vec3) -> (Vec3, Option<u32>) {
     let inside = |x: Vec3| (0..3).all(|i| x[i].abs() < half_m[i]);
     // The first position is inside the box: use the nearest side.
-    let start_m = if inside(proxy_m) {
-        lift_out(half_m, proxy_m)
-    } else {
-        proxy_m
-    };
+    let start_m = if inside(proxy_m) { lift_out(half_m, proxy_m) } else { proxy_m };
     let Some((axis, sign)) = entry(half_m, start_m, hip_m) else {
         return (hip_m, None);
     };
@@ -311,9 +247,7 @@ fn entry(half_m: Vec3, from_m: Vec3, to_m: Vec3) -> Option<(usize, f64)> {
         }
         leave = leave.min(last);
     }
-    enter
-        .1
-        .filter(|_| (0.0..1.0).contains(&enter.0) && enter.0 < leave)
+    enter.1.filter(|_| (0.0..1.0).contains(&enter.0) && enter.0 < leave)
 }
 
 /// Several shapes at once; the deepest contact applies.
@@ -325,10 +259,8 @@ pub struct Scene {
 impl Scene {
     /// A tool whose tip is a sphere of this diameter, m, among shapes.
     pub fn new(shapes: &[Shape], proxy_diameter_m: f64) -> Result<Self, ShapeError> {
-        let touches = shapes
-            .iter()
-            .map(|shape| Touch::new(shape, proxy_diameter_m))
-            .collect::<Result<_, _>>()?;
+        let touches =
+            shapes.iter().map(|shape| Touch::new(shape, proxy_diameter_m)).collect::<Result<_, _>>()?;
         Ok(Self { touches })
     }
 
@@ -342,17 +274,12 @@ impl Scene {
     /// Advances one tick; returns the deepest contact and the index of its shape.
     pub fn update(&mut self, hip_m: Vec3) -> (Contact, usize) {
         let free = (Contact::free(hip_m), 0);
-        self.touches
-            .iter_mut()
-            .map(|touch| touch.update(hip_m))
-            .enumerate()
-            .fold(free, |deepest, (i, contact)| {
-                if contact.penetration_m > deepest.0.penetration_m {
-                    (contact, i)
-                } else {
-                    deepest
-                }
-            })
+        self.touches.iter_mut().map(|touch| touch.update(hip_m)).enumerate().fold(
+            free,
+            |deepest, (i, contact)| {
+                if contact.penetration_m > deepest.0.penetration_m { (contact, i) } else { deepest }
+            },
+        )
     }
 }
 

@@ -69,20 +69,12 @@ mod tests {
     use haptograph_signal::Complex64;
 
     fn contact(penetration_m: f64) -> Contact {
-        Contact {
-            touching: true,
-            penetration_m,
-            normal: [0.0, 0.0, 1.0],
-            ..Contact::free([0.0; 3])
-        }
+        Contact { touching: true, penetration_m, normal: [0.0, 0.0, 1.0], ..Contact::free([0.0; 3]) }
     }
 
     #[test]
     fn a_wall_pushes_by_hookes_law_and_never_pulls() {
-        let wall = Wall {
-            stiffness_n_per_m: 250.0,
-            damping_n_s_per_m: 2.0,
-        };
+        let wall = Wall { stiffness_n_per_m: 250.0, damping_n_s_per_m: 2.0 };
         assert_eq!(wall.push_n(&contact(0.004), [0.0; 3]), [0.0, 0.0, 1.0]);
         assert_eq!(wall.force_n(&contact(0.004), [9.0, 0.0, -0.1]), 1.2);
         assert_eq!(wall.force_n(&contact(0.004), [0.0, 0.0, 1.0]), 0.0);
@@ -106,16 +98,10 @@ mod tests {
     fn the_bound_is_the_worst_case_of_the_general_condition() {
         for (stiffness_n_per_m, damping_n_s_per_m) in [(250.0, 0.0), (500.0, 1.0), (2300.0, -0.5), (0.0, 2.0)]
         {
-            let wall = Wall {
-                stiffness_n_per_m,
-                damping_n_s_per_m,
-            };
+            let wall = Wall { stiffness_n_per_m, damping_n_s_per_m };
             let needed = wall.passivity(0.0, 1000.0).needed_n_s_per_m;
             let looked_up = least_damping(&wall, 1000.0);
-            assert!(
-                (needed - looked_up).abs() < 1e-6 * needed,
-                "{wall:?}: {needed} {looked_up}"
-            );
+            assert!((needed - looked_up).abs() < 1e-6 * needed, "{wall:?}: {needed} {looked_up}");
         }
     }
 
@@ -138,10 +124,7 @@ mod tests {
 
     #[test]
     fn inside_the_bound_nothing_grows_and_far_outside_a_free_device_does() {
-        let wall = Wall {
-            stiffness_n_per_m: 500.0,
-            damping_n_s_per_m: 0.0,
-        };
+        let wall = Wall { stiffness_n_per_m: 500.0, damping_n_s_per_m: 0.0 };
         for mass_kg in [0.01, 0.045, 0.1, 1.0] {
             assert!(wall.passivity(0.26, 1000.0).passive);
             assert!(!oscillation_grows(&wall, 0.26, mass_kg));
@@ -152,15 +135,9 @@ mod tests {
 
     #[test]
     fn the_bound_names_the_stiffness_that_could_be_had() {
-        let wall = Wall {
-            stiffness_n_per_m: 500.0,
-            damping_n_s_per_m: 0.0,
-        };
+        let wall = Wall { stiffness_n_per_m: 500.0, damping_n_s_per_m: 0.0 };
         let verdict = wall.passivity(0.1, 1000.0);
         assert!(!verdict.passive);
-        assert_eq!(
-            (verdict.needed_n_s_per_m, verdict.most_stiffness_n_per_m),
-            (0.25, 200.0)
-        );
+        assert_eq!((verdict.needed_n_s_per_m, verdict.most_stiffness_n_per_m), (0.25, 200.0));
     }
 }

@@ -23,11 +23,7 @@ pub struct WrenchSettings {
 impl Default for WrenchSettings {
     /// 0.08 N; the steps of a Nano17 SI-25-0.25: 1/160 N and 1/32 N mm.
     fn default() -> Self {
-        Self {
-            threshold_n: 0.08,
-            force_step_n: 1.0 / 160.0,
-            torque_step_n_m: 1e-3 / 32.0,
-        }
+        Self { threshold_n: 0.08, force_step_n: 1.0 / 160.0, torque_step_n_m: 1e-3 / 32.0 }
     }
 }
 
@@ -83,11 +79,7 @@ impl WrenchLocator {
             point_uncertainty_m: 0.0,
             miss_m: 0.0,
         };
-        Ok(Self {
-            object,
-            settings,
-            last,
-        })
+        Ok(Self { object, settings, last })
     }
 
     /// The object, in the sensor's frame.
@@ -145,12 +137,7 @@ impl WrenchLocator {
     }
 
     fn let_go(&mut self) -> WrenchContact {
-        self.last = WrenchContact {
-            touching: false,
-            normal_force_n: 0.0,
-            friction_n: ZERO,
-            ..self.last
-        };
+        self.last = WrenchContact { touching: false, normal_force_n: 0.0, friction_n: ZERO, ..self.last };
         self.last
     }
 

@@ -63,12 +63,7 @@ impl NodeKind for ContactFromWrench {
                 "Point, outward normal and face; there is no penetration.",
             ),
             output("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
-            output(
-                "friction",
-                Kind::VECTOR,
-                Quantity::FORCE,
-                "Friction on the tool, N.",
-            ),
+            output("friction", Kind::VECTOR, Quantity::FORCE, "Friction on the tool, N."),
             output(
                 "residual",
                 Kind::SCALAR,
@@ -100,9 +95,7 @@ impl NodeKind for ContactFromWrench {
                 Quantity::NUMBER,
                 "1 while a torque is at the end of the sensor's range, where the point is wrong; else 0.",
             )
-            .with_role(OutputRole::Shortfall(&[
-                "a torque was at the end of the sensor's range",
-            ])),
+            .with_role(OutputRole::Shortfall(&["a torque was at the end of the sensor's range"])),
         ],
         example: r#""touch": ContactFromWrench(wrench: "sensor.wrench", object: Cube(edge_mm: 25.4), height_mm: 8.0)"#,
     };
@@ -118,10 +111,7 @@ impl NodeKind for ContactFromWrench {
             BuildError::at("object", error.to_string()).help("give a convex object, or its convex hull")
         })?;
         let most_torque_n_m = settings.most_torque_n_mm.si();
-        Ok(Built::new(Locating {
-            locator,
-            most_torque_n_m,
-        }))
+        Ok(Built::new(Locating { locator, most_torque_n_m }))
     }
 
     fn advice(settings: &ContactFromWrenchSettings, _: &BuildContext) -> Vec<BuildError> {
@@ -129,14 +119,9 @@ impl NodeKind for ContactFromWrench {
             return Vec::new();
         };
         // A convex object's largest torque is at a corner.
-        let levers_m = (0..object.triangles().len() as u32).flat_map(|face| {
-            object
-                .corners(face)
-                .map(|corner| cross(corner, object.normal(face)))
-        });
-        let lever_m = levers_m
-            .flatten()
-            .fold(0.0, |most: f64, lever| most.max(lever.abs()));
+        let levers_m = (0..object.triangles().len() as u32)
+            .flat_map(|face| object.corners(face).map(|corner| cross(corner, object.normal(face))));
+        let lever_m = levers_m.flatten().fold(0.0, |most: f64, lever| most.max(lever.abs()));
         let torque_n_mm = NewtonMillimetres::of_si(settings.press_n * lever_m).0;
         let range_n_mm = settings.most_torque_n_mm.0;
         if torque_n_mm <= range_n_mm * (1.0 + 1e-9) {
@@ -253,13 +238,7 @@ impl NodeKind for SurfaceSpeed {
         source: "5.2.3",
         inputs: &[
             input("contact", Contact::KIND, Quantity::NUMBER, "The contact."),
-            input(
-                "uncertainty",
-                Kind::SCALAR,
-                Quantity::LENGTH,
-                "Uncertainty of the point, m.",
-            )
-            .optional(),
+            input("uncertainty", Kind::SCALAR, Quantity::LENGTH, "Uncertainty of the point, m.").optional(),
         ],
         outputs: &[
             output(
@@ -274,21 +253,13 @@ impl NodeKind for SurfaceSpeed {
                 Quantity::SPEED,
                 "Velocity in the tangent plane, m/s; zero in free space.",
             ),
-            output(
-                "way",
-                Kind::SCALAR,
-                Quantity::LENGTH,
-                "Length of the path so far, m.",
-            ),
+            output("way", Kind::SCALAR, Quantity::LENGTH, "Length of the path so far, m."),
         ],
         example: r#""speed": SurfaceSpeed(contact: "touch.contact", uncertainty: "touch.point_uncertainty")"#,
     };
 
     fn build(settings: SurfaceSpeedSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let filter = SpeedFilter::Butterworth {
-            order: 2,
-            cutoff_hz: settings.cutoff_hz,
-        };
+        let filter = SpeedFilter::Butterworth { order: 2, cutoff_hz: settings.cutoff_hz };
         let path =
             SurfacePath::new(filter, settings.leash, cx.rate.hz()).map_err(design_error("cutoff_hz"))?;
         Ok(Built::new(Following { path }))
@@ -312,10 +283,8 @@ struct Following {
 
 impl Processor<SurfaceSpeed> for Following {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, SurfaceSpeed>) {
-        let (contacts, uncertainties) = (
-            io.decode(SurfaceSpeed::CONTACT),
-            io.read(SurfaceSpeed::UNCERTAINTY),
-        );
+        let (contacts, uncertainties) =
+            (io.decode(SurfaceSpeed::CONTACT), io.read(SurfaceSpeed::UNCERTAINTY));
         let (speed, along, way) = io.write_all((SurfaceSpeed::SPEED, SurfaceSpeed::ALONG, SurfaceSpeed::WAY));
         for (frame, contact) in contacts.enumerate() {
             let point_uncertainty_m =
@@ -366,9 +335,7 @@ mod tests {
     #[test]
     fn a_press_on_the_cube_is_found_where_it_is() {
         let settings = ContactFromWrenchSettings {
-            object: Object::Cube(CubeSettings {
-                edge_mm: Millimetres(25.4),
-            }),
+            object: Object::Cube(CubeSettings { edge_mm: Millimetres(25.4) }),
             height_mm: Millimetres(8.0),
             threshold_n: 0.08,
             force_step_n: 1.0 / 160.0,
@@ -381,19 +348,11 @@ mod tests {
         let wrench = [force, cross(point, force)].concat();
         let out = bench.run(&[&[wrench, vec![0.0; 6]].concat()]);
         assert_eq!(out[7], [1.0, 0.0], "the torque of 10.7 N mm is beyond the range");
-        let contacts: Vec<Contact> = out[0]
-            .as_chunks()
-            .0
-            .iter()
-            .map(Contact::from_components)
-            .collect();
+        let contacts: Vec<Contact> = out[0].as_chunks().0.iter().map(Contact::from_components).collect();
         assert!(crate::vector::distance(contacts[0].ihip_m, point) < 1e-9);
         assert_eq!(contacts[0].normal, [0.0, 0.0, 1.0]);
         assert!((out[1][0] - 1.0).abs() < 1e-9, "load");
-        assert!(
-            (out[2][0] + 0.2).abs() < 1e-9 && (out[2][1] + 0.1).abs() < 1e-9,
-            "friction on the tool"
-        );
+        assert!((out[2][0] + 0.2).abs() < 1e-9 && (out[2][1] + 0.1).abs() < 1e-9, "friction on the tool");
         assert!(out[3][0] < 1e-9 && out[5][0] < 1e-9);
         // Eq. 5.2.4 by the torque, as printed; and by the whole lever to the point.
         let (force_n, torque_n_m) = (norm(force), norm(cross(point, force)));
@@ -401,11 +360,7 @@ mod tests {
             let relative = (1e-3 / 32.0 / torque_n_m).hypot(1.0 / 160.0 / force_n);
             torque_n_m / force_n * relative
         };
-        assert!(
-            (out[4][0] / printed(torque_n_m) - 1.0).abs() < 1e-9,
-            "{}",
-            out[4][0]
-        );
+        assert!((out[4][0] / printed(torque_n_m) - 1.0).abs() < 1e-9, "{}", out[4][0]);
         assert!((out[6][0] / printed(force_n * norm(point)) - 1.0).abs() < 1e-9);
         assert!(out[6][0] > 2.0 * out[4][0]);
         assert!(!contacts[1].touching && out[1][1] == 0.0);
@@ -414,10 +369,7 @@ mod tests {
     #[test]
     fn sliding_over_an_edge_keeps_its_speed() {
         let bench = || {
-            let settings = SurfaceSpeedSettings {
-                cutoff_hz: 20.0,
-                leash: 0.0,
-            };
+            let settings = SurfaceSpeedSettings { cutoff_hz: 20.0, leash: 0.0 };
             Bench::new::<SurfaceSpeed>(settings, 1000.0, &[Contact::KIND]).unwrap()
         };
         // Along the top to the edge at x = 0, then down the side, 50 mm/s.
@@ -429,13 +381,7 @@ mod tests {
                 } else {
                     ([0.0, 0.0, -way], [1.0, 0.0, 0.0])
                 };
-                Contact {
-                    touching: true,
-                    ihip_m,
-                    normal,
-                    ..Contact::default()
-                }
-                .to_components()
+                Contact { touching: true, ihip_m, normal, ..Contact::default() }.to_components()
             })
             .collect();
         let out = bench().run(&[&contacts]);
@@ -446,10 +392,7 @@ mod tests {
 
     #[test]
     fn the_speed_is_as_late_as_the_node_says() {
-        let settings = SurfaceSpeedSettings {
-            cutoff_hz: 20.0,
-            leash: LEASH,
-        };
+        let settings = SurfaceSpeedSettings { cutoff_hz: 20.0, leash: LEASH };
         let mut bench = Bench::new::<SurfaceSpeed>(settings, 1000.0, &[Contact::KIND]).unwrap();
         // Ever faster by 0.2 m/s2.
         let contacts: Vec<f64> = (0..600)
@@ -467,10 +410,7 @@ mod tests {
         let speed_m_s = bench.run(&[&contacts])[0][599];
         let late_s = 0.599 - speed_m_s / 0.2;
         let stated_s = bench.latency().group_delay_s;
-        assert!(
-            (late_s - stated_s).abs() < 1e-4,
-            "{late_s} s, stated {stated_s} s"
-        );
+        assert!((late_s - stated_s).abs() < 1e-4, "{late_s} s, stated {stated_s} s");
         assert!((stated_s - 0.0117).abs() < 2e-4, "{stated_s}");
     }
 
@@ -482,10 +422,7 @@ mod tests {
                     endsolid open\n";
         std::fs::write(&file, open).unwrap();
         let settings = ContactFromWrenchSettings {
-            object: Object::Solid(super::super::object::SolidSettings {
-                file,
-                unit_mm: Millimetres(1.0),
-            }),
+            object: Object::Solid(super::super::object::SolidSettings { file, unit_mm: Millimetres(1.0) }),
             height_mm: Millimetres(0.0),
             threshold_n: 0.08,
             force_step_n: 0.01,

@@ -169,9 +169,7 @@ impl NodeKind for BandPass {
 
     fn advice(settings: &BandPassSettings, cx: &BuildContext) -> Vec<BuildError> {
         let edges = [(&LOW, settings.low_hz), (&HIGH, settings.high_hz)].into_iter();
-        edges
-            .filter_map(|(edge, setting)| edge.advice(setting, cx))
-            .collect()
+        edges.filter_map(|(edge, setting)| edge.advice(setting, cx)).collect()
     }
 }
 
@@ -258,13 +256,7 @@ mod tests {
     /// Root mean square of the second half of the answer to a sine of amplitude root 2, lane 1 of 3.
     fn gain(mut bench: Bench, frequency_hz: f64) -> f64 {
         let x: Vec<f64> = (0..8000)
-            .flat_map(|k| {
-                [
-                    1.0,
-                    2.0_f64.sqrt() * (TAU * frequency_hz * f64::from(k) / RATE_HZ).sin(),
-                    0.0,
-                ]
-            })
+            .flat_map(|k| [1.0, 2.0_f64.sqrt() * (TAU * frequency_hz * f64::from(k) / RATE_HZ).sin(), 0.0])
             .collect();
         let y = &bench.run_in_blocks(&[&x], &[1, 64, 333])[0];
         let frames = &y.as_chunks::<3>().0[4000..];
@@ -273,10 +265,7 @@ mod tests {
     }
 
     fn cutoff(cutoff_hz: f64, order: u32) -> CutoffSettings {
-        CutoffSettings {
-            cutoff_hz: Some(cutoff_hz),
-            order,
-        }
+        CutoffSettings { cutoff_hz: Some(cutoff_hz), order }
     }
 
     fn bench<K: NodeKind>(settings: K::Settings) -> Bench {
@@ -293,20 +282,14 @@ mod tests {
         near(gain(bench::<HighPass>(cutoff(50.0, 3)), 50.0), half_power);
         near(gain(bench::<HighPass>(cutoff(50.0, 3)), 400.0), 1.0);
         near(gain(bench::<Bessel>(cutoff(50.0, 5)), 50.0), half_power);
-        let band = BandPassSettings {
-            low_hz: Some(40.0),
-            high_hz: Some(90.0),
-            order: 2,
-        };
+        let band = BandPassSettings { low_hz: Some(40.0), high_hz: Some(90.0), order: 2 };
         near(gain(bench::<BandPass>(band.clone()), 40.0), half_power);
         near(gain(bench::<BandPass>(band), 90.0), half_power);
         // Backward differences bend it a little: (lambda T)^2 / |1 + lambda T - z^-1|^2.
         let step = TAU * 5.0 / RATE_HZ;
         let exact = step * step / ((1.0 + step - step.cos()).powi(2) + step.sin().powi(2));
         assert!((exact - 0.5).abs() < 0.02);
-        let pole = DoublePoleSettings {
-            lambda_rad_s: TAU * 5.0,
-        };
+        let pole = DoublePoleSettings { lambda_rad_s: TAU * 5.0 };
         near(gain(bench::<DoublePole>(pole), 5.0), exact);
     }
 
@@ -318,10 +301,7 @@ mod tests {
 
     /// Noise, the cut-off as a signal that stays, leaps and is no number.
     fn sweeping(blocks: &[usize]) -> Vec<f64> {
-        let open = CutoffSettings {
-            cutoff_hz: None,
-            order: 3,
-        };
+        let open = CutoffSettings { cutoff_hz: None, order: 3 };
         let mut bench = Bench::new::<LowPass>(open, RATE_HZ, &[Kind::SCALAR, Kind::SCALAR]).unwrap();
         let x: Vec<f64> = (0..900).map(|k| (0.3 * f64::from(k * k)).sin()).collect();
         let cutoff: Vec<f64> = (0..900)
@@ -342,11 +322,7 @@ mod tests {
         let x: Vec<f64> = (0..300).map(|k| (0.3 * f64::from(k * k)).sin()).collect();
         let mut fixed = Bench::new::<LowPass>(cutoff(50.0, 3), RATE_HZ, &[Kind::SCALAR]).unwrap();
         let same = fixed.run(&[&x]).remove(0);
-        let apart = same
-            .iter()
-            .zip(&y)
-            .map(|(a, b)| (a - b).abs())
-            .fold(0.0, f64::max);
+        let apart = same.iter().zip(&y).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(apart < 1e-12, "{apart}");
         let largest = y.iter().fold(0.0_f64, |most, y| most.max(y.abs()));
         assert!(largest < 2.0, "{largest}");
@@ -369,11 +345,7 @@ mod tests {
 
     #[test]
     fn edges_that_make_no_band_leave_the_last_one() {
-        let band = BandPassSettings {
-            low_hz: Some(40.0),
-            high_hz: Some(90.0),
-            order: 2,
-        };
+        let band = BandPassSettings { low_hz: Some(40.0), high_hz: Some(90.0), order: 2 };
         let run = |first: &[(LiveId<BandPass>, f64)]| {
             let mut bench = Bench::new::<BandPass>(band.clone(), RATE_HZ, &[Kind::SCALAR]).unwrap();
             first.iter().for_each(|(setting, hz)| bench.set(*setting, *hz));
@@ -382,18 +354,12 @@ mod tests {
         };
         let (low, high) = (LOW.setting, HIGH.setting);
         assert_eq!(run(&[(low, 100.0)]), run(&[]));
-        assert_eq!(
-            run(&[(low, 100.0), (high, 200.0)]),
-            run(&[(high, 200.0), (low, 100.0)])
-        );
+        assert_eq!(run(&[(low, 100.0), (high, 200.0)]), run(&[(high, 200.0), (low, 100.0)]));
     }
 
     #[test]
     fn a_cut_off_is_given_once() {
-        let open = CutoffSettings {
-            cutoff_hz: None,
-            order: 2,
-        };
+        let open = CutoffSettings { cutoff_hz: None, order: 2 };
         assert!(Bench::new::<LowPass>(open, RATE_HZ, &[Kind::SCALAR]).is_err());
         let cx = BuildContext::new("low", haptograph_signal::time::Rate::new(1000, 1).unwrap());
         let scalar = Some(Kind::SCALAR);

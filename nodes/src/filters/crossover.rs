@@ -40,10 +40,7 @@ impl NodeKind for Crossover {
     fn members(settings: &CrossoverSettings) -> Result<Vec<String>, BuildError> {
         let (frequencies, names) = (settings.at_hz.len(), settings.names.len());
         if names != frequencies + 1 {
-            let message = format!(
-                "the number of bands is {}, that of names {names}",
-                frequencies + 1
-            );
+            let message = format!("the number of bands is {}, that of names {names}", frequencies + 1);
             let help = "n frequencies make n + 1 bands: give a name for each";
             return Err(BuildError::at("names", message).help(help));
         }
@@ -52,10 +49,7 @@ impl NodeKind for Crossover {
 
     fn build(settings: CrossoverSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         refuse_disorder(&settings.at_hz)?;
-        let crossings = settings
-            .at_hz
-            .iter()
-            .map(|at_hz| Crossing::at(*at_hz, cx.rate.hz()));
+        let crossings = settings.at_hz.iter().map(|at_hz| Crossing::at(*at_hz, cx.rate.hz()));
         let crossings: Vec<Crossing> = crossings.collect::<Result<_, _>>()?;
         let width = cx.width(INPUT);
         let all_pass = aligned(&crossings);
@@ -106,28 +100,16 @@ impl Crossing {
         let low = butterworth_lowpass(2, at_hz, rate_hz).map_err(design_error("at_hz"))?;
         let high = butterworth_highpass(2, at_hz, rate_hz).map_err(design_error("at_hz"))?;
         let ([low], [high]) = (&*low.sections, &*high.sections) else {
-            return Err(BuildError::at(
-                "at_hz",
-                format!("no crossover can be made at {at_hz} Hz"),
-            ));
+            return Err(BuildError::at("at_hz", format!("no crossover can be made at {at_hz} Hz")));
         };
         let [a1, a2] = low.a;
-        Ok(Self {
-            low: *low,
-            high: *high,
-            all_pass: Biquad {
-                b: [a2, a1, 1.0],
-                a: low.a,
-            },
-        })
+        Ok(Self { low: *low, high: *high, all_pass: Biquad { b: [a2, a1, 1.0], a: low.a } })
     }
 }
 
 /// The all-passes of crossings, which a band below all of them needs to stay in phase with those above.
 fn aligned(crossings: &[Crossing]) -> Sections {
-    Sections {
-        sections: crossings.iter().map(|crossing| crossing.all_pass).collect(),
-    }
+    Sections { sections: crossings.iter().map(|crossing| crossing.all_pass).collect() }
 }
 
 /// The filters of one component.
@@ -142,14 +124,10 @@ impl Lane {
         let split = |(place, crossing): (usize, &Crossing)| {
             let mut band = aligned(&crossings[place + 1..]);
             band.sections.splice(..0, [crossing.low; 2]);
-            let rest = Sections {
-                sections: vec![crossing.high; 2],
-            };
+            let rest = Sections { sections: vec![crossing.high; 2] };
             (SectionsState::new(&band), SectionsState::new(&rest))
         };
-        Self {
-            splits: crossings.iter().enumerate().map(split).collect(),
-        }
+        Self { splits: crossings.iter().enumerate().map(split).collect() }
     }
 }
 
@@ -240,8 +218,7 @@ mod tests {
     /// Its Fourier transform at a frequency.
     fn gain(impulse: &[f64], frequency_hz: f64) -> Complex64 {
         let each = impulse.iter().enumerate();
-        each.map(|(k, y)| Complex64::from_polar(*y, -TAU * frequency_hz * k as f64 / RATE_HZ))
-            .sum()
+        each.map(|(k, y)| Complex64::from_polar(*y, -TAU * frequency_hz * k as f64 / RATE_HZ)).sum()
     }
 
     fn db(gain: Complex64) -> f64 {
@@ -263,11 +240,7 @@ mod tests {
             for step in 0..200 {
                 let frequency_hz = 5.0 + 9.97 * f64::from(step);
                 let sum: Complex64 = bands.iter().map(|band| gain(band, frequency_hz)).sum();
-                assert!(
-                    db(sum).abs() < 1e-6,
-                    "{at_hz:?} at {frequency_hz} Hz: {} dB",
-                    db(sum)
-                );
+                assert!(db(sum).abs() < 1e-6, "{at_hz:?} at {frequency_hz} Hz: {} dB", db(sum));
             }
         }
     }
@@ -290,10 +263,7 @@ mod tests {
             let [below, high] = linkwitz_riley(250.0, frequency_hz);
             // The all-pass of the crossing above changes no magnitude of the lowest band.
             for (band, wanted) in three.iter().zip([low, above * below, above * high]) {
-                assert!(
-                    (gain(band, frequency_hz).norm() - wanted).abs() < 1e-9,
-                    "{frequency_hz}"
-                );
+                assert!((gain(band, frequency_hz).norm() - wanted).abs() < 1e-9, "{frequency_hz}");
             }
         }
     }
@@ -334,17 +304,11 @@ mod tests {
         let (below, above) = (sum(0.55), sum(0.65));
         let delay_s = (below / above).arg() / (TAU * 0.1);
         let stated_s = bench.latency().group_delay_s;
-        assert!(
-            (stated_s - delay_s).abs() < 1e-6,
-            "{stated_s} s is stated, {delay_s} s found"
-        );
+        assert!((stated_s - delay_s).abs() < 1e-6, "{stated_s} s is stated, {delay_s} s found");
         // 2 √2 / ω of each all-pass, of the frequencies as the bilinear transform has them.
         let of_each = |at_hz: f64| 2.0_f64.sqrt() / (RATE_HZ * (0.5 * TAU * at_hz / RATE_HZ).tan());
         let wanted_s = of_each(60.0) + of_each(250.0);
-        assert!(
-            (stated_s - wanted_s).abs() < 1e-3 * wanted_s,
-            "{stated_s} s, not {wanted_s} s"
-        );
+        assert!((stated_s - wanted_s).abs() < 1e-3 * wanted_s, "{stated_s} s, not {wanted_s} s");
     }
 
     #[test]
@@ -371,21 +335,14 @@ mod tests {
                 names: (0..names).map(|band| format!("band{band}")).collect(),
                 ..settings(at_hz)
             };
-            Bench::new::<Crossover>(settings, RATE_HZ, &[Kind::SCALAR])
-                .err()
-                .and_then(|error| error.field)
+            Bench::new::<Crossover>(settings, RATE_HZ, &[Kind::SCALAR]).err().and_then(|error| error.field)
         };
         assert_eq!(refused(&[100.0], 2), None);
         assert_eq!(refused(&[100.0], 1), Some("names"));
         assert_eq!(refused(&[], 0), Some("names"));
-        for at_hz in [
-            [200.0, 100.0],
-            [100.0, 100.0],
-            [-1.0, 100.0],
-            [0.0, 1.0],
-            [100.0, 2000.0],
-            [1.0, 1e300],
-        ] {
+        for at_hz in
+            [[200.0, 100.0], [100.0, 100.0], [-1.0, 100.0], [0.0, 1.0], [100.0, 2000.0], [1.0, 1e300]]
+        {
             assert_eq!(refused(&at_hz, 3), Some("at_hz"), "{at_hz:?}");
         }
     }

@@ -141,11 +141,7 @@ impl Tuning {
             Shape::BandPass => [0.0, damping, 0.0],
             Shape::Notch => [1.0, -damping, 0.0],
         };
-        Self {
-            a: [a1, g * a1, g * g * a1],
-            damping,
-            mix,
-        }
+        Self { a: [a1, g * a1, g * g * a1], damping, mix }
     }
 
     /// The same filter as a section, to compute its delay.
@@ -160,11 +156,7 @@ impl Tuning {
             Shape::Notch => [low, 0.0, a1],
         };
         filter::Biquad {
-            b: [
-                b_low + b_band + b_high,
-                2.0 * (b_low - b_high),
-                b_low - b_band + b_high,
-            ],
+            b: [b_low + b_band + b_high, 2.0 * (b_low - b_high), b_low - b_band + b_high],
             a: [2.0 * (g * g - 1.0) * a1, (1.0 + g * (g - self.damping)) * a1],
         }
     }
@@ -173,11 +165,7 @@ impl Tuning {
 impl StateVariable {
     /// Filters a block of frames; the first frame is tick `first`.
     fn run(&mut self, first: u64, width: usize, x: &[f64], y: &mut [f64]) {
-        let Tuning {
-            a: [a1, a2, a3],
-            mix: [direct, band, low],
-            ..
-        } = self.tuning;
+        let Tuning { a: [a1, a2, a3], mix: [direct, band, low], .. } = self.tuning;
         let frames = y.chunks_exact_mut(width).zip(x.chunks_exact(width));
         for ((y, x), now) in frames.zip(first..) {
             for ((y, x), [s1, s2]) in y.iter_mut().zip(x).zip(&mut self.states) {
@@ -209,10 +197,7 @@ impl Processor<Biquad> for StateVariable {
         let (y, mut from) = (io.write(Biquad::OUTPUT), 0);
         while from < tick.frames {
             let end = next_change(&[frequency], from, tick.frames);
-            if let Some(hz) = frequency
-                .map(|frequency| frequency[from])
-                .filter(|hz| hz.is_finite())
-            {
+            if let Some(hz) = frequency.map(|frequency| frequency[from]).filter(|hz| hz.is_finite()) {
                 self.turn(within(hz, self.rate_hz));
             }
             let lanes = from * width..end * width;
@@ -246,9 +231,7 @@ impl Processor<Biquad> for StateVariable {
         if self.follows {
             return Latency::default();
         }
-        let sections = filter::Sections {
-            sections: vec![self.tuning.section(&self.wanted, self.rate_hz)],
-        };
+        let sections = filter::Sections { sections: vec![self.tuning.section(&self.wanted, self.rate_hz)] };
         let passband_hz = match self.wanted.shape {
             Shape::LowPass | Shape::Notch => 0.01 * self.wanted.frequency_hz,
             Shape::BandPass => self.wanted.frequency_hz,
@@ -292,17 +275,12 @@ impl NodeKind for SecondOrderSection {
     };
 
     fn build(settings: SecondOrderSectionSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let section = filter::Biquad {
-            b: settings.b,
-            a: settings.a,
-        };
+        let section = filter::Biquad { b: settings.b, a: settings.a };
         if !section.is_stable() {
             let message = "the section is unstable: a pole lies on or outside the unit circle";
             return Err(BuildError::at("a", message).help("stability needs |a_2| < 1 and |a_1| < 1 + a_2"));
         }
-        let sections = filter::Sections {
-            sections: vec![section],
-        };
+        let sections = filter::Sections { sections: vec![section] };
         Ok(Built::new(LaneFilter::fixed::<Self>(&sections, cx, 0.0)))
     }
 }
@@ -316,11 +294,7 @@ mod tests {
     use haptograph_signal::filter::{SectionsState, butterworth_lowpass};
 
     fn settings(shape: Shape, frequency_hz: f64, q: f64) -> BiquadSettings {
-        BiquadSettings {
-            shape,
-            frequency_hz: Some(frequency_hz),
-            q,
-        }
+        BiquadSettings { shape, frequency_hz: Some(frequency_hz), q }
     }
 
     fn section(settings: &BiquadSettings, rate_hz: f64) -> filter::Biquad {
@@ -334,16 +308,9 @@ mod tests {
 
     #[test]
     fn the_default_quality_is_butterworth() {
-        let section = section(
-            &settings(Shape::LowPass, 80.0, std::f64::consts::FRAC_1_SQRT_2),
-            1000.0,
-        );
+        let section = section(&settings(Shape::LowPass, 80.0, std::f64::consts::FRAC_1_SQRT_2), 1000.0);
         let butterworth = butterworth_lowpass(2, 80.0, 1000.0).unwrap().sections[0];
-        let pairs = section
-            .b
-            .iter()
-            .chain(&section.a)
-            .zip(butterworth.b.iter().chain(&butterworth.a));
+        let pairs = section.b.iter().chain(&section.a).zip(butterworth.b.iter().chain(&butterworth.a));
         assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-14));
     }
 
@@ -351,11 +318,7 @@ mod tests {
     fn gains_at_and_around_the_frequency() {
         let gain = |shape, at_hz| {
             let section = section(&settings(shape, 100.0, 5.0), 2000.0);
-            filter::Sections {
-                sections: vec![section],
-            }
-            .response(at_hz, 2000.0)
-            .norm()
+            filter::Sections { sections: vec![section] }.response(at_hz, 2000.0).norm()
         };
         assert!((gain(Shape::LowPass, 100.0) - 5.0).abs() < 1e-9);
         assert!((gain(Shape::HighPass, 100.0) - 5.0).abs() < 1e-9);
@@ -368,9 +331,7 @@ mod tests {
     fn what_runs_is_the_section() {
         for shape in [Shape::LowPass, Shape::HighPass, Shape::BandPass, Shape::Notch] {
             let settings = settings(shape, 130.0, 2.0);
-            let sections = filter::Sections {
-                sections: vec![section(&settings, 1000.0)],
-            };
+            let sections = filter::Sections { sections: vec![section(&settings, 1000.0)] };
             let x: Vec<f64> = (0..900).map(|k| (0.1 * f64::from(k * k)).sin()).collect();
             let mut wanted = vec![0.0; 300];
             let middle: Vec<f64> = x.iter().skip(1).step_by(3).copied().collect();
@@ -390,10 +351,7 @@ mod tests {
         let settled = bench.run(&[&ones])[0][999];
         assert!((settled - 1.0).abs() < 1e-6);
         bench.set(FREQUENCY.setting, 200.0);
-        let after = bench.run(&[&ones])[0]
-            .iter()
-            .map(|y| (y - 1.0).abs())
-            .fold(0.0, f64::max);
+        let after = bench.run(&[&ones])[0].iter().map(|y| (y - 1.0).abs()).fold(0.0, f64::max);
         assert!(after < 1e-6, "a constant stays constant: {after}");
         bench.set(FREQUENCY.setting, 1e9);
         bench.set(FREQUENCY.setting, f64::NAN);
@@ -404,10 +362,7 @@ mod tests {
     fn a_frequency_that_is_a_signal_is_what_the_setting_would_be() {
         let x: Vec<f64> = (0..300).map(|k| (0.2 * f64::from(k * k)).sin()).collect();
         let frequency: Vec<f64> = (0..300).map(|k| if k < 100 { 50.0 } else { 170.0 }).collect();
-        let open = BiquadSettings {
-            frequency_hz: None,
-            ..settings(Shape::BandPass, 1.0, 3.0)
-        };
+        let open = BiquadSettings { frequency_hz: None, ..settings(Shape::BandPass, 1.0, 3.0) };
         let kinds = [Kind::SCALAR, Kind::SCALAR];
         let mut bench = Bench::new::<Biquad>(open, 1000.0, &kinds).unwrap();
         let followed = bench.run_in_blocks(&[&x, &frequency], &[64, 7]).remove(0);
@@ -421,10 +376,7 @@ mod tests {
 
     #[test]
     fn unstable_coefficients_are_refused() {
-        let settings = SecondOrderSectionSettings {
-            b: [1.0, 0.0, 0.0],
-            a: [0.0, 1.0],
-        };
+        let settings = SecondOrderSectionSettings { b: [1.0, 0.0, 0.0], a: [0.0, 1.0] };
         let refused = Bench::new::<SecondOrderSection>(settings, 1000.0, &[Kind::SCALAR]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("a"));
     }

@@ -39,10 +39,7 @@ pub struct DahlSettings {
 impl Default for DahlSettings {
     /// z_max = 4 mm mu, passive.
     fn default() -> Self {
-        Self {
-            stretch_m: 0.004,
-            under_load: UnderLoad::Passive,
-        }
+        Self { stretch_m: 0.004, under_load: UnderLoad::Passive }
     }
 }
 
@@ -79,11 +76,7 @@ impl Dahl {
     /// proxy, force or coefficient has none.
     pub fn update(&mut self, contact: &Contact, load_n: f64, mu: f64) -> Vec3 {
         let usable = contact.touching
-            && contact
-                .ihip_m
-                .iter()
-                .chain(&contact.normal)
-                .all(|x| x.is_finite())
+            && contact.ihip_m.iter().chain(&contact.normal).all(|x| x.is_finite())
             && load_n.is_finite()
             && mu.is_finite();
         if !usable {
@@ -100,18 +93,8 @@ impl Dahl {
         // w = x - z_max d / |d| where |d| > z_max. Eq. 4.3.1
         let most_m = self.settings.stretch_m * mu;
         let length_m = norm(carried);
-        let stretch_m = if length_m > most_m {
-            scale(carried, most_m / length_m)
-        } else {
-            carried
-        };
-        self.held = Some(Held {
-            proxy_m,
-            normal,
-            load_n,
-            stretch_m,
-            credit_j,
-        });
+        let stretch_m = if length_m > most_m { scale(carried, most_m / length_m) } else { carried };
+        self.held = Some(Held { proxy_m, normal, load_n, stretch_m, credit_j });
         // F = -mu F_n z / z_max. Eq. 4.3.2
         scale(stretch_m, -load_n / self.settings.stretch_m)
     }
@@ -149,11 +132,7 @@ fn turn(v: Vec3, from: Vec3, to: Vec3) -> Vec3 {
     };
     let flat = reject(turned, to);
     let flat_length = norm(flat);
-    if flat_length > 0.0 {
-        scale(flat, length / flat_length)
-    } else {
-        ZERO
-    }
+    if flat_length > 0.0 { scale(flat, length / flat_length) } else { ZERO }
 }
 
 #[cfg(test)]

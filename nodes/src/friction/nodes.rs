@@ -15,12 +15,8 @@ use std::path::{Path, PathBuf};
 
 const CONTACT: InputSpec = input("contact", Contact::KIND, Quantity::NUMBER, "The contact.");
 const LOAD: InputSpec = input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.");
-const FORCE: OutputSpec = output(
-    "force",
-    Kind::VECTOR,
-    Quantity::FORCE,
-    "Friction on the tool, N, in the tangent plane.",
-);
+const FORCE: OutputSpec =
+    output("force", Kind::VECTOR, Quantity::FORCE, "Friction on the tool, N, in the tangent plane.");
 
 /// The coefficient of friction: the setting, or else the surface's.
 fn coefficient(mu: Option<f64>, surface: Option<&Path>) -> Result<f64, BuildError> {
@@ -150,12 +146,7 @@ impl NodeKind for ViscousCoulombFriction {
         inputs: &[
             CONTACT,
             LOAD,
-            input(
-                "velocity",
-                Kind::VECTOR,
-                Quantity::SPEED,
-                "Velocity of the tool, m/s.",
-            ),
+            input("velocity", Kind::VECTOR, Quantity::SPEED, "Velocity of the tool, m/s."),
         ],
         outputs: &[FORCE],
         example: r#""friction": ViscousCoulombFriction(contact: "touch.contact", load: "normal.load", velocity: "speed.velocity", mu: 0.35)"#,
@@ -163,9 +154,7 @@ impl NodeKind for ViscousCoulombFriction {
 
     fn build(settings: ViscousCoulombSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Dragging {
-            law: ViscousCoulomb {
-                slope_s_per_m: settings.slope_s_per_mm.si(),
-            },
+            law: ViscousCoulomb { slope_s_per_m: settings.slope_s_per_mm.si() },
             mu: coefficient(settings.mu, settings.surface.as_deref())?,
         }))
     }
@@ -247,10 +236,7 @@ mod tests {
         let mut dahl = Bench::new::<DahlFriction>(settings, 1000.0, &[Contact::KIND, Kind::SCALAR]).unwrap();
         let force = dahl.run(&[&contacts, &loads]).remove(0);
         assert!((force[30] + 10.0 * 1e-4 / 0.004).abs() < 1e-12, "it sticks first");
-        assert!(
-            (force[297] + mu).abs() < 1e-12,
-            "then it slips at the surface's {mu}"
-        );
+        assert!((force[297] + mu).abs() < 1e-12, "then it slips at the surface's {mu}");
         dahl.set(DahlFriction::MU, 0.1);
         assert!((dahl.run(&[&contacts, &loads])[0][297] + 0.1).abs() < 1e-12);
         let settings = ViscousCoulombSettings {
@@ -265,11 +251,8 @@ mod tests {
 
     #[test]
     fn a_law_without_a_coefficient_is_refused() {
-        let settings = ViscousCoulombSettings {
-            surface: None,
-            mu: None,
-            slope_s_per_mm: SecondsPerMillimetre(0.004),
-        };
+        let settings =
+            ViscousCoulombSettings { surface: None, mu: None, slope_s_per_mm: SecondsPerMillimetre(0.004) };
         let kinds = [Contact::KIND, Kind::SCALAR, Kind::VECTOR];
         let refused = Bench::new::<ViscousCoulombFriction>(settings, 1000.0, &kinds).err();
         assert_eq!(refused.and_then(|e| e.field), Some("mu"));

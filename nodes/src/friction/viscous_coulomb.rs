@@ -28,11 +28,7 @@ impl ViscousCoulomb {
         let along = reject(velocity_m_s, normal);
         let speed_m_s = norm(along);
         let size_n = load_n.max(0.0) * (self.slope_s_per_m * speed_m_s).min(mu);
-        if speed_m_s > 0.0 && size_n.is_finite() {
-            scale(along, -size_n / speed_m_s)
-        } else {
-            ZERO
-        }
+        if speed_m_s > 0.0 && size_n.is_finite() { scale(along, -size_n / speed_m_s) } else { ZERO }
     }
 
     /// Speed above which the friction is Coulomb's, m/s. Eq. A.3.1

@@ -34,11 +34,7 @@ impl NodeKind for Derivative {
     };
 
     fn build(_: NoSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        Ok(Built::new(Difference {
-            previous: [0.0; WIDEST],
-            started: false,
-            rate_hz: cx.rate.hz(),
-        }))
+        Ok(Built::new(Difference { previous: [0.0; WIDEST], started: false, rate_hz: cx.rate.hz() }))
     }
 }
 
@@ -56,15 +52,8 @@ struct Difference {
 
 impl Processor<Derivative> for Difference {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Derivative>) {
-        let (width, x) = (
-            io.width(Derivative::INPUT).min(WIDEST),
-            io.read(Derivative::INPUT),
-        );
-        for (y, x) in io
-            .write(Derivative::OUTPUT)
-            .chunks_exact_mut(width)
-            .zip(x.chunks_exact(width))
-        {
+        let (width, x) = (io.width(Derivative::INPUT).min(WIDEST), io.read(Derivative::INPUT));
+        for (y, x) in io.write(Derivative::OUTPUT).chunks_exact_mut(width).zip(x.chunks_exact(width)) {
             if !self.started {
                 self.previous[..width].copy_from_slice(x);
                 self.started = true;
@@ -162,15 +151,9 @@ struct Integral {
 
 impl Processor<Integrator> for Integral {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Integrator>) {
-        let (width, x) = (
-            io.width(Integrator::INPUT).min(WIDEST),
-            io.read(Integrator::INPUT),
-        );
+        let (width, x) = (io.width(Integrator::INPUT).min(WIDEST), io.read(Integrator::INPUT));
         let resets = io.read(Integrator::RESET);
-        let frames = io
-            .write(Integrator::OUTPUT)
-            .chunks_exact_mut(width)
-            .zip(x.chunks_exact(width));
+        let frames = io.write(Integrator::OUTPUT).chunks_exact_mut(width).zip(x.chunks_exact(width));
         for (frame, (y, x)) in frames.enumerate() {
             if resets.is_some_and(|resets| Event::from_components(&resets[frame]).fired) {
                 self.sum = [self.start; WIDEST];
@@ -178,11 +161,7 @@ impl Processor<Integrator> for Integral {
             }
             for (((y, x), sum), previous) in y.iter_mut().zip(x).zip(&mut self.sum).zip(&mut self.previous) {
                 let before = if self.started { *previous } else { *x };
-                let added = if self.started {
-                    0.5 * self.period_s * (before + x)
-                } else {
-                    0.0
-                };
+                let added = if self.started { 0.5 * self.period_s * (before + x) } else { 0.0 };
                 let next = self.keep * *sum + added;
                 if next.is_finite() {
                     // A leaking sum must not stay among the denormals.
@@ -214,9 +193,8 @@ mod tests {
     #[test]
     fn the_derivative_of_a_line_is_its_slope() {
         let mut bench = Bench::new::<Derivative>(NoSettings {}, 250.0, &[Kind::VECTOR]).unwrap();
-        let x: Vec<f64> = (0..40)
-            .flat_map(|k| [f64::from(k) / 250.0, 1.0, -2.0 * f64::from(k) / 250.0])
-            .collect();
+        let x: Vec<f64> =
+            (0..40).flat_map(|k| [f64::from(k) / 250.0, 1.0, -2.0 * f64::from(k) / 250.0]).collect();
         let y = &bench.run_in_blocks(&[&x], &[1, 7])[0];
         assert_eq!(y[..3], [0.0; 3]);
         for frame in &y.as_chunks::<3>().0[1..] {

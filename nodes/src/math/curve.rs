@@ -188,19 +188,14 @@ fn knots(points: &[[f64; 2]], between: &Between) -> Box<[Knot]> {
         };
         Knot { x, y, cubic }
     });
-    let last = points.last().map(|[x, y]| Knot {
-        x: *x,
-        y: *y,
-        cubic: [0.0; 3],
-    });
+    let last = points.last().map(|[x, y]| Knot { x: *x, y: *y, cubic: [0.0; 3] });
     pieces.chain(last).collect()
 }
 
 /// The slope at each point: the harmonic mean of those beside it where they agree in sign, so that nothing overshoots.
 fn slopes(points: &[[f64; 2]]) -> Vec<f64> {
-    let steps: Vec<f64> = { points.windows(2) }
-        .map(|pair| (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]))
-        .collect();
+    let steps: Vec<f64> =
+        { points.windows(2) }.map(|pair| (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0])).collect();
     let at = |i: usize| match (i.checked_sub(1).map(|before| steps[before]), steps.get(i)) {
         (Some(a), Some(&b)) if (a > 0.0 && b > 0.0) || (a < 0.0 && b < 0.0) => 2.0 / (1.0 / a + 1.0 / b),
         (Some(_), Some(_)) => 0.0,
@@ -287,20 +282,13 @@ mod tests {
         }
         assert!(y[..=300].windows(2).all(|pair| pair[1] >= pair[0] - 1e-12));
         assert!(y[300..].windows(2).all(|pair| pair[1] <= pair[0] + 1e-12));
-        let steepest = y
-            .windows(2)
-            .map(|pair| (pair[1] - pair[0]).abs())
-            .fold(0.0, f64::max);
+        let steepest = y.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
         assert!(steepest < 0.1, "it is continuous: {steepest}");
     }
 
     #[test]
     fn points_that_make_no_curve_are_refused() {
-        for points in [
-            &[[0.0, 1.0]][..],
-            &[[1.0, 0.0], [1.0, 2.0]],
-            &[[1.0, 0.0], [0.0, 2.0]],
-        ] {
+        for points in [&[[0.0, 1.0]][..], &[[1.0, 0.0], [1.0, 2.0]], &[[1.0, 0.0], [0.0, 2.0]]] {
             let refused = bench(points, Between::Linear, Beyond::Hold).err();
             assert_eq!(refused.and_then(|error| error.field), Some("points"));
         }
@@ -335,10 +323,7 @@ mod tests {
         let mut spring = of_file(text, [Some("depth_mm"), Some("force_n")], "force").unwrap();
         let y = spring.run(&[&[-1.0, 0.001, 0.003, 0.004, 9.0]]).remove(0);
         let expected = [0.0, 0.5, 2.5, 4.0, 4.0];
-        assert!(
-            y.iter().zip(expected).all(|(y, e)| (y - e).abs() < 1e-12),
-            "{y:?}"
-        );
+        assert!(y.iter().zip(expected).all(|(y, e)| (y - e).abs() < 1e-12), "{y:?}");
         let mut gain = of_file(text, [None, None], "number").unwrap();
         assert_eq!(gain.run(&[&[0.0, 0.002]]), [[7.0, 8.0]]);
     }
@@ -380,11 +365,7 @@ mod tests {
             refused.and_then(|error| error.field)
         };
         assert_eq!(field(settings.clone()), Some("points"));
-        let only_column = CurveSettings {
-            file: None,
-            y_column: Some("force_n".to_owned()),
-            ..settings
-        };
+        let only_column = CurveSettings { file: None, y_column: Some("force_n".to_owned()), ..settings };
         assert_eq!(field(only_column), Some("y_column"));
     }
 }

@@ -12,10 +12,7 @@ use haptograph_signal::quantity::Quantity;
 const WIDEST: usize = Kind::WRENCH.width();
 
 const fn events(name: &'static str, doc: &'static str) -> InputSpec {
-    InputSpec {
-        kind: KindRule::Is(Kind::EVENT),
-        ..any_input(name, doc)
-    }
+    InputSpec { kind: KindRule::Is(Kind::EVENT), ..any_input(name, doc) }
 }
 
 /// Counts events.
@@ -32,12 +29,7 @@ impl NodeKind for Counter {
             events("event", "The events to count, of any value."),
             events("reset", "Sets the number to 0.").optional(),
         ],
-        outputs: &[output(
-            "count",
-            Kind::SCALAR,
-            Quantity::NUMBER,
-            "The number of events up to this tick.",
-        )],
+        outputs: &[output("count", Kind::SCALAR, Quantity::NUMBER, "The number of events up to this tick.")],
         example: r#""taps so far": Counter(event: "taps.tap")"#,
     };
 
@@ -135,10 +127,7 @@ mod tests {
 
     /// Events at these of eight ticks.
     fn at(ticks: &[usize]) -> Vec<f64> {
-        let event = |tick| Event {
-            fired: ticks.contains(&tick),
-            value: 0.3,
-        };
+        let event = |tick| Event { fired: ticks.contains(&tick), value: 0.3 };
         (0..8).flat_map(|tick| event(tick).to_components()).collect()
     }
 
@@ -164,10 +153,7 @@ mod tests {
         let y = bench.run_in_blocks(&[&x, &at(&[2, 5, 6])], &[1, 3, 64]).remove(0);
         let held = [None, None, Some(2), Some(2), Some(2), Some(5), Some(5), Some(5)];
         for (y, tick) in y.as_chunks::<3>().0.iter().zip(held) {
-            assert_eq!(
-                y.as_slice(),
-                tick.map_or(&[0.0; 3][..], |tick: usize| &x[3 * tick..3 * tick + 3])
-            );
+            assert_eq!(y.as_slice(), tick.map_or(&[0.0; 3][..], |tick: usize| &x[3 * tick..3 * tick + 3]));
         }
     }
 }

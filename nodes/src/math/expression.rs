@@ -149,8 +149,7 @@ impl Processor<Expression> for Computer {
         let inputs = io.read(Expression::INPUTS);
         let input = |input| inputs.nth_or_last(input);
         self.formula.compute(tick.frames, input, time_s, &mut self.work);
-        io.write(Expression::OUTPUT)
-            .copy_from_slice(&self.work[..tick.frames]);
+        io.write(Expression::OUTPUT).copy_from_slice(&self.work[..tick.frames]);
     }
 }
 
@@ -217,10 +216,7 @@ mod tests {
         };
         let doubts = |names: &[&str], given: &[&str]| {
             let advice = Expression::advice(&settings("x + sin(y)", given), &cx(names));
-            advice
-                .into_iter()
-                .map(|doubt| (doubt.field, doubt.connection))
-                .collect::<Vec<_>>()
+            advice.into_iter().map(|doubt| (doubt.field, doubt.connection)).collect::<Vec<_>>()
         };
         assert_eq!(doubts(&["x", "z", "y"], &[]), [(Some("inputs"), Some(1))]);
         assert_eq!(doubts(&[], &["x", "z", "y"]), []);

@@ -81,11 +81,7 @@ impl NodeKind for SoftClip {
               unchanged.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
-        outputs: &[output_like(
-            "output",
-            "input",
-            "The signal within plus and minus the limit.",
-        )],
+        outputs: &[output_like("output", "input", "The signal within plus and minus the limit.")],
         example: r#""soft": SoftClip(input: "texture.acceleration", limit: 20.0)"#,
     };
 
@@ -135,11 +131,7 @@ impl NodeKind for SlewLimit {
               input.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
-        outputs: &[output_like(
-            "output",
-            "input",
-            "The signal, delayed where it changes too fast.",
-        )],
+        outputs: &[output_like("output", "input", "The signal, delayed where it changes too fast.")],
         example: r#""eased": SlewLimit(input: "stylus.force", most_per_s: 50.0)"#,
     };
 
@@ -172,11 +164,7 @@ impl Processor<SlewLimit> for SlewLimiting {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, SlewLimit>) {
         let (width, x) = (io.width(SlewLimit::INPUT).min(6), io.read(SlewLimit::INPUT));
         let step = self.most_per_s * self.period_s;
-        for (y, x) in io
-            .write(SlewLimit::OUTPUT)
-            .chunks_exact_mut(width)
-            .zip(x.chunks_exact(width))
-        {
+        for (y, x) in io.write(SlewLimit::OUTPUT).chunks_exact_mut(width).zip(x.chunks_exact(width)) {
             let previous = &mut self.previous[..width];
             let square = |(x, p): (&f64, &f64)| (x - p) * (x - p);
             let change = x.iter().zip(previous.iter()).map(square).sum::<f64>().sqrt();
@@ -184,11 +172,7 @@ impl Processor<SlewLimit> for SlewLimiting {
                 y.copy_from_slice(x);
                 continue;
             }
-            let part = if self.started && change > step {
-                step / change
-            } else {
-                1.0
-            };
+            let part = if self.started && change > step { step / change } else { 1.0 };
             for ((y, p), x) in y.iter_mut().zip(previous).zip(x) {
                 // A change within the limit is taken exactly.
                 *p = if part < 1.0 { *p + part * (x - *p) } else { *x };

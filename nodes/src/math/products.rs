@@ -8,10 +8,7 @@ use haptograph_engine::node::{
 use haptograph_engine::settings::NoSettings;
 
 const fn scalar_input(name: &'static str, doc: &'static str) -> InputSpec {
-    InputSpec {
-        kind: KindRule::Is(Kind::SCALAR),
-        ..any_input(name, doc)
-    }
+    InputSpec { kind: KindRule::Is(Kind::SCALAR), ..any_input(name, doc) }
 }
 
 /// Multiplies a signal by a scalar signal.
@@ -25,10 +22,7 @@ impl NodeKind for Multiply {
         group: "math",
         doc: "Multiplies every component of a signal by a scalar signal.",
         source: "",
-        inputs: &[
-            any_input("input", "The signal."),
-            scalar_input("by", "The factor."),
-        ],
+        inputs: &[any_input("input", "The signal."), scalar_input("by", "The factor.")],
         outputs: &[OutputSpec {
             name: "output",
             kind: KindRule::Same("input"),
@@ -53,11 +47,7 @@ impl Multiply {
 
 impl Processor<Multiply> for Multiply {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Multiply>) {
-        let (width, x, by) = (
-            io.width(Multiply::INPUT),
-            io.read(Multiply::INPUT),
-            io.read(Multiply::BY),
-        );
+        let (width, x, by) = (io.width(Multiply::INPUT), io.read(Multiply::INPUT), io.read(Multiply::BY));
         if width == 1 {
             for ((y, x), by) in io.write(Multiply::OUTPUT).iter_mut().zip(x).zip(by) {
                 *y = x * by;
@@ -85,10 +75,7 @@ impl NodeKind for Divide {
         doc: "Divides every component of a signal by a scalar signal. If the divisor is zero the quotient is zero, \
               which suits a ratio of forces without contact.",
         source: "",
-        inputs: &[
-            any_input("input", "The dividend."),
-            scalar_input("by", "The divisor."),
-        ],
+        inputs: &[any_input("input", "The dividend."), scalar_input("by", "The divisor.")],
         outputs: &[OutputSpec {
             name: "output",
             kind: KindRule::Same("input"),
@@ -113,11 +100,7 @@ impl Divide {
 
 impl Processor<Divide> for Divide {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Divide>) {
-        let (width, x, by) = (
-            io.width(Divide::INPUT),
-            io.read(Divide::INPUT),
-            io.read(Divide::BY),
-        );
+        let (width, x, by) = (io.width(Divide::INPUT), io.read(Divide::INPUT), io.read(Divide::BY));
         let frames = io.write(Divide::OUTPUT).chunks_exact_mut(width);
         for ((y, x), by) in frames.zip(x.chunks_exact(width)).zip(by) {
             for (y, x) in y.iter_mut().zip(x) {
@@ -136,10 +119,7 @@ mod tests {
     fn every_lane_is_multiplied_and_divided() {
         let x = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         let mut bench = Bench::new::<Multiply>(NoSettings {}, 1.0, &[Kind::VECTOR, Kind::SCALAR]).unwrap();
-        assert_eq!(
-            bench.run(&[&x, &[2.0, -1.0]]),
-            [[2.0, 4.0, 6.0, -4.0, -5.0, -6.0]]
-        );
+        assert_eq!(bench.run(&[&x, &[2.0, -1.0]]), [[2.0, 4.0, 6.0, -4.0, -5.0, -6.0]]);
         let mut bench = Bench::new::<Divide>(NoSettings {}, 1.0, &[Kind::VECTOR, Kind::SCALAR]).unwrap();
         assert_eq!(bench.run(&[&x, &[2.0, 0.0]]), [[0.5, 1.0, 1.5, 0.0, 0.0, 0.0]]);
     }

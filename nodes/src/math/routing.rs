@@ -73,8 +73,7 @@ impl Processor<Switch> for Switching {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Switch>) {
         let (inputs, width) = (io.read(Switch::INPUTS), io.width(Switch::INPUTS));
         let Some(selector) = io.read(Switch::SELECTOR) else {
-            io.write(Switch::OUTPUT)
-                .copy_from_slice(inputs.nth_or_last(self.select));
+            io.write(Switch::OUTPUT).copy_from_slice(inputs.nth_or_last(self.select));
             return;
         };
         let frames = io.write(Switch::OUTPUT).chunks_exact_mut(width);
@@ -173,10 +172,7 @@ impl Processor<Delay> for Later {
     }
 
     fn latency(&self) -> Latency {
-        Latency {
-            transport_s: self.delay_s,
-            group_delay_s: 0.0,
-        }
+        Latency { transport_s: self.delay_s, group_delay_s: 0.0 }
     }
 }
 

@@ -107,20 +107,13 @@ impl NodeKind for Offset {
         group: "math",
         doc: "Adds a number to a scalar signal.",
         source: "",
-        inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::SCALAR),
-            ..any_input("input", "The signal.")
-        }],
+        inputs: &[InputSpec { kind: KindRule::Is(Kind::SCALAR), ..any_input("input", "The signal.") }],
         outputs: &[output_like("output", "input", "The signal plus the offset.")],
         example: r#""zeroed": Offset(input: "stylus.force", offset: -0.02)"#,
     };
 
     fn build(settings: Self, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        Ok(Built::law(
-            Law::Offset(settings.offset),
-            Self::INPUT,
-            Self::OUTPUT,
-        ))
+        Ok(Built::law(Law::Offset(settings.offset), Self::INPUT, Self::OUTPUT))
     }
 }
 

@@ -29,11 +29,7 @@ impl NodeKind for Add {
         doc: "Adds any number of signals of one kind and quantity.",
         source: "",
         inputs: &[TERMS],
-        outputs: &[output_like(
-            "output",
-            "inputs",
-            "The sum, added in the order of the list.",
-        )],
+        outputs: &[output_like("output", "inputs", "The sum, added in the order of the list.")],
         example: r#""total": Add(inputs: ["texture.acceleration", "taps.acceleration"])"#,
     };
 
@@ -130,11 +126,7 @@ impl NodeKind for Mixer {
         doc: "Adds any number of signals of one kind and quantity, each with its own gain.",
         source: "",
         inputs: &[TERMS],
-        outputs: &[output_like(
-            "output",
-            "inputs",
-            "The weighted sum, added in the order of the list.",
-        )],
+        outputs: &[output_like("output", "inputs", "The weighted sum, added in the order of the list.")],
         example: r#""mix": Mixer(inputs: ["texture.acceleration", "taps.acceleration"], gains: [1.0, 0.5])"#,
     };
 
@@ -146,10 +138,7 @@ impl NodeKind for Mixer {
                 BuildError::at("gains", message).help("give one gain for each input, in the same order")
             );
         }
-        Ok(Built::new(Mixing {
-            gains: settings.gains.into(),
-            master: settings.master,
-        }))
+        Ok(Built::new(Mixing { gains: settings.gains.into(), master: settings.master }))
     }
 }
 
@@ -230,10 +219,7 @@ mod tests {
 
     #[test]
     fn a_mixer_needs_a_gain_for_every_input() {
-        let settings = |gains: &[f64]| MixerSettings {
-            gains: gains.to_vec(),
-            master: 10.0,
-        };
+        let settings = |gains: &[f64]| MixerSettings { gains: gains.to_vec(), master: 10.0 };
         let mut bench = Bench::new::<Mixer>(settings(&[1.0, -0.5]), 1.0, &[Kind::SCALAR; 2]).unwrap();
         assert_eq!(bench.run(&[&[3.0], &[4.0]]), [[10.0]]);
         let refused = Bench::new::<Mixer>(settings(&[1.0]), 1.0, &[Kind::SCALAR; 2]).err();

@@ -27,10 +27,7 @@ impl NodeKind for Threshold {
         doc: "Fires an event when a scalar rises to a value, and not again before it has fallen (hysteresis). A signal \
               that starts above the value fires only after it has fallen.",
         source: "",
-        inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::SCALAR),
-            ..any_input("input", "The signal.")
-        }],
+        inputs: &[InputSpec { kind: KindRule::Is(Kind::SCALAR), ..any_input("input", "The signal.") }],
         outputs: &[OutputSpec {
             name: "event",
             kind: KindRule::Is(Kind::EVENT),
@@ -47,11 +44,7 @@ impl NodeKind for Threshold {
             let message = format!("`falls_to` is {falls_to}, which is above {}", settings.rises_to);
             return Err(BuildError::at("falls_to", message).help("give a value no higher than `rises_to`"));
         }
-        Ok(Built::new(Rising {
-            rises_to: settings.rises_to,
-            falls_to: settings.falls_to,
-            armed: false,
-        }))
+        Ok(Built::new(Rising { rises_to: settings.rises_to, falls_to: settings.falls_to, armed: false }))
     }
 }
 
@@ -109,10 +102,7 @@ mod tests {
     use haptograph_engine::testing::Bench;
 
     fn fired(falls_to: Option<f64>, x: &[f64]) -> Vec<usize> {
-        let settings = ThresholdSettings {
-            rises_to: 0.5,
-            falls_to,
-        };
+        let settings = ThresholdSettings { rises_to: 0.5, falls_to };
         let mut bench = Bench::new::<Threshold>(settings, 1000.0, &[Kind::SCALAR]).unwrap();
         let events = bench.run_in_blocks(&[x], &[1, 3, 64]);
         let frames = events[0].as_chunks::<2>().0.iter().enumerate();
@@ -122,21 +112,7 @@ mod tests {
 
     #[test]
     fn it_fires_once_each_time_the_signal_has_risen() {
-        let x = [
-            0.9,
-            0.6,
-            0.4,
-            0.5,
-            0.45,
-            0.7,
-            0.2,
-            0.3,
-            f64::NAN,
-            0.8,
-            0.9,
-            0.1,
-            0.5,
-        ];
+        let x = [0.9, 0.6, 0.4, 0.5, 0.45, 0.7, 0.2, 0.3, f64::NAN, 0.8, 0.9, 0.1, 0.5];
         assert_eq!(fired(None, &x), [3, 5, 9, 12]);
         // It shakes about the value after tick 3.
         assert_eq!(fired(Some(0.4), &x), [3, 9, 12]);
@@ -144,10 +120,7 @@ mod tests {
 
     #[test]
     fn it_cannot_have_to_fall_to_above_what_it_rises_to() {
-        let settings = ThresholdSettings {
-            rises_to: 0.5,
-            falls_to: Some(0.6),
-        };
+        let settings = ThresholdSettings { rises_to: 0.5, falls_to: Some(0.6) };
         assert!(Bench::new::<Threshold>(settings, 1000.0, &[Kind::SCALAR]).is_err());
     }
 }

@@ -11,10 +11,7 @@ use haptograph_signal::quantity::Quantity;
 use crate::vector::{cross, dot};
 
 const fn vector_input(name: &'static str, doc: &'static str) -> InputSpec {
-    InputSpec {
-        kind: KindRule::Is(Kind::VECTOR),
-        ..any_input(name, doc)
-    }
+    InputSpec { kind: KindRule::Is(Kind::VECTOR), ..any_input(name, doc) }
 }
 
 const fn scalar_of(name: &'static str, like: &'static str, doc: &'static str) -> OutputSpec {
@@ -74,10 +71,7 @@ impl NodeKind for Dot {
         group: "math",
         doc: "The scalar product of two 3-vectors: force and velocity give power.",
         source: "",
-        inputs: &[
-            vector_input("a", "The first vector."),
-            vector_input("b", "The second vector."),
-        ],
+        inputs: &[vector_input("a", "The first vector."), vector_input("b", "The second vector.")],
         outputs: &[OutputSpec {
             name: "output",
             kind: KindRule::Is(Kind::SCALAR),
@@ -120,10 +114,7 @@ impl NodeKind for Cross {
         group: "math",
         doc: "The vector product of two 3-vectors: lever arm and force give torque.",
         source: "",
-        inputs: &[
-            vector_input("a", "The first vector."),
-            vector_input("b", "The second vector."),
-        ],
+        inputs: &[vector_input("a", "The first vector."), vector_input("b", "The second vector.")],
         outputs: &[OutputSpec {
             name: "output",
             kind: KindRule::Is(Kind::VECTOR),
@@ -209,10 +200,7 @@ impl NodeKind for Pack {
         doc: "Makes a 3-vector from three scalars of one quantity.",
         source: "",
         inputs: &[
-            InputSpec {
-                kind: KindRule::Is(Kind::SCALAR),
-                ..any_input("x", "Along x.")
-            },
+            InputSpec { kind: KindRule::Is(Kind::SCALAR), ..any_input("x", "Along x.") },
             InputSpec {
                 kind: KindRule::Is(Kind::SCALAR),
                 quantity: QuantityRule::Same("x"),
@@ -267,10 +255,7 @@ impl NodeKind for WrenchParts {
         group: "math",
         doc: "The force and the torque of a wrench.",
         source: "",
-        inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::WRENCH),
-            ..any_input("input", "The wrench.")
-        }],
+        inputs: &[InputSpec { kind: KindRule::Is(Kind::WRENCH), ..any_input("input", "The wrench.") }],
         outputs: &[
             output("force", Kind::VECTOR, Quantity::FORCE, "Its force, N."),
             output("torque", Kind::VECTOR, Quantity::TORQUE, "Its torque, N m."),

@@ -104,11 +104,7 @@ impl Zeroing {
     }
 
     fn is_steady(&self) -> bool {
-        let changes = self
-            .most
-            .iter()
-            .zip(&self.least)
-            .map(|(most, least)| most - least);
+        let changes = self.most.iter().zip(&self.least).map(|(most, least)| most - least);
         let bounds = [1.0, 1.0, 1.0, LEVER_M, LEVER_M, LEVER_M].map(|lever| lever * self.settings.steady_n);
         changes.zip(bounds).all(|(change, bound)| change <= bound)
     }
@@ -122,10 +118,7 @@ impl Conditioner {
     pub fn new(zero: ZeroSettings, cutoff_hz: Option<f64>, rate: Rate) -> Result<Self, BuildError> {
         let ticks = (zero.window_s * rate.hz()).ceil() as u64;
         let design = |cutoff_hz| butterworth_lowpass(ORDER, cutoff_hz, rate.hz());
-        let filter = cutoff_hz
-            .map(design)
-            .transpose()
-            .map_err(design_error("wrench_cutoff_hz"))?;
+        let filter = cutoff_hz.map(design).transpose().map_err(design_error("wrench_cutoff_hz"))?;
         let filter = filter.as_ref();
         Ok(Self {
             zeroing: (ticks > 0).then(|| Zeroing::new(zero, ticks)),
@@ -190,11 +183,7 @@ mod tests {
     use super::*;
 
     fn conditioner(window_s: f64, cutoff_hz: Option<f64>, known: Option<Wrench>) -> Conditioner {
-        let zero = ZeroSettings {
-            window_s,
-            within_n: 10.0,
-            steady_n: 0.2,
-        };
+        let zero = ZeroSettings { window_s, within_n: 10.0, steady_n: 0.2 };
         let mut conditioner = Conditioner::new(zero, cutoff_hz, Rate::new(1000, 1).unwrap()).unwrap();
         known.into_iter().for_each(|zero| conditioner.start_from(zero));
         conditioner
@@ -240,12 +229,7 @@ mod tests {
             assert!((sensor.wrench()[2] - before).abs() < 0.05, "no leap at {tick}");
             before = sensor.wrench()[2];
         }
-        let [
-            ZeroNews::Refused,
-            ZeroNews::Refused,
-            ZeroNews::Refused,
-            ZeroNews::Taken(zero),
-        ] = news[..]
+        let [ZeroNews::Refused, ZeroNews::Refused, ZeroNews::Refused, ZeroNews::Taken(zero)] = news[..]
         else {
             panic!("{news:?}");
         };
@@ -260,11 +244,7 @@ mod tests {
     fn a_known_zero_is_taken_at_once_and_not_anew() {
         let mut sensor = conditioner(0.1, None, Some([5.0, 0.0, -8.0, 0.0, 0.2, 0.0]));
         for tick in 0..300 {
-            assert_eq!(
-                sensor.advance([5.0, 0.0, -7.0, 0.0, 0.2, 0.0], true, true),
-                None,
-                "{tick}"
-            );
+            assert_eq!(sensor.advance([5.0, 0.0, -7.0, 0.0, 0.2, 0.0], true, true), None, "{tick}");
             // It rises within the time of the ramp.
             let expected = (0.1 * (tick + 1) as f64).min(1.0);
             assert!((sensor.wrench()[2] - expected).abs() < 1e-9, "{tick}");
@@ -288,10 +268,7 @@ mod tests {
     fn one_packet_shows_nothing_of_a_steady_sensor() {
         let mut sensor = conditioner(0.1, None, None);
         for tick in 0..1000 {
-            assert_eq!(
-                sensor.advance([0.0, 0.0, 3.0, 0.0, 0.0, 0.0], true, tick % 150 == 0),
-                None
-            );
+            assert_eq!(sensor.advance([0.0, 0.0, 3.0, 0.0, 0.0, 0.0], true, tick % 150 == 0), None);
         }
     }
 
@@ -317,11 +294,7 @@ mod tests {
         assert!(largest < 1e-3, "{largest}");
         // Of a second-order Butterworth low-pass: sqrt(2) / (2 pi cut-off).
         assert!((sensor.group_delay_s() - 0.0113).abs() < 1e-4);
-        let zero = ZeroSettings {
-            window_s: 0.0,
-            within_n: 10.0,
-            steady_n: 0.2,
-        };
+        let zero = ZeroSettings { window_s: 0.0, within_n: 10.0, steady_n: 0.2 };
         let refused = Conditioner::new(zero, Some(600.0), Rate::new(1000, 1).unwrap());
         assert_eq!(refused.unwrap_err().field, Some("wrench_cutoff_hz"));
     }

@@ -217,14 +217,8 @@ mod tests {
         let mapping = Mapping::new([1023.0, 0.0], [-0.3, 0.7]).unwrap();
         assert_eq!((mapping.of(1023.0), mapping.of(0.0)), (-0.3, 0.7));
         assert!((mapping.of(511.5) - 0.2).abs() < 1e-15);
-        assert_eq!(
-            Mapping::new([3.0, 3.0], [0.0, 1.0]).unwrap_err().field,
-            Some("from")
-        );
-        assert_eq!(
-            Mapping::new([0.0, 1.0], [0.0, 2e6]).unwrap_err().field,
-            Some("to")
-        );
+        assert_eq!(Mapping::new([3.0, 3.0], [0.0, 1.0]).unwrap_err().field, Some("from"));
+        assert_eq!(Mapping::new([0.0, 1.0], [0.0, 2e6]).unwrap_err().field, Some("to"));
     }
 
     proptest! {

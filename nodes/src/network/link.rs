@@ -21,10 +21,7 @@ const TRIES: usize = 4;
 
 impl<const N: usize> Default for Latest<N> {
     fn default() -> Self {
-        Self {
-            version: AtomicU64::new(0),
-            words: std::array::from_fn(|_| AtomicU64::new(0)),
-        }
+        Self { version: AtomicU64::new(0), words: std::array::from_fn(|_| AtomicU64::new(0)) }
     }
 }
 
@@ -354,10 +351,7 @@ mod tests {
         let mut newest = 0;
         while newest < 100_000 {
             if let Some((version, values)) = latest.look() {
-                assert!(
-                    values.iter().all(|value| *value == version as f64),
-                    "{version}: {values:?}"
-                );
+                assert!(values.iter().all(|value| *value == version as f64), "{version}: {values:?}");
                 assert!(version >= newest);
                 newest = version;
             }

@@ -83,10 +83,7 @@ impl OscDeviceSettings {
     /// # Errors
     /// [`BuildError`] if it is not an address; a checked graph has one.
     pub fn send_to(&self) -> Result<Option<SocketAddr>, BuildError> {
-        self.send_to
-            .as_deref()
-            .map(|to| address("send_to", to))
-            .transpose()
+        self.send_to.as_deref().map(|to| address("send_to", to)).transpose()
     }
 
     /// Silence after which the device counts as gone.

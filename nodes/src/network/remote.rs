@@ -60,12 +60,7 @@ pub(super) const SENSES: &[Channel] = &[
         Quantity::LENGTH,
         "Position of the tip, m; holds its last value while the device is silent.",
     ),
-    Channel::new(
-        "orientation",
-        Kind::VECTOR,
-        Quantity::ANGLE,
-        "Orientation as a rotation vector, rad.",
-    ),
+    Channel::new("orientation", Kind::VECTOR, Quantity::ANGLE, "Orientation as a rotation vector, rad."),
     Channel::new(
         "wrench",
         Kind::WRENCH,
@@ -78,34 +73,14 @@ pub(super) const SENSES: &[Channel] = &[
         Quantity::FORCE,
         "Normal force of the tip: the force along z, not below zero, N.",
     ),
-    Channel::new(
-        "touching",
-        Kind::SCALAR,
-        Quantity::NUMBER,
-        "1 while that force is above zero.",
-    ),
+    Channel::new("touching", Kind::SCALAR, Quantity::NUMBER, "1 while that force is above zero."),
 ];
 
 /// Channels of network devices that sinks drive.
 pub(super) const DRIVES: &[Channel] = &[
-    Channel::new(
-        "force",
-        Kind::VECTOR,
-        Quantity::FORCE,
-        "Force of the motors on the hand, N.",
-    ),
-    Channel::new(
-        "current",
-        Kind::SCALAR,
-        Quantity::CURRENT,
-        "Current through the actuator, A.",
-    ),
-    Channel::new(
-        "brake",
-        Kind::SCALAR,
-        Quantity::CURRENT,
-        "Current through the brake's solenoid, A.",
-    ),
+    Channel::new("force", Kind::VECTOR, Quantity::FORCE, "Force of the motors on the hand, N."),
+    Channel::new("current", Kind::SCALAR, Quantity::CURRENT, "Current through the actuator, A."),
+    Channel::new("brake", Kind::SCALAR, Quantity::CURRENT, "Current through the brake's solenoid, A."),
 ];
 
 impl DeviceKind for UdpDevice {
@@ -137,10 +112,7 @@ impl DeviceKind for UdpDevice {
             steady_n: settings.zero_steady_n,
         };
         let conditioner = Conditioner::new(zero, settings.wrench_cutoff_hz, cx.rate)?;
-        Ok(Box::new(Remote {
-            conditioner: Some(conditioner),
-            ..Remote::new(watch, cx)
-        }))
+        Ok(Box::new(Remote { conditioner: Some(conditioner), ..Remote::new(watch, cx) }))
     }
 }
 
@@ -348,11 +320,7 @@ mod tests {
 
     fn remote(holds: bool) -> Remote {
         let cx = BuildContext::new("arm", Rate::new(1000, 1).unwrap());
-        let watch = Watch {
-            timeout: Duration::from_millis(20),
-            fastest_m_s: 5.0,
-            holds,
-        };
+        let watch = Watch { timeout: Duration::from_millis(20), fastest_m_s: 5.0, holds };
         let mut remote = Remote::new(watch, &cx);
         remote.advance();
         remote
@@ -432,19 +400,13 @@ mod tests {
 
     #[test]
     fn a_zero_that_was_taken_outlives_an_edit() {
-        let zero = ZeroSettings {
-            window_s: 0.1,
-            within_n: 10.0,
-            steady_n: 0.2,
-        };
+        let zero = ZeroSettings { window_s: 0.1, within_n: 10.0, steady_n: 0.2 };
         let rate = Rate::new(1000, 1).unwrap();
         let link = Arc::new(Link::default());
         link.zero.put(&[0.0, 0.0, -8.0, 0.0, 0.0, 0.0]);
         for (is_attached, expected_n) in [(true, 9.5), (false, 0.0)] {
-            let mut edited = Remote {
-                conditioner: Some(Conditioner::new(zero, None, rate).unwrap()),
-                ..remote(false)
-            };
+            let mut edited =
+                Remote { conditioner: Some(Conditioner::new(zero, None, rate).unwrap()), ..remote(false) };
             if is_attached {
                 edited.attach(&link);
             }
@@ -473,10 +435,7 @@ mod tests {
         // Longer than between the news: the beginning of a silence.
         (0..5).for_each(|_| remote.advance());
         let ages = remote.ages().unwrap().ages();
-        assert!(
-            ages.total() == 3 && (8_000_000..1_000_000_000).contains(&ages.max_ns()),
-            "{ages:?}"
-        );
+        assert!(ages.total() == 3 && (8_000_000..1_000_000_000).contains(&ages.max_ns()), "{ages:?}");
     }
 
     #[test]

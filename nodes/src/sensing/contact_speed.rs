@@ -49,21 +49,13 @@ impl NodeKind for ContactSpeed {
                 Quantity::SPEED,
                 "Velocity along the surface, m/s; zero in free space.",
             ),
-            output(
-                "velocity",
-                Kind::VECTOR,
-                Quantity::SPEED,
-                "Velocity in all directions, m/s.",
-            ),
+            output("velocity", Kind::VECTOR, Quantity::SPEED, "Velocity in all directions, m/s."),
         ],
         example: r#""speed": ContactSpeed(contact: "touch.contact", cutoff_hz: 20.0)"#,
     };
 
     fn build(settings: ContactSpeedSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let filter = SpeedFilter::Butterworth {
-            order: 2,
-            cutoff_hz: settings.cutoff_hz,
-        };
+        let filter = SpeedFilter::Butterworth { order: 2, cutoff_hz: settings.cutoff_hz };
         let estimator = SpeedEstimator::new(filter, cx.rate.hz()).map_err(design_error("cutoff_hz"))?;
         Ok(Built::new(Sliding { estimator }))
     }
@@ -90,11 +82,7 @@ impl Processor<ContactSpeed> for Sliding {
         let frames = speed.iter_mut().zip(along).zip(velocity);
         for (((speed, along), velocity), contact) in frames.zip(contacts) {
             *velocity = self.estimator.update(contact.hip_m);
-            *along = if contact.touching {
-                reject(*velocity, contact.normal)
-            } else {
-                [0.0; 3]
-            };
+            *along = if contact.touching { reject(*velocity, contact.normal) } else { [0.0; 3] };
             *speed = norm(*along);
         }
     }

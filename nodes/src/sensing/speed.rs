@@ -24,9 +24,7 @@ pub enum SpeedFilter {
 impl SpeedFilter {
     /// The filter at a sensor's rate.
     pub fn design(&self, rate_hz: f64) -> Result<Sections, DesignError> {
-        self.prototype()?
-            .at([self.frequency(); 2], rate_hz)
-            .map(Sections::from)
+        self.prototype()?.at([self.frequency(); 2], rate_hz).map(Sections::from)
     }
 
     fn prototype(&self) -> Result<Prototype, DesignError> {
@@ -144,10 +142,7 @@ impl<const N: usize> SpeedEstimator<N> {
 mod tests {
     use super::*;
 
-    const TABLET: SpeedFilter = SpeedFilter::Butterworth {
-        order: 2,
-        cutoff_hz: 20.0,
-    };
+    const TABLET: SpeedFilter = SpeedFilter::Butterworth { order: 2, cutoff_hz: 20.0 };
 
     #[test]
     fn an_even_motion_has_its_speed() {
@@ -167,30 +162,19 @@ mod tests {
         (0..100).for_each(|_| assert_eq!(estimator.update([0.2, -0.1, 5.0]), [0.0; 3]));
         estimator.update([0.21, -0.1, 5.0]);
         estimator.lift();
-        assert_eq!(
-            estimator.update([0.5, 0.5, 0.5]),
-            [0.0; 3],
-            "a pen put down elsewhere has not moved"
-        );
+        assert_eq!(estimator.update([0.5, 0.5, 0.5]), [0.0; 3], "a pen put down elsewhere has not moved");
     }
 
     #[test]
     fn the_toolkits_filter_is_late_by_16_ms() {
         let estimator =
             SpeedEstimator::<1>::new(SpeedFilter::DoublePole { lambda_rad_s: 125.0 }, 1000.0).unwrap();
-        assert!(
-            (estimator.delay_s() - 0.0165).abs() < 1e-9,
-            "{}",
-            estimator.delay_s()
-        );
+        assert!((estimator.delay_s() - 0.0165).abs() < 1e-9, "{}", estimator.delay_s());
     }
 
     #[test]
     fn a_cut_off_beyond_what_the_sensor_can_tell_is_refused() {
-        let beyond = SpeedFilter::Butterworth {
-            order: 2,
-            cutoff_hz: 62.5,
-        };
+        let beyond = SpeedFilter::Butterworth { order: 2, cutoff_hz: 62.5 };
         assert!(SpeedEstimator::<2>::new(beyond, 125.0).is_err());
     }
 
@@ -208,10 +192,7 @@ mod tests {
     fn a_turned_estimator_goes_on_at_its_speed() {
         for (filter, others) in [
             (TABLET, [5.0, 50.0, 500.0, f64::NAN]),
-            (
-                SpeedFilter::DoublePole { lambda_rad_s: 125.0 },
-                [30.0, 300.0, -1.0, 0.0],
-            ),
+            (SpeedFilter::DoublePole { lambda_rad_s: 125.0 }, [30.0, 300.0, -1.0, 0.0]),
         ] {
             let mut estimator = SpeedEstimator::<1>::new(filter, 125.0).unwrap();
             let mut way = 0.0;

@@ -71,10 +71,8 @@ impl NodeKind for SpeedEstimator {
     fn build(settings: SpeedEstimatorSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (cutoff_hz, rate_hz) = (settings.cutoff_hz, cx.rate.hz());
         if cutoff_hz >= rate_hz / 2.0 {
-            let message = format!(
-                "{cutoff_hz} Hz is not below half the rate of the position, {} Hz",
-                rate_hz / 2.0
-            );
+            let message =
+                format!("{cutoff_hz} Hz is not below half the rate of the position, {} Hz", rate_hz / 2.0);
             return Err(BuildError::at("cutoff_hz", message).help("lower it; hands move below 20 Hz"));
         }
         let (filter, per_hz) = match settings.smoothing {
@@ -85,11 +83,7 @@ impl NodeKind for SpeedEstimator {
             }
         };
         let estimator = speed::SpeedEstimator::new(filter, rate_hz).map_err(design_error("cutoff_hz"))?;
-        Ok(Built::new(Estimating {
-            estimator,
-            per_hz,
-            nyquist_hz: rate_hz / 2.0,
-        }))
+        Ok(Built::new(Estimating { estimator, per_hz, nyquist_hz: rate_hz / 2.0 }))
     }
 }
 
@@ -111,10 +105,7 @@ struct Estimating {
 
 impl Processor<SpeedEstimator> for Estimating {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, SpeedEstimator>) {
-        let (positions, touching) = (
-            io.read(SpeedEstimator::POSITION),
-            io.read(SpeedEstimator::TOUCHING),
-        );
+        let (positions, touching) = (io.read(SpeedEstimator::POSITION), io.read(SpeedEstimator::TOUCHING));
         let (speed, velocity) = io.write_all((SpeedEstimator::SPEED, SpeedEstimator::VELOCITY));
         let frames = speed.iter_mut().zip(velocity).zip(positions);
         for (frame, ((speed, velocity), position)) in frames.enumerate() {
@@ -157,9 +148,8 @@ mod tests {
     fn steady_motion_reads_its_speed_and_rest_reads_zero() {
         for smoothing in [Smoothing::Butterworth, Smoothing::DoublePole] {
             let mut bench = bench(20.0, smoothing).unwrap();
-            let mut x: Vec<f64> = (0..250)
-                .flat_map(|k| [0.03, -0.04, 0.12].map(|v| v * f64::from(k) / 125.0))
-                .collect();
+            let mut x: Vec<f64> =
+                (0..250).flat_map(|k| [0.03, -0.04, 0.12].map(|v| v * f64::from(k) / 125.0)).collect();
             x.extend(x[747..].repeat(1000));
             let y = bench.run_in_blocks(&[&x], &[1, 5]);
             assert_eq!(y[0][0], 0.0);
@@ -187,17 +177,11 @@ mod tests {
 
     #[test]
     fn a_tip_put_down_elsewhere_has_not_moved() {
-        let settings = SpeedEstimatorSettings {
-            cutoff_hz: 20.0,
-            smoothing: Smoothing::Butterworth,
-        };
+        let settings = SpeedEstimatorSettings { cutoff_hz: 20.0, smoothing: Smoothing::Butterworth };
         let mut bench = Bench::new::<SpeedEstimator>(settings, 125.0, &[Kind::VECTOR, Kind::SCALAR]).unwrap();
-        let x: Vec<f64> = (0..30)
-            .flat_map(|k| [if k < 15 { 0.001 * f64::from(k) } else { 0.2 }, 0.0, 0.0])
-            .collect();
-        let touching: Vec<f64> = (0..30)
-            .map(|k| f64::from(u8::from(!(12..18).contains(&k))))
-            .collect();
+        let x: Vec<f64> =
+            (0..30).flat_map(|k| [if k < 15 { 0.001 * f64::from(k) } else { 0.2 }, 0.0, 0.0]).collect();
+        let touching: Vec<f64> = (0..30).map(|k| f64::from(u8::from(!(12..18).contains(&k)))).collect();
         let speed = bench.run(&[&x, &touching]).remove(0);
         assert!(speed[11] > 0.1);
         assert!(speed[12..].iter().all(|speed| *speed == 0.0));

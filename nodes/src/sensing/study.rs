@@ -9,12 +9,7 @@ use haptograph_engine::node::{
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::MillimetresPerSecond;
 
-const SPEED: InputSpec = input(
-    "speed",
-    Kind::SCALAR,
-    Quantity::SPEED,
-    "Speed along the surface, m/s.",
-);
+const SPEED: InputSpec = input("speed", Kind::SCALAR, Quantity::SPEED, "Speed along the surface, m/s.");
 const FORCE: InputSpec = input("force", Kind::SCALAR, Quantity::FORCE, "Normal force, N.");
 
 haptograph_engine::choices! {
@@ -72,11 +67,7 @@ impl NodeKind for Responsiveness {
             Condition::Speed => (None, Some(constant_n)),
             Condition::Neither => (Some(constant_m_s), Some(constant_n)),
         };
-        Ok(Built::new(Responding {
-            speed_m_s,
-            force_n,
-            rest_m_s: settings.rest_mm_s.si(),
-        }))
+        Ok(Built::new(Responding { speed_m_s, force_n, rest_m_s: settings.rest_mm_s.si() }))
     }
 }
 
@@ -148,12 +139,7 @@ impl NodeKind for ForceWarning {
         doc: "Warns when the hand presses harder than the arm can render.",
         source: "4.5.1",
         inputs: &[FORCE],
-        outputs: &[output(
-            "warning",
-            Kind::SCALAR,
-            Quantity::NUMBER,
-            "1 while it warns, else 0.",
-        )],
+        outputs: &[output("warning", Kind::SCALAR, Quantity::NUMBER, "1 while it warns, else 0.")],
         example: r#""hard": ForceWarning(force: "normal.load", above_n: 2.75)"#,
     };
 
@@ -185,11 +171,7 @@ impl Processor<ForceWarning> for Warning {
         let forces = io.read(ForceWarning::FORCE);
         for (warning, force) in io.write(ForceWarning::WARNING).iter_mut().zip(forces) {
             let over = *force > self.above_n;
-            self.left = if over {
-                self.hold
-            } else {
-                self.left.saturating_sub(1)
-            };
+            self.left = if over { self.hold } else { self.left.saturating_sub(1) };
             *warning = f64::from(u8::from(over || self.left > 0));
         }
     }
@@ -289,12 +271,7 @@ impl Processor<QuadrantDwell> for Dwelling {
                 self.ticks[usize::from(fast) + 2 * usize::from(hard)] += 1;
             }
             let dwell_s = self.ticks.map(|ticks| ticks as f64 * self.period_s);
-            [
-                slow_light[frame],
-                fast_light[frame],
-                slow_hard[frame],
-                fast_hard[frame],
-            ] = dwell_s;
+            [slow_light[frame], fast_light[frame], slow_hard[frame], fast_hard[frame]] = dwell_s;
         }
     }
 
@@ -332,10 +309,7 @@ mod tests {
             // Sliding; creeping below 1 mm/s; in the air.
             bench.run(&[&[0.08, 0.0009, 0.2], &[0.5, 0.5, 0.0]])
         };
-        assert_eq!(
-            run(Condition::ForceAndSpeed),
-            [[0.08, 0.0009, 0.2], [0.5, 0.5, 0.0]]
-        );
+        assert_eq!(run(Condition::ForceAndSpeed), [[0.08, 0.0009, 0.2], [0.5, 0.5, 0.0]]);
         assert_eq!(run(Condition::Force), [[0.13, 0.0, 0.13], [0.5, 0.5, 0.0]]);
         assert_eq!(run(Condition::Speed), [[0.08, 0.0009, 0.2], [1.2, 1.2, 0.0]]);
         assert_eq!(run(Condition::Neither), [[0.13, 0.0, 0.13], [1.2, 1.2, 0.0]]);
@@ -343,10 +317,7 @@ mod tests {
 
     #[test]
     fn a_warning_can_be_seen() {
-        let settings = ForceWarningSettings {
-            above_n: 2.75,
-            hold_s: 0.002,
-        };
+        let settings = ForceWarningSettings { above_n: 2.75, hold_s: 0.002 };
         let mut bench = Bench::new::<ForceWarning>(settings, 1000.0, &[Kind::SCALAR]).unwrap();
         let warning = bench.run(&[&[2.75, 2.8, 1.0, 1.0, 1.0, f64::NAN]]).remove(0);
         assert_eq!(warning, [0.0, 1.0, 1.0, 0.0, 0.0, 0.0]);

@@ -84,10 +84,7 @@ impl Accelerometer {
         });
         if !self.settled {
             self.settled = true;
-            self.filters
-                .iter_mut()
-                .zip(volts)
-                .for_each(|(filter, value)| filter.settle_at(value));
+            self.filters.iter_mut().zip(volts).for_each(|(filter, value)| filter.settle_at(value));
         }
         for (filter, value) in self.filters.iter_mut().zip(&mut volts) {
             filter.process_in_place(std::slice::from_mut(value));
@@ -104,10 +101,7 @@ mod tests {
     const RATE_HZ: f64 = 10_000.0;
 
     fn sensor(noise_m_s2: f64) -> Accelerometer {
-        let settings = AccelerometerSettings {
-            noise_m_s2,
-            ..AccelerometerSettings::default()
-        };
+        let settings = AccelerometerSettings { noise_m_s2, ..AccelerometerSettings::default() };
         Accelerometer::new(settings, RATE_HZ, 1).unwrap()
     }
 
@@ -137,11 +131,8 @@ mod tests {
 
     #[test]
     fn a_rising_acceleration_is_read_as_late_as_the_sensor_says() {
-        let settings = AccelerometerSettings {
-            noise_m_s2: 0.0,
-            bits: 32,
-            ..AccelerometerSettings::default()
-        };
+        let settings =
+            AccelerometerSettings { noise_m_s2: 0.0, bits: 32, ..AccelerometerSettings::default() };
         let mut sensor = Accelerometer::new(settings, RATE_HZ, 1).unwrap();
         let read = (0..500).map(|k| in_m_s2(sensor.sample([0.1 * f64::from(k), 0.0, 0.0])[0]));
         let late_s = 0.0499 - read.last().unwrap() / (0.1 * RATE_HZ);

@@ -111,10 +111,7 @@ impl GripSettings {
 /// Default actions: circles, taps and a press.
 pub fn a_bit_of_everything() -> Vec<Doing> {
     let draw = DrawSettings {
-        stroke: Drawing::Circles(CirclesSettings {
-            radius_mm: Millimetres(20.0),
-            period_s: 1.2,
-        }),
+        stroke: Drawing::Circles(CirclesSettings { radius_mm: Millimetres(20.0), period_s: 1.2 }),
         duration_s: 5.0,
         force_n: 1.0,
         force_variation: 0.2,
@@ -128,14 +125,7 @@ pub fn a_bit_of_everything() -> Vec<Doing> {
         interval_s: 0.6,
         force_n: 0.8,
     };
-    vec![
-        Doing::Draw(draw),
-        Doing::Taps(taps),
-        Doing::Press(PressSettings {
-            force_n: 2.0,
-            duration_s: 2.0,
-        }),
-    ]
+    vec![Doing::Draw(draw), Doing::Taps(taps), Doing::Press(PressSettings { force_n: 2.0, duration_s: 2.0 })]
 }
 
 /// Actions in SI.
@@ -148,9 +138,7 @@ pub fn actions(doings: &[Doing]) -> Result<Vec<Action>, BuildError> {
 
 fn action(doing: &Doing) -> Result<Action, BuildError> {
     Ok(match doing {
-        Doing::Hover(hover) => Action::Hover {
-            duration_s: hover.duration_s,
-        },
+        Doing::Hover(hover) => Action::Hover { duration_s: hover.duration_s },
         Doing::Draw(draw) => {
             let drawing = DrawingSettings {
                 stroke: draw.stroke.clone(),
@@ -159,10 +147,7 @@ fn action(doing: &Doing) -> Result<Action, BuildError> {
                 pace_variation: draw.pace_variation,
                 size_variation: draw.size_variation,
             };
-            Action::Draw {
-                stroke: drawing.to_stroke()?,
-                duration_s: draw.duration_s,
-            }
+            Action::Draw { stroke: drawing.to_stroke()?, duration_s: draw.duration_s }
         }
         Doing::Taps(taps) => Action::Taps {
             count: taps.count,
@@ -171,9 +156,6 @@ fn action(doing: &Doing) -> Result<Action, BuildError> {
             interval_s: taps.interval_s,
             force_n: taps.force_n,
         },
-        Doing::Press(press) => Action::Press {
-            force_n: press.force_n,
-            duration_s: press.duration_s,
-        },
+        Doing::Press(press) => Action::Press { force_n: press.force_n, duration_s: press.duration_s },
     })
 }

@@ -24,12 +24,7 @@ pub const ARM: NodeSpec = NodeSpec {
     doc: "A desktop arm: reads the position of its tip.",
     source: "4.3",
     inputs: &[],
-    outputs: &[output(
-        "position",
-        Kind::VECTOR,
-        Quantity::LENGTH,
-        "Position of the tip (HIP), m.",
-    )],
+    outputs: &[output("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tip (HIP), m.")],
     example: r#""arm": Arm(clock: "servo", endpoint: "arm")"#,
 };
 
@@ -73,24 +68,9 @@ impl DeviceKind for SimulatedOmni {
         source: "4.3",
         simulated: true,
         senses: &[
-            Channel::new(
-                "position",
-                Kind::VECTOR,
-                Quantity::LENGTH,
-                "Position of the tip in steps, m.",
-            ),
-            Channel::new(
-                "true_position",
-                Kind::VECTOR,
-                Quantity::LENGTH,
-                "True position of the tip, m.",
-            ),
-            Channel::new(
-                "true_velocity",
-                Kind::VECTOR,
-                Quantity::SPEED,
-                "True velocity of the tip, m/s.",
-            ),
+            Channel::new("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tip in steps, m."),
+            Channel::new("true_position", Kind::VECTOR, Quantity::LENGTH, "True position of the tip, m."),
+            Channel::new("true_velocity", Kind::VECTOR, Quantity::SPEED, "True velocity of the tip, m/s."),
         ],
         drives: &[Channel::new(
             "force",
@@ -120,9 +100,7 @@ impl DeviceKind for SimulatedOmni {
         };
         let touchable = Touchable {
             ground: ground(&settings.scene, settings.proxy_diameter_mm.si())?,
-            gives_n_per_m: settings
-                .gives_n_per_mm
-                .map_or(f64::INFINITY, NewtonsPerMillimetre::si),
+            gives_n_per_m: settings.gives_n_per_mm.map_or(f64::INFINITY, NewtonsPerMillimetre::si),
             across_m: across_m(&settings.scene),
         };
         let script = ScriptSettings {
@@ -133,11 +111,7 @@ impl DeviceKind for SimulatedOmni {
         };
         let omni = Omni::new(arm, settings.grip.to_grip(), &script, cx.seed);
         let omni = omni.map_err(|error| BuildError::at("does", error.to_string()))?;
-        Ok(Box::new(Held {
-            omni,
-            touchable,
-            force_n: [0.0; 3],
-        }))
+        Ok(Box::new(Held { omni, touchable, force_n: [0.0; 3] }))
     }
 }
 
@@ -169,10 +143,7 @@ fn ground(scene: &[Solid], proxy_diameter_m: f64) -> Result<Ground, BuildError> 
     Ok(match first {
         Solid::Plane(plane) => {
             let normal = direction(plane.normal).unwrap_or(up);
-            Ground::Plane {
-                origin_m: add_scaled(metres(plane.origin_mm), normal, radius_m),
-                normal,
-            }
+            Ground::Plane { origin_m: add_scaled(metres(plane.origin_mm), normal, radius_m), normal }
         }
         Solid::Sphere(sphere) => Ground::Sphere {
             centre_m: metres(sphere.centre_mm),
@@ -186,17 +157,12 @@ fn ground(scene: &[Solid], proxy_diameter_m: f64) -> Result<Ground, BuildError> 
         }
         Solid::Room(room) => {
             let floor_m = radius_m - 0.5 * room.size_mm[2].si();
-            Ground::Plane {
-                origin_m: add_scaled(metres(room.centre_mm), up, floor_m),
-                normal: up,
-            }
+            Ground::Plane { origin_m: add_scaled(metres(room.centre_mm), up, floor_m), normal: up }
         }
         // Contact with a mesh is that of a point.
         Solid::Mesh(mesh) => {
-            let loaded = load_mesh(&mesh.file, mesh.unit_mm).map_err(|error| BuildError {
-                field: Some("scene"),
-                ..error
-            })?;
+            let loaded = load_mesh(&mesh.file, mesh.unit_mm)
+                .map_err(|error| BuildError { field: Some("scene"), ..error })?;
             Ground::Relief(Arc::new(loaded))
         }
     })

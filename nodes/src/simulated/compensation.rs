@@ -30,17 +30,9 @@ pub struct Compensated {
 pub fn compensated(seed: u64, tolerance: f64) -> Option<Compensated> {
     let stated = TwoMass::PLACEHOLDER;
     let actuator = stated.of_seed(tolerance, seed);
-    let known = Known::MagnetAndForce {
-        magnet_kg: stated.magnet_kg,
-        force_n_per_a: stated.force_n_per_a,
-    };
-    let found = identify(&swept(&actuator, seed).sweep(), known)
-        .ok()?
-        .parameters?;
-    Some(Compensated {
-        stated: felt(&stated, &actuator)?,
-        identified: felt(&found, &actuator)?,
-    })
+    let known = Known::MagnetAndForce { magnet_kg: stated.magnet_kg, force_n_per_a: stated.force_n_per_a };
+    let found = identify(&swept(&actuator, seed).sweep(), known).ok()?.parameters?;
+    Some(Compensated { stated: felt(&stated, &actuator)?, identified: felt(&found, &actuator)? })
 }
 
 const RATE_HZ: f64 = 10_000.0;
@@ -69,19 +61,13 @@ const NOISE_M_S2: f64 = 0.126;
 /// A sweep of ten seconds and the readings of a noisy accelerometer.
 fn swept(actuator: &TwoMass, seed: u64) -> Swept {
     let current_a = sweep_current(0.3, SWEEP_HZ, 10.0, RATE_HZ);
-    let (mut machine, mut noise) = (
-        actuator.machine(RATE_HZ),
-        Gaussian::new(stream_seed(seed, "noise")),
-    );
+    let (mut machine, mut noise) = (actuator.machine(RATE_HZ), Gaussian::new(stream_seed(seed, "noise")));
     let feel = |current_a: &f64| {
         machine.advance(*current_a, 0.0);
         machine.read().acceleration_m_s2 + NOISE_M_S2 * noise.next_sample()
     };
     let acceleration_m_s2 = current_a.iter().map(feel).collect();
-    Swept {
-        current_a,
-        acceleration_m_s2,
-    }
+    Swept { current_a, acceleration_m_s2 }
 }
 
 fn felt(model: &TwoMass, actuator: &TwoMass) -> Option<Felt> {
@@ -93,11 +79,7 @@ fn felt(model: &TwoMass, actuator: &TwoMass) -> Option<Felt> {
         let target = 1.0 / (1.0 + (compensator.corner_hz() / f_hz).powi(8)).sqrt();
         [played.norm(), played.norm() / target].map(|ratio| 20.0 * ratio.log10())
     });
-    let none = Felt {
-        least_db: f64::MAX,
-        most_db: f64::MIN,
-        off_db: 0.0,
-    };
+    let none = Felt { least_db: f64::MAX, most_db: f64::MIN, off_db: 0.0 };
     Some(over.fold(none, |felt, [db, off_db]| Felt {
         least_db: felt.least_db.min(db),
         most_db: felt.most_db.max(db),
@@ -116,19 +98,10 @@ mod tests {
         for seed in 1..=10 {
             let found = compensated(seed, TOLERANCE).unwrap();
             assert!(found.identified.off_db < 0.3, "seed {seed}: {found:?}");
-            assert!(
-                found.identified.off_db < 0.5 * found.stated.off_db,
-                "seed {seed}: {found:?}"
-            );
-            worst = [
-                worst[0].max(found.stated.off_db),
-                worst[1].max(found.identified.off_db),
-            ];
+            assert!(found.identified.off_db < 0.5 * found.stated.off_db, "seed {seed}: {found:?}");
+            worst = [worst[0].max(found.stated.off_db), worst[1].max(found.identified.off_db)];
         }
-        assert!(
-            (1.5..6.5).contains(&worst[0]),
-            "the plant is not the model: {worst:?} dB"
-        );
+        assert!((1.5..6.5).contains(&worst[0]), "the plant is not the model: {worst:?} dB");
         let nominal = compensated(1, 0.0).unwrap();
         assert!(nominal.stated.off_db < 0.3, "{nominal:?}");
     }

@@ -111,32 +111,27 @@ impl DrawingSettings {
 fn shape(stroke: &Drawing) -> Result<StrokeShape, BuildError> {
     Ok(match stroke {
         Drawing::Still => StrokeShape::Still,
-        Drawing::Circles(circles) => StrokeShape::Circles {
-            radius_m: circles.radius_mm.si(),
-            period_s: circles.period_s,
-        },
+        Drawing::Circles(circles) => {
+            StrokeShape::Circles { radius_m: circles.radius_mm.si(), period_s: circles.period_s }
+        }
         Drawing::ZigZag(zig_zag) => StrokeShape::ZigZag {
             width_m: zig_zag.width_mm.si(),
             height_m: zig_zag.height_mm.si(),
             period_s: zig_zag.period_s,
         },
-        Drawing::Writing(writing) => StrokeShape::Writing {
-            letter_m: writing.letter_mm.si(),
-            line_m: writing.line_mm.si(),
-        },
-        Drawing::Wander(wander) => StrokeShape::Wander {
-            side_m: wander.side_mm.si(),
-            fastest_hz: wander.fastest_hz,
-        },
+        Drawing::Writing(writing) => {
+            StrokeShape::Writing { letter_m: writing.letter_mm.si(), line_m: writing.line_mm.si() }
+        }
+        Drawing::Wander(wander) => {
+            StrokeShape::Wander { side_m: wander.side_mm.si(), fastest_hz: wander.fastest_hz }
+        }
         Drawing::Path(PathSettings { file }) => {
             let failed = |error: &dyn std::error::Error| {
                 let message = format!("{}: {error}", file.display());
                 BuildError::at("stroke", message).help("give a CSV file with time_s, x_mm, y_mm and force_n")
             };
             let source = files::open(file, MAX_RECORDING_BYTES).map_err(|error| failed(&error))?;
-            StrokeShape::Recorded(Arc::new(
-                Trajectory::from_csv(source).map_err(|error| failed(&error))?,
-            ))
+            StrokeShape::Recorded(Arc::new(Trajectory::from_csv(source).map_err(|error| failed(&error))?))
         }
     })
 }

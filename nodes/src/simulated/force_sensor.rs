@@ -66,12 +66,7 @@ impl ForceSensor {
             }
             None => (None, 0.0),
         };
-        Ok(Self {
-            settings,
-            noise: Gaussian::new(seed),
-            filters,
-            delay_s,
-        })
+        Ok(Self { settings, noise: Gaussian::new(seed), filters, delay_s })
     }
 
     /// Delay of slow changes of the wrench, s: the filter's delay.
@@ -100,11 +95,7 @@ impl ForceSensor {
             }
         }
         let [fx, fy, fz, mx, my, mz] = converted;
-        WrenchReading {
-            force_n: [fx, fy, fz],
-            torque_n_m: [mx, my, mz],
-            saturated,
-        }
+        WrenchReading { force_n: [fx, fy, fz], torque_n_m: [mx, my, mz], saturated }
     }
 }
 
@@ -113,11 +104,7 @@ mod tests {
     use super::*;
 
     fn unfiltered(noise_steps: f64) -> ForceSensor {
-        let settings = ForceSensorSettings {
-            noise_steps,
-            cutoff_hz: None,
-            ..ForceSensorSettings::default()
-        };
+        let settings = ForceSensorSettings { noise_steps, cutoff_hz: None, ..ForceSensorSettings::default() };
         ForceSensor::new(settings, 1000.0, 1).unwrap()
     }
 
@@ -127,20 +114,14 @@ mod tests {
         assert_eq!(reading.force_n, [0.1, -1.0 / 160.0, 3.0]);
         assert_eq!(reading.torque_n_m, [0.0, 0.0, 0.1]);
         let noisy = unfiltered(1.0).sample([0.0; 3], [0.0; 3]);
-        assert!(
-            noisy
-                .force_n
-                .iter()
-                .all(|f| (f * 160.0 - (f * 160.0).round()).abs() < 1e-9)
-        );
+        assert!(noisy.force_n.iter().all(|f| (f * 160.0 - (f * 160.0).round()).abs() < 1e-9));
     }
 
     #[test]
     fn noise_is_one_step_before_and_a_fifth_behind_the_filter() {
         let deviation = |sensor: &mut ForceSensor| {
-            let square: f64 = (0..20_000)
-                .map(|_| sensor.sample([0.0; 3], [0.0; 3]).torque_n_m[1].powi(2))
-                .sum();
+            let square: f64 =
+                (0..20_000).map(|_| sensor.sample([0.0; 3], [0.0; 3]).torque_n_m[1].powi(2)).sum();
             (square / 20_000.0).sqrt() * 32e3
         };
         assert!((deviation(&mut unfiltered(1.0)) - (1.0 + 1.0 / 12.0_f64).sqrt()).abs() < 0.02);
@@ -150,11 +131,8 @@ mod tests {
 
     #[test]
     fn a_rising_force_is_read_as_late_as_the_sensor_says() {
-        let settings = ForceSensorSettings {
-            noise_steps: 0.0,
-            force_step_n: 1e-9,
-            ..ForceSensorSettings::default()
-        };
+        let settings =
+            ForceSensorSettings { noise_steps: 0.0, force_step_n: 1e-9, ..ForceSensorSettings::default() };
         let mut sensor = ForceSensor::new(settings, 1000.0, 3).unwrap();
         let read_n = (0..500).map(|k| sensor.sample([0.0, 0.0, 0.02 * f64::from(k)], [0.0; 3]).force_n[2]);
         let late_s = 0.499 - read_n.last().unwrap() / 20.0;
@@ -165,9 +143,6 @@ mod tests {
     #[test]
     fn beyond_the_scale_the_reading_stays_at_its_end_and_says_so() {
         let reading = unfiltered(0.0).sample([0.0, 0.0, -40.0], [0.26, 0.0, 0.0]);
-        assert_eq!(
-            (reading.force_n[2], reading.torque_n_m[0], reading.saturated),
-            (-35.0, 0.25, true)
-        );
+        assert_eq!((reading.force_n[2], reading.torque_n_m[0], reading.saturated), (-35.0, 0.25, true));
     }
 }

@@ -48,10 +48,7 @@ pub struct GroundPoint {
 
 impl Ground {
     /// The horizontal plane through the origin, outside above.
-    pub const TABLE: Self = Self::Plane {
-        origin_m: [0.0; 3],
-        normal: [0.0, 0.0, 1.0],
-    };
+    pub const TABLE: Self = Self::Plane { origin_m: [0.0; 3], normal: [0.0, 0.0, 1.0] };
 
     /// A convex solid; the sheet touches it over its centre.
     pub fn solid(solid: Arc<TriangleMesh>) -> Self {
@@ -68,11 +65,7 @@ impl Ground {
                 let [e_u, e_v] = tangents(normal);
                 flat(add_scaled(add_scaled(origin_m, e_u, u), e_v, v), normal)
             }
-            &Self::Sphere {
-                centre_m,
-                radius_m,
-                up,
-            } => {
+            &Self::Sphere { centre_m, radius_m, up } => {
                 let up = direction(up).unwrap_or([0.0, 0.0, 1.0]);
                 let [e_u, e_v] = tangents(up);
                 let sheet_m = add_scaled(add_scaled(add_scaled(centre_m, up, radius_m), e_u, u), e_v, v);
@@ -87,11 +80,7 @@ impl Ground {
 
 /// A point whose height moves along its normal.
 fn flat(position_m: Vec3, normal: Vec3) -> GroundPoint {
-    GroundPoint {
-        position_m,
-        normal,
-        lift: normal,
-    }
+    GroundPoint { position_m, normal, lift: normal }
 }
 
 /// Exit point and face of a ray from a solid's centre.
@@ -108,11 +97,7 @@ fn projected(solid: &TriangleMesh, sheet_m: Vec3) -> GroundPoint {
     match cast(solid, along) {
         Some((position_m, face)) => {
             let normal = solid.normal(face);
-            GroundPoint {
-                position_m,
-                normal,
-                lift: scale(along, 1.0 / dot(along, normal).max(0.1)),
-            }
+            GroundPoint { position_m, normal, lift: scale(along, 1.0 / dot(along, normal).max(0.1)) }
         }
         None => flat(solid.centre_m(), up),
     }
@@ -127,16 +112,8 @@ fn dropped(relief: &TriangleMesh, [u, v]: [f64; 2]) -> GroundPoint {
     match relief.first_hit(top_m, add_scaled(under_m, up, -reach_m)) {
         Some(hit) => {
             let normal = relief.normal(hit.triangle);
-            let normal = if normal[2] < 0.0 {
-                scale(normal, -1.0)
-            } else {
-                normal
-            };
-            GroundPoint {
-                position_m: add_scaled(top_m, up, -2.0 * reach_m * hit.fraction),
-                normal,
-                lift: up,
-            }
+            let normal = if normal[2] < 0.0 { scale(normal, -1.0) } else { normal };
+            GroundPoint { position_m: add_scaled(top_m, up, -2.0 * reach_m * hit.fraction), normal, lift: up }
         }
         None => flat(under_m, up),
     }
@@ -149,17 +126,10 @@ mod tests {
 
     #[test]
     fn a_plane_keeps_lengths_and_a_sphere_keeps_its_radius() {
-        let slope = Ground::Plane {
-            origin_m: [0.1, 0.0, 0.0],
-            normal: [0.0, 3.0, 4.0],
-        };
+        let slope = Ground::Plane { origin_m: [0.1, 0.0, 0.0], normal: [0.0, 3.0, 4.0] };
         let way_m = distance(slope.at([0.03, 0.0]).position_m, slope.at([0.0, 0.04]).position_m);
         assert!((way_m - 0.05).abs() < 1e-15);
-        let ball = Ground::Sphere {
-            centre_m: [0.0, 0.0, -0.05],
-            radius_m: 0.05,
-            up: [0.0, 0.0, 1.0],
-        };
+        let ball = Ground::Sphere { centre_m: [0.0, 0.0, -0.05], radius_m: 0.05, up: [0.0, 0.0, 1.0] };
         assert!(distance(ball.at([0.0, 0.0]).position_m, [0.0; 3]) < 1e-15);
         let far = ball.at([0.2, -0.1]);
         assert!((distance(far.position_m, [0.0, 0.0, -0.05]) - 0.05).abs() < 1e-15);
@@ -168,12 +138,7 @@ mod tests {
     #[test]
     fn a_relief_is_stroked_from_above() {
         let slope = TriangleMesh::new(
-            &[
-                [-0.1, -0.1, 0.0],
-                [0.1, -0.1, 0.02],
-                [0.1, 0.1, 0.02],
-                [-0.1, 0.1, 0.0],
-            ],
+            &[[-0.1, -0.1, 0.0], [0.1, -0.1, 0.02], [0.1, 0.1, 0.02], [-0.1, 0.1, 0.0]],
             &[[0, 1, 2], [0, 2, 3]],
         );
         let ground = Ground::Relief(Arc::new(slope.unwrap()));
@@ -192,9 +157,6 @@ mod tests {
         assert!(distance(side.position_m, [0.01, 0.0, 0.005]) < 1e-12);
         assert_eq!(side.normal, [1.0, 0.0, 0.0]);
         let rim = [0.0099999, 0.0100001].map(|u| ground.at([u, 0.001]));
-        assert!(
-            rim[0].normal != rim[1].normal && distance(rim[0].lift, rim[1].lift) < 1e-4,
-            "{rim:?}"
-        );
+        assert!(rim[0].normal != rim[1].normal && distance(rim[0].lift, rim[1].lift) < 1e-4, "{rim:?}");
     }
 }

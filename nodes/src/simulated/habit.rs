@@ -21,28 +21,16 @@ pub fn habit(motion: &Motion, person: u64, press_n: f64) -> ScriptSettings {
     let mut around = || 1.15_f64.powf(rng.random_range(-1.0..1.0));
     let (size, pace, force) = (around(), around(), around());
     let draw = |shape, force_n, force_variation, pace_variation| Action::Draw {
-        stroke: StrokeSettings {
-            shape,
-            force_n,
-            force_variation,
-            pace_variation,
-            size_variation: 0.1,
-        },
+        stroke: StrokeSettings { shape, force_n, force_variation, pace_variation, size_variation: 0.1 },
         duration_s: LONG_S,
     };
     let actions = match motion {
         Motion::Drag => {
-            let shape = StrokeShape::Wander {
-                side_m: 0.045 * size,
-                fastest_hz: 0.7 * pace,
-            };
+            let shape = StrokeShape::Wander { side_m: 0.045 * size, fastest_hz: 0.7 * pace };
             vec![draw(shape, 1.2 * force, 0.45, 0.25)]
         }
         Motion::Circle => {
-            let shape = StrokeShape::Circles {
-                radius_m: 0.025 * size,
-                period_s: 1.3 / pace,
-            };
+            let shape = StrokeShape::Circles { radius_m: 0.025 * size, period_s: 1.3 / pace };
             vec![draw(shape, 1.1 * force, 0.3, 0.1)]
         }
         Motion::Tap => vec![Action::Taps {
@@ -53,17 +41,9 @@ pub fn habit(motion: &Motion, person: u64, press_n: f64) -> ScriptSettings {
             force_n: 0.5 * force,
         }],
         Motion::Press => {
-            let press = Action::Press {
-                force_n: press_n,
-                duration_s: PRESS_S_PER_N * press_n,
-            };
+            let press = Action::Press { force_n: press_n, duration_s: PRESS_S_PER_N * press_n };
             vec![press, Action::Hover { duration_s: LONG_S }]
         }
     };
-    ScriptSettings {
-        ground: Ground::TABLE,
-        actions,
-        hover_m: 0.008,
-        gives_n_per_m: f64::INFINITY,
-    }
+    ScriptSettings { ground: Ground::TABLE, actions, hover_m: 0.008, gives_n_per_m: f64::INFINITY }
 }

@@ -22,12 +22,8 @@ pub struct Grip {
 
 impl Grip {
     /// A typical grip.
-    pub const TYPICAL: Self = Self {
-        mass_kg: 0.05,
-        stiffness_n_per_m: 500.0,
-        damping_n_s_per_m: 5.0,
-        tremor_m: 3e-5,
-    };
+    pub const TYPICAL: Self =
+        Self { mass_kg: 0.05, stiffness_n_per_m: 500.0, damping_n_s_per_m: 5.0, tremor_m: 3e-5 };
 
     /// The grip of a person: a seed picks mass, stiffness and damping around [`Self::TYPICAL`].
     pub fn of_person(seed: u64) -> Self {
@@ -58,11 +54,7 @@ pub struct Load {
 
 impl Load {
     /// No load.
-    pub const NONE: Self = Self {
-        mass_kg: 0.0,
-        dry_friction_n: 0.0,
-        damping_n_s_per_m: 0.0,
-    };
+    pub const NONE: Self = Self { mass_kg: 0.0, dry_friction_n: 0.0, damping_n_s_per_m: 0.0 };
 }
 
 /// Error of a simulated hand.
@@ -143,11 +135,7 @@ impl Hand {
 
     /// State of the hand at this tick.
     pub fn read(&self) -> HandReading {
-        HandReading {
-            position_m: self.position_m,
-            velocity_m_s: self.velocity_m_s,
-            intent: self.intent,
-        }
+        HandReading { position_m: self.position_m, velocity_m_s: self.velocity_m_s, intent: self.intent }
     }
 
     /// Advances one tick under an external force on the tip, held, N; the hand presses against the intended surface. A force
@@ -168,11 +156,7 @@ impl Hand {
                 let inward_m_s = -dot(aim_m_s, normal);
                 (
                     add_scaled(add_scaled(aim_m, normal, behind_m), along, behind_m),
-                    add_scaled(
-                        add_scaled(aim_m_s, normal, inward_m_s),
-                        along,
-                        inward_m_s.max(0.0),
-                    ),
+                    add_scaled(add_scaled(aim_m_s, normal, inward_m_s), along, inward_m_s.max(0.0)),
                 )
             }
             _ => (aim_m, aim_m_s),
@@ -193,17 +177,10 @@ impl Hand {
     }
 
     fn step(&mut self, force_n: Vec3, aim_m: Vec3, aim_m_s: Vec3, press_n: Vec3) {
-        let force_n = if force_n.iter().all(|f| f.is_finite()) {
-            force_n
-        } else {
-            [0.0; 3]
-        };
+        let force_n = if force_n.iter().all(|f| f.is_finite()) { force_n } else { [0.0; 3] };
         // Spring and damper towards the aim: the part that does not depend on the hand's own motion.
-        let pull_n = add_scaled(
-            scale(aim_m, self.grip.stiffness_n_per_m),
-            aim_m_s,
-            self.grip.damping_n_s_per_m,
-        );
+        let pull_n =
+            add_scaled(scale(aim_m, self.grip.stiffness_n_per_m), aim_m_s, self.grip.damping_n_s_per_m);
         let push = scale(add(add(force_n, pull_n), press_n), 1.0 / self.mass_kg);
         let [to_position, to_velocity] = self.transition;
         let all = [self.position_m, self.velocity_m_s, push];
@@ -213,11 +190,7 @@ impl Hand {
         // Dry friction removes momentum, at most all of it.
         let speed_m_s = norm(velocity_m_s);
         if speed_m_s > self.friction_m_s || self.friction_m_s == 0.0 {
-            let lost = if speed_m_s > 0.0 {
-                self.friction_m_s / speed_m_s
-            } else {
-                0.0
-            };
+            let lost = if speed_m_s > 0.0 { self.friction_m_s / speed_m_s } else { 0.0 };
             self.position_m = add_scaled(position_m, velocity_m_s, -lost * 0.5 * self.period_s);
             self.velocity_m_s = scale(velocity_m_s, 1.0 - lost);
         } else {
@@ -229,10 +202,7 @@ impl Hand {
     fn intent_at(&self, time_s: f64) -> Intent {
         let intent = self.script.at(time_s);
         let tremor = self.tremor.each_ref().map(|wobble| wobble.at(time_s));
-        Intent {
-            position_m: add_scaled(intent.position_m, tremor, self.grip.tremor_m),
-            ..intent
-        }
+        Intent { position_m: add_scaled(intent.position_m, tremor, self.grip.tremor_m), ..intent }
     }
 }
 

@@ -114,10 +114,7 @@ impl Settings for SimulatedHaptuatorSettings {
         // Both are read before the first `?`, so that all errors are reported.
         let model = TwoMassSettings::take_from(fields, reading);
         let tolerance = ToleranceSettings::take_from(fields, reading);
-        Some(Self {
-            model: model?,
-            tolerance: tolerance?,
-        })
+        Some(Self { model: model?, tolerance: tolerance? })
     }
 }
 
@@ -147,12 +144,7 @@ impl DeviceKind for SimulatedHaptuator {
                 "Displacement of the magnet in its housing, m.",
             ),
         ],
-        drives: &[Channel::new(
-            "current",
-            Kind::SCALAR,
-            Quantity::CURRENT,
-            "Current through the coil, A.",
-        )],
+        drives: &[Channel::new("current", Kind::SCALAR, Quantity::CURRENT, "Current through the coil, A.")],
         example: r#""haptuator": SimulatedHaptuator()"#,
     };
 
@@ -160,10 +152,7 @@ impl DeviceKind for SimulatedHaptuator {
         let checked = settings.model.to_two_mass().checked();
         let stated = checked.map_err(|error| BuildError::at("force_n_per_a", error.to_string()))?;
         let model = stated.of_seed(settings.tolerance.tolerance, cx.seed);
-        Ok(Box::new(Coil {
-            machine: model.machine(cx.rate.hz()),
-            current_a: 0.0,
-        }))
+        Ok(Box::new(Coil { machine: model.machine(cx.rate.hz()), current_a: 0.0 }))
     }
 }
 
@@ -180,11 +169,7 @@ impl Device for Coil {
 
     fn read(&mut self, channel: usize, frame: &mut [f64]) {
         let reading = self.machine.read();
-        frame.fill(if channel == 0 {
-            reading.acceleration_m_s2
-        } else {
-            reading.stroke_m
-        });
+        frame.fill(if channel == 0 { reading.acceleration_m_s2 } else { reading.stroke_m });
     }
 
     fn write(&mut self, _: usize, frame: &[f64]) {
@@ -226,9 +211,6 @@ mod tests {
             ]
         });
         let (least, most) = ratios.fold((f64::MAX, f64::MIN), |(l, m), x| (l.min(x), m.max(x)));
-        assert!(
-            (0.9..0.91).contains(&least) && (1.09..1.1).contains(&most),
-            "{least} {most}"
-        );
+        assert!((0.9..0.91).contains(&least) && (1.09..1.1).contains(&most), "{least} {most}");
     }
 }

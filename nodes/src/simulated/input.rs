@@ -31,11 +31,7 @@ impl DeviceKind for SimulatedInput {
     };
 
     fn build(settings: SimulatedInputSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
-        Ok(Box::new(Moved {
-            to: settings.to,
-            turns_a_tick: cx.rate.period_s() / settings.period_s,
-            tick: 0,
-        }))
+        Ok(Box::new(Moved { to: settings.to, turns_a_tick: cx.rate.period_s() / settings.period_s, tick: 0 }))
     }
 }
 
@@ -68,10 +64,7 @@ mod tests {
     #[test]
     fn it_goes_to_the_far_end_and_back() {
         let cx = BuildContext::new("fader", Rate::new(100, 1).unwrap());
-        let settings = SimulatedInputSettings {
-            to: [80.0, 320.0],
-            period_s: 1.0,
-        };
+        let settings = SimulatedInputSettings { to: [80.0, 320.0], period_s: 1.0 };
         let mut fader = SimulatedInput::build(settings, &cx).unwrap();
         let mut at = |ticks: usize| {
             (0..ticks).for_each(|_| fader.advance());

@@ -21,12 +21,7 @@ pub struct KnockSettings {
 impl Default for KnockSettings {
     /// Every 4 s, up to 2 m/s2, 15 to 30 Hz, 80 ms.
     fn default() -> Self {
-        Self {
-            every_s: 4.0,
-            hardest_m_s2: 2.0,
-            table_hz: [15.0, 30.0],
-            decay_s: 0.08,
-        }
+        Self { every_s: 4.0, hardest_m_s2: 2.0, table_hz: [15.0, 30.0], decay_s: 0.08 }
     }
 }
 

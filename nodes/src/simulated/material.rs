@@ -86,12 +86,7 @@ impl Material {
         let [spread, grain, damping_s_per_m] = CHARACTER[name as usize];
         let rms_m = SMOOTHEST_M * (roughness / 0.2776_f64).powi(6);
         Self {
-            relief: Relief {
-                rms_m,
-                fineness_per_m: 1e3 * fineness_per_mm,
-                spread,
-                grain,
-            },
+            relief: Relief { rms_m, fineness_per_m: 1e3 * fineness_per_mm, spread, grain },
             stiffness_n_per_m: 1e3 * stiffness_n_per_mm,
             damping_s_per_m,
             friction,

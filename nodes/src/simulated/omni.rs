@@ -26,11 +26,7 @@ impl Default for OmniSettings {
         Self {
             step_m: 0.055e-3,
             peak_n: 3.3,
-            load: Load {
-                mass_kg: 0.045,
-                dry_friction_n: 0.26,
-                damping_n_s_per_m: 0.2,
-            },
+            load: Load { mass_kg: 0.045, dry_friction_n: 0.26, damping_n_s_per_m: 0.2 },
         }
     }
 }
@@ -67,10 +63,7 @@ impl SimulatedOmni {
                 return Err(HandError::OutOfRange { name, value, range });
             }
         }
-        Ok(Self {
-            settings,
-            hand: Hand::new(grip, script, settings.load, 1.0 / OMNI_RATE_HZ, seed)?,
-        })
+        Ok(Self { settings, hand: Hand::new(grip, script, settings.load, 1.0 / OMNI_RATE_HZ, seed)? })
     }
 
     /// The reading of this tick.
@@ -108,41 +101,23 @@ mod tests {
     use crate::vector::{add, distance, sub};
 
     fn script(actions: Vec<Action>) -> ScriptSettings {
-        ScriptSettings {
-            ground: Ground::TABLE,
-            actions,
-            hover_m: 0.01,
-            gives_n_per_m: f64::INFINITY,
-        }
+        ScriptSettings { ground: Ground::TABLE, actions, hover_m: 0.01, gives_n_per_m: f64::INFINITY }
     }
 
     fn circles(force_n: f64) -> Action {
-        let shape = StrokeShape::Circles {
-            radius_m: 0.03,
-            period_s: 1.2,
-        };
-        Action::Draw {
-            stroke: StrokeSettings::natural(shape, force_n),
-            duration_s: 10.0,
-        }
+        let shape = StrokeShape::Circles { radius_m: 0.03, period_s: 1.2 };
+        Action::Draw { stroke: StrokeSettings::natural(shape, force_n), duration_s: 10.0 }
     }
 
     #[test]
     fn readings_are_steps_of_0_055_mm() {
-        let mut arm = SimulatedOmni::new(
-            OmniSettings::default(),
-            Grip::TYPICAL,
-            &script(vec![circles(1.0)]),
-            1,
-        )
-        .unwrap();
+        let mut arm =
+            SimulatedOmni::new(OmniSettings::default(), Grip::TYPICAL, &script(vec![circles(1.0)]), 1)
+                .unwrap();
         for _ in 0..500 {
             let reading = arm.read();
             assert!(
-                reading
-                    .position_m
-                    .iter()
-                    .all(|x| ((x / 0.055e-3) - (x / 0.055e-3).round()).abs() < 1e-6)
+                reading.position_m.iter().all(|x| ((x / 0.055e-3) - (x / 0.055e-3).round()).abs() < 1e-6)
             );
             assert!(distance(reading.position_m, reading.true_position_m) < 0.055e-3 * 0.87);
             arm.advance([0.0; 3]);
@@ -152,10 +127,7 @@ mod tests {
     #[test]
     fn the_motors_give_no_more_than_their_peak() {
         let hover = script(vec![Action::Hover { duration_s: 9.0 }]);
-        let grip = Grip {
-            tremor_m: 0.0,
-            ..Grip::TYPICAL
-        };
+        let grip = Grip { tremor_m: 0.0, ..Grip::TYPICAL };
         let pushed = |force_n: f64| {
             let mut arm = SimulatedOmni::new(OmniSettings::default(), grip, &hover, 1).unwrap();
             let start_m = arm.read().true_position_m;
@@ -170,22 +142,12 @@ mod tests {
     #[test]
     fn strokes_on_a_rendered_surface_are_held_at_the_force_that_was_meant_and_stay_stable() {
         for stiffness_n_per_m in [250.0, 500.0] {
-            let mut arm = SimulatedOmni::new(
-                OmniSettings::default(),
-                Grip::TYPICAL,
-                &script(vec![circles(1.2)]),
-                3,
-            )
-            .unwrap();
-            let table = Shape::Plane {
-                origin_m: [0.0; 3],
-                normal: [0.0, 0.0, 1.0],
-            };
+            let mut arm =
+                SimulatedOmni::new(OmniSettings::default(), Grip::TYPICAL, &script(vec![circles(1.2)]), 3)
+                    .unwrap();
+            let table = Shape::Plane { origin_m: [0.0; 3], normal: [0.0, 0.0, 1.0] };
             let mut touch = Touch::new(&table, 0.0).unwrap();
-            let wall = Wall {
-                stiffness_n_per_m,
-                damping_n_s_per_m: 0.0,
-            };
+            let wall = Wall { stiffness_n_per_m, damping_n_s_per_m: 0.0 };
             let mut friction = Dahl::new(DahlSettings::default());
             let (mut loads, mut speeds, mut previous) = (Vec::new(), Vec::new(), [0.0; 3]);
             for tick in 0..10_000 {

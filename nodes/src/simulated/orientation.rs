@@ -23,17 +23,9 @@ pub(crate) fn tilted(tilt_rad: f64, heading_rad: f64) -> [f64; 4] {
 
 /// The rotation vector of a unit quaternion, rad, its length at most pi.
 pub(crate) fn rotation_vector([w, x, y, z]: [f64; 4]) -> Vec3 {
-    let (w, v) = if w < 0.0 {
-        (-w, [-x, -y, -z])
-    } else {
-        (w, [x, y, z])
-    };
+    let (w, v) = if w < 0.0 { (-w, [-x, -y, -z]) } else { (w, [x, y, z]) };
     let sin = norm(v);
-    if sin > 0.0 {
-        scale(v, 2.0 * sin.atan2(w) / sin)
-    } else {
-        ZERO
-    }
+    if sin > 0.0 { scale(v, 2.0 * sin.atan2(w) / sin) } else { ZERO }
 }
 
 /// The unit quaternion of a rotation vector, rad.
@@ -84,11 +76,7 @@ mod tests {
     fn quaternions_turn_vectors_and_back() {
         let q = tilted(0.3, 0.7);
         let up = rotate(q, [0.0, 0.0, 1.0]);
-        let wanted = [
-            0.3_f64.sin() * 0.7_f64.cos(),
-            0.3_f64.sin() * 0.7_f64.sin(),
-            0.3_f64.cos(),
-        ];
+        let wanted = [0.3_f64.sin() * 0.7_f64.cos(), 0.3_f64.sin() * 0.7_f64.sin(), 0.3_f64.cos()];
         assert!(norm(sub(up, wanted)) < 1e-15);
         let v = [0.1, -0.4, 0.8];
         assert!(norm(sub(rotate(conjugate(q), rotate(q, v)), v)) < 1e-15);
@@ -98,19 +86,10 @@ mod tests {
 
     #[test]
     fn every_form_leads_back_to_the_same_orientation() {
-        for vector in [
-            [0.3, -0.5, 1.2],
-            [-2.0, 0.1, 0.4],
-            ZERO,
-            [1e-9, 0.0, -2e-9],
-            [0.0, 3.1, 0.0],
-        ] {
+        for vector in [[0.3, -0.5, 1.2], [-2.0, 0.1, 0.4], ZERO, [1e-9, 0.0, -2e-9], [0.0, 3.1, 0.0]] {
             let q = from_rotation_vector(vector);
             assert!(norm(sub(rotation_vector(q), vector)) < 1e-12, "{vector:?}");
-            assert!(
-                norm(sub(rotation_vector(from_angles(angles(q))), vector)) < 1e-7,
-                "{vector:?}"
-            );
+            assert!(norm(sub(rotation_vector(from_angles(angles(q))), vector)) < 1e-7, "{vector:?}");
             assert_eq!(rotation_vector(q), rotation_vector(q.map(|x| -x)));
         }
     }

@@ -41,30 +41,15 @@ pub const TRUE_CONTACT: NodeSpec = NodeSpec {
     source: "",
     inputs: &[],
     outputs: &[
-        output(
-            "true_position",
-            Kind::VECTOR,
-            Quantity::LENGTH,
-            "True point of contact, m.",
-        ),
+        output("true_position", Kind::VECTOR, Quantity::LENGTH, "True point of contact, m."),
         output(
             "true_velocity",
             Kind::VECTOR,
             Quantity::SPEED,
             "True velocity of the pen along the surface, m/s.",
         ),
-        output(
-            "true_load",
-            Kind::SCALAR,
-            Quantity::FORCE,
-            "True normal force, N; zero in free space.",
-        ),
-        output(
-            "true_friction",
-            Kind::VECTOR,
-            Quantity::FORCE,
-            "True friction on the pen, N.",
-        ),
+        output("true_load", Kind::SCALAR, Quantity::FORCE, "True normal force, N; zero in free space."),
+        output("true_friction", Kind::VECTOR, Quantity::FORCE, "True friction on the pen, N."),
     ],
     example: r#""truth": TrueContact(clock: "servo", endpoint: "pen")"#,
 };
@@ -106,10 +91,7 @@ haptograph_engine::settings! {
 /// Default actions: exploration of the object's top.
 fn exploration() -> Vec<Doing> {
     vec![Doing::Draw(DrawSettings {
-        stroke: Drawing::Wander(WanderSettings {
-            side_mm: Millimetres(12.0),
-            fastest_hz: 1.5,
-        }),
+        stroke: Drawing::Wander(WanderSettings { side_mm: Millimetres(12.0), fastest_hz: 1.5 }),
         duration_s: 10.0,
         force_n: 1.1,
         force_variation: 0.2,
@@ -131,36 +113,16 @@ impl DeviceKind for SimulatedPenAndObject {
         source: "5.2, 5.3, 5.5",
         simulated: true,
         senses: &[
-            Channel::new(
-                "wrench",
-                Kind::WRENCH,
-                Quantity::FORCE,
-                "The sensor's reading, N and N m.",
-            ),
-            Channel::new(
-                "true_position",
-                Kind::VECTOR,
-                Quantity::LENGTH,
-                "True point of contact, m.",
-            ),
+            Channel::new("wrench", Kind::WRENCH, Quantity::FORCE, "The sensor's reading, N and N m."),
+            Channel::new("true_position", Kind::VECTOR, Quantity::LENGTH, "True point of contact, m."),
             Channel::new(
                 "true_velocity",
                 Kind::VECTOR,
                 Quantity::SPEED,
                 "True velocity of the pen along the surface, m/s.",
             ),
-            Channel::new(
-                "true_load",
-                Kind::SCALAR,
-                Quantity::FORCE,
-                "True normal force, N.",
-            ),
-            Channel::new(
-                "true_friction",
-                Kind::VECTOR,
-                Quantity::FORCE,
-                "True friction on the pen, N.",
-            ),
+            Channel::new("true_load", Kind::SCALAR, Quantity::FORCE, "True normal force, N."),
+            Channel::new("true_friction", Kind::VECTOR, Quantity::FORCE, "True friction on the pen, N."),
             Channel::new(
                 "acceleration",
                 Kind::SCALAR,
@@ -175,12 +137,7 @@ impl DeviceKind for SimulatedPenAndObject {
                 Quantity::CURRENT,
                 "Current through the brake's solenoid, A.",
             ),
-            Channel::new(
-                "current",
-                Kind::SCALAR,
-                Quantity::CURRENT,
-                "Current through the haptuator, A.",
-            ),
+            Channel::new("current", Kind::SCALAR, Quantity::CURRENT, "Current through the haptuator, A."),
         ],
         example: r#""pen": SimulatedPenAndObject(object: Cube(edge_mm: 25.4), does: [Draw(stroke: Wander(side_mm: 12.0), force_n: 1.1)])"#,
     };
@@ -224,11 +181,7 @@ impl DeviceKind for SimulatedPenAndObject {
         };
         let device =
             PenObject::new(&device, cx.seed).map_err(|error| BuildError::at("does", error.to_string()))?;
-        Ok(Box::new(Touched {
-            device,
-            touchable,
-            currents_a: [0.0; 2],
-        }))
+        Ok(Box::new(Touched { device, touchable, currents_a: [0.0; 2] }))
     }
 }
 
@@ -269,11 +222,7 @@ impl Device for Touched {
     }
 
     fn group_delay_s(&self, channel: usize) -> f64 {
-        if channel == 0 {
-            self.device.reading_delay_s()
-        } else {
-            0.0
-        }
+        if channel == 0 { self.device.reading_delay_s() } else { 0.0 }
     }
 
     fn write(&mut self, channel: usize, frame: &[f64]) {

@@ -90,12 +90,7 @@ pub struct PenBrake {
 impl PenBrake {
     /// A pen with its brake off.
     pub fn new(constants: PenConstants) -> Self {
-        Self {
-            constants,
-            magnet_n: 0.0,
-            plunger_n: constants.weight_n,
-            rolled_m: 0.0,
-        }
+        Self { constants, magnet_n: 0.0, plunger_n: constants.weight_n, rolled_m: 0.0 }
     }
 
     /// Advances by a time at a constant current and a rolled distance, s, A and m.
@@ -105,9 +100,7 @@ impl PenBrake {
         let pull_n = c.force_n_per_a2 * current_a * current_a / iron;
         self.magnet_n += (pull_n - self.magnet_n) * (1.0 - (-time_s / c.lag_s).exp());
         let pushed_n = self.magnet_n + c.weight_n;
-        self.plunger_n = self
-            .plunger_n
-            .clamp((pushed_n - c.guide_n).max(0.0), pushed_n + c.guide_n);
+        self.plunger_n = self.plunger_n.clamp((pushed_n - c.guide_n).max(0.0), pushed_n + c.guide_n);
         self.rolled_m += rolled_m;
     }
 
@@ -128,11 +121,7 @@ pub fn dragged(pen: &PenConstants, wanted: f64, normal_n: f64, settings: BrakeSe
     let (mut sum, mut reach) = (0.0, Reach::Within);
     for tick in 0..6000 {
         let friction = pen.friction(normal_n);
-        let dragging = Dragging {
-            normal_n,
-            friction_n: friction * normal_n,
-            speed_m_s: SPEED_M_S,
-        };
+        let dragging = Dragging { normal_n, friction_n: friction * normal_n, speed_m_s: SPEED_M_S };
         let command = brake.update(wanted, &dragging);
         pen.advance(command.current_a, SPEED_M_S * PERIOD_S, PERIOD_S);
         if tick >= 5000 {
@@ -157,20 +146,14 @@ mod tests {
             assert!((0.46..0.61).contains(&pen.friction(1.0, 1.0)));
             let at = |phi: f64| pen.friction(1.0, phi);
             let bend = at(0.5) - 0.5 * (at(0.0) + at(1.0));
-            assert!(
-                bend.abs() > 0.002,
-                "a straight line would be the controller's own: {bend}"
-            );
+            assert!(bend.abs() > 0.002, "a straight line would be the controller's own: {bend}");
             (1..100).for_each(|k| assert!(at(f64::from(k) / 100.0) > at(f64::from(k - 1) / 100.0)));
         }
     }
 
     #[test]
     fn open_loop_the_friction_is_wrong_by_hundredths() {
-        let settings = BrakeSettings {
-            trim_per_s: 0.0,
-            ..BrakeSettings::default()
-        };
+        let settings = BrakeSettings { trim_per_s: 0.0, ..BrakeSettings::default() };
         let errors: Vec<f64> = (0..10)
             .flat_map(|seed| {
                 [0.25, 0.35, 0.45]
@@ -188,12 +171,8 @@ mod tests {
         for seed in 0..10 {
             for mu in [0.20, 0.24, 0.28, 0.32, 0.36, 0.40, 0.44, 0.48, 0.52] {
                 for normal_n in [0.5, 1.1, 2.0, 2.75, 4.0] {
-                    let (found, reach) = dragged(
-                        &PenConstants::of_pen(seed),
-                        mu,
-                        normal_n,
-                        BrakeSettings::default(),
-                    );
+                    let (found, reach) =
+                        dragged(&PenConstants::of_pen(seed), mu, normal_n, BrakeSettings::default());
                     if (found - mu).abs() <= 0.02 {
                         within += 1;
                     } else {

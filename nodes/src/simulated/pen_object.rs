@@ -25,10 +25,7 @@ pub const PEN_OBJECT_RATE_HZ: f64 = 1000.0;
 /// Steps of the mechanics in a tick: the tip on the stiff object swings at about 150 Hz.
 const SUBSTEPS: u32 = 10;
 /// Stiffness and damping of the tip on the object: coated acrylic, ours.
-const SURFACE: Wall = Wall {
-    stiffness_n_per_m: 40_000.0,
-    damping_n_s_per_m: 20.0,
-};
+const SURFACE: Wall = Wall { stiffness_n_per_m: 40_000.0, damping_n_s_per_m: 20.0 };
 /// Mass of the pen, kg.
 const PEN_KG: f64 = 0.04;
 /// Share of the haptuator's recoil that the tip hands on to the object across its face.
@@ -127,12 +124,7 @@ pub struct PenObject {
 impl PenObject {
     /// The device at rest, the pen lifted; the seed is the person, the pen and the noise.
     pub fn new(settings: &PenObjectSettings, seed: u64) -> Result<Self, PenObjectError> {
-        let lowest_m = settings
-            .object
-            .vertices()
-            .iter()
-            .map(|v| v[2])
-            .fold(f64::INFINITY, f64::min);
+        let lowest_m = settings.object.vertices().iter().map(|v| v[2]).fold(f64::INFINITY, f64::min);
         let object = Arc::new(settings.object.moved([0.0, 0.0, settings.height_m - lowest_m])?);
         let script = ScriptSettings {
             ground: Ground::solid(object.clone()),
@@ -140,24 +132,16 @@ impl PenObject {
             hover_m: settings.hover_m,
             gives_n_per_m: f64::INFINITY,
         };
-        let load = Load {
-            mass_kg: PEN_KG,
-            ..Load::NONE
-        };
+        let load = Load { mass_kg: PEN_KG, ..Load::NONE };
         let step_s = 1.0 / (PEN_OBJECT_RATE_HZ * f64::from(SUBSTEPS));
         let hand = Hand::new(settings.grip, &script, load, step_s, stream_seed(seed, "hand"))?;
         let start_m = hand.read().position_m;
         let knocks = settings
             .knocks
             .map(|knocks| Knocks::new(knocks, 1.0 / PEN_OBJECT_RATE_HZ, stream_seed(seed, "knocks")));
-        let pen = settings
-            .pen
-            .unwrap_or_else(|| PenConstants::of_pen(stream_seed(seed, "pen")));
+        let pen = settings.pen.unwrap_or_else(|| PenConstants::of_pen(stream_seed(seed, "pen")));
         // The ball starts to roll after a tenth of a millimetre or so, whatever its friction.
-        let stiction = DahlSettings {
-            stretch_m: 2.5e-4,
-            under_load: UnderLoad::Passive,
-        };
+        let stiction = DahlSettings { stretch_m: 2.5e-4, under_load: UnderLoad::Passive };
         Ok(Self {
             sensor: ForceSensor::new(settings.sensor, PEN_OBJECT_RATE_HZ, stream_seed(seed, "sensor"))?,
             object_kg: settings.object_kg,
@@ -220,10 +204,8 @@ impl PenObject {
         let knocked_n = self.knocked();
         let centre_m = self.object.centre_m();
         let force_n = add(add(mean_n, shaken_n), knocked_n);
-        let torque_n_m = add(
-            add(mean_n_m, cross(self.truth.position_m, shaken_n)),
-            cross(centre_m, knocked_n),
-        );
+        let torque_n_m =
+            add(add(mean_n_m, cross(self.truth.position_m, shaken_n)), cross(centre_m, knocked_n));
         self.reading = self.sensor.sample(force_n, torque_n_m);
     }
 
@@ -232,14 +214,8 @@ impl PenObject {
         let hand = self.hand.read();
         let contact = self.tip.update(hand.position_m);
         let normal_n = SURFACE.force_n(&contact, hand.velocity_m_s);
-        let friction_n = self
-            .stiction
-            .update(&contact, normal_n, self.brake.friction(normal_n));
-        let along = if contact.touching {
-            reject(hand.velocity_m_s, contact.normal)
-        } else {
-            ZERO
-        };
+        let friction_n = self.stiction.update(&contact, normal_n, self.brake.friction(normal_n));
+        let along = if contact.touching { reject(hand.velocity_m_s, contact.normal) } else { ZERO };
         let force_n = add_scaled(friction_n, contact.normal, normal_n);
         if contact.touching {
             self.hand.advance_against(force_n, contact.normal);

@@ -100,24 +100,15 @@ impl DeviceKind for SimulatedRecordingTool {
         cx: &BuildContext,
     ) -> Result<Box<dyn Device>, BuildError> {
         if cx.rate.hz() != TOOL_RATE_HZ {
-            let message = format!(
-                "this tool has a rate of {TOOL_RATE_HZ} Hz, but its clock ticks at {}",
-                cx.rate
-            );
+            let message =
+                format!("this tool has a rate of {TOOL_RATE_HZ} Hz, but its clock ticks at {}", cx.rate);
             return Err(BuildError::of_node(message).help("put its nodes on a clock of 10000 Hz"));
         }
         let name = settings.material.parse::<MaterialName>();
         let name = name.map_err(|error| BuildError::at("material", error))?;
         let (motion, person) = (settings.motion, settings.person);
-        let grip = if motion == Motion::Press {
-            ToolGrip::LOAD_FRAME
-        } else {
-            ToolGrip::of_person(person)
-        };
-        let seed = stream_seed(
-            cx.seed,
-            &format!("{}/{person}/{}", name.as_str(), motion.gesture().as_str()),
-        );
+        let grip = if motion == Motion::Press { ToolGrip::LOAD_FRAME } else { ToolGrip::of_person(person) };
+        let seed = stream_seed(cx.seed, &format!("{}/{person}/{}", name.as_str(), motion.gesture().as_str()));
         let mut tool = SimulatedTool::new(
             &Material::of(name),
             grip,
@@ -150,11 +141,7 @@ struct Recorder {
 
 impl Recorder {
     fn tracker_m(&self) -> Vec3 {
-        add_scaled(
-            self.reading.tip_m,
-            rotate(self.reading.orientation, self.tracker_to_tip_m),
-            -1.0,
-        )
+        add_scaled(self.reading.tip_m, rotate(self.reading.orientation, self.tracker_to_tip_m), -1.0)
     }
 
     /// Force and torque in the sensor's frame.
@@ -163,10 +150,7 @@ impl Recorder {
         // Sensor to tool is a rotation by rows; its transpose leads back.
         let rows = &self.force_sensor_to_tool;
         let to_sensor = |v: Vec3| -> Vec3 { std::array::from_fn(|i| dot(v, rows.map(|row| row[i]))) };
-        [
-            to_sensor(force_n),
-            to_sensor(cross(self.force_sensor_to_tip_m, force_n)),
-        ]
+        [to_sensor(force_n), to_sensor(cross(self.force_sensor_to_tip_m, force_n))]
     }
 }
 

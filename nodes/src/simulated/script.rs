@@ -124,19 +124,10 @@ struct Segment {
 
 #[derive(Debug, Clone)]
 enum Motion {
-    Travel {
-        from: [f64; 2],
-        to: [f64; 2],
-    },
+    Travel { from: [f64; 2], to: [f64; 2] },
     Draw(Box<Stroke>),
-    Taps {
-        speeds_m_s: Vec<f64>,
-        interval_s: f64,
-        force_n: f64,
-    },
-    Press {
-        force_n: f64,
-    },
+    Taps { speeds_m_s: Vec<f64>, interval_s: f64, force_n: f64 },
+    Press { force_n: f64 },
 }
 
 /// Time to come down to the surface, or to lift off, s.
@@ -152,10 +143,7 @@ impl Script {
             return Err(ScriptError::Empty);
         }
         let hover_m = settings.hover_m;
-        require(
-            0,
-            &[("hover_m", hover_m), ("stiffness_n_per_m", stiffness_n_per_m)],
-        )?;
+        require(0, &[("hover_m", hover_m), ("stiffness_n_per_m", stiffness_n_per_m)])?;
         if settings.gives_n_per_m.is_finite() || settings.gives_n_per_m.is_nan() {
             require(0, &[("gives_n_per_m", settings.gives_n_per_m)])?;
         }
@@ -192,81 +180,46 @@ impl Script {
         match action {
             Action::Hover { duration_s } => {
                 require(index, &[("duration_s", *duration_s)])?;
-                Ok((
-                    Motion::Travel {
-                        from: [0.0; 2],
-                        to: [0.0; 2],
-                    },
-                    *duration_s,
-                ))
+                Ok((Motion::Travel { from: [0.0; 2], to: [0.0; 2] }, *duration_s))
             }
             Action::Draw { stroke, duration_s } => {
                 require(index, &[("duration_s", *duration_s)])?;
-                let stroke =
-                    Stroke::new(stroke.clone(), rng.random()).map_err(|source| ScriptError::Stroke {
-                        action: index,
-                        source,
-                    })?;
+                let stroke = Stroke::new(stroke.clone(), rng.random())
+                    .map_err(|source| ScriptError::Stroke { action: index, source })?;
                 Ok((Motion::Draw(Box::new(stroke)), *duration_s))
             }
             Action::Press { force_n, duration_s } => {
                 require(index, &[("force_n", *force_n), ("duration_s", *duration_s)])?;
                 Ok((Motion::Press { force_n: *force_n }, *duration_s))
             }
-            &Action::Taps {
-                count,
-                slowest_m_s,
-                fastest_m_s,
-                interval_s,
-                force_n,
-            } => {
+            &Action::Taps { count, slowest_m_s, fastest_m_s, interval_s, force_n } => {
                 let count_or_none = ("count", f64::from(count));
                 let span = ("fastest_m_s - slowest_m_s + 1", fastest_m_s - slowest_m_s + 1.0);
-                let numbers = [
-                    ("slowest_m_s", slowest_m_s),
-                    ("interval_s", interval_s),
-                    ("force_n", force_n),
-                ];
+                let numbers =
+                    [("slowest_m_s", slowest_m_s), ("interval_s", interval_s), ("force_n", force_n)];
                 require(index, &[count_or_none, span])?;
                 require(index, &numbers)?;
                 let depth_m = force_n / self.stiffness_n_per_m;
                 if 2.0 * (self.hover_m + depth_m) / slowest_m_s > 0.8 * interval_s {
-                    return Err(ScriptError::NoTimeToTap {
-                        action: index,
-                        slowest_m_s,
-                    });
+                    return Err(ScriptError::NoTimeToTap { action: index, slowest_m_s });
                 }
                 let speeds_m_s = (0..count)
                     .map(|_| slowest_m_s + (fastest_m_s - slowest_m_s).max(0.0) * rng.random::<f64>())
                     .collect();
-                Ok((
-                    Motion::Taps {
-                        speeds_m_s,
-                        interval_s,
-                        force_n,
-                    },
-                    f64::from(count) * interval_s,
-                ))
+                Ok((Motion::Taps { speeds_m_s, interval_s, force_n }, f64::from(count) * interval_s))
             }
         }
     }
 
     fn push(&mut self, motion: Motion, duration_s: f64) {
-        self.segments.push(Segment {
-            start_s: self.period_s,
-            duration_s,
-            motion,
-        });
+        self.segments.push(Segment { start_s: self.period_s, duration_s, motion });
         self.period_s += duration_s;
     }
 
     /// Intent of the hand at a time in s.
     pub fn at(&self, time_s: f64) -> Intent {
         let t = time_s.rem_euclid(self.period_s);
-        let index = self
-            .segments
-            .partition_point(|s| s.start_s <= t)
-            .saturating_sub(1);
+        let index = self.segments.partition_point(|s| s.start_s <= t).saturating_sub(1);
         let segment = &self.segments[index];
         let local_s = t - segment.start_s;
         let ground = self.ground.at(segment.motion.sheet(local_s));
@@ -291,10 +244,7 @@ impl Motion {
         match self {
             Self::Travel { from, to } => {
                 let way = minimum_jerk(t / TRAVEL_S);
-                [
-                    from[0] + way * (to[0] - from[0]),
-                    from[1] + way * (to[1] - from[1]),
-                ]
+                [from[0] + way * (to[0] - from[0]), from[1] + way * (to[1] - from[1])]
             }
             Self::Draw(stroke) => stroke.at(t).position_m,
             Self::Taps { .. } | Self::Press { .. } => [0.0; 2],
@@ -315,24 +265,11 @@ impl Motion {
                 let down = minimum_jerk(2.0 * t / duration_s) * minimum_jerk(2.0 * (1.0 - t / duration_s));
                 (hover_m * (1.0 - down), down * force_n)
             }
-            Self::Taps {
-                speeds_m_s,
-                interval_s,
-                force_n,
-            } => {
+            Self::Taps { speeds_m_s, interval_s, force_n } => {
                 let tap = (t / interval_s) as usize;
                 let speed_m_s = speeds_m_s[tap.min(speeds_m_s.len() - 1)];
                 let depth_m = force_n / script.stiffness_n_per_m;
-                (
-                    tap_height(
-                        t - tap as f64 * interval_s,
-                        speed_m_s,
-                        *interval_s,
-                        hover_m,
-                        depth_m,
-                    ),
-                    0.0,
-                )
+                (tap_height(t - tap as f64 * interval_s, speed_m_s, *interval_s, hover_m, depth_m), 0.0)
             }
         }
     }
@@ -357,10 +294,7 @@ fn tap_height(t: f64, speed_m_s: f64, interval_s: f64, hover_m: f64, depth_m: f6
 }
 
 fn require(action: usize, numbers: &[(&'static str, f64)]) -> Result<(), ScriptError> {
-    match numbers
-        .iter()
-        .find(|(_, value)| !(*value > 0.0 && value.is_finite()))
-    {
+    match numbers.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
         Some(&(name, value)) => Err(ScriptError::NotPositive { action, name, value }),
         None => Ok(()),
     }

@@ -51,12 +51,7 @@ impl NodeKind for AccelerometerModel {
             Quantity::ACCELERATION,
             "Acceleration less gravity, m/s2.",
         )],
-        outputs: &[output(
-            "voltage",
-            Kind::VECTOR,
-            Quantity::VOLTAGE,
-            "Readings of the three axes, V.",
-        )],
+        outputs: &[output("voltage", Kind::VECTOR, Quantity::VOLTAGE, "Readings of the three axes, V.")],
         example: r#""accelerometer": AccelerometerModel(acceleration: "tool.acceleration")"#,
     };
 
@@ -132,18 +127,8 @@ impl NodeKind for TrackerModel {
               the thesis's: 0.5 mm and 0.1 degrees, and 0.06 um for the machine that presses.",
         source: "2.2.1, 3.2.2",
         inputs: &[
-            input(
-                "position",
-                Kind::VECTOR,
-                Quantity::LENGTH,
-                "Position of the tracker's sensor, m.",
-            ),
-            input(
-                "orientation",
-                Kind::VECTOR,
-                Quantity::ANGLE,
-                "Orientation as axis times angle, rad.",
-            ),
+            input("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tracker's sensor, m."),
+            input("orientation", Kind::VECTOR, Quantity::ANGLE, "Orientation as axis times angle, rad."),
         ],
         outputs: &[
             output("position", Kind::VECTOR, Quantity::LENGTH, "Position reading, m."),
@@ -158,15 +143,8 @@ impl NodeKind for TrackerModel {
     };
 
     fn build(settings: TrackerModelSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let step = if settings.motion == Motion::Press {
-            settings.machine_step_mm
-        } else {
-            settings.step_mm
-        };
-        Ok(Built::new(Tracker(TrackerSettings {
-            step_m: step.si(),
-            step_rad: settings.step_deg.si(),
-        })))
+        let step = if settings.motion == Motion::Press { settings.machine_step_mm } else { settings.step_mm };
+        Ok(Built::new(Tracker(TrackerSettings { step_m: step.si(), step_rad: settings.step_deg.si() })))
     }
 }
 
@@ -182,10 +160,7 @@ struct Tracker(TrackerSettings);
 
 impl Processor<TrackerModel> for Tracker {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, TrackerModel>) {
-        let (positions, orientations) = (
-            io.read(TrackerModel::POSITION),
-            io.read(TrackerModel::ORIENTATION),
-        );
+        let (positions, orientations) = (io.read(TrackerModel::POSITION), io.read(TrackerModel::ORIENTATION));
         let (position, orientation) =
             io.write_all((TrackerModel::POSITION_READING, TrackerModel::ORIENTATION_READING));
         let out = position.iter_mut().zip(orientation);
@@ -224,27 +199,14 @@ impl NodeKind for ForceSensorModel {
         doc: "Models a six-axis force/torque sensor: noise, saturation, quantisation. The defaults are those of a Nano17 \
               SI-25-0.25.",
         source: "2.2.1",
-        inputs: &[input(
-            "wrench",
-            Kind::WRENCH,
-            Quantity::FORCE,
-            "The load, N and N m.",
-        )],
-        outputs: &[output(
-            "wrench",
-            Kind::WRENCH,
-            Quantity::FORCE,
-            "Load reading, N and N m.",
-        )],
+        inputs: &[input("wrench", Kind::WRENCH, Quantity::FORCE, "The load, N and N m.")],
+        outputs: &[output("wrench", Kind::WRENCH, Quantity::FORCE, "Load reading, N and N m.")],
         example: r#""force": ForceSensorModel(wrench: "tool.wrench")"#,
     };
 
     fn build(settings: ForceSensorModelSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         if settings.most_force_n.iter().any(|most| *most <= 0.0) {
-            return Err(BuildError::at(
-                "most_force_n",
-                "the largest forces have to be above zero",
-            ));
+            return Err(BuildError::at("most_force_n", "the largest forces have to be above zero"));
         }
         let settings = ForceSensorSettings {
             force_step_n: settings.force_step_n,

@@ -101,13 +101,7 @@ pub fn static_resolution(settings: &StaticSettings, seed: u64) -> Result<StaticR
     let cube = TriangleMesh::cuboid([settings.edge_m; 3])?.moved([0.0, 0.0, settings.height_m + half_m])?;
     let cube = Arc::new(cube);
     let (top_m, off_m) = (settings.height_m + settings.edge_m, settings.offset_m);
-    let points = [
-        [0.0, 0.0],
-        [off_m, off_m],
-        [off_m, -off_m],
-        [-off_m, off_m],
-        [-off_m, -off_m],
-    ];
+    let points = [[0.0, 0.0], [off_m, off_m], [off_m, -off_m], [-off_m, off_m], [-off_m, -off_m]];
     let mut deviations_m = [Vec::new(), Vec::new()];
     let mut thinned_m = [Vec::new(), Vec::new()];
     let mut found = Vec::new();
@@ -156,9 +150,7 @@ fn hold(
     let mut located = Vec::with_capacity(count);
     for tick in 0..count {
         let t = tick as f64 / RATE_HZ;
-        let loading = (t / MARGIN_S)
-            .min((settings.trial_s - t) / MARGIN_S)
-            .clamp(0.0, 1.0);
+        let loading = (t / MARGIN_S).min((settings.trial_s - t) / MARGIN_S).clamp(0.0, 1.0);
         let [a, b, c] = tremble.each_ref().map(|wobble| 0.05 * wobble.at(t));
         let force_n = scale([0.2 * a, 0.2 * b, -1.0 - c], settings.force_n * loading);
         let reading = sensor.sample(force_n, cross(point_m, force_n));
@@ -183,10 +175,7 @@ impl KolmogorovSmirnov {
     /// Compares two samples of independent values. Empty samples do not differ.
     pub fn compare(a: &[f64], b: &[f64]) -> Self {
         if a.is_empty() || b.is_empty() {
-            return Self {
-                distance: 0.0,
-                p: 1.0,
-            };
+            return Self { distance: 0.0, p: 1.0 };
         }
         let sorted = |x: &[f64]| {
             let mut x = x.to_vec();
@@ -195,16 +184,10 @@ impl KolmogorovSmirnov {
         };
         let (a, b) = (sorted(a), sorted(b));
         let below = |x: &[f64], value: f64| x.partition_point(|v| *v <= value) as f64 / x.len() as f64;
-        let gaps = a
-            .iter()
-            .chain(&b)
-            .map(|value| (below(&a, *value) - below(&b, *value)).abs());
+        let gaps = a.iter().chain(&b).map(|value| (below(&a, *value) - below(&b, *value)).abs());
         let distance = gaps.fold(0.0, f64::max);
         let size = (a.len() as f64 * b.len() as f64 / (a.len() + b.len()) as f64).sqrt();
-        Self {
-            distance,
-            p: survival((size + 0.12 + 0.11 / size) * distance),
-        }
+        Self { distance, p: survival((size + 0.12 + 0.11 / size) * distance) }
     }
 }
 
@@ -229,11 +212,7 @@ mod tests {
     fn no_point_strays_by_more_than_half_a_millimetre_and_the_directions_are_alike() {
         let found = static_resolution(&StaticSettings::default(), 1).unwrap();
         assert!(found.largest_m < 0.5e-3, "{} m", found.largest_m);
-        assert!(
-            found.largest_m > 0.05e-3,
-            "a sensor without noise: {} m",
-            found.largest_m
-        );
+        assert!(found.largest_m > 0.05e-3, "a sensor without noise: {} m", found.largest_m);
         assert!(found.directions.p > 0.05, "{:?}", found.directions);
         assert_eq!(found.deviations_m[0].len(), 25 * 2900);
         assert_eq!(static_resolution(&StaticSettings::default(), 1), Ok(found));
@@ -243,28 +222,20 @@ mod tests {
     fn the_test_tells_distributions_apart_and_alike() {
         let normal = |seed, spread: f64| {
             let mut noise = Gaussian::new(seed);
-            (0..500)
-                .map(|_| spread * noise.next_sample())
-                .collect::<Vec<f64>>()
+            (0..500).map(|_| spread * noise.next_sample()).collect::<Vec<f64>>()
         };
         assert!(KolmogorovSmirnov::compare(&normal(1, 1.0), &normal(2, 2.0)).p < 0.01);
         let often = (0..200)
             .filter(|k| KolmogorovSmirnov::compare(&normal(2 * k, 1.0), &normal(2 * k + 1, 1.0)).p < 0.05)
             .count();
-        assert!(
-            (2..24).contains(&often),
-            "at the level of 5 % {often} of 200 differ"
-        );
+        assert!((2..24).contains(&often), "at the level of 5 % {often} of 200 differ");
         // Published: Q(1.36) = 0.05, Q(1.63) = 0.01.
         assert!((survival(1.358) - 0.05).abs() < 3e-4 && (survival(1.628) - 0.01).abs() < 1e-4);
     }
 
     #[test]
     fn settings_that_make_no_trial_are_refused() {
-        let none = StaticSettings {
-            trials: 0,
-            ..StaticSettings::default()
-        };
+        let none = StaticSettings { trials: 0, ..StaticSettings::default() };
         assert_eq!(static_resolution(&none, 1), Err(StaticError::NoTrial));
     }
 }

@@ -68,24 +68,12 @@ pub struct StrokeSettings {
 impl StrokeSettings {
     /// A shape at a mean force with typical variation: force 20 %, pace 15 %, size 5 %.
     pub fn natural(shape: StrokeShape, force_n: f64) -> Self {
-        Self {
-            shape,
-            force_n,
-            force_variation: 0.2,
-            pace_variation: 0.15,
-            size_variation: 0.05,
-        }
+        Self { shape, force_n, force_variation: 0.2, pace_variation: 0.15, size_variation: 0.05 }
     }
 
     /// A shape at a force, without variation.
     pub fn exact(shape: StrokeShape, force_n: f64) -> Self {
-        Self {
-            shape,
-            force_n,
-            force_variation: 0.0,
-            pace_variation: 0.0,
-            size_variation: 0.0,
-        }
+        Self { shape, force_n, force_variation: 0.0, pace_variation: 0.0, size_variation: 0.0 }
     }
 }
 
@@ -167,20 +155,14 @@ impl Stroke {
                 let (sin, cos) = (TAU * t / period_s).sin_cos();
                 ([radius_m * cos, radius_m * sin], 1.0, 0.0)
             }
-            StrokeShape::ZigZag {
-                width_m,
-                height_m,
-                period_s,
-            } => {
+            StrokeShape::ZigZag { width_m, height_m, period_s } => {
                 let y = 0.5 * height_m * (TAU * t / (8.0 * period_s)).sin();
                 ([width_m * (to_and_fro(t / period_s) - 0.5), y], 1.0, 0.0)
             }
             StrokeShape::Writing { letter_m, line_m } => writing(t, letter_m, line_m),
-            StrokeShape::Wander { side_m, .. } => (
-                self.wander.each_ref().map(|wobble| 0.5 * side_m * wobble.at(t)),
-                1.0,
-                0.0,
-            ),
+            StrokeShape::Wander { side_m, .. } => {
+                (self.wander.each_ref().map(|wobble| 0.5 * side_m * wobble.at(t)), 1.0, 0.0)
+            }
         }
     }
 }
@@ -194,11 +176,7 @@ pub fn minimum_jerk(u: f64) -> f64 {
 /// 0 to 1 and back by minimum-jerk movements, once for each unit of u.
 fn to_and_fro(u: f64) -> f64 {
     let phase = u.rem_euclid(1.0);
-    if phase < 0.5 {
-        minimum_jerk(2.0 * phase)
-    } else {
-        1.0 - minimum_jerk(2.0 * phase - 1.0)
-    }
+    if phase < 0.5 { minimum_jerk(2.0 * phase) } else { 1.0 - minimum_jerk(2.0 * phase - 1.0) }
 }
 
 /// Words of loops along a line, then the next line below, four lines in all.
@@ -212,24 +190,14 @@ fn writing(t: f64, letter_m: f64, line_m: f64) -> ([f64; 2], f64, f64) {
     let count = (t / (WORD_S + LIFT_S)).floor();
     let start = |n: f64| {
         let line = (n / words).floor().rem_euclid(LINES);
-        [
-            n.rem_euclid(words) * 1.3 * word_m - 0.5 * line_m,
-            (0.5 * (LINES - 1.0) - line) * 2.0 * letter_m,
-        ]
+        [n.rem_euclid(words) * 1.3 * word_m - 0.5 * line_m, (0.5 * (LINES - 1.0) - line) * 2.0 * letter_m]
     };
     let (u, here, next) = (t - count * (WORD_S + LIFT_S), start(count), start(count + 1.0));
     if u >= WORD_S {
         let way = minimum_jerk((u - WORD_S) / LIFT_S);
         let from = [here[0] + word_m, here[1]];
         let lifted = minimum_jerk((u - WORD_S) / 0.1) * minimum_jerk((WORD_S + LIFT_S - u) / 0.1);
-        return (
-            [
-                from[0] + way * (next[0] - from[0]),
-                from[1] + way * (next[1] - from[1]),
-            ],
-            0.0,
-            lifted,
-        );
+        return ([from[0] + way * (next[0] - from[0]), from[1] + way * (next[1] - from[1])], 0.0, lifted);
     }
     // The loops grow from nothing and shrink again, so that the lift starts where the word ends.
     let swell = (PI * u / WORD_S).sin().abs().sqrt();
@@ -256,46 +224,17 @@ fn check(settings: &StrokeSettings) -> Result<(), StrokeError> {
             Err(StrokeError::OutOfRange { name, value, range })
         }
     };
-    within(
-        "force_variation",
-        settings.force_variation,
-        1.0,
-        "a fraction from 0 to 1",
-    )?;
-    within(
-        "pace_variation",
-        settings.pace_variation,
-        0.3,
-        "a fraction from 0 to 0.3",
-    )?;
-    within(
-        "size_variation",
-        settings.size_variation,
-        0.3,
-        "a fraction from 0 to 0.3",
-    )?;
-    within(
-        "force_n",
-        settings.force_n,
-        f64::MAX,
-        "a force in N, zero or more",
-    )?;
+    within("force_variation", settings.force_variation, 1.0, "a fraction from 0 to 1")?;
+    within("pace_variation", settings.pace_variation, 0.3, "a fraction from 0 to 0.3")?;
+    within("size_variation", settings.size_variation, 0.3, "a fraction from 0 to 0.3")?;
+    within("force_n", settings.force_n, f64::MAX, "a force in N, zero or more")?;
     match settings.shape {
         StrokeShape::Still | StrokeShape::Recorded(_) => Ok(()),
         StrokeShape::Circles { radius_m, period_s } => {
             positive("radius_m", radius_m).and(positive("period_s", period_s))
         }
-        StrokeShape::ZigZag {
-            width_m,
-            height_m,
-            period_s,
-        } => positive("width_m", width_m)
-            .and(within(
-                "height_m",
-                height_m,
-                f64::MAX,
-                "a length in m, zero or more",
-            ))
+        StrokeShape::ZigZag { width_m, height_m, period_s } => positive("width_m", width_m)
+            .and(within("height_m", height_m, f64::MAX, "a length in m, zero or more"))
             .and(positive("period_s", period_s)),
         StrokeShape::Writing { letter_m, line_m } => {
             positive("letter_m", letter_m).and(positive("line_m", line_m))

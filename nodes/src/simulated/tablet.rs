@@ -28,10 +28,7 @@ pub struct SimulatedTablet {
 impl SimulatedTablet {
     /// A tablet at the start of a stroke; the seed is the person and the attempt.
     pub fn new(stroke: StrokeSettings, seed: u64) -> Result<Self, StrokeError> {
-        Ok(Self {
-            stroke: Stroke::new(stroke, seed)?,
-            tick: 0,
-        })
+        Ok(Self { stroke: Stroke::new(stroke, seed)?, tick: 0 })
     }
 
     /// The reading of this tick.
@@ -62,13 +59,7 @@ mod tests {
 
     #[test]
     fn readings_are_whole_steps_of_the_stroke() {
-        let settings = StrokeSettings::natural(
-            StrokeShape::Writing {
-                letter_m: 0.006,
-                line_m: 0.1,
-            },
-            0.9,
-        );
+        let settings = StrokeSettings::natural(StrokeShape::Writing { letter_m: 0.006, line_m: 0.1 }, 0.9);
         let mut tablet = SimulatedTablet::new(settings.clone(), 5).unwrap();
         let stroke = Stroke::new(settings, 5).unwrap();
         for k in 0..1000 {

@@ -15,24 +15,9 @@ pub const TABLET: NodeSpec = NodeSpec {
     source: "3.1.1",
     inputs: &[],
     outputs: &[
-        output(
-            "position",
-            Kind::VECTOR,
-            Quantity::LENGTH,
-            "Position of the tip, m; z is zero.",
-        ),
-        output(
-            "force",
-            Kind::SCALAR,
-            Quantity::FORCE,
-            "Normal force of the tip, N; zero while lifted.",
-        ),
-        output(
-            "touching",
-            Kind::SCALAR,
-            Quantity::NUMBER,
-            "1 while the tip touches, else 0.",
-        ),
+        output("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tip, m; z is zero."),
+        output("force", Kind::SCALAR, Quantity::FORCE, "Normal force of the tip, N; zero while lifted."),
+        output("touching", Kind::SCALAR, Quantity::NUMBER, "1 while the tip touches, else 0."),
     ],
     example: r#""stylus": Tablet(clock: "tablet", endpoint: "stylus")"#,
 };
@@ -49,24 +34,9 @@ impl DeviceKind for SimulatedTablet {
         source: "3.1.1",
         simulated: true,
         senses: &[
-            Channel::new(
-                "position",
-                Kind::VECTOR,
-                Quantity::LENGTH,
-                "Position of the tip, m.",
-            ),
-            Channel::new(
-                "force",
-                Kind::SCALAR,
-                Quantity::FORCE,
-                "Normal force of the tip, N.",
-            ),
-            Channel::new(
-                "touching",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "1 while the tip touches.",
-            ),
+            Channel::new("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tip, m."),
+            Channel::new("force", Kind::SCALAR, Quantity::FORCE, "Normal force of the tip, N."),
+            Channel::new("touching", Kind::SCALAR, Quantity::NUMBER, "1 while the tip touches."),
             Channel::new(
                 "orientation",
                 Kind::VECTOR,
@@ -84,17 +54,12 @@ impl DeviceKind for SimulatedTablet {
                 "this tablet has a rate of {TABLET_RATE_HZ} Hz, but its clock ticks at {}",
                 cx.rate
             ))
-            .help(format!(
-                "put its nodes on a clock of {TABLET_RATE_HZ} Hz and bridge from there"
-            )));
+            .help(format!("put its nodes on a clock of {TABLET_RATE_HZ} Hz and bridge from there")));
         }
         let stroke = settings.to_stroke()?;
         let tablet = tablet::SimulatedTablet::new(stroke, cx.seed)
             .map_err(|error| BuildError::at("stroke", error.to_string()))?;
-        Ok(Box::new(Drawn {
-            reading: tablet.read(),
-            tablet,
-        }))
+        Ok(Box::new(Drawn { reading: tablet.read(), tablet }))
     }
 }
 

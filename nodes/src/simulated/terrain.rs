@@ -66,10 +66,7 @@ impl Terrain {
         transform(&mut field, true);
         let coefficients: Arc<[f32]> = field.iter().map(|v| v.re as f32).collect();
         let highest_m = coefficients.iter().fold(0.0_f32, |most, c| most.max(*c)).into();
-        Self {
-            coefficients,
-            highest_m,
-        }
+        Self { coefficients, highest_m }
     }
 
     /// Upper bound of the height, m.
@@ -95,10 +92,7 @@ impl Terrain {
             slope[0] += along[j] * sum_slope;
             slope[1] += along_slope[j] * sum;
         }
-        Spot {
-            height_m,
-            slope: slope.map(|s| s / CELL_M),
-        }
+        Spot { height_m, slope: slope.map(|s| s / CELL_M) }
     }
 }
 
@@ -117,11 +111,7 @@ fn density(relief: &Relief, frequency_per_m: f64) -> f64 {
 /// Spatial frequency of a coefficient of the transform, 1/m.
 fn frequency(index: usize) -> f64 {
     let signed = |k: usize| {
-        if k < SIDE / 2 {
-            k as f64
-        } else {
-            k as f64 - SIDE as f64
-        }
+        if k < SIDE / 2 { k as f64 } else { k as f64 - SIDE as f64 }
     };
     signed(index % SIDE).hypot(signed(index / SIDE)) / (SIDE as f64 * CELL_M)
 }
@@ -133,11 +123,7 @@ fn response(index: usize) -> f64 {
 
 /// The two-dimensional Fourier transform, not scaled.
 fn transform(field: &mut [Complex64], inverse: bool) {
-    let fft = if inverse {
-        fft::inverse(SIDE)
-    } else {
-        fft::forward(SIDE)
-    };
+    let fft = if inverse { fft::inverse(SIDE) } else { fft::forward(SIDE) };
     for _ in 0..2 {
         fft.process(field);
         for row in 0..SIDE {
@@ -160,12 +146,7 @@ fn spline(place: f64) -> (usize, [f64; 4], [f64; 4]) {
         (4.0 - 3.0 * s * s * (2.0 - s)) / 6.0,
         t * t * t / 6.0,
     ];
-    let slopes = [
-        -0.5 * s * s,
-        -0.5 * t * (4.0 - 3.0 * t),
-        0.5 * s * (4.0 - 3.0 * s),
-        0.5 * t * t,
-    ];
+    let slopes = [-0.5 * s * s, -0.5 * t * (4.0 - 3.0 * t), 0.5 * s * (4.0 - 3.0 * s), 0.5 * t * t];
     // The tile repeats: whole numbers modulo its side, negative ones too.
     let first = (below as i64 - 1).rem_euclid(SIDE as i64) as usize;
     (first, weights, slopes)
@@ -177,12 +158,7 @@ mod tests {
     use haptograph_signal::spectrum::{spectral_centroid, welch};
     use haptograph_signal::window::Window;
 
-    const RELIEF: Relief = Relief {
-        rms_m: 1e-5,
-        fineness_per_m: 1000.0,
-        spread: 0.4,
-        grain: 0.02,
-    };
+    const RELIEF: Relief = Relief { rms_m: 1e-5, fineness_per_m: 1000.0, spread: 0.4, grain: 0.02 };
 
     #[test]
     fn heights_have_the_rms_and_the_slopes_are_their_derivative() {
@@ -218,14 +194,7 @@ mod tests {
     #[test]
     fn a_finer_relief_is_finer_along_any_way() {
         let centroid = |fineness_per_m: f64| {
-            let terrain = Terrain::new(
-                &Relief {
-                    fineness_per_m,
-                    grain: 0.0,
-                    ..RELIEF
-                },
-                3,
-            );
+            let terrain = Terrain::new(&Relief { fineness_per_m, grain: 0.0, ..RELIEF }, 3);
             let (sin, cos) = 0.63_f64.sin_cos();
             let profile: Vec<f64> = (0..65_536)
                 .map(|k| f64::from(k) * 5e-5)

@@ -51,12 +51,7 @@ pub struct ToolGrip {
 impl ToolGrip {
     /// A material-testing machine (3.2.2): upright, and as still as it is stiff.
     pub const LOAD_FRAME: Self = Self {
-        hand: Grip {
-            mass_kg: 0.5,
-            stiffness_n_per_m: 500.0,
-            damping_n_s_per_m: 60.0,
-            tremor_m: 0.0,
-        },
+        hand: Grip { mass_kg: 0.5, stiffness_n_per_m: 500.0, damping_n_s_per_m: 60.0, tremor_m: 0.0 },
         pads_n_per_m: 20_000.0,
         pads_n_s_per_m: 40.0,
         stiffness_across: 1.0,
@@ -70,10 +65,7 @@ impl ToolGrip {
     pub fn of_person(seed: u64) -> Self {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream_seed(seed, "grip"));
         Self {
-            hand: Grip {
-                mass_kg: 0.12,
-                ..Grip::of_person(seed)
-            },
+            hand: Grip { mass_kg: 0.12, ..Grip::of_person(seed) },
             pads_n_per_m: 2500.0 * rng.random_range(0.7..1.4),
             pads_n_s_per_m: 6.0 * rng.random_range(0.7..1.4),
             stiffness_across: ACROSS,
@@ -156,10 +148,7 @@ impl SimulatedTool {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream_seed(seed, "hand"));
         let script = Script::new(script, grip.hand.stiffness_n_per_m, rng.random())?;
         let intent = script.at(0.0);
-        let rest = Body {
-            position_m: intent.position_m,
-            velocity_m_s: ZERO,
-        };
+        let rest = Body { position_m: intent.position_m, velocity_m_s: ZERO };
         let mut tool = Self {
             terrain: Terrain::new(&material.relief, stream_seed(seed, "piece")),
             contact: Contact {
@@ -201,10 +190,8 @@ impl SimulatedTool {
         let time_s = self.tick as f64 / TOOL_RATE_HZ;
         let next = self.script.at(time_s);
         let tremor = self.tremor.each_ref().map(|wobble| wobble.at(time_s));
-        let next = Intent {
-            position_m: add_scaled(next.position_m, tremor, self.grip.hand.tremor_m),
-            ..next
-        };
+        let next =
+            Intent { position_m: add_scaled(next.position_m, tremor, self.grip.hand.tremor_m), ..next };
         self.intent = next;
         let aim_m_s = scale(sub(next.position_m, last.position_m), TOOL_RATE_HZ);
         let before_m_s = self.tip.velocity_m_s;
@@ -234,10 +221,7 @@ impl SimulatedTool {
         let stretch_m = sub(hand.position_m, tip.position_m);
         let stretch_m_s = sub(hand.velocity_m_s, tip.velocity_m_s);
         let pads_n = add_scaled(
-            scale(
-                less_across(stretch_m, along, grip.stiffness_across),
-                grip.pads_n_per_m,
-            ),
+            scale(less_across(stretch_m, along, grip.stiffness_across), grip.pads_n_per_m),
             less_across(stretch_m_s, along, grip.damping_across),
             grip.pads_n_s_per_m,
         );
@@ -269,19 +253,11 @@ impl SimulatedTool {
         // Friction of the spring that the tip drags along, at most its longest.
         let dragged = [self.bristle_m[0] + u * step_s, self.bristle_m[1] + v * step_s];
         let length_m = norm(dragged);
-        let cut = if length_m > PRESLIDING_M {
-            PRESLIDING_M / length_m
-        } else {
-            1.0
-        };
+        let cut = if length_m > PRESLIDING_M { PRESLIDING_M / length_m } else { 1.0 };
         self.bristle_m = dragged.map(|b| b * cut);
         let grip = -self.contact.friction * normal_n / PRESLIDING_M;
         let upright = normal_n / (1.0 + p * p + q * q).sqrt();
-        [
-            grip * self.bristle_m[0] - p * upright,
-            grip * self.bristle_m[1] - q * upright,
-            upright,
-        ]
+        [grip * self.bristle_m[0] - p * upright, grip * self.bristle_m[1] - q * upright, upright]
     }
 
     fn sense(&mut self, acceleration_m_s2: Vec3, force_n: Vec3) {

@@ -17,10 +17,7 @@ pub struct TrackerSettings {
 impl Default for TrackerSettings {
     /// A TrakSTAR: 0.5 mm, 0.1 degrees.
     fn default() -> Self {
-        Self {
-            step_m: 0.5e-3,
-            step_rad: 0.1 * PI / 180.0,
-        }
+        Self { step_m: 0.5e-3, step_rad: 0.1 * PI / 180.0 }
     }
 }
 

@@ -31,21 +31,14 @@ impl Wobble {
 
     /// The value at a time in s.
     pub fn at(&self, time_s: f64) -> f64 {
-        let value: f64 = self
-            .tones
-            .iter()
-            .map(|(w, phase)| (w * time_s + phase).sin())
-            .sum();
+        let value: f64 = self.tones.iter().map(|(w, phase)| (w * time_s + phase).sin()).sum();
         value * amplitude()
     }
 
     /// The integral from time 0 to a time in s.
     pub fn integral(&self, time_s: f64) -> f64 {
-        let value: f64 = self
-            .tones
-            .iter()
-            .map(|(w, phase)| (phase.cos() - (w * time_s + phase).cos()) / w)
-            .sum();
+        let value: f64 =
+            self.tones.iter().map(|(w, phase)| (phase.cos() - (w * time_s + phase).cos()) / w).sum();
         value * amplitude()
     }
 }

@@ -55,9 +55,7 @@ impl FileKind for CsvSink {
             );
             return Err(BuildError::at("inputs", message).help("use one `CsvSink` for each rate"));
         }
-        Ok(Box::new(Table {
-            file: inside_the_run(&settings.file, &["csv"])?,
-        }))
+        Ok(Box::new(Table { file: inside_the_run(&settings.file, &["csv"])? }))
     }
 }
 
@@ -81,10 +79,7 @@ impl FileSink for Table {
             file: File::create(path)?,
             text,
             whole_bytes: 0,
-            waiting: streams
-                .iter()
-                .map(|stream| (stream.kind.width(), VecDeque::new()))
-                .collect(),
+            waiting: streams.iter().map(|stream| (stream.kind.width(), VecDeque::new())).collect(),
             period_s: streams.first().map_or(0.0, |stream| stream.rate.period_s()),
             row: 0,
             flushed_row: 0,
@@ -110,11 +105,8 @@ fn facts(streams: &[Stream]) -> Vec<String> {
 /// `stylus.force_n`, `stylus.position_x_m`, `contact.ihip_x`: components of a linear kind carry its unit.
 fn columns_of(stream: &Stream) -> Vec<String> {
     let is_wrench = stream.kind == Kind::WRENCH;
-    let unit = if stream.kind.is_linear() && !is_wrench {
-        units::suffix(stream.quantity)
-    } else {
-        String::new()
-    };
+    let unit =
+        if stream.kind.is_linear() && !is_wrench { units::suffix(stream.quantity) } else { String::new() };
     let named = |component: &&str| match *component {
         "" => format!("{}{unit}", stream.name),
         force if is_wrench && force.starts_with("force") => format!("{}_{force}_n", stream.name),
@@ -209,10 +201,7 @@ mod tests {
     use haptograph_signal::time::Rate;
 
     fn context(streams: &[Stream]) -> FileContext {
-        FileContext {
-            streams: streams.to_vec(),
-            graph_seed: 1,
-        }
+        FileContext { streams: streams.to_vec(), graph_seed: 1 }
     }
 
     fn stream(name: &str, kind: Kind, quantity: Quantity, rate: &str) -> Stream {
@@ -241,10 +230,7 @@ mod tests {
         writer.finish().unwrap();
         let note = std::fs::read_to_string(folder.path().join("x.csv.ron")).unwrap();
         let force = r#"(name: "stylus.force_n", quantity: "force", unit: "N", simulated: true)"#;
-        assert!(
-            note.contains("    simulated: true,\n") && note.contains(force),
-            "{note}"
-        );
+        assert!(note.contains("    simulated: true,\n") && note.contains(force), "{note}");
         let text = std::fs::read_to_string(path).unwrap();
         assert_eq!(
             text,

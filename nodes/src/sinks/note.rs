@@ -15,10 +15,7 @@ pub(super) fn write(path: &Path, about: &str, facts: &[String]) -> io::Result<()
 /// Quantity and unit of a signal.
 pub(super) fn meaning(stream: &Stream) -> [String; 2] {
     let quantity = stream.quantity.name().unwrap_or("unnamed");
-    [
-        format!("quantity: {quantity:?}"),
-        format!("unit: {:?}", stream.quantity.unit()),
-    ]
+    [format!("quantity: {quantity:?}"), format!("unit: {:?}", stream.quantity.unit())]
 }
 
 /// Rate, and whether any of the signals was simulated.

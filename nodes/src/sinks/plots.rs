@@ -15,14 +15,7 @@ use std::path::{Path, PathBuf};
 pub const GROUP: &str = "plots";
 
 const fn any(name: &'static str, kind: KindRule, presence: Presence, doc: &'static str) -> InputSpec {
-    InputSpec {
-        name,
-        kind,
-        quantity: QuantityRule::Any,
-        flow: Flow::Sampled,
-        presence,
-        doc,
-    }
+    InputSpec { name, kind, quantity: QuantityRule::Any, flow: Flow::Sampled, presence, doc }
 }
 
 /// Signals over time.
@@ -63,12 +56,7 @@ impl FileKind for XyPlot {
         source: "",
         inputs: &[
             any("x", KindRule::Is(Kind::SCALAR), Presence::Required, "Across."),
-            any(
-                "y",
-                KindRule::Any,
-                Presence::Many,
-                "Upwards: scalars, or lengths of 3-vectors.",
-            ),
+            any("y", KindRule::Any, Presence::Many, "Upwards: scalars, or lengths of 3-vectors."),
         ],
         outputs: &[],
         example: r#""force by speed": XyPlot(x: "speed.speed", y: ["stylus.force"])"#,
@@ -90,12 +78,7 @@ impl FileKind for PathPlot {
         doc: "Requests a plot of paths seen from above (x to the right, y upwards) on the page of a run, under the \
               name of this node. For a contact, the path of its proxy is drawn while it touches.",
         source: "",
-        inputs: &[any(
-            "inputs",
-            KindRule::Any,
-            Presence::Many,
-            "3-vectors of one quantity, or contacts.",
-        )],
+        inputs: &[any("inputs", KindRule::Any, Presence::Many, "3-vectors of one quantity, or contacts.")],
         outputs: &[],
         example: r#""strokes": PathPlot(inputs: ["stylus.position"])"#,
     };
@@ -112,9 +95,7 @@ fn require(streams: &[Stream], kinds: &[Kind]) -> Result<Box<dyn FileSink>, Buil
         return Err(BuildError::at("inputs", message).help(format!("it draws a {}", names.join(" or a "))));
     }
     let names: Vec<&str> = streams.iter().map(|stream| stream.name.as_str()).collect();
-    Ok(Box::new(OnThePage {
-        name: format!("plot of {}", names.join(", ")).into(),
-    }))
+    Ok(Box::new(OnThePage { name: format!("plot of {}", names.join(", ")).into() }))
 }
 
 /// A plot on the page, which reads the signals itself: nothing is written here.

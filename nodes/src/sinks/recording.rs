@@ -99,12 +99,7 @@ impl FileKind for RecordingSink {
                 Quantity::FORCE,
                 "Load on the tool in the force sensor's frame, N and N m.",
             ),
-            input(
-                "voltage",
-                Kind::VECTOR,
-                Quantity::VOLTAGE,
-                "Readings of the accelerometer's axes, V.",
-            ),
+            input("voltage", Kind::VECTOR, Quantity::VOLTAGE, "Readings of the accelerometer's axes, V."),
         ],
         outputs: &[],
         example: r#""recording": RecordingSink(
@@ -202,8 +197,7 @@ impl FileSink for Session {
 }
 
 fn is_csv(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|ending| ending.eq_ignore_ascii_case("csv"))
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"))
 }
 
 /// Output of a recording in progress: parts of an archive, which is made at the end, or a CSV file.
@@ -251,24 +245,13 @@ impl Writer {
             return Ok(());
         };
         if let Some(number) = frames.iter().find(|number| !number.is_finite()) {
-            return Err(io::Error::other(format!(
-                "a reading is {number}, not a finite number"
-            )));
+            return Err(io::Error::other(format!("a reading is {number}, not a finite number")));
         }
         match stream {
             0 => self.position.extend(frames.as_chunks::<3>().0),
-            1 => self.turned.extend(
-                frames
-                    .as_chunks()
-                    .0
-                    .iter()
-                    .map(|turned| from_rotation_vector(*turned)),
-            ),
+            1 => self.turned.extend(frames.as_chunks().0.iter().map(|turned| from_rotation_vector(*turned))),
             2 => frames.as_chunks::<6>().0.iter().for_each(|&[x, y, z, u, v, w]| {
-                table.push_load(&Wrench {
-                    force_n: [x, y, z],
-                    torque_n_m: [u, v, w],
-                });
+                table.push_load(&Wrench { force_n: [x, y, z], torque_n_m: [u, v, w] });
             }),
             _ => { frames.as_chunks::<3>().0.iter() }.for_each(|volts| table.push_acceleration(volts)),
         }
@@ -276,10 +259,7 @@ impl Writer {
             && let Some(orientation) = self.turned.pop_front()
         {
             let position_m = self.position.pop_front().unwrap_or_default();
-            table.push_pose(&Pose {
-                position_m,
-                orientation,
-            });
+            table.push_pose(&Pose { position_m, orientation });
         }
         table.write_due()
     }
@@ -353,10 +333,7 @@ mod tests {
             stream("force.wrench", Kind::WRENCH, "1000", simulated),
             stream("accelerometer.voltage", Kind::VECTOR, "1000", simulated),
         ];
-        FileContext {
-            streams,
-            graph_seed: 7,
-        }
+        FileContext { streams, graph_seed: 7 }
     }
 
     fn settings(file: &str) -> RecordingSinkSettings {
@@ -383,9 +360,7 @@ mod tests {
             let t = f64::from(block);
             writer.write(0, &[t, 2.0, 3.0]).unwrap();
             writer.write(1, &[0.0, 0.1 * t, 0.0]).unwrap();
-            writer
-                .write(2, &[t, 0.0, 1.0, 0.0, 0.5, 0.0, t, 0.0, 1.0, 0.0, 0.5, 0.0])
-                .unwrap();
+            writer.write(2, &[t, 0.0, 1.0, 0.0, 0.5, 0.0, t, 0.0, 1.0, 0.0, 0.5, 0.0]).unwrap();
             writer.write(3, &[1.5, 1.5, t, 1.5, 1.5, t]).unwrap();
         }
         writer.finish().unwrap();
@@ -399,14 +374,8 @@ mod tests {
     fn what_the_sensors_read_is_found_in_the_file_with_its_calibration_and_source() {
         for file in ["felt.npz", "felt.csv"] {
             let recording = written(file, true);
-            assert_eq!(
-                (recording.motion().samples.len(), recording.motion().rate_hz),
-                (5, 500.0)
-            );
-            assert_eq!(
-                (recording.wrench().samples.len(), recording.wrench().rate_hz),
-                (10, 1000.0)
-            );
+            assert_eq!((recording.motion().samples.len(), recording.motion().rate_hz), (5, 500.0));
+            assert_eq!((recording.wrench().samples.len(), recording.wrench().rate_hz), (10, 1000.0));
             // Whether a file keeps readings and calibration apart or not: the physical quantities are the same.
             assert_eq!(acceleration_axes(&recording)[9], [0.0, 0.0, 250.0]);
             let tip_m = tip_positions(&recording)[4];

@@ -24,26 +24,17 @@ impl Visited {
 impl FileProgress for Visited {
     fn lines(&self) -> Vec<String> {
         let coverage = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let next = coverage
-            .next_to_record()
-            .map_or_else(String::new, |next| format!("; record next: {next}"));
+        let next =
+            coverage.next_to_record().map_or_else(String::new, |next| format!("; record next: {next}"));
         let visited = 9 - coverage.missing().len();
-        let mut lines = vec![format!(
-            "{visited} of 9 areas of speed and force, about {:.0} s{next}",
-            coverage.used_s
-        )];
+        let mut lines =
+            vec![format!("{visited} of 9 areas of speed and force, about {:.0} s{next}", coverage.used_s)];
         let speeds = SPEED_BANDS_M_S
             .map(|(low, high)| format!("{:>12}", format!("{:.0} to {:.0}", 1e3 * low, 1e3 * high)));
         lines.push(format!("  {:<12}{} mm/s", "", speeds.concat()));
         for (force, (low, high)) in FORCE_BANDS_N.iter().enumerate() {
-            let cells = coverage
-                .cells_s
-                .map(|speed| format!("{:>12}", format!("{:.1} s", speed[force])));
-            lines.push(format!(
-                "  {:<12}{}",
-                format!("{low} to {high} N"),
-                cells.concat()
-            ));
+            let cells = coverage.cells_s.map(|speed| format!("{:>12}", format!("{:.1} s", speed[force])));
+            lines.push(format!("  {:<12}{}", format!("{low} to {high} N"), cells.concat()));
         }
         lines
     }
@@ -99,10 +90,7 @@ impl Visits {
             && let Some(turned) = self.turns.pop_front()
         {
             let position = self.positions.pop_front().unwrap_or_default();
-            self.pose(add(
-                position,
-                rotate(from_rotation_vector(turned), self.tracker_to_tip_m),
-            ));
+            self.pose(add(position, rotate(from_rotation_vector(turned), self.tracker_to_tip_m)));
         }
     }
 
@@ -118,8 +106,7 @@ impl Visits {
         let length_s = self.window as f64 * self.period_s;
         if self.loads > 0 {
             let force_n = norm(scale(self.force, 1.0 / self.loads as f64));
-            self.visited
-                .add(norm(sub(tip, start)) / length_s, force_n, length_s);
+            self.visited.add(norm(sub(tip, start)) / length_s, force_n, length_s);
         }
         (self.start, self.poses) = (Some(tip), 0);
         (self.force, self.loads) = (ZERO, 0);
@@ -143,10 +130,7 @@ mod tests {
         let coverage = visited.0.lock().unwrap().clone();
         assert!((coverage.cells_s[1][1] - 1.0).abs() < 1e-9, "{coverage:?}");
         let lines = visited.lines();
-        assert!(
-            lines[0].starts_with("1 of 9 areas") && lines.len() == 5,
-            "{lines:?}"
-        );
+        assert!(lines[0].starts_with("1 of 9 areas") && lines.len() == 5, "{lines:?}");
         assert!(lines[3].contains("1.0 s"), "{lines:?}");
     }
 }

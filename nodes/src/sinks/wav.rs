@@ -53,10 +53,8 @@ impl FileKind for WavSink {
 fn whole_rate(stream: &Stream) -> Result<u32, BuildError> {
     let (hz, per) = stream.rate.parts();
     u32::try_from(hz).ok().filter(|_| per == 1).ok_or_else(|| {
-        let message = format!(
-            "{} has {}; the rate of a WAV file is a whole number of hertz",
-            stream.name, stream.rate
-        );
+        let message =
+            format!("{} has {}; the rate of a WAV file is a whole number of hertz", stream.name, stream.rate);
         BuildError::at("input", message).help("use a `CsvSink`")
     })
 }
@@ -116,9 +114,7 @@ impl FrameWriter for Fitting {
             return Ok(());
         }
         let full_scale = self.peak.log2().ceil().exp2();
-        write_atomically_by(&self.path, |scaled| {
-            scale_file(&self.path, scaled, format, full_scale)
-        })?;
+        write_atomically_by(&self.path, |scaled| scale_file(&self.path, scaled, format, full_scale))?;
         write_note(&self.path, &self.stream, full_scale)
     }
 }
@@ -184,8 +180,7 @@ impl Writing {
 impl FrameWriter for Writing {
     fn write(&mut self, _: usize, frames: &[f64]) -> io::Result<()> {
         self.samples.clear();
-        self.samples
-            .extend(frames.iter().map(|lane| (lane * self.scale) as f32));
+        self.samples.extend(frames.iter().map(|lane| (lane * self.scale) as f32));
         if self.writer.write(&self.samples)? {
             sync::request(&self.file);
         }
@@ -215,17 +210,11 @@ mod tests {
     }
 
     fn context(rate: &str) -> FileContext {
-        FileContext {
-            streams: vec![stream(rate)],
-            graph_seed: 1,
-        }
+        FileContext { streams: vec![stream(rate)], graph_seed: 1 }
     }
 
     fn settings(file: &str) -> WavSinkSettings {
-        WavSinkSettings {
-            file: file.into(),
-            full_scale: 4.0,
-        }
+        WavSinkSettings { file: file.into(), full_scale: 4.0 }
     }
 
     #[test]
@@ -270,11 +259,7 @@ mod tests {
 
     #[test]
     fn odd_rates_and_wandering_names_are_refused() {
-        let field = |settings, rate| {
-            WavSink::build(settings, &context(rate))
-                .err()
-                .and_then(|e| e.field)
-        };
+        let field = |settings, rate| WavSink::build(settings, &context(rate)).err().and_then(|e| e.field);
         assert_eq!(field(settings("x.wav"), "59.94"), Some("input"));
         for name in ["../x.wav", "x.mp3"] {
             assert_eq!(field(settings(name), "1000"), Some("file"), "{name}");

@@ -159,13 +159,7 @@ impl CardOutput {
             }
         };
         Ok(Self {
-            stream: Request {
-                device,
-                rate_hz,
-                buffer_frames,
-                format,
-                channels: most as u16,
-            },
+            stream: Request { device, rate_hz, buffer_frames, format, channels: most as u16 },
             // After a block that panicked: the engine's ramp replaces it.
             playback: Playback::new(full_scale, channels, 2 * MAX_BLOCK),
         })
@@ -233,13 +227,7 @@ impl CardInput {
             let message = format!("a soundcard's rate is in whole hertz, not {}", cx.rate);
             BuildError::at("rate_hz", message).help("state its rate, for example `rate_hz: 48000`")
         })?;
-        let stream = Request {
-            device,
-            rate_hz,
-            buffer_frames,
-            format,
-            channels: channel as u16,
-        };
+        let stream = Request { device, rate_hz, buffer_frames, format, channels: channel as u16 };
         let unlike = |error: &dyn std::fmt::Display| BuildError::at("rate_hz", error.to_string());
         let from = Rate::from_hz(u64::from(rate_hz)).map_err(|error| unlike(&error))?;
         let least_s = least_ring_latency_s(from, cx.rate).map_err(|error| unlike(&error))?;
@@ -252,10 +240,7 @@ impl CardInput {
                 1e3 * latency_s,
                 1e3 * least_s
             );
-            let help = format!(
-                "use shorter buffers, or write `latency_ms: {}`",
-                (1e3 * least_s).ceil()
-            );
+            let help = format!("use shorter buffers, or write `latency_ms: {}`", (1e3 * least_s).ceil());
             return Err(BuildError::at("latency_ms", message).help(help));
         }
         Ok(Self {

@@ -214,18 +214,8 @@ impl ActuatorKind for SoundcardSink {
         doc: "Drives an actuator by voltage through a soundcard, within limits that the graph has to state. NaN and \
               infinity become zero. An actuator that is driven by current uses an `ActuatorSink` on a `Soundcard`.",
         source: "",
-        inputs: &[input(
-            "voltage",
-            Kind::SCALAR,
-            Quantity::VOLTAGE,
-            "Requested voltage, V.",
-        )],
-        outputs: &[output(
-            "delivered",
-            Kind::SCALAR,
-            Quantity::VOLTAGE,
-            "Voltage after the limit, V.",
-        )],
+        inputs: &[input("voltage", Kind::SCALAR, Quantity::VOLTAGE, "Requested voltage, V.")],
+        outputs: &[output("delivered", Kind::SCALAR, Quantity::VOLTAGE, "Voltage after the limit, V.")],
         example: r#""out": SoundcardSink(voltage: "shaped", endpoint: "shaker", limit: (peak_v: 2.0, continuous_v: 1.0))"#,
     };
 
@@ -242,11 +232,6 @@ pub const SOUNDCARD_SOURCE: NodeSpec = NodeSpec {
           soundcard uses `Accelerometer`.",
     source: "",
     inputs: &[],
-    outputs: &[output(
-        "voltage",
-        Kind::SCALAR,
-        Quantity::VOLTAGE,
-        "Voltage at the input, V.",
-    )],
+    outputs: &[output("voltage", Kind::SCALAR, Quantity::VOLTAGE, "Voltage at the input, V.")],
     example: r#""line": SoundcardSource(clock: "audio", endpoint: "line")"#,
 };

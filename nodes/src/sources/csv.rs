@@ -69,17 +69,9 @@ impl NodeKind for CsvSource {
         let table = Table::read(&settings, scale)?;
         let at_end = settings.at_end.or_loop(settings.repeat);
         if table.time_s.is_empty() {
-            return Ok(Built::new(Playback {
-                samples: table.values,
-                at_end,
-            }));
+            return Ok(Built::new(Playback { samples: table.values, at_end }));
         }
-        Ok(Built::new(Curve {
-            frames: table.ticks(cx.rate.hz()),
-            table,
-            between: settings.between,
-            at_end,
-        }))
+        Ok(Built::new(Curve { frames: table.ticks(cx.rate.hz()), table, between: settings.between, at_end }))
     }
 }
 
@@ -127,23 +119,14 @@ impl Table {
         }
         let first = values.iter().copied().find(|value| !value.is_nan());
         if !values.is_empty() && first.is_none() {
-            return Err(failed(&format_args!(
-                "all cells of {} are empty",
-                settings.column
-            )));
+            return Err(failed(&format_args!("all cells of {} are empty", settings.column)));
         }
         // Rows before the first value.
-        values
-            .iter_mut()
-            .take_while(|value| value.is_nan())
-            .for_each(|value| *value = first.unwrap_or(0.0));
+        values.iter_mut().take_while(|value| value.is_nan()).for_each(|value| *value = first.unwrap_or(0.0));
         if values.is_empty() {
             return Err(failed(&"there are no rows"));
         }
-        Ok(Self {
-            time_s: times.into(),
-            values: values.into(),
-        })
+        Ok(Self { time_s: times.into(), values: values.into() })
     }
 }
 
@@ -258,10 +241,7 @@ mod tests {
         let mut bench =
             Bench::new::<CsvSource>(file.settings("speed_mm_s", "speed"), 10.0, &[]).expect("a table");
         let speeds = bench.run_source(2).remove(0);
-        assert!(
-            (speeds[0] - 0.1).abs() < 1e-12 && (speeds[1] - 0.2).abs() < 1e-12,
-            "{speeds:?}"
-        );
+        assert!((speeds[0] - 0.1).abs() < 1e-12 && (speeds[1] - 0.2).abs() < 1e-12, "{speeds:?}");
         let mut bench =
             Bench::new::<CsvSource>(file.settings("accel_g", "acceleration"), 10.0, &[]).expect("g");
         assert!((bench.run_source(1)[0][0] - 9.80665).abs() < 1e-12);
@@ -291,23 +271,13 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_refused_at_its_field() {
         let file = File::new("time_s,force_n\n0,1\n0,3\n");
-        let field = |settings| {
-            Bench::new::<CsvSource>(settings, 10.0, &[])
-                .err()
-                .and_then(|e| e.field)
-        };
+        let field = |settings| Bench::new::<CsvSource>(settings, 10.0, &[]).err().and_then(|e| e.field);
         assert_eq!(field(file.settings("force_n", "speed")), Some("quantity"));
         assert_eq!(field(file.settings("pull_n", "force")), Some("column"));
-        assert_eq!(
-            field(file.settings("force_n", "force")),
-            Some("file"),
-            "time stands still"
-        );
+        assert_eq!(field(file.settings("force_n", "force")), Some("file"), "time stands still");
         let file = File::new("force_n\nmany\n");
         assert_eq!(field(file.settings("force_n", "force")), Some("file"));
-        let refused = Bench::new::<CsvSource>(file.settings("force_n", "force"), 10.0, &[])
-            .err()
-            .unwrap();
+        let refused = Bench::new::<CsvSource>(file.settings("force_n", "force"), 10.0, &[]).err().unwrap();
         assert!(refused.to_string().contains("\"many\" in force_n"), "{refused}");
         let file = File::new("time_s,force_n\n0,\n1,\n");
         assert_eq!(field(file.settings("force_n", "force")), Some("file"), "no value");
@@ -316,28 +286,12 @@ mod tests {
     #[test]
     fn what_is_no_row_is_refused_at_its_line_and_column() {
         let cases: [(&[u8], &str, &str); 6] = [
-            (
-                b"x,force_n\r\n1,2\r\n3\r\n",
-                "line 3:",
-                "1 cell where the header has 2",
-            ),
-            (
-                b"x,force_n\n1,2\n# remark\n\n3\n",
-                "line 5:",
-                "1 cell where the header has 2",
-            ),
-            (
-                b"x,force_n\n1,2\n1,2,3\n",
-                "line 3:",
-                "3 cells where the header has 2",
-            ),
+            (b"x,force_n\r\n1,2\r\n3\r\n", "line 3:", "1 cell where the header has 2"),
+            (b"x,force_n\n1,2\n# remark\n\n3\n", "line 5:", "1 cell where the header has 2"),
+            (b"x,force_n\n1,2\n1,2,3\n", "line 3:", "3 cells where the header has 2"),
             (b"x,force_n\n1,2\n1,\xb5\n", "line 3, column 2", "in force_n"),
             (b"\xff\xfex\0", "line 1:", "UTF-8"),
-            (
-                b"x,force_n\n# remark\n1,many\n",
-                "line 3, column 2",
-                "\"many\" in force_n",
-            ),
+            (b"x,force_n\n# remark\n1,many\n", "line 3, column 2", "\"many\" in force_n"),
         ];
         for (text, at, what) in cases {
             let file = File::new(text);
@@ -357,11 +311,6 @@ mod tests {
         let mut bench =
             Bench::new::<CsvSource>(file.settings("accel_m_s2", "acceleration"), 10.0, &[]).unwrap();
         let read = bench.run_source(5).remove(0);
-        assert!(
-            read.iter()
-                .zip([1.0, 2.0, 3.0, 4.0, 5.0])
-                .all(|(a, b)| (a - b).abs() < 1e-9),
-            "{read:?}"
-        );
+        assert!(read.iter().zip([1.0, 2.0, 3.0, 4.0, 5.0]).all(|(a, b)| (a - b).abs() < 1e-9), "{read:?}");
     }
 }

@@ -35,10 +35,7 @@ impl NodeKind for Noise {
     };
 
     fn build(settings: NoiseSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        Ok(Built::new(Source {
-            stream: Gaussian::new(cx.seed),
-            deviation: settings.variance.sqrt(),
-        }))
+        Ok(Built::new(Source { stream: Gaussian::new(cx.seed), deviation: settings.variance.sqrt() }))
     }
 }
 
@@ -80,10 +77,7 @@ mod tests {
 
     #[test]
     fn noise_has_its_variance_and_no_memory() {
-        let settings = NoiseSettings {
-            variance: 9.0,
-            quantity: "number".into(),
-        };
+        let settings = NoiseSettings { variance: 9.0, quantity: "number".into() };
         let mut bench = Bench::new::<Noise>(settings, 1000.0, &[]).unwrap();
         let n = 200_000;
         let y = bench.run_frames(n, &[], &[64, 1]).remove(0);

@@ -37,10 +37,7 @@ impl NodeKind for OneShot {
         doc: "Plays one channel of a WAV file, such as a click, each time an event fires, the first sample at the event's own \
               tick. An event during playback restarts it. The file's rate has to be that of the node's clock.",
         source: "",
-        inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::EVENT),
-            ..any_input("start", "Begins it.")
-        }],
+        inputs: &[InputSpec { kind: KindRule::Is(Kind::EVENT), ..any_input("start", "Begins it.") }],
         outputs: &[made("The recording; zero while it does not play.")],
         example: r#""click": OneShot(start: "pressed.event", file: "recordings/felt.wav", full_scale: 0.2, quantity: "current")"#,
     };
@@ -82,10 +79,7 @@ impl Processor<OneShot> for Playing {
                 self.factor = if factor.is_finite() { factor } else { 0.0 };
                 self.at = 0;
             }
-            *y = self
-                .samples
-                .get(self.at)
-                .map_or(0.0, |sample| self.factor * (sample * self.full_scale));
+            *y = self.samples.get(self.at).map_or(0.0, |sample| self.factor * (sample * self.full_scale));
             self.at = self.at.saturating_add(1);
         }
     }

@@ -92,10 +92,8 @@ impl NodeKind for WavOverPosition {
     fn build(settings: WavOverPositionSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let width = cx.width(Self::POSITION);
         if !matches!(width, 1 | 3) {
-            return Err(
-                BuildError::at("position", "a position has one or three components")
-                    .help("connect the component of the signal that is a length"),
-            );
+            return Err(BuildError::at("position", "a position has one or three components")
+                .help("connect the component of the signal that is a length"));
         }
         let axis = direction(settings.axis).ok_or_else(|| {
             BuildError::at("axis", "the length of the axis is zero").help("give a vector other than zero")
@@ -163,11 +161,7 @@ impl Recording {
             sum += 0.5 * (from + to);
             sum
         });
-        Self {
-            sums: std::iter::once(0.0).chain(cells).collect(),
-            samples: samples.into(),
-            repeats,
-        }
+        Self { sums: std::iter::once(0.0).chain(cells).collect(), samples: samples.into(), repeats }
     }
 
     /// Number of intervals between samples.
@@ -181,21 +175,11 @@ impl Recording {
         if !self.repeats && !(0.0..=cells).contains(&place) {
             return 0.0;
         }
-        let place = if self.repeats {
-            place.rem_euclid(cells)
-        } else {
-            place
-        };
+        let place = if self.repeats { place.rem_euclid(cells) } else { place };
         let cell = place as usize;
         let part = place - cell as f64;
         // The remainder can round up to the length; the first sample follows the last.
-        let sample = |cell: usize| {
-            self.samples
-                .get(cell)
-                .or(self.samples.first())
-                .copied()
-                .unwrap_or(0.0)
-        };
+        let sample = |cell: usize| self.samples.get(cell).or(self.samples.first()).copied().unwrap_or(0.0);
         sample(cell) + part * (sample(cell + 1) - sample(cell))
     }
 
@@ -261,10 +245,7 @@ impl Scanning {
 
 impl Processor<WavOverPosition> for Scanning {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, WavOverPosition>) {
-        let (positions, speeds) = (
-            io.read(WavOverPosition::POSITION),
-            io.read(WavOverPosition::SPEED),
-        );
+        let (positions, speeds) = (io.read(WavOverPosition::POSITION), io.read(WavOverPosition::SPEED));
         for (frame, y) in io.write(WavOverPosition::OUTPUT).iter_mut().enumerate() {
             let position_m = match self.axis {
                 None => positions.get(frame).copied(),
@@ -325,9 +306,8 @@ mod tests {
         let wanted = settings(file(folder.path(), 1000, 100.0), Beyond::Repeat);
         let mut bench = Bench::new::<WavOverPosition>(wanted, 1000.0, &[Kind::SCALAR]).unwrap();
         // 20 mm/s: 0.02 mm a tick, back and forth, over the joint at 110 mm.
-        let way_m: Vec<f64> = (0..4000)
-            .map(|k: i32| 1e-3 * (95.0 + 0.02 * f64::from(2000 - (k - 2000).abs())))
-            .collect();
+        let way_m: Vec<f64> =
+            (0..4000).map(|k: i32| 1e-3 * (95.0 + 0.02 * f64::from(2000 - (k - 2000).abs()))).collect();
         let y = bench.run_in_blocks(&[&way_m], &[1, 7, 64]).remove(0);
         for (k, y) in y.iter().enumerate().skip(1) {
             // Between the places of this tick and the one before.
@@ -365,14 +345,9 @@ mod tests {
         let crest_mm = 10.0 + 2.5;
         assert!((at(crest_mm, 0.5) - 2.0).abs() < 1e-6);
         assert!((at(crest_mm, -0.005) - 1.0).abs() < 1e-6);
-        for (y_mm, speed_m_s) in [
-            (crest_mm, 0.0),
-            (crest_mm, f64::NAN),
-            (f64::NAN, 0.5),
-            (1e300, 0.5),
-            (9.0, 0.5),
-            (111.0, 0.5),
-        ] {
+        for (y_mm, speed_m_s) in
+            [(crest_mm, 0.0), (crest_mm, f64::NAN), (f64::NAN, 0.5), (1e300, 0.5), (9.0, 0.5), (111.0, 0.5)]
+        {
             assert_eq!(at(y_mm, speed_m_s), 0.0, "{y_mm} mm at {speed_m_s} m/s");
         }
     }
@@ -382,25 +357,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let good = settings(file(folder.path(), 1000, 100.0), Beyond::Repeat);
         let refused = |settings| {
-            Bench::new::<WavOverPosition>(settings, 1000.0, &[Kind::SCALAR])
-                .err()
-                .map(|error| error.field)
+            Bench::new::<WavOverPosition>(settings, 1000.0, &[Kind::SCALAR]).err().map(|error| error.field)
         };
         assert_eq!(refused(good.clone()), None);
-        let both = WavOverPositionSettings {
-            recorded_mm_s: Some(MillimetresPerSecond(100.0)),
-            ..good.clone()
-        };
+        let both =
+            WavOverPositionSettings { recorded_mm_s: Some(MillimetresPerSecond(100.0)), ..good.clone() };
         assert_eq!(refused(both), Some(Some("recorded_mm_s")));
-        let none = WavOverPositionSettings {
-            length_mm: None,
-            ..good.clone()
-        };
+        let none = WavOverPositionSettings { length_mm: None, ..good.clone() };
         assert_eq!(refused(none), Some(None));
-        let nowhere = WavOverPositionSettings {
-            axis: [0.0; 3],
-            ..good
-        };
+        let nowhere = WavOverPositionSettings { axis: [0.0; 3], ..good };
         assert_eq!(refused(nowhere), Some(Some("axis")));
     }
 }

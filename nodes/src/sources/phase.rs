@@ -33,12 +33,7 @@ impl NodeKind for Phase {
             Quantity::FREQUENCY,
             "Frequency, Hz; a negative frequency turns backwards.",
         )],
-        outputs: &[output(
-            "phase",
-            Kind::SCALAR,
-            Quantity::NUMBER,
-            "The phase in turns, from 0 up to 1.",
-        )],
+        outputs: &[output("phase", Kind::SCALAR, Quantity::NUMBER, "The phase in turns, from 0 up to 1.")],
         example: r#""turn": Phase(frequency: "pitch.output")"#,
     };
 
@@ -68,11 +63,7 @@ impl Processor<Phase> for Turning {
             *phase = self.turns;
             let next = self.turns + hz * self.tick_s;
             // NaN and infinity leave the phase as it is; the remainder can round up to 1.
-            self.turns = if next.is_finite() {
-                next - next.floor()
-            } else {
-                self.turns
-            };
+            self.turns = if next.is_finite() { next - next.floor() } else { self.turns };
             self.turns = if self.turns < 1.0 { self.turns } else { 0.0 };
         }
     }
@@ -116,12 +107,7 @@ impl NodeKind for Adsr {
     };
 
     fn build(settings: AdsrSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        Ok(Built::new(Envelope {
-            settings,
-            tick_ms: 1e3 / cx.rate.hz(),
-            level: 0.0,
-            stage: Stage::Closed,
-        }))
+        Ok(Built::new(Envelope { settings, tick_ms: 1e3 / cx.rate.hz(), level: 0.0, stage: Stage::Closed }))
     }
 }
 
@@ -151,12 +137,7 @@ struct Envelope {
 
 impl Envelope {
     fn next(&mut self, is_open: bool) -> f64 {
-        let AdsrSettings {
-            attack_ms,
-            decay_ms,
-            sustain,
-            release_ms,
-        } = self.settings;
+        let AdsrSettings { attack_ms, decay_ms, sustain, release_ms } = self.settings;
         self.stage = match (is_open, self.stage) {
             (false, _) => Stage::Closed,
             (true, Stage::Closed) => Stage::Rising,
@@ -204,9 +185,7 @@ mod tests {
 
     #[test]
     fn the_phase_of_a_rising_frequency_is_its_integral() {
-        let settings = PhaseSettings {
-            start_deg: Degrees(90.0),
-        };
+        let settings = PhaseSettings { start_deg: Degrees(90.0) };
         let mut bench = Bench::new::<Phase>(settings, 100.0, &[Kind::SCALAR]).unwrap();
         let sweep: Vec<f64> = (0..300).map(|i| f64::from(i) * 0.1).collect();
         let phase = bench.run(&[&sweep]).remove(0);
@@ -216,10 +195,7 @@ mod tests {
             assert!(apart.min(1.0 - apart) < 1e-9 && (0.0..1.0).contains(phase), "{i}");
         }
         let backwards = bench.run(&[&[-1e-20, f64::NAN, -10.0, -10.0]]).remove(0);
-        assert!(
-            backwards.iter().all(|phase| (0.0..1.0).contains(phase)),
-            "{backwards:?}"
-        );
+        assert!(backwards.iter().all(|phase| (0.0..1.0).contains(phase)), "{backwards:?}");
     }
 
     fn envelope(settings: AdsrSettings, gate: &[f64]) -> Vec<f64> {
@@ -236,9 +212,7 @@ mod tests {
             release_ms: Milliseconds(4.0),
         };
         let gate: Vec<f64> = (0..14).map(|i| if i < 9 { 0.3 } else { 0.0 }).collect();
-        let expected = [
-            0.25, 0.5, 0.75, 1.0, 0.875, 0.75, 0.75, 0.75, 0.75, 0.5, 0.25, 0.0, 0.0, 0.0,
-        ];
+        let expected = [0.25, 0.5, 0.75, 1.0, 0.875, 0.75, 0.75, 0.75, 0.75, 0.5, 0.25, 0.0, 0.0, 0.0];
         assert_eq!(envelope(settings, &gate), expected);
     }
 
@@ -250,10 +224,7 @@ mod tests {
             sustain: 1.0,
             release_ms: Milliseconds(0.0),
         };
-        assert_eq!(
-            envelope(at_once, &[1.0, 1.0, 0.0, f64::NAN]),
-            [1.0, 1.0, 0.0, 0.0]
-        );
+        assert_eq!(envelope(at_once, &[1.0, 1.0, 0.0, f64::NAN]), [1.0, 1.0, 0.0, 0.0]);
         let slow = AdsrSettings {
             attack_ms: Milliseconds(4.0),
             decay_ms: Milliseconds(1.0),

@@ -34,9 +34,7 @@ impl NodeKind for Constant {
     };
 
     fn build(settings: ConstantSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        Ok(Built::new(Same {
-            value: settings.value,
-        }))
+        Ok(Built::new(Same { value: settings.value }))
     }
 }
 
@@ -95,9 +93,7 @@ impl NodeKind for ConstantVector {
     };
 
     fn build(settings: ConstantVectorSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        Ok(Built::new(SameVector {
-            value: settings.value,
-        }))
+        Ok(Built::new(SameVector { value: settings.value }))
     }
 }
 
@@ -362,45 +358,25 @@ mod tests {
 
     #[test]
     fn a_constant_is_constant_and_can_be_turned() {
-        let settings = ConstantSettings {
-            value: 2.5,
-            quantity: number(),
-        };
+        let settings = ConstantSettings { value: 2.5, quantity: number() };
         let mut bench = Bench::new::<Constant>(settings, 10.0, &[]).unwrap();
         assert_eq!(bench.run_source(3), [[2.5; 3]]);
         bench.set(Constant::VALUE, -1.0);
         assert_eq!(bench.run_source(3), [[-1.0; 3]]);
-        let settings = ConstantVectorSettings {
-            value: [1.0, 2.0, 3.0],
-            quantity: number(),
-        };
+        let settings = ConstantVectorSettings { value: [1.0, 2.0, 3.0], quantity: number() };
         assert_eq!(run::<ConstantVector>(settings, 2), [1.0, 2.0, 3.0, 1.0, 2.0, 3.0]);
     }
 
     #[test]
     fn a_step_falls_on_its_tick() {
-        let settings = StepSettings {
-            before: -1.0,
-            after: 1.0,
-            at_s: 0.3,
-            quantity: number(),
-        };
+        let settings = StepSettings { before: -1.0, after: 1.0, at_s: 0.3, quantity: number() };
         assert_eq!(run::<Step>(settings, 5), [-1.0, -1.0, -1.0, 1.0, 1.0]);
     }
 
     #[test]
     fn a_ramp_is_straight() {
-        let settings = RampSettings {
-            from: 1.0,
-            to: 3.0,
-            start_s: 0.1,
-            duration_s: 0.4,
-            quantity: number(),
-        };
-        assert_eq!(
-            run::<Ramp>(settings.clone(), 7),
-            [1.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.0]
-        );
+        let settings = RampSettings { from: 1.0, to: 3.0, start_s: 0.1, duration_s: 0.4, quantity: number() };
+        assert_eq!(run::<Ramp>(settings.clone(), 7), [1.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.0]);
         let mut bench = Bench::new::<Ramp>(settings, 10.0, &[]).unwrap();
         bench.set(Ramp::FROM, 3.0);
         bench.set(Ramp::TO, 1.0);
@@ -417,14 +393,8 @@ mod tests {
             period_s,
             quantity: number(),
         };
-        assert_eq!(
-            run::<Pulse>(settings(None), 8),
-            [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-        );
-        assert_eq!(
-            run::<Pulse>(settings(Some(0.3)), 8),
-            [0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0]
-        );
+        assert_eq!(run::<Pulse>(settings(None), 8), [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(run::<Pulse>(settings(Some(0.3)), 8), [0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
         let refused = Bench::new::<Pulse>(settings(Some(0.01)), 10.0, &[]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("period_s"));
     }

@@ -50,10 +50,7 @@ impl NodeKind for WavSource {
     fn build(settings: WavSourceSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let samples = read(&settings.file, settings.channel, cx.rate.hz())?;
         Ok(Built::new(WavPlayback {
-            playback: Playback {
-                samples: samples.into(),
-                at_end: settings.at_end.or_loop(settings.repeat),
-            },
+            playback: Playback { samples: samples.into(), at_end: settings.at_end.or_loop(settings.repeat) },
             full_scale: settings.full_scale,
         }))
     }
@@ -72,14 +69,9 @@ pub(super) fn read(file: &Path, channel: u32, rate_hz: f64) -> Result<Vec<f64>, 
 
 fn check_rate(layout: &Layout, rate_hz: f64) -> Result<(), BuildError> {
     if f64::from(layout.rate_hz) != rate_hz {
-        let message = format!(
-            "the file's rate is {} Hz, but the node's clock ticks at {rate_hz} Hz",
-            layout.rate_hz
-        );
-        let help = format!(
-            "put the node on a clock of {} Hz and bridge from there",
-            layout.rate_hz
-        );
+        let message =
+            format!("the file's rate is {} Hz, but the node's clock ticks at {rate_hz} Hz", layout.rate_hz);
+        let help = format!("put the node on a clock of {} Hz and bridge from there", layout.rate_hz);
         return Err(BuildError::at("file", message).help(help));
     }
     Ok(())
@@ -193,12 +185,8 @@ mod tests {
 
     fn written(folder: &Path, format: SampleFormat, bits: u16) -> PathBuf {
         let path = folder.join("x.wav");
-        let spec = hound::WavSpec {
-            channels: 2,
-            sample_rate: 1000,
-            bits_per_sample: bits,
-            sample_format: format,
-        };
+        let spec =
+            hound::WavSpec { channels: 2, sample_rate: 1000, bits_per_sample: bits, sample_format: format };
         let mut writer = hound::WavWriter::create(&path, spec).unwrap();
         for k in 0..4_i16 {
             match format {
@@ -233,10 +221,7 @@ mod tests {
         for (format, bits) in [(SampleFormat::Float, 32), (SampleFormat::Int, 16)] {
             let file = written(folder.path(), format, bits);
             let mut bench = Bench::new::<WavSource>(settings(file.clone(), 1, false), 1000.0, &[]).unwrap();
-            assert_eq!(
-                bench.run_frames(6, &[], &[1, 2]),
-                [[0.0, 2.0, 4.0, 6.0, 0.0, 0.0]]
-            );
+            assert_eq!(bench.run_frames(6, &[], &[1, 2]), [[0.0, 2.0, 4.0, 6.0, 0.0, 0.0]]);
             let mut bench = Bench::new::<WavSource>(settings(file, 1, true), 1000.0, &[]).unwrap();
             assert_eq!(bench.run_frames(6, &[], &[5]), [[0.0, 2.0, 4.0, 6.0, 0.0, 2.0]]);
         }
@@ -246,11 +231,7 @@ mod tests {
     fn a_file_that_does_not_fit_is_refused_at_its_field() {
         let folder = tempfile::tempdir().unwrap();
         let file = written(folder.path(), SampleFormat::Float, 32);
-        let field = |settings, rate| {
-            Bench::new::<WavSource>(settings, rate, &[])
-                .err()
-                .and_then(|e| e.field)
-        };
+        let field = |settings, rate| Bench::new::<WavSource>(settings, rate, &[]).err().and_then(|e| e.field);
         assert_eq!(field(settings(file.clone(), 0, false), 999.0), Some("file"));
         assert_eq!(field(settings(file, 2, false), 1000.0), Some("channel"));
         assert_eq!(field(settings("none.wav".into(), 0, false), 1000.0), Some("file"));
@@ -260,10 +241,7 @@ mod tests {
     fn a_sample_that_is_no_number_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("x.wav");
-        let format = Format {
-            channels: 2,
-            rate_hz: 1000,
-        };
+        let format = Format { channels: 2, rate_hz: 1000 };
         for bad in [f32::NAN, f32::INFINITY] {
             let mut writer = WavWriter::new(File::create(&file).unwrap(), format).unwrap();
             writer.write(&[0.0, 1.0, 0.0, 2.0, 0.0, bad]).unwrap();
@@ -275,10 +253,7 @@ mod tests {
             assert_eq!(refused(0), None);
             let error = refused(1).unwrap();
             assert_eq!(error.field, Some("file"));
-            assert!(
-                error.message.contains("x.wav") && error.message.contains("frame 2"),
-                "{error}"
-            );
+            assert!(error.message.contains("x.wav") && error.message.contains("frame 2"), "{error}");
         }
     }
 }

@@ -202,12 +202,7 @@ impl NodeKind for Chirp {
     fn build(settings: ChirpSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         below_half_the_rate("from_hz", settings.from_hz, cx)?;
         below_half_the_rate("to_hz", settings.to_hz, cx)?;
-        Ok(Built::new(Sweeping {
-            settings,
-            ahead_turns: 0.0,
-            next_s: 0.0,
-            rate_hz: cx.rate.hz(),
-        }))
+        Ok(Built::new(Sweeping { settings, ahead_turns: 0.0, next_s: 0.0, rate_hz: cx.rate.hz() }))
     }
 }
 
@@ -230,12 +225,7 @@ struct Sweeping {
 
 impl Sweeping {
     fn turns_at(&self, time_s: f64) -> f64 {
-        let ChirpSettings {
-            from_hz,
-            to_hz,
-            duration_s,
-            ..
-        } = self.settings;
+        let ChirpSettings { from_hz, to_hz, duration_s, .. } = self.settings;
         let part = time_s / duration_s;
         let octaves = (to_hz / from_hz).ln();
         let turns = if self.settings.sweep == Sweep::Linear || octaves.abs() < 1e-9 {
@@ -259,11 +249,7 @@ impl Processor<Chirp> for Sweeping {
             let time_s = tick.time_s(frame);
             let turns = self.turns_at(time_s.min(self.settings.duration_s));
             let sounds = time_s < self.settings.duration_s;
-            *y = if sounds {
-                self.settings.amplitude * (TAU * (turns - turns.floor())).sin()
-            } else {
-                0.0
-            };
+            *y = if sounds { self.settings.amplitude * (TAU * (turns - turns.floor())).sin() } else { 0.0 };
         }
         self.next_s = tick.time_s(tick.frames);
     }
@@ -341,12 +327,8 @@ mod tests {
                 sweep,
                 quantity: "current".into(),
             };
-            let chirp = Sweeping {
-                settings: settings.clone(),
-                ahead_turns: 0.0,
-                next_s: 0.0,
-                rate_hz: 1000.0,
-            };
+            let chirp =
+                Sweeping { settings: settings.clone(), ahead_turns: 0.0, next_s: 0.0, rate_hz: 1000.0 };
             let frequency_at = |t: f64| (chirp.turns_at(t + 1e-6) - chirp.turns_at(t - 1e-6)) / 2e-6;
             assert!((frequency_at(0.0) - 10.0).abs() < 1e-3);
             assert!((frequency_at(2.0) - middle_hz).abs() < 1e-3);
@@ -418,10 +400,7 @@ mod tests {
             bench.set(setting, hz);
             let y = bench.run_source(1).remove(0)[0];
             // A tick at 100 Hz turns it by no more than this.
-            assert!(
-                (y - before).abs() < TAU * 0.1,
-                "{setting:?} {hz}: {before} to {y}"
-            );
+            assert!((y - before).abs() < TAU * 0.1, "{setting:?} {hz}: {before} to {y}");
             before = y;
         }
     }

@@ -61,12 +61,7 @@ impl NodeKind for Tapping {
         inputs: &[input("contact", Contact::KIND, Quantity::NUMBER, "The contact.")],
         outputs: &[
             output("force", Kind::VECTOR, Quantity::FORCE, "Force on the tool, N."),
-            output(
-                "tap",
-                Kind::EVENT,
-                Quantity::SPEED,
-                "Event at a tap, with its speed, m/s.",
-            ),
+            output("tap", Kind::EVENT, Quantity::SPEED, "Event at a tap, with its speed, m/s."),
         ],
         example: r#""taps": Tapping(contact: "touch.contact", surface: "surfaces/t3-tile.ron")"#,
     };
@@ -87,22 +82,13 @@ impl NodeKind for Tapping {
             least_m_s: settings.least_mm_s.si(),
             window_s: settings.window_ms.si(),
         };
-        Ok(Built::new(Striking {
-            onset: Onset::new(&onset, cx.rate.hz()),
-            transient,
-            normal: [0.0; 3],
-        }))
+        Ok(Built::new(Striking { onset: Onset::new(&onset, cx.rate.hz()), transient, normal: [0.0; 3] }))
     }
 
     fn advice(settings: &TappingSettings, _: &BuildContext) -> Vec<BuildError> {
-        let silent = load_surface(&settings.surface)
-            .ok()
-            .filter(|surface| surface.taps.is_none());
+        let silent = load_surface(&settings.surface).ok().filter(|surface| surface.taps.is_none());
         let advise = |surface: Surface| {
-            let message = format!(
-                "the surface {} has no taps, so `Tapping` outputs zero",
-                surface.name
-            );
+            let message = format!("the surface {} has no taps, so `Tapping` outputs zero", surface.name);
             // The warning is the node's: other nodes may warn at the same surface, and each place is reported once.
             let help = "learn the surface with a recording of taps, or choose one that has taps";
             BuildError::of_node(message).help(help)
@@ -134,23 +120,13 @@ impl Processor<Tapping> for Striking {
         let (force, tap) = io.write_all((Tapping::FORCE, Tapping::TAP));
         let frames = force.iter_mut().zip(tap);
         for ((force, event), contact) in frames.zip(contacts) {
-            let struck = self
-                .onset
-                .update(&contact)
-                .filter(|speed_m_s| speed_m_s.is_finite());
+            let struck = self.onset.update(&contact).filter(|speed_m_s| speed_m_s.is_finite());
             if struck.is_some() {
                 self.normal = contact.normal;
             }
-            let rings_n = self
-                .transient
-                .as_mut()
-                .map_or(0.0, |transient| transient.update(struck));
+            let rings_n = self.transient.as_mut().map_or(0.0, |transient| transient.update(struck));
             *force = scale(self.normal, rings_n);
-            *event = Event {
-                fired: struck.is_some(),
-                value: struck.unwrap_or(0.0),
-            }
-            .to_components();
+            *event = Event { fired: struck.is_some(), value: struck.unwrap_or(0.0) }.to_components();
         }
     }
 
@@ -225,10 +201,7 @@ mod tests {
             let out = bench.run_in_blocks(&[&fall], &[1, 64]);
             let (force, tap) = (out[0].as_chunks::<3>().0, out[1].as_chunks::<2>().0);
             let tick = tap.iter().position(|event| event[0] != 0.0).unwrap();
-            assert!(
-                (tap[tick][1] - 1.5 * fastest.speed_m_s).abs() < 1e-9,
-                "its true speed"
-            );
+            assert!((tap[tick][1] - 1.5 * fastest.speed_m_s).abs() < 1e-9, "its true speed");
             force[tick..].iter().map(|force| force[2]).collect::<Vec<f64>>()
         };
         let (held, grown) = (rendered(Above::Hold), rendered(Above::Grow));
@@ -245,10 +218,7 @@ mod tests {
         let file = tempfile::NamedTempFile::with_suffix(".ron").unwrap();
         std::fs::write(file.path(), haptograph_surfaces::files::native::write(&surface)).unwrap();
         let mut bench = Bench::new::<Tapping>(
-            TappingSettings {
-                surface: file.path().to_owned(),
-                ..settings()
-            },
+            TappingSettings { surface: file.path().to_owned(), ..settings() },
             1000.0,
             &[Contact::KIND],
         )

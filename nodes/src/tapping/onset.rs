@@ -20,11 +20,7 @@ pub struct OnsetSettings {
 impl Default for OnsetSettings {
     /// Armed after 20 ms, from 10 mm/s, measured over 12 ms: with position steps of 0.055 mm the speed is accurate to 5 mm/s.
     fn default() -> Self {
-        Self {
-            rearm_s: 0.02,
-            least_m_s: 0.01,
-            window_s: 0.012,
-        }
+        Self { rearm_s: 0.02, least_m_s: 0.01, window_s: 0.012 }
     }
 }
 
@@ -114,10 +110,7 @@ mod tests {
     use super::*;
     use crate::contact::shape::{Shape, Touch};
 
-    const TABLE: Shape = Shape::Plane {
-        origin_m: [0.0; 3],
-        normal: [0.0, 0.0, 1.0],
-    };
+    const TABLE: Shape = Shape::Plane { origin_m: [0.0; 3], normal: [0.0, 0.0, 1.0] };
 
     /// Taps seen along heights at 1 kHz: (tick, speed).
     fn taps(heights: impl Iterator<Item = f64>) -> Vec<(usize, f64)> {
@@ -128,9 +121,7 @@ mod tests {
         let mut touch = Touch::new(&TABLE, 0.0).unwrap();
         let mut onset = Onset::new(&OnsetSettings::default(), rate_hz);
         let seen = heights.enumerate().filter_map(|(tick, z)| {
-            onset
-                .update(&touch.update([0.0, 0.001 * tick as f64, z]))
-                .map(|speed| (tick, speed))
+            onset.update(&touch.update([0.0, 0.001 * tick as f64, z])).map(|speed| (tick, speed))
         });
         seen.collect()
     }
@@ -164,23 +155,13 @@ mod tests {
     #[test]
     fn a_bounce_is_no_second_tap_and_a_lift_of_20_ms_is() {
         let fall = |k: i32| 0.004 - 0.0002 * f64::from(k);
-        let bounce = (0..15).map(|k| {
-            if k < 8 {
-                0.0002 * f64::from(k)
-            } else {
-                0.0016 - 0.0002 * f64::from(k - 8)
-            }
-        });
+        let bounce =
+            (0..15).map(|k| if k < 8 { 0.0002 * f64::from(k) } else { 0.0016 - 0.0002 * f64::from(k - 8) });
         let sink = |_: i32| -0.001;
         let once = taps((0..30).map(fall).chain(bounce).chain((0..50).map(sink)));
         assert_eq!(once.len(), 1, "{once:?}");
         let lift = (0..60).map(|k| 0.006 - 0.0002 * f64::from((k - 30_i32).abs()));
-        let twice = taps(
-            (0..30)
-                .map(fall)
-                .chain(lift)
-                .chain((0..20).map(|k| -0.0002 * f64::from(k))),
-        );
+        let twice = taps((0..30).map(fall).chain(lift).chain((0..20).map(|k| -0.0002 * f64::from(k))));
         assert_eq!(twice.len(), 2, "{twice:?}");
     }
 

@@ -19,12 +19,7 @@ pub struct Transient {
 impl Transient {
     /// A silent player of taps recorded (or resampled) at the rate of its ticks, felt by this mass.
     pub fn new(taps: Arc<Taps>, mass_kg: f64) -> Self {
-        Self {
-            taps,
-            mass_kg,
-            most_m_s: f64::INFINITY,
-            ringing: None,
-        }
+        Self { taps, mass_kg, most_m_s: f64::INFINITY, ringing: None }
     }
 
     /// Plays a tap faster than the fastest recorded one as that (4.3.2), where [`Taps::mix`] lets it grow.
@@ -90,10 +85,7 @@ mod tests {
     fn speed_scales_below_mixes_between_and_grows_above() {
         assert!((first(0.025) - 0.05 * 5.0).abs() < 1e-12, "v / v_min");
         assert!((first(0.05) - 0.05 * 10.0).abs() < 1e-12);
-        assert!(
-            (first(0.075) - 0.05 * 20.0).abs() < 1e-12,
-            "half of each neighbour"
-        );
+        assert!((first(0.075) - 0.05 * 20.0).abs() < 1e-12, "half of each neighbour");
         assert!((first(0.2) - 0.05 * 50.0).abs() < 1e-12);
         assert!((first(0.4) - 0.05 * 50.0 * 2_f64.powf(0.7)).abs() < 1e-12);
         let most = 0.05 * 50.0 * 3_f64.powf(0.7);
@@ -113,9 +105,8 @@ mod tests {
     fn a_transient_ends_and_is_replaced_by_a_new_tap() {
         let mut player = player();
         assert_eq!(player.update(None), 0.0);
-        let whole: Vec<f64> = (0..150)
-            .map(|k| player.update(if k == 0 { Some(0.1) } else { None }))
-            .collect();
+        let whole: Vec<f64> =
+            (0..150).map(|k| player.update(if k == 0 { Some(0.1) } else { None })).collect();
         assert!((whole[20] - 1.5 * (-1.0_f64).exp()).abs() < 1e-12);
         assert!(whole[99] > 0.0 && whole[100..].iter().all(|f| *f == 0.0) && !player.is_ringing());
         player.update(Some(0.1));

@@ -41,12 +41,7 @@ impl NodeKind for Excitation {
         )
         .held()
         .optional()],
-        outputs: &[output(
-            "excitation",
-            Kind::SCALAR,
-            Quantity::ACCELERATION,
-            "The noise, m/s2.",
-        )],
+        outputs: &[output("excitation", Kind::SCALAR, Quantity::ACCELERATION, "The noise, m/s2.")],
         example: r#""excite": Excitation(clock: "synth", coefficients: Hold("interpolate.coefficients"))"#,
     };
 
@@ -110,14 +105,7 @@ mod tests {
 
     fn frame(variance: f64) -> [f64; Coefficients::WIDTH] {
         let mut lanes = [0.0; Coefficients::WIDTH];
-        Coefficients {
-            ar: &[],
-            ma: &[],
-            gain: 1.0,
-            variance,
-            warping: 0.0,
-        }
-        .write(&mut lanes);
+        Coefficients { ar: &[], ma: &[], gain: 1.0, variance, warping: 0.0 }.write(&mut lanes);
         lanes
     }
 
@@ -146,9 +134,7 @@ mod tests {
         surface.texture = surface.texture.map(|texture| texture.with_crackle(Some(crackle)));
         let file = tempfile::NamedTempFile::with_suffix(".ron").unwrap();
         std::fs::write(file.path(), files::native::write(&surface)).unwrap();
-        let settings = ExcitationSettings {
-            surface: Some(file.path().to_owned()),
-        };
+        let settings = ExcitationSettings { surface: Some(file.path().to_owned()) };
         (file, settings)
     }
 
@@ -159,9 +145,7 @@ mod tests {
     #[test]
     fn a_surface_that_does_not_crackle_is_excited_as_if_there_were_none() {
         let held = frame(2.0).repeat(500);
-        let named = ExcitationSettings {
-            surface: Some(plain()),
-        };
+        let named = ExcitationSettings { surface: Some(plain()) };
         assert_eq!(bench(named).run(&[&held]), bench(white()).run(&[&held]));
     }
 
@@ -169,9 +153,7 @@ mod tests {
     fn crackle_keeps_the_power_makes_the_noise_spiky_and_depends_on_no_block() {
         let (_file, settings) = crackling(1.0);
         let held = frame(1.0).repeat(200_000);
-        let blocks = bench(settings.clone())
-            .run_in_blocks(&[&held], &[7, 64, 1])
-            .remove(0);
+        let blocks = bench(settings.clone()).run_in_blocks(&[&held], &[7, 64, 1]).remove(0);
         assert_eq!(bench(settings).run(&[&held]).remove(0), blocks);
         let moment = |k: i32| blocks.iter().map(|e| e.powi(k)).sum::<f64>() / blocks.len() as f64;
         assert!((moment(2) - 1.0).abs() < 0.1, "{}", moment(2));
@@ -193,11 +175,6 @@ mod tests {
         let mut plain = bench(white());
         old.copy_state_into(&mut plain);
         let went_on = plain.run(&[&held[half..]]).remove(0);
-        assert!(
-            went_on
-                .iter()
-                .zip(&whole[500..])
-                .all(|(white, e)| (white * e) >= 0.0)
-        );
+        assert!(went_on.iter().zip(&whole[500..]).all(|(white, e)| (white * e) >= 0.0));
     }
 }

@@ -56,13 +56,7 @@ impl NodeKind for ArmaFilter {
               spectrum above half of it. The surface's lines fixed in space are added.",
         source: "2.4.2; A(z) = 1 + sum a_k z^-k; lattice after Gray and Markel (1975); warped after Härmä and others (2000)",
         inputs: &[
-            input(
-                "coefficients",
-                Coefficients::KIND,
-                Quantity::NUMBER,
-                "The filter, held.",
-            )
-            .held(),
+            input("coefficients", Coefficients::KIND, Quantity::NUMBER, "The filter, held.").held(),
             input(
                 "excitation",
                 Kind::SCALAR,
@@ -70,12 +64,7 @@ impl NodeKind for ArmaFilter {
                 "White noise of the filter's variance, m/s2.",
             ),
         ],
-        outputs: &[output(
-            "acceleration",
-            Kind::SCALAR,
-            Quantity::ACCELERATION,
-            "The vibration, m/s2.",
-        )],
+        outputs: &[output("acceleration", Kind::SCALAR, Quantity::ACCELERATION, "The vibration, m/s2.")],
         example: r#""filter": ArmaFilter(coefficients: Hold("interpolate.coefficients"), excitation: "excite.excitation")"#,
     };
 
@@ -84,9 +73,7 @@ impl NodeKind for ArmaFilter {
         if let Some(surface) = &settings.surface {
             let texture = load_texture(surface)?;
             upsampler = upsampler_of(&texture, cx.rate)?;
-            highpass = texture
-                .output_highpass()
-                .map(|sections| SectionsState::new(&sections));
+            highpass = texture.output_highpass().map(|sections| SectionsState::new(&sections));
             lines = line_source(&texture, cx);
         }
         let form = match settings.form {
@@ -156,9 +143,7 @@ fn upsampler_of(texture: &TextureModel, clock: Rate) -> Result<Option<Box<Upsamp
             clock.hz()
         )));
     }
-    let made = Rate::parse(&models_hz.to_string())
-        .ok()
-        .and_then(|models| Upsampler::new(models, clock));
+    let made = Rate::parse(&models_hz.to_string()).ok().and_then(|models| Upsampler::new(models, clock));
     let refused = || {
         refuse(format!(
             "the ratio of these rates is too fine to interpolate; use a clock of {models_hz} Hz or a whole multiple"
@@ -200,13 +185,7 @@ impl Maker {
     }
 
     fn take(&mut self, coefficients: Coefficients<'_>) {
-        let Coefficients {
-            ar,
-            ma,
-            gain,
-            warping,
-            ..
-        } = coefficients;
+        let Coefficients { ar, ma, gain, warping, .. } = coefficients;
         let is_warped = warping != 0.0;
         // Invalid coefficients leave the old ones active: the vibration stays bounded.
         let taken = if is_warped {
@@ -242,10 +221,7 @@ impl Synthesis {
 
 impl Processor<ArmaFilter> for Synthesis {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, ArmaFilter>) {
-        let (runs, places) = (
-            io.read(ArmaFilter::COEFFICIENTS),
-            io.read(ArmaFilter::COEFFICIENTS),
-        );
+        let (runs, places) = (io.read(ArmaFilter::COEFFICIENTS), io.read(ArmaFilter::COEFFICIENTS));
         let excitation = io.read(ArmaFilter::EXCITATION);
         let out = io.write(ArmaFilter::ACCELERATION);
         for (frames, coefficients) in runs {
@@ -307,14 +283,7 @@ mod tests {
 
     fn frame(ar: &[f64], ma: &[f64], gain: f64) -> [f64; Coefficients::WIDTH] {
         let mut lanes = [0.0; Coefficients::WIDTH];
-        Coefficients {
-            ar,
-            ma,
-            gain,
-            variance: 1.0,
-            warping: 0.0,
-        }
-        .write(&mut lanes);
+        Coefficients { ar, ma, gain, variance: 1.0, warping: 0.0 }.write(&mut lanes);
         lanes
     }
 
@@ -352,9 +321,7 @@ mod tests {
             let (r, w) = (0.9986_f64, std::f64::consts::TAU * f_hz / 10_000.0);
             frame(&[-2.0 * r * w.cos(), r * r], &[], 1.0)
         };
-        let held: Vec<f64> = (0..200)
-            .flat_map(|k| resonance([50.0, 920.0][k % 2]).repeat(41))
-            .collect();
+        let held: Vec<f64> = (0..200).flat_map(|k| resonance([50.0, 920.0][k % 2]).repeat(41)).collect();
         let mut e = vec![0.0; 8200];
         e[0] = 1.0;
         let most = |form| {
@@ -368,29 +335,14 @@ mod tests {
     #[test]
     fn unstable_or_broken_coefficients_leave_the_old_ones_at_work() {
         let good = frame(&[-0.5], &[], 1.0);
-        let held = [
-            good,
-            frame(&[-2.0], &[], 1.0),
-            [f64::NAN; Coefficients::WIDTH],
-            good,
-        ]
-        .concat();
-        let y = bench(Form::Lattice)
-            .run(&[&held, &[1.0, 0.0, 0.0, 0.0]])
-            .remove(0);
-        assert!(
-            y.iter()
-                .zip([1.0, 0.5, 0.25, 0.125])
-                .all(|(y, w)| (y - w).abs() < 1e-15)
-        );
+        let held = [good, frame(&[-2.0], &[], 1.0), [f64::NAN; Coefficients::WIDTH], good].concat();
+        let y = bench(Form::Lattice).run(&[&held, &[1.0, 0.0, 0.0, 0.0]]).remove(0);
+        assert!(y.iter().zip([1.0, 0.5, 0.25, 0.125]).all(|(y, w)| (y - w).abs() < 1e-15));
     }
 
     #[test]
     fn a_clock_that_is_not_the_models_is_refused() {
-        let settings = ArmaFilterSettings {
-            form: Form::Lattice,
-            surface: Some(plain()),
-        };
+        let settings = ArmaFilterSettings { form: Form::Lattice, surface: Some(plain()) };
         let refused = Bench::new::<ArmaFilter>(settings, 999.0, &[Coefficients::KIND, Kind::SCALAR]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("surface"));
     }
@@ -455,9 +407,7 @@ mod tests {
         assert!((0.001..0.004).contains(&late_s), "{late_s}");
         let held = frame(&[-1.2, 0.7], &[0.4], 2.0).repeat(400);
         let e: Vec<f64> = (0..400).map(|n| (n as f64 * n as f64 * 0.37).sin()).collect();
-        let whole = rendering(file.path(), Form::Lattice, 10_000.0)
-            .run(&[&held, &e])
-            .remove(0);
+        let whole = rendering(file.path(), Form::Lattice, 10_000.0).run(&[&held, &e]).remove(0);
         let half = held.len() / 2;
         old.run(&[&held[..half], &e[..200]]);
         let mut new = rendering(file.path(), Form::Lattice, 10_000.0);

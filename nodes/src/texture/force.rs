@@ -31,34 +31,16 @@ impl NodeKind for TextureForce {
               disturbs neither. It keeps its direction while there is no friction, and is zero while nothing touches.",
         source: "A.3.2",
         inputs: &[
-            input(
-                "acceleration",
-                Kind::SCALAR,
-                Quantity::ACCELERATION,
-                "The vibration, m/s2.",
-            ),
+            input("acceleration", Kind::SCALAR, Quantity::ACCELERATION, "The vibration, m/s2."),
             input("contact", Contact::KIND, Quantity::NUMBER, "The contact."),
-            input(
-                "friction",
-                Kind::VECTOR,
-                Quantity::FORCE,
-                "The friction on the tool, N.",
-            ),
+            input("friction", Kind::VECTOR, Quantity::FORCE, "The friction on the tool, N."),
         ],
-        outputs: &[output(
-            "force",
-            Kind::VECTOR,
-            Quantity::FORCE,
-            "Force on the tool, N.",
-        )],
+        outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "Force on the tool, N.")],
         example: r#""shake": TextureForce(acceleration: "texture.acceleration", contact: "touch.contact", friction: "friction.force")"#,
     };
 
     fn build(settings: TextureForceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        Ok(Built::new(Shaking {
-            mass_kg: settings.mass_g.si(),
-            across: [0.0; 3],
-        }))
+        Ok(Built::new(Shaking { mass_kg: settings.mass_g.si(), across: [0.0; 3] }))
     }
 }
 
@@ -78,10 +60,8 @@ struct Shaking {
 
 impl Processor<TextureForce> for Shaking {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, TextureForce>) {
-        let (accelerations, contacts) = (
-            io.read(TextureForce::ACCELERATION),
-            io.decode(TextureForce::CONTACT),
-        );
+        let (accelerations, contacts) =
+            (io.read(TextureForce::ACCELERATION), io.decode(TextureForce::CONTACT));
         let frictions = io.read(TextureForce::FRICTION);
         let forces = io.write(TextureForce::FORCE).iter_mut();
         let frames = forces.zip(accelerations).zip(contacts).zip(frictions);
@@ -119,14 +99,7 @@ mod tests {
         let mut bench =
             Bench::new::<TextureForce>(TextureForceSettings { mass_g: Grams(50.0) }, 1000.0, &kinds).unwrap();
         let normal = [0.0, 0.6, 0.8];
-        let touching = |touching| {
-            Contact {
-                touching,
-                normal,
-                ..Contact::default()
-            }
-            .to_components()
-        };
+        let touching = |touching| Contact { touching, normal, ..Contact::default() }.to_components();
         let friction = [0.3, -0.4, 0.3];
         let out = bench.run(&[
             &[10.0, -10.0, 10.0],
@@ -136,11 +109,7 @@ mod tests {
         let force = out[0].as_chunks::<3>().0;
         assert!(dot(force[0], normal).abs() < 1e-15 && dot(force[0], friction).abs() < 1e-15);
         assert!((dot(force[0], force[0]).sqrt() - 0.5).abs() < 1e-15);
-        assert_eq!(
-            force[1],
-            force[0].map(|f| -f),
-            "without friction it keeps its direction"
-        );
+        assert_eq!(force[1], force[0].map(|f| -f), "without friction it keeps its direction");
         assert_eq!(force[2], [0.0; 3], "nothing touches");
     }
 }

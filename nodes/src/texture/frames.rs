@@ -58,12 +58,7 @@ impl OneKind for Weights {
 impl Record for Weights {
     fn from_components(components: &Self::Array) -> Self {
         let [i, j, k, u, v, w, speed_m_s, force_n] = *components;
-        Self {
-            models: [i as u32, j as u32, k as u32],
-            weights: [u, v, w],
-            speed_m_s,
-            force_n,
-        }
+        Self { models: [i as u32, j as u32, k as u32], weights: [u, v, w], speed_m_s, force_n }
     }
 
     fn to_components(&self) -> Self::Array {
@@ -153,10 +148,7 @@ impl LinesAt {
     /// Reads them from a frame of coefficients.
     pub fn from_components(components: &[f64; Coefficients::WIDTH]) -> Self {
         let [.., speed_m_s, a, b, c] = *components;
-        Self {
-            speed_m_s,
-            powers_m2_s4: [a, b, c],
-        }
+        Self { speed_m_s, powers_m2_s4: [a, b, c] }
     }
 
     /// Adds them to a frame of coefficients that is written.
@@ -173,32 +165,18 @@ mod tests {
 
     #[test]
     fn frames_survive_their_components() {
-        let weights = Weights {
-            models: [7, 8, 9],
-            weights: [0.5, 0.25, 0.25],
-            speed_m_s: 0.1,
-            force_n: 1.5,
-        };
+        let weights = Weights { models: [7, 8, 9], weights: [0.5, 0.25, 0.25], speed_m_s: 0.1, force_n: 1.5 };
         assert_eq!(Weights::from_components(&weights.to_components()), weights);
         let mut components = [1.0; Coefficients::WIDTH];
-        Coefficients {
-            ar: &[-0.5, 0.25],
-            ma: &[0.1],
-            gain: 2.0,
-            variance: 0.5,
-            warping: 0.8,
-        }
-        .write(&mut components);
+        Coefficients { ar: &[-0.5, 0.25], ma: &[0.1], gain: 2.0, variance: 0.5, warping: 0.8 }
+            .write(&mut components);
         let read = Coefficients::from_components(&components);
         assert_eq!(
             (read.ar, read.ma, read.gain, read.variance, read.warping),
             (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5, 0.8)
         );
         assert_eq!(LinesAt::from_components(&components), LinesAt::default());
-        let lines = LinesAt {
-            speed_m_s: 0.1,
-            powers_m2_s4: [0.5, 0.25, 0.0],
-        };
+        let lines = LinesAt { speed_m_s: 0.1, powers_m2_s4: [0.5, 0.25, 0.0] };
         lines.write(&mut components);
         assert_eq!(LinesAt::from_components(&components), lines);
         assert_eq!(Coefficients::from_components(&components).ma, &[0.1]);

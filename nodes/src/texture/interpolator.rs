@@ -110,12 +110,7 @@ mod tests {
         let mut mixer = Bench::new::<LsfInterpolator>(settings(), 240.0, &[Weights::KIND]).unwrap();
         let mut whole = Interpolator::new(&load_texture(&tile()).unwrap());
         let (speed, force): (Vec<f64>, Vec<f64>) = (0..500)
-            .map(|k| {
-                (
-                    (0.02 * f64::from(k)).sin() * 0.2,
-                    (0.03 * f64::from(k)).cos().max(0.0) * 3.0,
-                )
-            })
+            .map(|k| ((0.02 * f64::from(k)).sin() * 0.2, (0.03 * f64::from(k)).cos().max(0.0) * 3.0))
             .unzip();
         let weights = locator.run(&[&speed, &force]).remove(0);
         let filters = mixer.run_in_blocks(&[&weights], &[3, 64]).remove(0);

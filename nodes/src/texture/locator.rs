@@ -35,26 +35,14 @@ impl NodeKind for Saturation {
             input("force", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
         ],
         outputs: &[
-            output(
-                "speed",
-                Kind::SCALAR,
-                Quantity::SPEED,
-                "Speed within the model, m/s.",
-            ),
-            output(
-                "force",
-                Kind::SCALAR,
-                Quantity::FORCE,
-                "Force within the model, N.",
-            ),
+            output("speed", Kind::SCALAR, Quantity::SPEED, "Speed within the model, m/s."),
+            output("force", Kind::SCALAR, Quantity::FORCE, "Force within the model, N."),
         ],
         example: r#""within": Saturation(speed: "speed.speed", force: "stylus.force", surface: "surfaces/t3-tile.ron")"#,
     };
 
     fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        Ok(Built::new(Saturating {
-            texture: Interpolator::new(&load_texture(&settings.surface)?),
-        }))
+        Ok(Built::new(Saturating { texture: Interpolator::new(&load_texture(&settings.surface)?) }))
     }
 }
 
@@ -96,19 +84,12 @@ impl NodeKind for TriangleLocator {
             input("speed", Kind::SCALAR, Quantity::SPEED, "Speed of the tip, m/s."),
             input("force", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
         ],
-        outputs: &[output(
-            "weights",
-            Weights::KIND,
-            Quantity::NUMBER,
-            "Three models and their weights.",
-        )],
+        outputs: &[output("weights", Weights::KIND, Quantity::NUMBER, "Three models and their weights.")],
         example: r#""locate": TriangleLocator(speed: "speed.speed", force: "stylus.force", surface: "surfaces/t3-tile.ron")"#,
     };
 
     fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        Ok(Built::new(Walker {
-            texture: Interpolator::new(&load_texture(&settings.surface)?),
-        }))
+        Ok(Built::new(Walker { texture: Interpolator::new(&load_texture(&settings.surface)?) }))
     }
 }
 
@@ -154,12 +135,7 @@ mod tests {
         let mut locator = Bench::new::<TriangleLocator>(settings(), 240.0, &kinds).unwrap();
         let mut within = Bench::new::<Saturation>(settings(), 240.0, &kinds).unwrap();
         let (speed, force): (Vec<f64>, Vec<f64>) = (0..2000)
-            .map(|k| {
-                (
-                    0.15 * (0.37 * f64::from(k)).sin() + 0.1,
-                    2.0 * (0.11 * f64::from(k)).sin() + 1.0,
-                )
-            })
+            .map(|k| (0.15 * (0.37 * f64::from(k)).sin() + 0.1, 2.0 * (0.11 * f64::from(k)).sin() + 1.0))
             .unzip();
         let found = locator.run_in_blocks(&[&speed, &force], &[1, 9]).remove(0);
         let kept = within.run(&[&speed, &force]);
@@ -178,9 +154,7 @@ mod tests {
 
     #[test]
     fn a_missing_surface_is_an_error_at_its_field() {
-        let settings = SurfaceSettings {
-            surface: "nowhere.ron".into(),
-        };
+        let settings = SurfaceSettings { surface: "nowhere.ron".into() };
         let refused = Bench::new::<TriangleLocator>(settings, 240.0, &[Kind::SCALAR; 2]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("surface"));
     }

@@ -136,10 +136,8 @@ fn minimum_phase(up: usize) -> Vec<f64> {
 /// Group delay at half of the models' Nyquist frequency, in samples of the models.
 fn group_delay(response: &[f64], up: usize) -> f64 {
     let turn = |n: usize| Complex64::cis(-0.25 * TAU * n as f64 / up as f64);
-    let (sum, delayed) = response
-        .iter()
-        .enumerate()
-        .fold((Complex64::ZERO, Complex64::ZERO), |(sum, delayed), (n, h)| {
+    let (sum, delayed) =
+        response.iter().enumerate().fold((Complex64::ZERO, Complex64::ZERO), |(sum, delayed), (n, h)| {
             (sum + turn(n) * h, delayed + turn(n) * (h * n as f64))
         });
     (delayed / sum).re / up as f64
@@ -202,10 +200,7 @@ mod tests {
             let centroid = out.iter().enumerate().map(|(n, y)| n as f64 * y * y).sum::<f64>() / energy;
             let delay_s = centroid / to_hz as f64 - 0.5 / beat_hz * 2.0;
             let tolerance_s = 0.5 / from_hz as f64;
-            assert!(
-                (delay_s - up.group_delay_s()).abs() < tolerance_s,
-                "{from_hz}: {delay_s}"
-            );
+            assert!((delay_s - up.group_delay_s()).abs() < tolerance_s, "{from_hz}: {delay_s}");
             assert!((up.group_delay_s() * from_hz as f64 - 2.5).abs() < 0.5);
             let power = energy / outputs as f64;
             assert!((power / 0.1875 - 1.0).abs() < 0.02, "{power}");

@@ -74,10 +74,7 @@ impl Encoding {
             (Self::Unsigned8, [byte, ..]) => (f64::from(*byte) - 128.0) / 128.0,
             (Self::Integer(_), bytes) => {
                 let mut word = [0; 4];
-                word.iter_mut()
-                    .rev()
-                    .zip(bytes.iter().rev())
-                    .for_each(|(to, from)| *to = *from);
+                word.iter_mut().rev().zip(bytes.iter().rev()).for_each(|(to, from)| *to = *from);
                 f64::from(i32::from_le_bytes(word)) / 31_f64.exp2()
             }
             (Self::Float32, &[a, b, c, d, ..]) => f32::from_le_bytes([a, b, c, d]).into(),
@@ -125,10 +122,7 @@ pub fn read_layout(file: &mut (impl Read + Seek)) -> Result<Layout, WavError> {
     let there = file.seek(SeekFrom::End(0))?.saturating_sub(layout.data_at);
     if layout.data_bytes > there {
         let there = there / layout.frame_bytes();
-        return Err(WavError::Cut {
-            announced: layout.frames(),
-            there,
-        });
+        return Err(WavError::Cut { announced: layout.frames(), there });
     }
     Ok(layout)
 }
@@ -187,12 +181,7 @@ fn body(file: &mut impl Read, bytes: u64) -> Result<Vec<u8>, WavError> {
 fn read_format(body: &[u8]) -> Result<(u16, u32, Encoding), WavError> {
     let half = |at: usize| {
         let bytes = body.get(at..at + 2).ok_or(WavError::Header)?;
-        Ok::<u16, WavError>(
-            bytes
-                .iter()
-                .rev()
-                .fold(0, |sum, byte| sum << 8 | u16::from(*byte)),
-        )
+        Ok::<u16, WavError>(bytes.iter().rev().fold(0, |sum, byte| sum << 8 | u16::from(*byte)))
     };
     let rate_hz = word(body.get(4..8).ok_or(WavError::Header)?);
     let (tag, channels, frame_bytes) = (half(0)?, half(2)?, half(12)?);
@@ -234,24 +223,16 @@ pub fn read_channel(
     }
     let mut chunk = vec![0; frames_at_once * frame_bytes];
     let mut samples = Vec::new();
-    samples
-        .try_reserve_exact(left as usize)
-        .map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
+    samples.try_reserve_exact(left as usize).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
     while left > 0 {
         let frames = left.min(frames_at_once as u64) as usize;
         let read = &mut chunk[..frames * frame_bytes];
         file.read_exact(read)?;
         for frame in read.chunks_exact(frame_bytes) {
-            let value = layout
-                .encoding
-                .number(frame.get(at..at + width).unwrap_or_default());
+            let value = layout.encoding.number(frame.get(at..at + width).unwrap_or_default());
             if !value.is_finite() {
                 let frame = samples.len() as u64;
-                return Err(WavError::NotFinite {
-                    frame,
-                    channel,
-                    value,
-                });
+                return Err(WavError::NotFinite { frame, channel, value });
             }
             samples.push(value);
         }

@@ -60,8 +60,5 @@ pub fn repair(file: &mut (impl Read + Write + Seek)) -> Result<Repair, WavError>
     let stated = short.map_or(IN_DS64, |_| data_bytes as u32);
     file.write_all(&stated.to_le_bytes())?;
     file.flush()?;
-    Ok(Repair::Mended {
-        before: layout.frames(),
-        now: data_bytes / frame_bytes,
-    })
+    Ok(Repair::Mended { before: layout.frames(), now: data_bytes / frame_bytes })
 }

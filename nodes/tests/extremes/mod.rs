@@ -38,8 +38,7 @@ fn ends(setting: &SettingSpec, rate_hz: f64) -> Vec<String> {
         });
         let choice = part.choice.unwrap_or_default();
         let bare = part.choice.filter(|_| part.fields.is_empty()).map(str::to_owned);
-        bare.into_iter()
-            .chain(inner.map(move |fields| format!("{choice}({fields})")))
+        bare.into_iter().chain(inner.map(move |fields| format!("{choice}({fields})")))
     });
     let mut all: Vec<String> = parts.collect();
     let (low, high) = match setting.range {
@@ -49,29 +48,10 @@ fn ends(setting: &SettingSpec, rate_hz: f64) -> Vec<String> {
     };
     let whole = setting.whole;
     let nyquist = 0.5 * rate_hz;
-    let tries = [
-        low,
-        high,
-        0.0,
-        1.0,
-        -1.0,
-        nyquist,
-        nyquist * (1.0 - 1e-12),
-        nyquist * 0.999,
-        1e-12,
-        1e-5,
-        1e9,
-    ];
-    let within = tries
-        .into_iter()
-        .filter(|x| (low..=high).contains(x) && (!whole || x.fract() == 0.0));
-    all.extend(within.map(|x| {
-        if whole {
-            format!("{x:.0}")
-        } else {
-            format!("{x:e}")
-        }
-    }));
+    let tries =
+        [low, high, 0.0, 1.0, -1.0, nyquist, nyquist * (1.0 - 1e-12), nyquist * 0.999, 1e-12, 1e-5, 1e9];
+    let within = tries.into_iter().filter(|x| (low..=high).contains(x) && (!whole || x.fract() == 0.0));
+    all.extend(within.map(|x| if whole { format!("{x:.0}") } else { format!("{x:e}") }));
     all.dedup();
     all
 }
@@ -115,14 +95,7 @@ fn extreme(kind: Kind, frames: usize, seed: u64) -> Vec<f64> {
 }
 
 /// Names of files that would lie elsewhere than in a run's folder, or nowhere.
-const NAMES: [&str; 6] = [
-    "../x.wav",
-    "/tmp/x.csv",
-    "",
-    ".",
-    "a/../../x.npz",
-    "a\\\\b\\0.csv",
-];
+const NAMES: [&str; 6] = ["../x.wav", "/tmp/x.csv", "", ".", "a/../../x.npz", "a\\\\b\\0.csv"];
 
 /// Settings in place of the example's: none, and each at each of its ends.
 fn variants(settings: Vec<SettingSpec>, rate_hz: f64) -> Vec<String> {
@@ -138,10 +111,7 @@ fn variants(settings: Vec<SettingSpec>, rate_hz: f64) -> Vec<String> {
 /// Runs a processor: what it puts out is numbers.
 fn process(mut bench: Bench) -> Result<(), String> {
     let kinds: Vec<Kind> = bench.kinds().iter().flatten().copied().collect();
-    let inputs = kinds
-        .iter()
-        .zip(1..)
-        .map(|(kind, seed)| extreme(*kind, FRAMES, seed));
+    let inputs = kinds.iter().zip(1..).map(|(kind, seed)| extreme(*kind, FRAMES, seed));
     let inputs: Vec<Vec<f64>> = inputs.collect();
     let outputs = bench.run_frames(FRAMES, &slices(&inputs), &[MAX_FRAMES, 1, 64]);
     for (output, lanes) in outputs.iter().enumerate() {
@@ -155,16 +125,10 @@ fn process(mut bench: Bench) -> Result<(), String> {
 /// Asks an actuator for too much: what it is given keeps its limit.
 fn deliver(gain: f64, limit: &Limit, rate_hz: f64) -> Result<(), String> {
     let mut limiter = Limiter::<1>::new(limit, rate_hz).map_err(|error| error.to_string())?;
-    let (most, step) = (
-        limit.continuous * limit.continuous,
-        limit.slew_per_s.unwrap_or(f64::MAX) / rate_hz,
-    );
+    let (most, step) = (limit.continuous * limit.continuous, limit.slew_per_s.unwrap_or(f64::MAX) / rate_hz);
     let keep = (-1.0 / (limit.window_s * rate_hz)).exp();
     let (mut before, mut mean) = (0.0_f64, 0.0);
-    for asked in extreme(Kind::SCALAR, 8 * FRAMES, 1)
-        .into_iter()
-        .chain([f64::NAN, f64::INFINITY])
-    {
+    for asked in extreme(Kind::SCALAR, 8 * FRAMES, 1).into_iter().chain([f64::NAN, f64::INFINITY]) {
         let [given] = limiter.apply([gain * asked]);
         mean = keep * mean + (1.0 - keep) * given * given;
         let is_kept = given.abs() <= limit.peak
@@ -193,9 +157,7 @@ fn write(spec: &NodeSpec, sink: &dyn FileSink, streams: &[Stream], folder: &Path
     fs::create_dir_all(path.parent().unwrap()).map_err(failed)?;
     let mut writer = sink.open(&path, streams).map_err(failed)?;
     for (number, stream) in streams.iter().enumerate() {
-        writer
-            .write(number, &extreme(stream.kind, FRAMES, 1))
-            .map_err(failed)?;
+        writer.write(number, &extreme(stream.kind, FRAMES, 1)).map_err(failed)?;
         for bad in [f64::NAN, f64::INFINITY, -1e308] {
             // A recording refuses them, and says so.
             let _ = writer.write(number, &vec![bad; stream.kind.width()]);
@@ -229,9 +191,7 @@ fn drive(
 ) -> Result<Result<(), String>, String> {
     let mut device = device_from_example(entry, settings, folder, rate_hz)?;
     let drives = entry.spec.drives.iter().zip(1..);
-    let asked: Vec<Vec<f64>> = drives
-        .map(|(drive, seed)| extreme(drive.kind, FRAMES, seed))
-        .collect();
+    let asked: Vec<Vec<f64>> = drives.map(|(drive, seed)| extreme(drive.kind, FRAMES, seed)).collect();
     let mut frame = [0.0; 64];
     for tick in 0..FRAMES {
         device.poll(Instant::now());
@@ -293,8 +253,7 @@ impl Tried {
     fn note(&mut self, result: Result<(), String>, name: &str, settings: &str, rate_hz: f64) {
         self.built += 1;
         let wrong = result.err();
-        self.wrong
-            .extend(wrong.map(|wrong| format!("{name}({settings}) at {rate_hz} Hz: {wrong}")));
+        self.wrong.extend(wrong.map(|wrong| format!("{name}({settings}) at {rate_hz} Hz: {wrong}")));
     }
 }
 
@@ -322,16 +281,8 @@ fn attempt_all<K>(
         refused += tried.refused;
         wrong.extend(tried.wrong);
     }
-    assert!(
-        wrong.is_empty(),
-        "{} of {built}:\n{}",
-        wrong.len(),
-        wrong.join("\n")
-    );
-    assert!(
-        built > least_built && refused > least_refused,
-        "{built} built, {refused} refused"
-    );
+    assert!(wrong.is_empty(), "{} of {built}:\n{}", wrong.len(), wrong.join("\n"));
+    assert!(built > least_built && refused > least_refused, "{built} built, {refused} refused");
 }
 
 #[test]

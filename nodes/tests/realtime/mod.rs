@@ -52,10 +52,7 @@ mod sanitizer {
     static LOADED: LazyLock<Option<Sanitizer>> = LazyLock::new(|| {
         let found = symbol(c"__rtsan_realtime_enter").zip(symbol(c"__rtsan_realtime_exit"));
         let is_preloaded = std::env::var("LD_PRELOAD").is_ok_and(|list| list.contains("rtsan"));
-        assert!(
-            found.is_some() || !is_preloaded,
-            "RealtimeSanitizer is not what was preloaded"
-        );
+        assert!(found.is_some() || !is_preloaded, "RealtimeSanitizer is not what was preloaded");
         let (enter, exit) = found?;
         // SAFETY: it takes nothing, and may be called any number of times.
         unsafe { symbol(c"__rtsan_ensure_initialized")?() };

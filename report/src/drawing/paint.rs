@@ -11,10 +11,7 @@ const TOP: f64 = 64.0;
 
 pub(super) fn paint(sketch: &Sketch, scene: &Scene, title: &str, style: &str) -> String {
     let legend = legend_width(sketch);
-    let size = (
-        (scene.size.0 + 2.0 * MARGIN).max(legend + 2.0 * MARGIN),
-        scene.size.1 + TOP + MARGIN,
-    );
+    let size = ((scene.size.0 + 2.0 * MARGIN).max(legend + 2.0 * MARGIN), scene.size.1 + TOP + MARGIN);
     let mut svg = Svg::on_paper(size);
     svg.raw(format_args!("<style>{SHAPES}</style>"));
     svg.text("title ink", (MARGIN, 24.0), Anchor::Start, title);
@@ -24,12 +21,7 @@ pub(super) fn paint(sketch: &Sketch, scene: &Scene, title: &str, style: &str) ->
     for (path, frame) in &scene.groups {
         let name = path.trim_end_matches('/').rsplit('/').next().unwrap_or_default();
         svg.rect("panel frame grp", *frame, 10.0);
-        svg.text(
-            "small soft strong",
-            (frame.x + 12.0, frame.y + 17.0),
-            Anchor::Start,
-            name,
-        );
+        svg.text("small soft strong", (frame.x + 12.0, frame.y + 17.0), Anchor::Start, name);
     }
     paint_regions(&mut svg, sketch, scene, &wires);
     for (number, routes) in &wires {
@@ -61,9 +53,7 @@ fn whole_wires(scene: &Scene) -> BTreeMap<usize, Vec<&Route>> {
         let near = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs() + (a.1 - b.1).abs() < 0.01;
         let start = |route: &Route| route.points()[0];
         let end = |route: &Route| route.points()[route.points().len() - 1];
-        let first = parts
-            .iter()
-            .position(|part| !parts.iter().any(|other| near(end(other), start(part))));
+        let first = parts.iter().position(|part| !parts.iter().any(|other| near(end(other), start(part))));
         parts.swap(0, first.unwrap_or(0));
         for i in 1..parts.len() {
             let next = (i..parts.len()).find(|j| near(end(parts[i - 1]), start(parts[*j])));
@@ -84,12 +74,7 @@ fn legend_entry((name, rate): &(String, String)) -> f64 {
 fn paint_legend(svg: &mut Svg, sketch: &Sketch) {
     let mut x = MARGIN;
     for (i, clock) in sketch.clocks.iter().enumerate() {
-        let swatch = Rect {
-            x,
-            y: 34.0,
-            width: 20.0,
-            height: 12.0,
-        };
+        let swatch = Rect { x, y: 34.0, width: 20.0, height: 12.0 };
         let ink = Ink::number(i).class();
         svg.rect(&format!("t{ink} s{ink} edge"), swatch, 4.0);
         svg.text("small ink", (x + 26.0, 43.5), Anchor::Start, &clock.0);
@@ -162,18 +147,11 @@ fn rounded(path: &mut Path, points: &[(f64, f64)]) {
     let toward = |a: (f64, f64), b: (f64, f64), most: f64| {
         let (dx, dy) = (b.0 - a.0, b.1 - a.1);
         let length = dx.hypot(dy);
-        let part = if length > 0.0 {
-            (most / length).min(0.5)
-        } else {
-            0.0
-        };
+        let part = if length > 0.0 { (most / length).min(0.5) } else { 0.0 };
         (a.0 + dx * part, a.1 + dy * part)
     };
     for corner in points.windows(3) {
-        let (before, after) = (
-            toward(corner[1], corner[0], 9.0),
-            toward(corner[1], corner[2], 9.0),
-        );
+        let (before, after) = (toward(corner[1], corner[0], 9.0), toward(corner[1], corner[2], 9.0));
         path.line_to(before);
         path.cubic_to(corner[1], corner[1], after);
     }
@@ -206,11 +184,7 @@ fn paint_box(svg: &mut Svg, node: &NodeBox, at: Rect) {
     }
     for (i, port) in node.inputs.iter().enumerate() {
         let y = at.y + port_height(i);
-        let (dot, word) = if port.connected {
-            ("soft", "small soft")
-        } else {
-            ("box frame", "small faint")
-        };
+        let (dot, word) = if port.connected { ("soft", "small soft") } else { ("box frame", "small faint") };
         svg.circle(dot, (at.x, y), 2.6);
         svg.text(word, (at.x + 9.0, y + 3.5), Anchor::Start, &port.name);
     }
@@ -280,27 +254,12 @@ fn paint_words(svg: &mut Svg, wire: &WireLine, routes: &[&Route]) {
     let start = first.points()[0];
     let end = last.points()[last.points().len() - 1];
     if !wire.unit.is_empty() {
-        svg.text(
-            "tiny soft halo",
-            (start.0 + 6.0, start.1 - 4.0),
-            Anchor::Start,
-            &wire.unit,
-        );
+        svg.text("tiny soft halo", (start.0 + 6.0, start.1 - 4.0), Anchor::Start, &wire.unit);
     }
     if !wire.bridge.is_empty() {
         let width = text_width(&wire.bridge, 9.0) + 10.0;
-        let pill = Rect {
-            x: end.0 - width - 7.0,
-            y: end.1 - 7.0,
-            width,
-            height: 14.0,
-        };
+        let pill = Rect { x: end.0 - width - 7.0, y: end.1 - 7.0, width, height: 14.0 };
         svg.rect("box frame", pill, 7.0);
-        svg.text(
-            "tiny soft",
-            (pill.x + width / 2.0, end.1 + 3.2),
-            Anchor::Middle,
-            &wire.bridge,
-        );
+        svg.text("tiny soft", (pill.x + width / 2.0, end.1 + 3.2), Anchor::Middle, &wire.bridge);
     }
 }

@@ -75,14 +75,8 @@ pub(super) enum Stroke {
 
 impl Sketch {
     pub fn of(graph: &Graph) -> Self {
-        let clocks = graph
-            .clocks()
-            .iter()
-            .map(|clock| (clock.name.clone(), rate_text(clock.rate.hz())));
-        let mut sketch = Self {
-            clocks: clocks.collect(),
-            ..Self::default()
-        };
+        let clocks = graph.clocks().iter().map(|clock| (clock.name.clone(), rate_text(clock.rate.hz())));
+        let mut sketch = Self { clocks: clocks.collect(), ..Self::default() };
         let nodes = graph.nodes();
         // Plots appear on the page of a run; in a drawing they would hide the signal path.
         let mut place: Vec<Option<usize>> = Vec::new();
@@ -107,17 +101,9 @@ impl Sketch {
                 from,
                 to: (to, edge.input),
                 bridge: bridge_text(edge.bridge),
-                unit: if named {
-                    String::new()
-                } else {
-                    unit_text(output.kind, output.quantity)
-                },
+                unit: if named { String::new() } else { unit_text(output.kind, output.quantity) },
                 port: format!("{}.{}", source.path, output.name),
-                stroke: if output.kind == Kind::SCALAR {
-                    Stroke::Thin
-                } else {
-                    Stroke::Thick
-                },
+                stroke: if output.kind == Kind::SCALAR { Stroke::Thin } else { Stroke::Thick },
                 closes_loop: match edge.bridge {
                     Bridge::Delay { .. } => true,
                     Bridge::Ring { .. } => graph.reaches(wire.to, wire.from),
@@ -152,25 +138,14 @@ impl Sketch {
 
     /// Links a node to the body that it reads or drives.
     fn touch(&mut self, node: usize, body: usize, drives: bool) {
-        let port = |name: &str| Port {
-            name: name.to_owned(),
-            connected: true,
-        };
+        let port = |name: &str| Port { name: name.to_owned(), connected: true };
         let (source, target) = if drives { (node, body) } else { (body, node) };
         let port_name = |here: usize, there: &str| {
-            if here == body {
-                there.to_owned()
-            } else {
-                String::new()
-            }
+            if here == body { there.to_owned() } else { String::new() }
         };
         let node_name = self.boxes[node].name.clone();
-        self.boxes[source]
-            .outputs
-            .push(port(&port_name(source, &node_name)));
-        self.boxes[target]
-            .inputs
-            .push(port(&port_name(target, &node_name)));
+        self.boxes[source].outputs.push(port(&port_name(source, &node_name)));
+        self.boxes[target].inputs.push(port(&port_name(target, &node_name)));
         self.wires.push(WireLine {
             from: (source, self.boxes[source].outputs.len() - 1),
             to: (target, self.boxes[target].inputs.len() - 1),
@@ -193,14 +168,8 @@ fn node_box(node: &Node) -> NodeBox {
     } else {
         Role::Process
     };
-    let inputs = node.inputs.iter().map(|i| Port {
-        name: i.shown().to_owned(),
-        connected: i.connected,
-    });
-    let outputs = node.outputs.iter().map(|o| Port {
-        name: o.name.to_string(),
-        connected: true,
-    });
+    let inputs = node.inputs.iter().map(|i| Port { name: i.shown().to_owned(), connected: i.connected });
+    let outputs = node.outputs.iter().map(|o| Port { name: o.name.to_string(), connected: true });
     NodeBox {
         name: node.path.rsplit('/').next().unwrap_or_default().to_owned(),
         path: node.path.clone(),
@@ -232,8 +201,7 @@ fn settings(node: &Node) -> Vec<String> {
 
 fn first_sentence(doc: &str) -> String {
     let doc = doc.trim();
-    doc.split_once(". ")
-        .map_or_else(|| doc.to_owned(), |(first, _)| format!("{first}."))
+    doc.split_once(". ").map_or_else(|| doc.to_owned(), |(first, _)| format!("{first}."))
 }
 
 fn unit_text(kind: Kind, quantity: Quantity) -> String {

@@ -6,10 +6,8 @@ use haptograph_engine::graph::{CheckOptions, check};
 /// Parses a sketch from lines like `name: Kind @clock in,in -> out,out` and wires `a.out b.in [bridge]`.
 fn sketch(clocks: &[&str], nodes: &[&str], wires: &[&str]) -> Sketch {
     let clocks = clocks.iter().map(|c| c.split_once(' ').unwrap());
-    let mut sketch = Sketch {
-        clocks: clocks.map(|(a, b)| (a.into(), b.into())).collect(),
-        ..Sketch::default()
-    };
+    let mut sketch =
+        Sketch { clocks: clocks.map(|(a, b)| (a.into(), b.into())).collect(), ..Sketch::default() };
     for line in nodes {
         let (head, ports) = line.split_once('|').unwrap();
         let [path, kind, clock, role] = head.split_whitespace().collect::<Vec<_>>()[..] else {
@@ -18,10 +16,7 @@ fn sketch(clocks: &[&str], nodes: &[&str], wires: &[&str]) -> Sketch {
         let (inputs, outputs) = ports.split_once("->").unwrap();
         let list = |text: &str| {
             text.split_whitespace()
-                .map(|name| Port {
-                    name: name.into(),
-                    connected: true,
-                })
+                .map(|name| Port { name: name.into(), connected: true })
                 .collect::<Vec<_>>()
         };
         sketch.boxes.push(NodeBox {
@@ -46,40 +41,18 @@ fn sketch(clocks: &[&str], nodes: &[&str], wires: &[&str]) -> Sketch {
         let words: Vec<&str> = line.split_whitespace().collect();
         let end = |text: &str, input: bool| {
             let (path, port) = text.rsplit_once('.').unwrap();
-            let node = sketch
-                .boxes
-                .iter()
-                .position(|b| b.path == path)
-                .unwrap_or_else(|| panic!("{line}"));
-            let ports = if input {
-                &sketch.boxes[node].inputs
-            } else {
-                &sketch.boxes[node].outputs
-            };
-            (
-                node,
-                ports
-                    .iter()
-                    .position(|p| p.name == port)
-                    .unwrap_or_else(|| panic!("{line}")),
-            )
+            let node = sketch.boxes.iter().position(|b| b.path == path).unwrap_or_else(|| panic!("{line}"));
+            let ports = if input { &sketch.boxes[node].inputs } else { &sketch.boxes[node].outputs };
+            (node, ports.iter().position(|p| p.name == port).unwrap_or_else(|| panic!("{line}")))
         };
         let bridge = words.get(2).copied().unwrap_or("-");
         sketch.wires.push(WireLine {
             from: end(words[0], false),
             to: end(words[1], true),
-            bridge: if matches!(bridge, "-" | "touch" | "loop") {
-                String::new()
-            } else {
-                bridge.into()
-            },
+            bridge: if matches!(bridge, "-" | "touch" | "loop") { String::new() } else { bridge.into() },
             unit: words.get(3).copied().unwrap_or("").into(),
             port: String::new(),
-            stroke: if matches!(bridge, "touch" | "loop") {
-                Stroke::Touch
-            } else {
-                Stroke::Thin
-            },
+            stroke: if matches!(bridge, "touch" | "loop") { Stroke::Touch } else { Stroke::Thin },
             closes_loop: matches!(bridge, "loop" | "delay"),
         });
     }
@@ -237,12 +210,8 @@ fn every_wire_is_drawn_from_its_output_to_its_input() {
         let scene = arrange(&sketch, &all, "");
         let place = |node: usize| scene.boxes.iter().find(|(number, _)| *number == node).unwrap().1;
         for (number, wire) in sketch.wires.iter().enumerate() {
-            let parts: Vec<&[(f64, f64)]> = scene
-                .routes
-                .iter()
-                .filter(|(n, _)| *n == number)
-                .map(|(_, route)| route.points())
-                .collect();
+            let parts: Vec<&[(f64, f64)]> =
+                scene.routes.iter().filter(|(n, _)| *n == number).map(|(_, route)| route.points()).collect();
             let (from, to) = (place(wire.from.0), place(wire.to.0));
             let start = (from.right(), from.y + port_height(wire.from.1));
             let end = (to.x, to.y + port_height(wire.to.1));
@@ -262,14 +231,10 @@ fn every_wire_is_drawn_from_its_output_to_its_input() {
 
 #[test]
 fn a_graph_that_nobody_could_read_is_a_line_of_text() {
-    let lines: Vec<String> = (0..=MAX_BOXES)
-        .map(|n| format!("n{n} Gain audio - | in -> out"))
-        .collect();
+    let lines: Vec<String> = (0..=MAX_BOXES).map(|n| format!("n{n} Gain audio - | in -> out")).collect();
     let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
-    let (largest, larger) = (
-        sketch(&["audio 48000"], &lines[1..], &[]),
-        sketch(&["audio 48000"], &lines, &[]),
-    );
+    let (largest, larger) =
+        (sketch(&["audio 48000"], &lines[1..], &[]), sketch(&["audio 48000"], &lines, &[]));
     assert!(why_too_large(&largest).is_none() && why_too_large(&larger).is_some());
     let picture = draw(&larger, "", "");
     assert!(picture.contains(&why_too_large(&larger).unwrap()) && picture.len() < 1000);
@@ -310,20 +275,12 @@ fn along(route: &Route) -> Vec<(f64, f64)> {
         (0..=200).map(move |k| {
             let t = f64::from(k) / 200.0;
             // A cubic that begins and ends horizontally, and whose reach is half of its width.
-            let across = if smooth {
-                1.5 * t - 1.5 * t * t + t * t * t
-            } else {
-                t
-            };
+            let across = if smooth { 1.5 * t - 1.5 * t * t + t * t * t } else { t };
             let down = if smooth { t * t * (3.0 - 2.0 * t) } else { t };
             (a.0 + (b.0 - a.0) * across, a.1 + (b.1 - a.1) * down)
         })
     };
-    route
-        .points()
-        .windows(2)
-        .flat_map(|pair| between(pair).collect::<Vec<_>>())
-        .collect()
+    route.points().windows(2).flat_map(|pair| between(pair).collect::<Vec<_>>()).collect()
 }
 
 fn is_in(rect: &Rect, point: (f64, f64)) -> bool {
@@ -337,9 +294,8 @@ fn no_wire_crosses_a_label_or_a_box() {
         let all: Vec<usize> = (0..sketch.boxes.len()).collect();
         let scene = arrange(&sketch, &all, "");
         let place = |node: usize| scene.boxes.iter().find(|(number, _)| *number == node).unwrap().1;
-        let wires: Vec<(usize, Vec<(f64, f64)>)> = { scene.routes.iter() }
-            .map(|(wire, route)| (*wire, along(route)))
-            .collect();
+        let wires: Vec<(usize, Vec<(f64, f64)>)> =
+            { scene.routes.iter() }.map(|(wire, route)| (*wire, along(route))).collect();
         let crossing = |rect: &Rect, own: Option<usize>| {
             let mut others = wires.iter().filter(|(wire, _)| Some(*wire) != own);
             others.find(|(_, points)| points.iter().any(|point| is_in(rect, *point)))
@@ -359,24 +315,11 @@ fn no_wire_crosses_a_label_or_a_box() {
                 height: 8.0,
             };
             let found = crossing(&unit, None).filter(|_| !wire.unit.is_empty());
-            assert_eq!(
-                found.map(|(other, _)| &sketch.wires[*other].port),
-                None,
-                "{name}: {wire:?}"
-            );
+            assert_eq!(found.map(|(other, _)| &sketch.wires[*other].port), None, "{name}: {wire:?}");
             let width = text_width(&wire.bridge, 9.0) + 10.0;
-            let bridge = Rect {
-                x: to.x - width - 7.0,
-                y: end - 7.0,
-                width,
-                height: 14.0,
-            };
+            let bridge = Rect { x: to.x - width - 7.0, y: end - 7.0, width, height: 14.0 };
             let found = crossing(&bridge, Some(number)).filter(|_| !wire.bridge.is_empty());
-            assert_eq!(
-                found.map(|(other, _)| &sketch.wires[*other].port),
-                None,
-                "{name}: {wire:?}"
-            );
+            assert_eq!(found.map(|(other, _)| &sketch.wires[*other].port), None, "{name}: {wire:?}");
         }
     }
 }
@@ -385,10 +328,7 @@ fn no_wire_crosses_a_label_or_a_box() {
 fn awkward() -> Sketch {
     let mut sketch = sketch(
         &["audio 48 kHz", "servo 1 kHz"],
-        &[
-            "tip Noise servo - | -> output",
-            "coil ActuatorSink audio body | a{b}|c -> ",
-        ],
+        &["tip Noise servo - | -> output", "coil ActuatorSink audio body | a{b}|c -> "],
         &["tip.output coil.a{b}|c - m/s²"],
     );
     sketch.wires[0].bridge = "ring 5 ms".to_owned();

@@ -15,18 +15,11 @@ pub(super) fn dot(sketch: &Sketch, title: &str) -> String {
         Some((number, name, rate)) => {
             line(&mut text, format_args!("  subgraph cluster_{number} {{"));
             let (name, rate) = (Dot(name), Dot(rate));
-            line(
-                &mut text,
-                format_args!("    label=\"{name}, {rate}\"; style=rounded; color=gray;"),
-            );
-            members
-                .iter()
-                .for_each(|node| dot_node(&mut text, sketch, *node, "    "));
+            line(&mut text, format_args!("    label=\"{name}, {rate}\"; style=rounded; color=gray;"));
+            members.iter().for_each(|node| dot_node(&mut text, sketch, *node, "    "));
             line(&mut text, format_args!("  }}"));
         }
-        None => members
-            .iter()
-            .for_each(|node| dot_node(&mut text, sketch, *node, "  ")),
+        None => members.iter().for_each(|node| dot_node(&mut text, sketch, *node, "  ")),
     });
     for wire in &sketch.wires {
         let ((from, output), (to, input)) = (wire.from, wire.to);
@@ -35,11 +28,7 @@ pub(super) fn dot(sketch: &Sketch, title: &str) -> String {
             Stroke::Thick => ", penwidth=2.5",
             Stroke::Touch => ", style=dotted, penwidth=2",
         };
-        let backward = if wire.closes_loop {
-            ", constraint=false"
-        } else {
-            ""
-        };
+        let backward = if wire.closes_loop { ", constraint=false" } else { "" };
         let (label, bridge) = (Dot(&wire.unit), Dot(&wire.bridge));
         let label = match (wire.unit.is_empty(), wire.bridge.is_empty()) {
             (false, false) => format!("{label}\\n{bridge}"),
@@ -75,10 +64,7 @@ fn dot_node(text: &mut String, sketch: &Sketch, number: usize, indent: &str) {
         _ => "",
     };
     let (path, kind) = (Dot(&node.path), Dot(&node.kind));
-    line(
-        text,
-        format_args!("{indent}n{number} [label=\"{path}\\n{kind}{sides}\"{look}];"),
-    );
+    line(text, format_args!("{indent}n{number} [label=\"{path}\\n{kind}{sides}\"{look}];"));
 }
 
 /// Writes a flowchart of Mermaid: a box for each node, a subgraph for each clock, the ports on the wires.
@@ -89,18 +75,11 @@ pub(super) fn mermaid(sketch: &Sketch, title: &str) -> String {
     each_clock(sketch, |clock, members| match clock {
         Some((number, name, rate)) => {
             let (name, rate) = (Mermaid(name), Mermaid(rate));
-            line(
-                &mut text,
-                format_args!("  subgraph c{number}[\"{name}, {rate}\"]"),
-            );
-            members
-                .iter()
-                .for_each(|node| mermaid_node(&mut text, *node, &sketch.boxes[*node], "    "));
+            line(&mut text, format_args!("  subgraph c{number}[\"{name}, {rate}\"]"));
+            members.iter().for_each(|node| mermaid_node(&mut text, *node, &sketch.boxes[*node], "    "));
             line(&mut text, format_args!("  end"));
         }
-        None => members
-            .iter()
-            .for_each(|node| mermaid_node(&mut text, *node, &sketch.boxes[*node], "  ")),
+        None => members.iter().for_each(|node| mermaid_node(&mut text, *node, &sketch.boxes[*node], "  ")),
     });
     for wire in &sketch.wires {
         let arrow = match wire.stroke {
@@ -122,10 +101,7 @@ fn mermaid_node(text: &mut String, number: usize, node: &NodeBox, indent: &str) 
         _ => ("[", "]"),
     };
     let (path, kind) = (Mermaid(&node.path), Mermaid(&node.kind));
-    line(
-        text,
-        format_args!("{indent}n{number}{open}\"{path}<br>{kind}\"{close}"),
-    );
+    line(text, format_args!("{indent}n{number}{open}\"{path}<br>{kind}\"{close}"));
 }
 
 /// `acceleration → current<br>m/s², resample`

@@ -7,28 +7,14 @@ fn the_page_shows_both_tables_the_map_and_every_surface() {
     let mut takes = vec![];
     for (material, ring) in [("low", 1.7), ("high", -0.5)] {
         for (person, take) in [("anna", 1), ("anna", 2), ("ben", 3)] {
-            let name = RecordingName {
-                material: material.into(),
-                person: person.into(),
-                take: take.to_string(),
-            };
-            takes.push(Take {
-                name,
-                recording: drag(take, ring),
-            });
+            let name =
+                RecordingName { material: material.into(), person: person.into(), take: take.to_string() };
+            takes.push(Take { name, recording: drag(take, ring) });
         }
     }
-    let walk = RandomWalk {
-        seconds: 1.0,
-        ..RandomWalk::default()
-    };
-    let settings = StudySettings {
-        map: MapSettings {
-            walk,
-            ..MapSettings::default()
-        },
-        ..StudySettings::default()
-    };
+    let walk = RandomWalk { seconds: 1.0, ..RandomWalk::default() };
+    let settings =
+        StudySettings { map: MapSettings { walk, ..MapSettings::default() }, ..StudySettings::default() };
     let found = evaluate(&takes, &settings, &|_| ()).unwrap();
     let page = page("A <study>", &found, &[learned("high", -0.5), learned("low", 1.7)]);
     for shown in [

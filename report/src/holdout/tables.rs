@@ -58,10 +58,7 @@ pub fn methods(split: &SplitResult, measures: Measures) -> Table {
         let star = if method.loses { " *" } else { "" };
         row(format!("{name}{star}"), cells(method))
     });
-    Table {
-        head: row(String::new(), MEASURES.map(|(head, _)| head.to_owned())),
-        rows: rows.collect(),
-    }
+    Table { head: row(String::new(), MEASURES.map(|(head, _)| head.to_owned())), rows: rows.collect() }
 }
 
 fn cells(method: &MethodMean) -> [String; 13] {
@@ -94,11 +91,7 @@ fn shown(value: Option<Mean>, digits: usize, signed: bool) -> String {
     let Some(Mean { mean, error }) = value else {
         return "–".to_owned();
     };
-    let mean = if signed {
-        format!("{mean:+.digits$}")
-    } else {
-        format!("{mean:.digits$}")
-    };
+    let mean = if signed { format!("{mean:+.digits$}") } else { format!("{mean:.digits$}") };
     error.map_or_else(|| mean.clone(), |error| format!("{mean} ±{error:.digits$}"))
 }
 
@@ -117,9 +110,7 @@ const ON_MATERIALS: [(&str, OnMaterials, bool); 4] = [
 /// plain baseline on that material.
 pub fn materials(found: &Holdout, split: &SplitResult) -> Vec<Table> {
     let tables = ON_MATERIALS.into_iter();
-    tables
-        .filter_map(|(name, on, signed)| on_materials(found, split, (name, on, signed)))
-        .collect()
+    tables.filter_map(|(name, on, signed)| on_materials(found, split, (name, on, signed))).collect()
 }
 
 fn on_materials(
@@ -131,21 +122,14 @@ fn on_materials(
     if !split.methods.iter().all(complete) {
         return None;
     }
-    let words = split
-        .methods
-        .iter()
-        .map(|method| method.method.as_str().to_owned());
+    let words = split.methods.iter().map(|method| method.method.as_str().to_owned());
     let rows = found.materials.iter().enumerate().map(|(material, name)| {
         let off = |method: &MethodMean| on(&method.by_material)[material];
         let plain = split.methods.iter().filter(|m| BASELINES.contains(&m.method));
         let best = plain.map(|m| off(m).abs()).fold(f64::INFINITY, f64::min);
         let cells = split.methods.iter().map(|method| {
             let off = off(method);
-            let star = if is_learned(method.method) && off.abs() > best {
-                "*"
-            } else {
-                ""
-            };
+            let star = if is_learned(method.method) && off.abs() > best { "*" } else { "" };
             match signed {
                 true => format!("{star}{off:+.2}"),
                 false => format!("{star}{off:.2}"),
@@ -153,10 +137,7 @@ fn on_materials(
         });
         std::iter::once(name.clone()).chain(cells).collect()
     });
-    Some(Table {
-        head: std::iter::once(name.to_owned()).chain(words).collect(),
-        rows: rows.collect(),
-    })
+    Some(Table { head: std::iter::once(name.to_owned()).chain(words).collect(), rows: rows.collect() })
 }
 
 /// True for a method that is neither the floor nor a plain baseline.
@@ -171,15 +152,11 @@ pub fn contacts(found: &[ContactResult]) -> Vec<Table> {
         found.iter().filter(|result| result.contact == contact).collect()
     };
     let results = Contact::ALL.into_iter().map(of);
-    results
-        .filter_map(|results| contact(results.first()?.contact, &results))
-        .collect()
+    results.filter_map(|results| contact(results.first()?.contact, &results)).collect()
 }
 
 fn contact(contact: Contact, results: &[&ContactResult]) -> Option<Table> {
-    let splits = results
-        .iter()
-        .map(|result| format!("{} ({})", result.split, result.materials.len()));
+    let splits = results.iter().map(|result| format!("{} ({})", result.split, result.materials.len()));
     let rows = contact.methods().iter().enumerate().map(|(method, title)| {
         let cells = results.iter().map(|result| {
             let star = if method == 0 && result.loses { "*" } else { "" };
@@ -188,9 +165,7 @@ fn contact(contact: Contact, results: &[&ContactResult]) -> Option<Table> {
         std::iter::once((*title).to_owned()).chain(cells).collect()
     });
     (!results.is_empty()).then(|| Table {
-        head: std::iter::once(contact.title().to_owned())
-            .chain(splits)
-            .collect(),
+        head: std::iter::once(contact.title().to_owned()).chain(splits).collect(),
         rows: rows.collect(),
     })
 }

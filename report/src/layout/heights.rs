@@ -20,21 +20,15 @@ pub(super) fn heights(items: &[Item], segments: &[Segment], order: &[Vec<usize>]
     let mut pulls = vec![Vec::new(); items.len()];
     for segment in segments {
         // Links across several layers are straightened first.
-        let passing = [segment.from, segment.to]
-            .iter()
-            .filter(|item| !items[**item].solid)
-            .count();
+        let passing = [segment.from, segment.to].iter().filter(|item| !items[**item].solid).count();
         let weight = [1.0, 2.0, 8.0][passing];
         let offset = segment.from_y - segment.to_y;
         pulls[segment.to].push((segment.from, offset, weight));
         pulls[segment.from].push((segment.to, -offset, weight));
     }
     for round in 0..ROUNDS {
-        let layers: Box<dyn Iterator<Item = &Vec<usize>>> = if round % 2 == 0 {
-            Box::new(order.iter())
-        } else {
-            Box::new(order.iter().rev())
-        };
+        let layers: Box<dyn Iterator<Item = &Vec<usize>>> =
+            if round % 2 == 0 { Box::new(order.iter()) } else { Box::new(order.iter().rev()) };
         for layer in layers {
             settle(items, layer, &pulls, &mut tops);
         }
@@ -69,21 +63,10 @@ fn settle(items: &[Item], layer: &[usize], pulls: &[Vec<(usize, f64, f64)>], top
         }
         offsets.push(offset);
         let weight: f64 = pulls[*item].iter().map(|pull| pull.2).sum();
-        let wanted: f64 = pulls[*item]
-            .iter()
-            .map(|(other, shift, w)| (tops[*other] + shift) * w)
-            .sum();
+        let wanted: f64 = pulls[*item].iter().map(|(other, shift, w)| (tops[*other] + shift) * w).sum();
         // An item without links keeps its position but yields to all others.
-        let (wanted, weight) = if weight > 0.0 {
-            (wanted / weight, weight)
-        } else {
-            (tops[*item], 0.01)
-        };
-        let mut pool = Pool {
-            mean: wanted - offset,
-            weight,
-            members: 1,
-        };
+        let (wanted, weight) = if weight > 0.0 { (wanted / weight, weight) } else { (tops[*item], 0.01) };
+        let mut pool = Pool { mean: wanted - offset, weight, members: 1 };
         while let Some(above) = pools.pop_if(|above| above.mean > pool.mean) {
             let weight = above.weight + pool.weight;
             pool = Pool {
@@ -94,9 +77,7 @@ fn settle(items: &[Item], layer: &[usize], pulls: &[Vec<(usize, f64, f64)>], top
         }
         pools.push(pool);
     }
-    let means = pools
-        .iter()
-        .flat_map(|pool| std::iter::repeat_n(pool.mean, pool.members));
+    let means = pools.iter().flat_map(|pool| std::iter::repeat_n(pool.mean, pool.members));
     for ((item, mean), offset) in layer.iter().zip(means).zip(offsets) {
         tops[*item] = mean + offset;
     }

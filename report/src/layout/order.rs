@@ -51,16 +51,9 @@ struct Sides {
 impl Sides {
     fn of(items: &[Item], segments: &[Segment]) -> Self {
         let part = |item: usize, y: f64| {
-            if items[item].height > 0.0 {
-                y / items[item].height
-            } else {
-                0.5
-            }
+            if items[item].height > 0.0 { y / items[item].height } else { 0.5 }
         };
-        let mut sides = Self {
-            left: vec![Vec::new(); items.len()],
-            right: vec![Vec::new(); items.len()],
-        };
+        let mut sides = Self { left: vec![Vec::new(); items.len()], right: vec![Vec::new(); items.len()] };
         for segment in segments {
             let (from, to) = (part(segment.from, segment.from_y), part(segment.to, segment.to_y));
             sides.right[segment.from].push((segment.to, to, from));
@@ -105,9 +98,7 @@ impl Sides {
                     let (above, below) = (layers[layer][i - 1], layers[layer][i]);
                     let cost = |a: usize, b: usize| {
                         let of = |sides: &[Vec<(usize, f64, f64)>], place: &Option<Vec<f64>>| {
-                            place
-                                .as_ref()
-                                .map_or(0, |place| pair_crossings(&sides[a], &sides[b], place))
+                            place.as_ref().map_or(0, |place| pair_crossings(&sides[a], &sides[b], place))
                         };
                         of(&self.left, &left) + of(&self.right, &right)
                     };
@@ -133,10 +124,7 @@ impl Sides {
             };
             let segments: Vec<(f64, f64)> = pair[0].iter().enumerate().flat_map(ends).collect();
             let crossing = |(i, a): (usize, &(f64, f64))| {
-                segments[i + 1..]
-                    .iter()
-                    .filter(|b| (a.0 - b.0) * (a.1 - b.1) < 0.0)
-                    .count()
+                segments[i + 1..].iter().filter(|b| (a.0 - b.0) * (a.1 - b.1) < 0.0).count()
             };
             segments.iter().enumerate().map(crossing).sum::<usize>()
         });
@@ -147,10 +135,7 @@ impl Sides {
 /// Crossings between the segments of `above` and `below` in this order.
 fn pair_crossings(above: &[(usize, f64, f64)], below: &[(usize, f64, f64)], place: &[f64]) -> usize {
     let at = |end: &(usize, f64, f64)| place[end.0] + end.1;
-    above
-        .iter()
-        .map(|a| below.iter().filter(|b| at(b) < at(a)).count())
-        .sum()
+    above.iter().map(|a| below.iter().filter(|b| at(b) < at(a)).count()).sum()
 }
 
 fn places(layer: &[usize], items: usize) -> Vec<f64> {

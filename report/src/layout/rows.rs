@@ -26,9 +26,7 @@ pub(crate) fn in_rows(blocks: &[Block], links: &[Link], widest: f64) -> Layout {
     beside_neighbours(blocks, links, &mut row);
     let count = without_gaps(&mut row);
     let crossings = crossings(links, &row);
-    let rows: Vec<Row> = (0..count)
-        .map(|number| Row::of(number, blocks, links, &row, &crossings))
-        .collect();
+    let rows: Vec<Row> = (0..count).map(|number| Row::of(number, blocks, links, &row, &crossings)).collect();
     stack(blocks, links, &rows, &crossings)
 }
 
@@ -125,17 +123,9 @@ fn rows(columns: &[(f64, f64)], links: &[Link], layers: &[usize], widest: f64) -
             }
             let slack = (1.0 - width / widest).max(0.0);
             let ragged = if end == count { 0.0 } else { slack * slack };
-            let broken = if first == 0 {
-                0.0
-            } else {
-                1.0 + 0.02 * passing[first] as f64
-            };
+            let broken = if first == 0 { 0.0 } else { 1.0 + 0.02 * passing[first] as f64 };
             // A box in a row of its own is far from what leads to it.
-            let alone = if first > 0 && first + 1 == count && last == 1 {
-                ALONE
-            } else {
-                0.0
-            };
+            let alone = if first > 0 && first + 1 == count && last == 1 { ALONE } else { 0.0 };
             let cost = best[first].0 + ragged + broken + alone;
             if cost < best[end].0 {
                 best[end] = (cost, first);
@@ -148,9 +138,7 @@ fn rows(columns: &[(f64, f64)], links: &[Link], layers: &[usize], widest: f64) -
         end = best[end].1;
         breaks.push(end);
     }
-    (0..count)
-        .map(|layer| breaks.iter().filter(|first| **first <= layer).count() - 1)
-        .collect()
+    (0..count).map(|layer| breaks.iter().filter(|first| **first <= layer).count() - 1).collect()
 }
 
 /// Links from one row to another that start at the same port and run together.
@@ -200,9 +188,7 @@ impl Row {
     fn of(number: usize, blocks: &[Block], links: &[Link], row: &[usize], crossings: &[Crossing]) -> Self {
         let own: Vec<usize> = (0..blocks.len()).filter(|block| row[*block] == number).collect();
         let mut here = vec![usize::MAX; blocks.len()];
-        own.iter()
-            .enumerate()
-            .for_each(|(place, block)| here[*block] = place);
+        own.iter().enumerate().for_each(|(place, block)| here[*block] = place);
         let mut parts: Vec<Block> = own.iter().map(|block| blocks[*block]).collect();
         let (mut joined, mut numbers) = (Vec::new(), Vec::new());
         for (link_number, link) in links.iter().enumerate() {
@@ -214,11 +200,7 @@ impl Row {
         }
         let (mut exits, mut entries) = (Vec::new(), Vec::new());
         let mut pin = |side: Side| {
-            parts.push(Block {
-                width: 0.0,
-                height: 0.0,
-                side,
-            });
+            parts.push(Block { width: 0.0, height: 0.0, side });
             parts.len() - 1
         };
         for (i, crossing) in crossings.iter().enumerate() {
@@ -254,13 +236,7 @@ impl Row {
             }
         }
         let placed = layout(&parts, &joined);
-        Self {
-            blocks: own,
-            links: numbers,
-            exits,
-            entries,
-            placed,
-        }
+        Self { blocks: own, links: numbers, exits, entries, placed }
     }
 
     fn pin(&self, pins: &[(usize, usize)], crossing: usize) -> (f64, f64) {
@@ -278,16 +254,10 @@ fn stack(blocks: &[Block], links: &[Link], rows: &[Row], crossings: &[Crossing])
     // Rank of a crossing among those into its row, by entry height: the topmost runs lowest and innermost.
     let mut entering = vec![0; crossings.len()];
     for row in rows {
-        let mut order: Vec<(f64, usize)> = row
-            .entries
-            .iter()
-            .map(|(crossing, pin)| (row.placed.corners[*pin].1, *crossing))
-            .collect();
+        let mut order: Vec<(f64, usize)> =
+            row.entries.iter().map(|(crossing, pin)| (row.placed.corners[*pin].1, *crossing)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        order
-            .iter()
-            .enumerate()
-            .for_each(|(place, (_, crossing))| entering[*crossing] = place);
+        order.iter().enumerate().for_each(|(place, (_, crossing))| entering[*crossing] = place);
     }
     let mut tops = Vec::new();
     let mut y = 0.0;
@@ -302,10 +272,7 @@ fn stack(blocks: &[Block], links: &[Link], rows: &[Row], crossings: &[Crossing])
         tops.push(y);
         y += row.placed.size.1;
     }
-    let mut layout = Layout {
-        corners: vec![(0.0, 0.0); blocks.len()],
-        ..Layout::default()
-    };
+    let mut layout = Layout { corners: vec![(0.0, 0.0); blocks.len()], ..Layout::default() };
     for (row, top) in rows.iter().zip(&tops) {
         let moved = |p: (f64, f64)| (p.0 + left, p.1 + top);
         for (place, block) in row.blocks.iter().enumerate() {
@@ -364,17 +331,12 @@ fn stack(blocks: &[Block], links: &[Link], rows: &[Row], crossings: &[Crossing])
         let ways_out = shared(&layout, crossing);
         for (i, link) in crossing.links.iter().enumerate() {
             if i > 0 {
-                layout
-                    .routes
-                    .extend(ways_out.iter().map(|route| (*link, route.clone())));
+                layout.routes.extend(ways_out.iter().map(|route| (*link, route.clone())));
             }
             layout.routes.push((*link, around.clone()));
         }
     }
-    let right = taken
-        .iter()
-        .map(|(.., lane)| lanes(*lane) + 8.0)
-        .fold(0.0, f64::max);
+    let right = taken.iter().map(|(.., lane)| lanes(*lane) + 8.0).fold(0.0, f64::max);
     to_the_edges(&mut layout, blocks, links, left + widest + right);
     layout.settle(blocks);
     layout

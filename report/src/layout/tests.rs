@@ -1,22 +1,11 @@
 use super::*;
 
 fn block(width: f64, height: f64) -> Block {
-    Block {
-        width,
-        height,
-        side: Side::Free,
-    }
+    Block { width, height, side: Side::Free }
 }
 
 fn link(from: usize, to: usize) -> Link {
-    Link {
-        from,
-        from_y: 10.0,
-        to,
-        to_y: 10.0,
-        room: (0.0, 0.0),
-        closes_loop: false,
-    }
+    Link { from, from_y: 10.0, to, to_y: 10.0, room: (0.0, 0.0), closes_loop: false }
 }
 
 fn overlap(layout: &Layout, blocks: &[Block]) -> bool {
@@ -34,12 +23,7 @@ fn overlap(layout: &Layout, blocks: &[Block]) -> bool {
 fn a_chain_is_a_straight_line() {
     let blocks = [block(50.0, 30.0), block(80.0, 30.0), block(20.0, 30.0)];
     let layout = layout(&blocks, &[link(0, 1), link(1, 2)]);
-    assert!(
-        layout
-            .corners
-            .iter()
-            .all(|c| (c.1 - layout.corners[0].1).abs() < 1e-6)
-    );
+    assert!(layout.corners.iter().all(|c| (c.1 - layout.corners[0].1).abs() < 1e-6));
     assert!(layout.corners.windows(2).all(|w| w[0].0 < w[1].0));
 }
 
@@ -61,19 +45,14 @@ fn a_planar_graph_is_drawn_without_crossings() {
 fn no_blocks_overlap_and_every_link_ends_at_its_blocks() {
     let mut state = 12345u64;
     let mut random = move |below: usize| {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (state >> 33) as usize % below
     };
     for _ in 0..40 {
         let count = 2 + random(40);
-        let blocks: Vec<_> = (0..count)
-            .map(|_| block(20.0 + random(100) as f64, 20.0 + random(60) as f64))
-            .collect();
-        let links: Vec<_> = (0..count * 2)
-            .map(|_| link(random(count), random(count)))
-            .collect();
+        let blocks: Vec<_> =
+            (0..count).map(|_| block(20.0 + random(100) as f64, 20.0 + random(60) as f64)).collect();
+        let links: Vec<_> = (0..count * 2).map(|_| link(random(count), random(count))).collect();
         let layout = layout(&blocks, &links);
         assert!(!overlap(&layout, &blocks));
         for (link, (_, route)) in links.iter().zip(&layout.routes) {
@@ -92,32 +71,15 @@ fn a_loop_is_closed_by_the_link_that_says_so() {
     let mut links = [link(0, 1), link(1, 2), link(2, 0)];
     links[0].closes_loop = true;
     let layout = layout(&blocks, &links);
-    let around: Vec<_> = layout
-        .routes
-        .iter()
-        .map(|(_, r)| matches!(r, Route::Around(_)))
-        .collect();
+    let around: Vec<_> = layout.routes.iter().map(|(_, r)| matches!(r, Route::Around(_))).collect();
     assert_eq!(around, [true, false, false]);
 }
 
 #[test]
 fn pins_stand_at_their_sides() {
-    let pin = |side| Block {
-        width: 0.0,
-        height: 0.0,
-        side,
-    };
-    let blocks = [
-        block(40.0, 30.0),
-        pin(Side::Left),
-        pin(Side::Right),
-        block(40.0, 30.0),
-    ];
-    let at = |from, to| Link {
-        from_y: 0.0,
-        to_y: 0.0,
-        ..link(from, to)
-    };
+    let pin = |side| Block { width: 0.0, height: 0.0, side };
+    let blocks = [block(40.0, 30.0), pin(Side::Left), pin(Side::Right), block(40.0, 30.0)];
+    let at = |from, to| Link { from_y: 0.0, to_y: 0.0, ..link(from, to) };
     let layout = layout(&blocks, &[at(1, 0), at(0, 2), at(1, 3)]);
     assert!(layout.corners[1].0 < layout.corners[0].0 && layout.corners[2].0 > layout.corners[3].0 + 40.0);
 }
@@ -153,28 +115,21 @@ fn rows_hold_every_block_once_and_every_link_runs_through() {
     const WIDEST: f64 = 500.0;
     let mut state = 99_u64;
     let mut random = move |below: usize| {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (state >> 33) as usize % below
     };
     let mut broken = 0;
     for _ in 0..40 {
         let count = 8 + random(40);
-        let blocks: Vec<_> = (0..count)
-            .map(|_| block(20.0 + random(100) as f64, 20.0 + random(60) as f64))
-            .collect();
+        let blocks: Vec<_> =
+            (0..count).map(|_| block(20.0 + random(100) as f64, 20.0 + random(60) as f64)).collect();
         let mut links: Vec<_> = (1..count).map(|i| link(i - 1 - random(i.min(3)), i)).collect();
         links.extend((0..count / 4).map(|_| link(random(count), random(count))));
         let layout = in_rows(&blocks, &links, WIDEST);
         assert!(!overlap(&layout, &blocks));
         let right = |(corner, block): (&(f64, f64), &Block)| corner.0 + block.width;
         let widths = layout.corners.iter().zip(&blocks).map(right);
-        let left = layout
-            .corners
-            .iter()
-            .map(|corner| corner.0)
-            .fold(f64::INFINITY, f64::min);
+        let left = layout.corners.iter().map(|corner| corner.0).fold(f64::INFINITY, f64::min);
         // A row may be as wide as links that go round in it make it.
         assert!(widths.fold(0.0, f64::max) - left < 1.5 * WIDEST);
         for (number, link) in links.iter().enumerate() {

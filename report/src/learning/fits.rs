@@ -11,10 +11,7 @@ use haptograph_surfaces::{Line, Taps};
 /// A fitted line over a range of x.
 fn fitted(line: &Line, (from, to): (f64, f64), x_factor: f64, name: String) -> Mark {
     let at = |x: f64| (x * x_factor, line.intercept + line.slope * x);
-    Mark::Line(
-        Style::named(Ink::Orange, name).weight(Weight::Bold),
-        vec![at(from), at(to)],
-    )
+    Mark::Line(Style::named(Ink::Orange, name).weight(Weight::Bold), vec![at(from), at(to)])
 }
 
 /// The points that a line was fitted to, and those that were left out.
@@ -38,11 +35,7 @@ fn thinned(points: impl IntoIterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
 
 pub(super) fn friction(found: &FrictionReport) -> Plot {
     let of = |used: bool| {
-        let points = found
-            .points
-            .iter()
-            .zip(&found.used)
-            .filter(move |(_, u)| **u == used);
+        let points = found.points.iter().zip(&found.used).filter(move |(_, u)| **u == used);
         thinned(points.map(|(point, _)| *point))
     };
     let hardest = found.points.iter().fold(0.0_f64, |most, point| most.max(point.0));
@@ -64,23 +57,17 @@ pub(super) fn friction(found: &FrictionReport) -> Plot {
 pub(super) fn contacts(taps: &Taps, found: &TapReport) -> Plot {
     let of = |used: bool| {
         let contacts = found.contacts.iter().filter(move |contact| contact.used == used);
-        contacts
-            .map(|c| (c.speed_m_s * 1e3, c.peak_force_n))
-            .collect::<Vec<_>>()
+        contacts.map(|c| (c.speed_m_s * 1e3, c.peak_force_n)).collect::<Vec<_>>()
     };
-    let fastest = found
-        .contacts
-        .iter()
-        .fold(0.0_f64, |most, contact| most.max(contact.speed_m_s));
+    let fastest = found.contacts.iter().fold(0.0_f64, |most, contact| most.max(contact.speed_m_s));
     let mut marks = dots(["tap", "not used"], Weight::default(), [of(true), of(false)]);
     if let Some(line) = taps.response() {
         let name = format!("{:.1} N per m/s, R² = {:.3}", line.slope, line.r_squared);
         // Extrapolated to rest the line can be negative, so it is drawn over the range of the taps only.
         let used = found.contacts.iter().filter(|contact| contact.used);
         let speeds = used.map(|contact| contact.speed_m_s);
-        let range = speeds.fold((fastest, 0.0_f64), |(slowest, fastest), speed| {
-            (slowest.min(speed), fastest.max(speed))
-        });
+        let range = speeds
+            .fold((fastest, 0.0_f64), |(slowest, fastest), speed| (slowest.min(speed), fastest.max(speed)));
         marks.push(fitted(&line, range, 1e3, name));
     }
     Plot {

@@ -8,27 +8,16 @@ use haptograph_surfaces::{ArmaModel, ModelAt, Provenance, TextureModel};
 pub(crate) fn drag(person: u64, ring: f64) -> AnyRecording {
     let mut noise = Gaussian::new(person);
     let mut y = [0.0; 2];
-    let mut signals = Signals {
-        rate_hz: 10_000.0,
-        force_tangential_n: Some(vec![]),
-        ..Signals::default()
-    };
+    let mut signals = Signals { rate_hz: 10_000.0, force_tangential_n: Some(vec![]), ..Signals::default() };
     for i in 0..18_000 {
         let stretch = i / 2000;
-        let (speed, force) = (
-            0.05 + 0.05 * ((stretch * 2) % 3) as f64,
-            0.5 + 0.5 * (stretch / 3) as f64,
-        );
+        let (speed, force) = (0.05 + 0.05 * ((stretch * 2) % 3) as f64, 0.5 + 0.5 * (stretch / 3) as f64);
         let next = ring * y[0] - 0.8 * y[1] + 5.0 * speed * force * noise.next_sample();
         y = [next, y[0]];
         signals.acceleration_m_s2.push(next);
         signals.speed_m_s.push(speed);
         signals.force_normal_n.push(force);
-        signals
-            .force_tangential_n
-            .as_mut()
-            .unwrap()
-            .push(0.4 * force + 0.01 * noise.next_sample());
+        signals.force_tangential_n.as_mut().unwrap().push(0.4 * force + 0.01 * noise.next_sample());
     }
     let provenance = Provenance::new(Origin::Simulated, "made up <for> a test");
     AnyRecording::Processed(ProcessedRecording::new(signals, Gesture::Drag, provenance).unwrap())
@@ -62,10 +51,7 @@ fn a_page_has_a_figure_for_each_part_and_says_what_is_simulated() {
 /// Pairs of sharp resonances. The mean of the coefficients of two of them is unstable.
 fn resonances() -> [ArmaModel; 3] {
     let resonance = |angles: [f64; 2]| {
-        let lsf: Vec<f64> = angles
-            .iter()
-            .flat_map(|angle| [angle - 0.001, angle + 0.001])
-            .collect();
+        let lsf: Vec<f64> = angles.iter().flat_map(|angle| [angle - 0.001, angle + 0.001]).collect();
         ArmaModel::from_lsf(&lsf, &[], 1.0, 1.0).unwrap()
     };
     [[0.2, 1.0], [2.0, 2.9], [0.5, 2.5]].map(resonance)
@@ -77,10 +63,7 @@ fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
     let models = [&models[0], &models[1], &models[2]];
     let [coefficients, frequencies] = crate::loci::both_loci(&models)
         .map(|path| path.iter().fold(0.0_f64, |most, (x, y)| most.max(x.hypot(*y))));
-    assert!(
-        coefficients > 1.0 && frequencies < 1.0,
-        "{coefficients} {frequencies}"
-    );
+    assert!(coefficients > 1.0 && frequencies < 1.0, "{coefficients} {frequencies}");
 }
 
 /// A learned map with other models; silent where it is silent.
@@ -88,10 +71,7 @@ fn with_models(model: impl Fn(usize) -> ArmaModel) -> TextureModel {
     let texture = learned("felt", 1.2).0.texture.unwrap();
     let models = texture.models().iter().enumerate().map(|(vertex, at)| {
         let variance = at.model.variance();
-        ModelAt {
-            model: model(vertex).with_variance(variance).unwrap(),
-            ..at.clone()
-        }
+        ModelAt { model: model(vertex).with_variance(variance).unwrap(), ..at.clone() }
     });
     TextureModel::new(texture.rate_hz(), models.collect(), texture.triangles().to_vec()).unwrap()
 }
@@ -115,11 +95,7 @@ fn poles_of_a_warped_model_are_those_of_its_filter() {
     for (re, im) in places {
         let z = Complex64::new(re, im);
         let all_pass = (z.inv() - warping) / (-z.inv() * warping + 1.0);
-        let denominator = ar
-            .iter()
-            .rev()
-            .fold(Complex64::ZERO, |sum, a| (sum + a) * all_pass)
-            + 1.0;
+        let denominator = ar.iter().rev().fold(Complex64::ZERO, |sum, a| (sum + a) * all_pass) + 1.0;
         assert!(z.norm() < 1.0 && denominator.norm() < 1e-9, "{denominator}");
     }
 }

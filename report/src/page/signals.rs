@@ -113,19 +113,14 @@ impl<'a> PlottedSignals<'a> {
     /// The signal with the same samples; a vector is drawn by its magnitude only, so it must have the same
     /// name.
     fn same(&self, signal: &Recorded) -> Option<&'a str> {
-        let own = self
-            .over_time
-            .iter()
-            .find(|(of, _)| of.name == signal.stream.name);
+        let own = self.over_time.iter().find(|(of, _)| of.name == signal.stream.name);
         own.map(|(of, _)| of.name.as_str())
             .or_else(|| self.find(signal, |component, samples| component == samples))
     }
 
     fn nearly(&self, signal: &Recorded) -> Option<&'a str> {
         use std::slice::from_ref;
-        self.find(signal, |component, samples| {
-            are_nearly_same(from_ref(component), from_ref(samples))
-        })
+        self.find(signal, |component, samples| are_nearly_same(from_ref(component), from_ref(samples)))
     }
 
     /// The first scalar of the signal's quantity whose samples satisfy `fits`.
@@ -165,9 +160,7 @@ fn place<'a>(signals: &'a [Recorded], number: usize, above: &PlottedSignals<'a>)
         other_hz > own_hz || other_hz == own_hz && other < number
     };
     let leader = (0..signals.len()).find(|other| before(*other) && is_nearly(signal, &signals[*other]));
-    leader.map_or(Treatment::Figure, |other| {
-        Treatment::Nearly(&signals[other].stream.name)
-    })
+    leader.map_or(Treatment::Figure, |other| Treatment::Nearly(&signals[other].stream.name))
 }
 
 fn components(signal: &Recorded) -> &[Envelope] {
@@ -190,9 +183,7 @@ fn constant_value(signal: &Recorded) -> Option<String> {
         Content::Contact(depth, _) if depth.constant() == Some(0.0) => return Some("no contact".to_owned()),
         _ => return None,
     };
-    let values = components
-        .iter()
-        .map(|component| component.constant().map(|value| unit.text(value)));
+    let values = components.iter().map(|component| component.constant().map(|value| unit.text(value)));
     let mut values = values.collect::<Option<Vec<String>>>()?;
     values.dedup();
     Some(values.join(", "))

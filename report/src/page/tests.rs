@@ -16,13 +16,8 @@ fn record(
     frames: impl Iterator<Item = f64>,
 ) -> Recorded {
     let rate = Rate::from_hz(hz).unwrap();
-    let (mut recorder, record) = recorder(Stream {
-        name: name.into(),
-        kind,
-        quantity,
-        rate,
-        simulated: true,
-    });
+    let (mut recorder, record) =
+        recorder(Stream { name: name.into(), kind, quantity, rate, simulated: true });
     for block in frames.collect::<Vec<_>>().chunks(kind.width() * 64) {
         recorder.write(0, block).unwrap();
     }
@@ -34,9 +29,7 @@ fn signals(seconds: u64) -> Vec<Recorded> {
     let hand = |t: f64| (0.08 * (1.0 - (5.0 * t).cos()), 1.2 + 0.6 * (1.7 * t).sin());
     let mut seed = 1u64;
     let mut noise = move || {
-        seed = seed
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
+        seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (seed >> 40) as f64 / (1u64 << 23) as f64 - 1.0
     };
     let (mut y1, mut y2) = (0.0, 0.0);
@@ -49,12 +42,7 @@ fn signals(seconds: u64) -> Vec<Recorded> {
     let at = move |i: u64, hz: f64| hand(i as f64 / hz);
     let place = (0..seconds * 240).flat_map(move |i| {
         let (speed_m_s, force_n) = at(i, 240.0);
-        Weights {
-            speed_m_s,
-            force_n,
-            ..Weights::default()
-        }
-        .to_components()
+        Weights { speed_m_s, force_n, ..Weights::default() }.to_components()
     });
     let position = (0..seconds * 125).flat_map(|i| {
         let t = i as f64 / 125.0;
@@ -76,20 +64,8 @@ fn signals(seconds: u64) -> Vec<Recorded> {
             125,
             (0..seconds * 125).map(move |i| at(i, 125.0).0),
         ),
-        record(
-            "texture/locate.weights",
-            Weights::KIND,
-            Quantity::NUMBER,
-            240,
-            place,
-        ),
-        record(
-            "texture/filter.acceleration",
-            Kind::SCALAR,
-            Quantity::ACCELERATION,
-            10_000,
-            vibration,
-        ),
+        record("texture/locate.weights", Weights::KIND, Quantity::NUMBER, 240, place),
+        record("texture/filter.acceleration", Kind::SCALAR, Quantity::ACCELERATION, 10_000, vibration),
     ]
 }
 
@@ -142,13 +118,7 @@ fn a_page_shows_everything_and_fetches_nothing() {
     }
     // 1.28 MB of it are the sound.
     assert!(html.len() < 1_900_000, "{}", html.len());
-    let body = html
-        .split_once("<main>")
-        .unwrap()
-        .1
-        .split_once("</main>")
-        .unwrap()
-        .0;
+    let body = html.split_once("<main>").unwrap().1.split_once("</main>").unwrap().0;
     roxmltree::Document::parse(&format!("<main>{body}</main>")).unwrap();
     if let Some(folder) = std::env::var_os("HAPTOGRAPH_PICTURES") {
         std::fs::write(std::path::Path::new(&folder).join("page.html"), html).unwrap();
@@ -174,10 +144,7 @@ fn the_policy_allows_the_pages_own_script_and_nothing_from_elsewhere() {
     let (_, policy) = html.split_once("Content-Security-Policy\" content=\"").unwrap();
     let (policy, _) = policy.split_once('"').unwrap();
     assert!(policy.starts_with("default-src 'none';"), "{policy}");
-    assert!(
-        policy.ends_with(&format!("script-src 'sha256-{hash}'")),
-        "{policy}"
-    );
+    assert!(policy.ends_with(&format!("script-src 'sha256-{hash}'")), "{policy}");
 }
 
 #[test]
@@ -201,11 +168,7 @@ fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
         names: vec!["asked".into()],
         signals: vec![watch],
     };
-    let noisy = steps()
-        .iter()
-        .enumerate()
-        .map(|(i, x)| x + (i % 3) as f64)
-        .collect();
+    let noisy = steps().iter().enumerate().map(|(i, x)| x + (i % 3) as f64).collect();
     let page = Page {
         signals: vec![
             scalar("drawn", wave()),
@@ -234,13 +197,7 @@ fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
 
 #[test]
 fn temperatures_are_in_degrees_celsius_and_densities_in_plain_units() {
-    let warm = record(
-        "coil",
-        Kind::SCALAR,
-        Quantity::TEMPERATURE,
-        10,
-        [293.15, 303.15].into_iter(),
-    );
+    let warm = record("coil", Kind::SCALAR, Quantity::TEMPERATURE, 10, [293.15, 303.15].into_iter());
     let plot = figures::over_time(&warm, crate::theme::Ink::Blue).remove(0);
     assert_eq!(plot.y.label, "Temperature (°C)");
     assert_eq!(plot.caption, "Rises from 20 to 30 °C.");
@@ -252,14 +209,7 @@ fn temperatures_are_in_degrees_celsius_and_densities_in_plain_units() {
 
 #[test]
 fn the_page_of_a_long_run_is_no_larger() {
-    let size = |seconds| {
-        Page {
-            signals: signals(seconds),
-            ..Page::default()
-        }
-        .to_html()
-        .len()
-    };
+    let size = |seconds| Page { signals: signals(seconds), ..Page::default() }.to_html().len();
     let (short, long) = (size(10), size(100));
     assert!(long < 2 * short, "{short} {long}");
 }

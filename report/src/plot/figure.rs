@@ -39,12 +39,7 @@ impl Plot {
             return self.sentence("no points.");
         }
         let height = self.size().1 - AROUND;
-        let frame = Rect {
-            x: 0.0,
-            y: 0.0,
-            width: SPAN,
-            height,
-        };
+        let frame = Rect { x: 0.0, y: 0.0, width: SPAN, height };
         let (x, y) = self.scales(frame);
         let shape = match self.aspect {
             Some(aspect) => format!("aspect-ratio:{}", num(aspect)),
@@ -112,10 +107,7 @@ impl Plot {
             "" => String::new(),
             _ => format!("<i class=\"swatch b{}{shape}\"></i>", style.ink.class()),
         };
-        Some(format!(
-            "<span class=\"key\">{swatch}{} {value}</span>",
-            escape(&style.name)
-        ))
+        Some(format!("<span class=\"key\">{swatch}{} {value}</span>", escape(&style.name)))
     }
 
     fn scales_for_script(&self, x: &Scale, y: &Scale) -> String {
@@ -147,9 +139,7 @@ impl Plot {
         svg.raw(format_args!("</g>"));
         for (value, text) in &ys {
             let at = down(*value);
-            svg.raw(format_args!(
-                "<line class=\"grid\" x1=\"0\" x2=\"100%\" y1=\"{at}\" y2=\"{at}\"/>"
-            ));
+            svg.raw(format_args!("<line class=\"grid\" x1=\"0\" x2=\"100%\" y1=\"{at}\" y2=\"{at}\"/>"));
             if !text.is_empty() {
                 svg.raw(format_args!(
                     "<text class=\"small soft\" x=\"0\" y=\"{at}\" dx=\"-6\" dy=\"3.5\" text-anchor=\"end\">{}</text>",
@@ -168,9 +158,7 @@ impl Plot {
         for mark in &self.marks {
             draw_words(&mut svg, mark, &|a, b| (across(a), down(b)));
         }
-        svg.raw(format_args!(
-            "<rect class=\"axis\" width=\"100%\" height=\"100%\"/>"
-        ));
+        svg.raw(format_args!("<rect class=\"axis\" width=\"100%\" height=\"100%\"/>"));
         if !self.x.label.is_empty() {
             svg.raw(format_args!(
                 "<text class=\"soft\" x=\"50%\" y=\"100%\" dy=\"31\" text-anchor=\"middle\">{}</text>",
@@ -183,9 +171,7 @@ impl Plot {
 
 /// A grid line and a number; odd numbers are hidden if there is little space.
 fn tick_across(svg: &mut Svg, at: &str, text: &str, number: usize) {
-    svg.raw(format_args!(
-        "<line class=\"grid\" x1=\"{at}\" x2=\"{at}\" y1=\"0\" y2=\"100%\"/>"
-    ));
+    svg.raw(format_args!("<line class=\"grid\" x1=\"{at}\" x2=\"{at}\" y1=\"0\" y2=\"100%\"/>"));
     if !text.is_empty() {
         let odd = if number % 2 == 1 { " odd" } else { "" };
         svg.raw(format_args!(
@@ -221,9 +207,6 @@ fn colours(image: &Image) -> String {
 impl Axis {
     /// Time in seconds. The page's plots over time share one cursor.
     pub fn time() -> Self {
-        Self {
-            is_time: true,
-            ..Self::of("Time (s)")
-        }
+        Self { is_time: true, ..Self::of("Time (s)") }
     }
 }

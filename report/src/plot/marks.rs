@@ -36,10 +36,7 @@ pub(super) fn draw_mark(svg: &mut Svg, mark: &Mark, x: &Scale, y: &Scale) {
                 Weight::Bold => "large-dot",
                 Weight::Normal | Weight::Dashed => "dot solid",
             };
-            let finite = points
-                .iter()
-                .map(|p| at(*p))
-                .filter(|p| p.0.is_finite() && p.1.is_finite());
+            let finite = points.iter().map(|p| at(*p)).filter(|p| p.0.is_finite() && p.1.is_finite());
             let mut dots: Vec<(f64, f64)> = finite.map(tenths).collect();
             dots.dedup();
             let dots = Path::dots(dots.into_iter());
@@ -47,16 +44,9 @@ pub(super) fn draw_mark(svg: &mut Svg, mark: &Mark, x: &Scale, y: &Scale) {
         }
         Mark::Bars(style, points, width) => {
             for (a, b) in points {
-                let (corner, foot) = (
-                    at((a - width / 2.0, b.max(0.0))),
-                    at((a + width / 2.0, b.min(0.0))),
-                );
-                let bar = Rect {
-                    x: corner.0,
-                    y: corner.1,
-                    width: foot.0 - corner.0,
-                    height: foot.1 - corner.1,
-                };
+                let (corner, foot) = (at((a - width / 2.0, b.max(0.0))), at((a + width / 2.0, b.min(0.0))));
+                let bar =
+                    Rect { x: corner.0, y: corner.1, width: foot.0 - corner.0, height: foot.1 - corner.1 };
                 svg.rect(&format!("f{} solid", style.ink.class()), bar, 1.5);
             }
         }
@@ -79,12 +69,7 @@ pub(super) fn draw_mark(svg: &mut Svg, mark: &Mark, x: &Scale, y: &Scale) {
         }
         Mark::Image(image) => {
             let (low, high) = (at((image.x.0, image.y.0)), at((image.x.1, image.y.1)));
-            let area = Rect {
-                x: low.0,
-                y: high.1,
-                width: high.0 - low.0,
-                height: low.1 - high.1,
-            };
+            let area = Rect { x: low.0, y: high.1, width: high.0 - low.0, height: low.1 - high.1 };
             svg.image(area, &image.cells.to_address(image.colours.0, image.colours.1));
         }
         Mark::Words(_) => {}
@@ -154,13 +139,8 @@ fn straightened(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
             (_, true) => {
                 let run = point.0 - from.0;
                 let slope = |y: f64| (y - from.1) / run;
-                cone = (
-                    cone.0.max(slope(point.1 - STRAIGHT)),
-                    cone.1.min(slope(point.1 + STRAIGHT)),
-                );
-                let next = points
-                    .get(i + 1)
-                    .map(|next| (next.1 - from.1) / (next.0 - from.0));
+                cone = (cone.0.max(slope(point.1 - STRAIGHT)), cone.1.min(slope(point.1 + STRAIGHT)));
+                let next = points.get(i + 1).map(|next| (next.1 - from.1) / (next.0 - from.0));
                 next.is_none_or(|next| next < cone.0 || next > cone.1)
             }
             (_, false) => (point.0 - from.0).abs() >= 0.25 || (point.1 - from.1).abs() >= 0.25,
@@ -179,40 +159,16 @@ fn tenths((x, y): (f64, f64)) -> (f64, f64) {
 
 /// The colour scale of an image, right of the frame.
 pub(super) fn draw_colours(svg: &mut Svg, frame: Rect, image: &Image) {
-    let bar = Rect {
-        x: frame.right() + 12.0,
-        y: frame.y,
-        width: 10.0,
-        height: frame.height,
-    };
+    let bar = Rect { x: frame.right() + 12.0, y: frame.y, width: 10.0, height: frame.height };
     let steps: Vec<f64> = (0..64).map(f64::from).collect();
-    let cells = Grid {
-        width: 1,
-        height: steps.len(),
-        values: steps,
-    };
+    let cells = Grid { width: 1, height: steps.len(), values: steps };
     svg.image(bar, &cells.to_address(0.0, 63.0));
     let (low, high) = image.colours;
-    let scale = Scale {
-        low,
-        high,
-        from: bar.bottom(),
-        to: bar.y,
-        spread: Spread::Linear,
-    };
+    let scale = Scale { low, high, from: bar.bottom(), to: bar.y, spread: Spread::Linear };
     for tick in scale.ticks(((frame.height / 34.0) as usize).max(2)) {
-        svg.text(
-            "small soft",
-            (bar.right() + 5.0, scale.pixel(tick.value) + 3.5),
-            Anchor::Start,
-            &tick.text,
-        );
+        svg.text("small soft", (bar.right() + 5.0, scale.pixel(tick.value) + 3.5), Anchor::Start, &tick.text);
     }
-    svg.text_upwards(
-        "small soft",
-        (frame.right() + 76.0, frame.y + frame.height / 2.0),
-        &image.label,
-    );
+    svg.text_upwards("small soft", (frame.right() + 76.0, frame.y + frame.height / 2.0), &image.label);
 }
 
 #[cfg(test)]
@@ -221,16 +177,13 @@ mod tests {
 
     #[test]
     fn what_is_left_out_of_a_curve_lies_on_it() {
-        let wave: Vec<(f64, f64)> = (0..4000)
-            .map(|i| (f64::from(i) * 0.25, 60.0 + 50.0 * (f64::from(i) * 0.01).sin()))
-            .collect();
+        let wave: Vec<(f64, f64)> =
+            (0..4000).map(|i| (f64::from(i) * 0.25, 60.0 + 50.0 * (f64::from(i) * 0.01).sin())).collect();
         let kept = straightened(&wave);
         assert!(kept.len() < wave.len() / 10, "{}", kept.len());
         assert_eq!((kept[0], kept[kept.len() - 1].0), ((0.0, 60.0), 999.8));
         for (x, y) in wave {
-            let next = kept
-                .partition_point(|point| point.0 <= x)
-                .clamp(1, kept.len() - 1);
+            let next = kept.partition_point(|point| point.0 <= x).clamp(1, kept.len() - 1);
             let ((x0, y0), (x1, y1)) = (kept[next - 1], kept[next]);
             let on_line = y0 + (x - x0) / (x1 - x0) * (y1 - y0);
             assert!((on_line - y).abs() < 3.0 * STRAIGHT, "{on_line} {y}");

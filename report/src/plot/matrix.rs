@@ -39,55 +39,24 @@ impl Matrix {
         let top = if self.columns.1.is_empty() { 54.0 } else { 74.0 };
         let (rows, columns) = (self.rows.0.len() as f64, self.columns.0.len() as f64);
         let head = left + heading_width(&self.title, &self.note) + 20.0;
-        let size = (
-            (left + columns * cell_width + 16.0).max(head),
-            top + rows * cell_height + 14.0,
-        );
+        let size = ((left + columns * cell_width + 16.0).max(head), top + rows * cell_height + 14.0);
         let mut svg = Svg::on_paper(size);
         svg.heading((left, 18.0), &self.title, &self.note);
-        svg.text(
-            "soft",
-            (left + columns * cell_width / 2.0, top - 30.0),
-            Anchor::Middle,
-            &self.columns.1,
-        );
+        svg.text("soft", (left + columns * cell_width / 2.0, top - 30.0), Anchor::Middle, &self.columns.1);
         svg.text_upwards("soft", (14.0, top + rows * cell_height / 2.0), &self.rows.1);
         for (j, name) in self.columns.0.iter().enumerate() {
-            svg.text(
-                "ink",
-                (left + (j as f64 + 0.5) * cell_width, top - 9.0),
-                Anchor::Middle,
-                name,
-            );
+            svg.text("ink", (left + (j as f64 + 0.5) * cell_width, top - 9.0), Anchor::Middle, name);
         }
         let finite = self.values.iter().flatten().copied().filter(|v| v.is_finite());
-        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-            (l.min(v), h.max(v))
-        });
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
         for (i, (name, row)) in self.rows.0.iter().zip(&self.values).enumerate() {
             let y = top + i as f64 * cell_height;
-            svg.text(
-                "ink",
-                (left - 9.0, y + cell_height / 2.0 + 4.0),
-                Anchor::End,
-                name,
-            );
+            svg.text("ink", (left - 9.0, y + cell_height / 2.0 + 4.0), Anchor::End, name);
             let least = row.iter().copied().fold(f64::INFINITY, f64::min);
             for (j, value) in row.iter().enumerate() {
-                let cell = Rect {
-                    x: left + j as f64 * cell_width,
-                    y,
-                    width: cell_width,
-                    height: cell_height,
-                };
-                draw_cell(
-                    &mut svg,
-                    cell,
-                    *value,
-                    (value - low) / (high - low),
-                    self.digits,
-                    *value == least,
-                );
+                let cell =
+                    Rect { x: left + j as f64 * cell_width, y, width: cell_width, height: cell_height };
+                draw_cell(&mut svg, cell, *value, (value - low) / (high - low), self.digits, *value == least);
             }
         }
         svg.finish(size, &self.title, style)
@@ -105,11 +74,7 @@ fn draw_cell(svg: &mut Svg, cell: Rect, value: f64, part: f64, digits: usize, fr
         num(inner.width),
         num(inner.height)
     ));
-    let text_colour = if part < 0.55 || !part.is_finite() {
-        "#1c1230"
-    } else {
-        "#fff"
-    };
+    let text_colour = if part < 0.55 || !part.is_finite() { "#1c1230" } else { "#fff" };
     let strength = if framed { " font-weight=\"700\"" } else { "" };
     svg.raw(format_args!(
         "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\" fill=\"{text_colour}\"{strength}>{value:.digits$}</text>",

@@ -50,13 +50,7 @@ pub(super) fn curves<'a>(
                 (false, name) => (format!("{name}: {signal}"), Ink::of_run(run)),
             };
             let is_dashed = several && !shared[number] && number > 0;
-            found.push(Curve {
-                name,
-                ink,
-                is_dashed,
-                run,
-                trace,
-            });
+            found.push(Curve { name, ink, is_dashed, run, trace });
         }
     }
     found
@@ -70,18 +64,13 @@ pub(super) fn all_equal<'a>(mut traces: impl Iterator<Item = Option<&'a Trace>>)
 
 /// Sentence about curves that are all constant; `None` otherwise.
 pub(super) fn constant(curves: &[Curve<'_>]) -> Option<String> {
-    let values: Vec<String> = curves
-        .iter()
-        .map(|curve| curve.trace.constant())
-        .collect::<Option<_>>()?;
+    let values: Vec<String> = curves.iter().map(|curve| curve.trace.constant()).collect::<Option<_>>()?;
     let (first, rest) = values.split_first()?;
     if rest.iter().all(|value| value == first) {
         return Some(format!("{first}."));
     }
     let named = curves.iter().zip(&values);
-    let named: Vec<String> = named
-        .map(|(curve, value)| format!("{} {value}", curve.name))
-        .collect();
+    let named: Vec<String> = named.map(|(curve, value)| format!("{} {value}", curve.name)).collect();
     Some(named.join(", ") + ".")
 }
 
@@ -117,11 +106,7 @@ fn extremes(curves: &[Curve<'_>]) -> Option<String> {
     }
     levels.sort_by(|a, b| a.0.total_cmp(&b.0));
     let ((low, least), (high, most)) = (levels.first()?, levels.last()?);
-    Some(format!(
-        "RMS from {} ({least}) to {} ({most}).",
-        unit.text(*low),
-        unit.text(*high)
-    ))
+    Some(format!("RMS from {} ({least}) to {} ({most}).", unit.text(*low), unit.text(*high)))
 }
 
 /// Label of the vertical axis: the quantity, or for plain numbers their names.
@@ -129,10 +114,7 @@ pub(super) fn label(request: &PlotRequest, curves: &[Curve<'_>]) -> String {
     let Some(first) = curves.first() else {
         return String::new();
     };
-    let name = match curves
-        .iter()
-        .all(|curve| curve.trace.stream.name == first.trace.stream.name)
-    {
+    let name = match curves.iter().all(|curve| curve.trace.stream.name == first.trace.stream.name) {
         true => request.short_name(&first.trace.stream),
         false => request.title.as_str(),
     };
@@ -166,10 +148,7 @@ impl Curve<'_> {
                 let heads: Vec<_> = events.kept().iter().map(|(t, v)| (*t, unit.show(*v))).collect();
                 let foot = unit.show(0.0);
                 let stems = heads.iter().map(|(t, v)| [(*t, foot), (*t, *v)]).collect();
-                vec![
-                    Mark::Segments(Style::of(self.ink), stems),
-                    Mark::Dots(style, heads),
-                ]
+                vec![Mark::Segments(Style::of(self.ink), stems), Mark::Dots(style, heads)]
             }
         }
     }
@@ -196,26 +175,20 @@ fn by_density(points: Vec<Point>) -> (Vec<Point>, Vec<Point>) {
     const FEW: usize = 4;
     let span = |of: fn(&(f64, f64)) -> f64| {
         let finite = points.iter().map(of).filter(|x| x.is_finite());
-        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
-            (low.min(x), high.max(x))
-        });
+        let (low, high) =
+            finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
         (low, (high - low).max(f64::MIN_POSITIVE))
     };
     let ((x_low, width), (y_low, height)) = (span(|p| p.0), span(|p| p.1));
     let place = |p: &(f64, f64)| {
         let part = |x: f64, low: f64, span: f64, places: f64| ((x - low) / span * places) as i64;
-        (
-            part(p.0, x_low, width, PLACES.0),
-            part(p.1, y_low, height, PLACES.1),
-        )
+        (part(p.0, x_low, width, PLACES.0), part(p.1, y_low, height, PLACES.1))
     };
     let mut counts: HashMap<(i64, i64), usize> = HashMap::new();
     for point in &points {
         *counts.entry(place(point)).or_default() += 1;
     }
-    points
-        .into_iter()
-        .partition(|point| counts.get(&place(point)).is_none_or(|count| *count <= FEW))
+    points.into_iter().partition(|point| counts.get(&place(point)).is_none_or(|count| *count <= FEW))
 }
 
 /// A range around the values of all curves, with a margin.

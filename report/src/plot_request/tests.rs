@@ -38,16 +38,8 @@ fn signals_of_different_rates_are_paired_by_time() {
     let (x, slow) = trace("x", Kind::SCALAR, 100, Form::Against, &ramp(10, 0.01));
     let (y, fast) = trace("y", Kind::SCALAR, 1000, Form::Against, &ramp(100, 0.001));
     let asked = asked_of("t", Form::Against, vec![x, y]);
-    let plots = plots(
-        &asked,
-        &[RunTraces {
-            name: "",
-            traces: &[slow, fast],
-        }],
-    );
-    let Mark::Dots(_, points) = &plots[0].marks[0] else {
-        panic!("{plots:?}")
-    };
+    let plots = plots(&asked, &[RunTraces { name: "", traces: &[slow, fast] }]);
+    let Mark::Dots(_, points) = &plots[0].marks[0] else { panic!("{plots:?}") };
     assert_eq!(points.len(), 100);
     assert!(points.iter().all(|(x, y)| y - x > -1e-12 && y - x < 0.01));
 }
@@ -55,28 +47,15 @@ fn signals_of_different_rates_are_paired_by_time() {
 #[test]
 fn a_way_keeps_its_shape_and_is_interrupted_in_the_air() {
     let touching = |x: f64, y: f64, yes: bool| {
-        let contact = Contact {
-            touching: yes,
-            ihip_m: [x, y, 0.0],
-            ..Contact::default()
-        };
+        let contact = Contact { touching: yes, ihip_m: [x, y, 0.0], ..Contact::default() };
         contact.to_components()
     };
-    let frames = [
-        touching(0.0, 0.0, true),
-        touching(9.0, 9.0, false),
-        touching(0.01, 0.02, true),
-    ];
+    let frames = [touching(0.0, 0.0, true), touching(9.0, 9.0, false), touching(0.01, 0.02, true)];
     let (watch, trace) = trace("touch.contact", Contact::KIND, 1000, Form::Path, &frames.concat());
     let asked = asked_of("way", Form::Path, vec![watch]);
-    let drawn = RunTraces {
-        name: "",
-        traces: &[trace],
-    };
+    let drawn = RunTraces { name: "", traces: &[trace] };
     let plot = plots(&asked, &[drawn]).remove(0);
-    let (Some((x0, x1)), Some((y0, y1))) = (plot.x.range, plot.y.range) else {
-        panic!("{plot:?}")
-    };
+    let (Some((x0, x1)), Some((y0, y1))) = (plot.x.range, plot.y.range) else { panic!("{plot:?}") };
     let (per_x, per_y) = ((x1 - x0) / PATH_FRAME.0, (y1 - y0) / PATH_FRAME.1);
     assert!((per_x / per_y - 1.0).abs() < 1e-9 && x1 < 50.0);
     assert!(matches!(&plot.marks[0], Mark::Line(_, points) if points[1].0.is_nan()));
@@ -84,15 +63,7 @@ fn a_way_keeps_its_shape_and_is_interrupted_in_the_air() {
 
 #[test]
 fn a_way_that_all_runs_share_is_one_curve_and_the_second_of_a_run_is_dashed() {
-    let way = |name: &str, x: f64| {
-        trace(
-            name,
-            Kind::VECTOR,
-            1000,
-            Form::Path,
-            &[0.0, 0.0, 0.0, x, 1.0, 0.0],
-        )
-    };
+    let way = |name: &str, x: f64| trace(name, Kind::VECTOR, 1000, Form::Path, &[0.0, 0.0, 0.0, x, 1.0, 0.0]);
     let asked = asked_of("Where", Form::Path, vec![way("hand", 1.0).0, way("found", 1.0).0]);
     let runs = [2.0, 3.0].map(|x| [way("hand", 1.0).1, way("found", x).1]);
     let drawn = ["a", "b"].iter().zip(&runs);
@@ -102,11 +73,8 @@ fn a_way_that_all_runs_share_is_one_curve_and_the_second_of_a_run_is_dashed() {
         Mark::Line(style, _) => (style.name.as_str(), style.weight),
         other => panic!("{other:?}"),
     });
-    let expected = [
-        ("hand, all runs", Weight::Hair),
-        ("a: found", Weight::Dashed),
-        ("b: found", Weight::Dashed),
-    ];
+    let expected =
+        [("hand, all runs", Weight::Hair), ("a: found", Weight::Dashed), ("b: found", Weight::Dashed)];
     assert_eq!(styles.collect::<Vec<_>>(), expected);
     assert!(!plots[0].caption.contains("touches"));
 }
@@ -137,10 +105,8 @@ fn several_runs_share_a_frame_and_are_named() {
     let (_, second) = trace("load", Kind::SCALAR, 1000, Form::OverTime, &[1.0, 2.0, 4.0]);
     let asked = asked_of("force", Form::OverTime, vec![watch]);
     let runs = |other| {
-        [("soft", &first), ("hard", other)].map(|(name, trace)| RunTraces {
-            name,
-            traces: std::slice::from_ref(trace),
-        })
+        [("soft", &first), ("hard", other)]
+            .map(|(name, trace)| RunTraces { name, traces: std::slice::from_ref(trace) })
     };
     let found = plots(&asked, &runs(&second));
     assert_eq!((found.len(), found[0].marks.len()), (1, 2));
@@ -160,22 +126,11 @@ fn plain_numbers_are_named_by_what_they_are() {
         (watch, trace)
     };
     for (values, label, caption) in [
-        (
-            &[0.0, 1.0, 0.0, 0.0][..],
-            "Too hard (0 or 1)",
-            "1 for 25 % of the time.",
-        ),
-        (
-            &[0.3, 0.4, 0.35][..],
-            "Too hard (1)",
-            "Mean 0.35, from 0.3 to 0.4.",
-        ),
+        (&[0.0, 1.0, 0.0, 0.0][..], "Too hard (0 or 1)", "1 for 25 % of the time."),
+        (&[0.3, 0.4, 0.35][..], "Too hard (1)", "Mean 0.35, from 0.3 to 0.4."),
     ] {
         let (watch, trace) = number("too hard", values);
-        let drawn = RunTraces {
-            name: "",
-            traces: &[trace],
-        };
+        let drawn = RunTraces { name: "", traces: &[trace] };
         let plot = plots(&asked_of("Warning", Form::OverTime, vec![watch]), &[drawn]).remove(0);
         assert_eq!((plot.y.label.as_str(), plot.caption.as_str()), (label, caption));
     }
@@ -187,10 +142,7 @@ fn of_many_runs_the_smallest_and_the_largest_level_are_told() {
     let (watch, first) = of(2.0);
     let traces = [first, of(1.0).1, of(3.0).1];
     let runs = ["a = 2", "a = 1", "a = 3"].iter().zip(&traces);
-    let runs = runs.map(|(name, trace)| RunTraces {
-        name,
-        traces: std::slice::from_ref(trace),
-    });
+    let runs = runs.map(|(name, trace)| RunTraces { name, traces: std::slice::from_ref(trace) });
     let asked = asked_of("force", Form::OverTime, vec![watch]);
     let plot = plots(&asked, &runs.collect::<Vec<_>>()).remove(0);
     assert_eq!(plot.caption, "RMS from 1 N (a = 1) to 3 N (a = 3).");

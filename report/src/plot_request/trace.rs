@@ -97,11 +97,7 @@ fn point(form: Form, kind: Kind, time_s: f64, frame: &[f64]) -> Option<(f64, f64
         }
         _ if kind == Contact::KIND => {
             let contact = frame.as_chunks().0.first().map(Contact::from_components)?;
-            let [x, y, _] = if contact.touching {
-                contact.ihip_m
-            } else {
-                [f64::NAN; 3]
-            };
+            let [x, y, _] = if contact.touching { contact.ihip_m } else { [f64::NAN; 3] };
             Some((x, y))
         }
         Form::Path => Some((frame[0], *frame.get(1)?)),

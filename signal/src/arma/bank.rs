@@ -297,12 +297,7 @@ impl<G: Group> Settling for Bank<G> {
 
     #[inline(always)]
     fn run(&mut self, excitation: &[f64], out: &mut [f64]) {
-        self.arch.dispatch(Run {
-            groups: &mut self.groups,
-            voices: self.voices,
-            excitation,
-            out,
-        });
+        self.arch.dispatch(Run { groups: &mut self.groups, voices: self.voices, excitation, out });
     }
 
     fn settle(&mut self) {

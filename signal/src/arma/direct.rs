@@ -62,11 +62,7 @@ impl Settling for DirectForm {
 
     #[inline(always)]
     fn run(&mut self, excitation: &[f64], out: &mut [f64]) {
-        self.arch.dispatch(Run {
-            filter: self,
-            excitation,
-            out,
-        });
+        self.arch.dispatch(Run { filter: self, excitation, out });
     }
 
     fn settle(&mut self) {
@@ -77,10 +73,7 @@ impl Settling for DirectForm {
     }
 }
 
-#[expect(
-    clippy::needless_range_loop,
-    reason = "constant indices keep the sums in registers"
-)]
+#[expect(clippy::needless_range_loop, reason = "constant indices keep the sums in registers")]
 impl DirectForm {
     /// Makes a filter with zero state that passes its excitation.
     pub fn new() -> Self {
@@ -266,9 +259,7 @@ impl DirectForm {
         let mut flat = [0.0; LANES * (REACH + 1)];
         flat[..LANES * REACH].copy_from_slice(sums.as_flattened());
         let mut moved = [[0.0; LANES]; REACH];
-        moved
-            .as_flattened_mut()
-            .copy_from_slice(&flat[outputs..outputs + LANES * REACH]);
+        moved.as_flattened_mut().copy_from_slice(&flat[outputs..outputs + LANES * REACH]);
         moved
     }
 }
@@ -324,11 +315,7 @@ impl WithSimd for Run<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self {
-            filter,
-            excitation,
-            out,
-        } = self;
+        let Self { filter, excitation, out } = self;
         if filter.now + excitation.len() + LANES > MAX_ORDER + ROOM {
             filter.e.copy_within(filter.now - MAX_ORDER..filter.now, 0);
             filter.y.copy_within(filter.now - MAX_ORDER..filter.now, 0);

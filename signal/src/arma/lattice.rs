@@ -43,34 +43,17 @@ impl Coefficients {
     pub const IDENTITY: Self = {
         let mut taps = [0.0; MAX_ORDER + 1];
         taps[0] = 1.0;
-        Self {
-            order: 0,
-            sine: [0.0; MAX_ORDER],
-            cosine: [1.0; MAX_ORDER],
-            taps,
-            has_ladder: false,
-        }
+        Self { order: 0, sine: [0.0; MAX_ORDER], cosine: [1.0; MAX_ORDER], taps, has_ladder: false }
     };
 
     /// Computes the rotations from the polynomials; see [`Lattice::set_coefficients`].
     pub fn new(ar: &[f64], ma: &[f64], gain: f64) -> Result<Self, ArmaError> {
         check(ar, ma, gain)?;
         let order = ar.len().max(ma.len());
-        let mut this = Self {
-            order,
-            has_ladder: !ma.is_empty(),
-            ..Self::IDENTITY
-        };
+        let mut this = Self { order, has_ladder: !ma.is_empty(), ..Self::IDENTITY };
         let mut scratch = [0.0; MAX_ORDER];
         let (sine, cosine) = (&mut this.sine[..order], &mut this.cosine[..order]);
-        ladder(
-            ar,
-            ma,
-            sine,
-            cosine,
-            &mut this.taps[..=order],
-            &mut scratch[..order],
-        )?;
+        ladder(ar, ma, sine, cosine, &mut this.taps[..=order], &mut scratch[..order])?;
         for tap in &mut this.taps {
             *tap *= gain;
         }
@@ -125,13 +108,7 @@ impl Lattice {
 
     /// One sample through all stages.
     fn step(&mut self, e: f64) -> f64 {
-        let Coefficients {
-            order,
-            sine,
-            cosine,
-            taps,
-            ..
-        } = &self.coefficients;
+        let Coefficients { order, sine, cosine, taps, .. } = &self.coefficients;
         let mut forward = e;
         let mut out = 0.0;
         for m in (0..*order).rev() {
@@ -161,11 +138,7 @@ impl Settling for Lattice {
                 *out = self.step(*e);
             }
         } else {
-            self.arch.dispatch(Run {
-                lattice: self,
-                excitation,
-                out,
-            });
+            self.arch.dispatch(Run { lattice: self, excitation, out });
         }
     }
 
@@ -188,10 +161,7 @@ impl WithSimd for Run<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        match (
-            self.lattice.coefficients.order,
-            self.lattice.coefficients.has_ladder,
-        ) {
+        match (self.lattice.coefficients.order, self.lattice.coefficients.has_ladder) {
             (0..=16, false) => Wavefront::<8, false>::new(self.lattice).run(self),
             (0..=16, true) => Wavefront::<8, true>::new(self.lattice).run(self),
             (_, false) => Wavefront::<16, false>::new(self.lattice).run(self),
@@ -252,11 +222,7 @@ impl<const PAIRS: usize, const LADDER: bool> Wavefront<PAIRS, LADDER> {
 
     #[inline(always)]
     fn run(mut self, run: Run<'_>) {
-        let Run {
-            lattice,
-            excitation,
-            out,
-        } = run;
+        let Run { lattice, excitation, out } = run;
         let entry = self.entry;
         let count = excitation.len();
         self.forward[0] = lattice.backward[0];
@@ -293,11 +259,8 @@ impl<const PAIRS: usize, const LADDER: bool> Wavefront<PAIRS, LADDER> {
         let before = self.forward[0];
         let (mut forward, mut out) = (self.forward, self.out);
         for i in 0..PAIRS {
-            let (from_above, sum_above) = if i + 1 < PAIRS {
-                (self.forward[i + 1], self.out[i + 1])
-            } else {
-                (0.0, 0.0)
-            };
+            let (from_above, sum_above) =
+                if i + 1 < PAIRS { (self.forward[i + 1], self.out[i + 1]) } else { (0.0, 0.0) };
             forward[i] = if i == self.entry { e } else { from_above };
             out[i] = if i == self.entry { 0.0 } else { sum_above };
         }
@@ -310,11 +273,7 @@ impl<const PAIRS: usize, const LADDER: bool> Wavefront<PAIRS, LADDER> {
             if LADDER {
                 out[i] += upper.tap[i] * backward;
             }
-            upper_backward[i] = if active(i) {
-                backward
-            } else {
-                self.upper_backward[i]
-            };
+            upper_backward[i] = if active(i) { backward } else { self.upper_backward[i] };
         }
         for i in 0..PAIRS {
             let delayed = if i == 0 { before } else { upper_backward[i - 1] };
@@ -323,11 +282,7 @@ impl<const PAIRS: usize, const LADDER: bool> Wavefront<PAIRS, LADDER> {
             if LADDER {
                 out[i] += lower.tap[i] * backward;
             }
-            self.lower_backward[i] = if active(i) {
-                backward
-            } else {
-                self.lower_backward[i]
-            };
+            self.lower_backward[i] = if active(i) { backward } else { self.lower_backward[i] };
         }
         // The last output is a state too.
         forward[0] = if active(0) { forward[0] } else { before };

@@ -91,12 +91,7 @@ fn with_frozen_coefficients_both_forms_are_the_definition() {
         for form in FORMS {
             let got = run(form, &ar, &ma, gain, &e);
             let error: Vec<f64> = got.iter().zip(&want).map(|(a, b)| a - b).collect();
-            assert!(
-                rms(&error) < 1e-9 * rms(&want),
-                "{form:?} {} {}",
-                rms(&error),
-                rms(&want)
-            );
+            assert!(rms(&error) < 1e-9 * rms(&want), "{form:?} {} {}", rms(&error), rms(&want));
         }
     }
 }
@@ -182,15 +177,8 @@ fn the_lattice_stays_bounded_where_the_direct_form_grows() {
     let direct = energy_growth(Form::Direct);
     assert!(direct[39] > 1e20, "{direct:?}");
     // The state's energy starts at 1; the output is at most the largest output gain of a set times its root.
-    let bound = sets
-        .iter()
-        .map(|a| power_gain(a, &[]).unwrap().sqrt())
-        .fold(0.0, f64::max);
-    assert!(
-        energy_growth(Form::Lattice)
-            .iter()
-            .all(|peak| *peak <= bound * (1.0 + 1e-9))
-    );
+    let bound = sets.iter().map(|a| power_gain(a, &[]).unwrap().sqrt()).fold(0.0, f64::max);
+    assert!(energy_growth(Form::Lattice).iter().all(|peak| *peak <= bound * (1.0 + 1e-9)));
 }
 
 #[test]
@@ -204,11 +192,7 @@ fn random_alternations_of_barely_stable_sets_stay_bounded() {
     for turn in 0..4000 {
         let pairs: Vec<(f64, f64)> = (0..1 + turn % 10)
             .map(|_| {
-                let radius = if random.next_sample() < 0.3 {
-                    0.9999
-                } else {
-                    0.999 * random.next_sample()
-                };
+                let radius = if random.next_sample() < 0.3 { 0.9999 } else { 0.999 * random.next_sample() };
                 (radius, 0.01 + 0.48 * random.next_sample())
             })
             .collect();
@@ -224,19 +208,14 @@ fn random_alternations_of_barely_stable_sets_stay_bounded() {
         let peak = out[..length].iter().fold(0.0_f64, |peak, y| peak.max(y.abs()));
         largest_ratio = largest_ratio.max(peak / bound);
     }
-    assert!(
-        largest_ratio > 0.0 && largest_ratio <= 1.0 + 1e-9,
-        "{largest_ratio}"
-    );
+    assert!(largest_ratio > 0.0 && largest_ratio <= 1.0 + 1e-9, "{largest_ratio}");
 }
 
 #[test]
 fn without_excitation_the_output_decays_to_exactly_zero() {
     for form in FORMS {
         let mut filter = ArmaFilter::new(form);
-        filter
-            .set_coefficients(&resonances(&[(0.9986, 0.005), (0.99, 0.1)]), &MA, 3.0)
-            .unwrap();
+        filter.set_coefficients(&resonances(&[(0.9986, 0.005), (0.99, 0.1)]), &MA, 3.0).unwrap();
         let mut y = vec![0.0; 1000];
         filter.process(&noise(4, 1000), &mut y);
         assert!(rms(&y) > 1.0);
@@ -270,17 +249,11 @@ fn unusable_coefficients_are_refused_and_the_old_ones_kept() {
     for form in FORMS {
         let mut filter = ArmaFilter::new(form);
         filter.set_coefficients(&[-0.5], &[], 2.0).unwrap();
-        assert_eq!(
-            filter.set_coefficients(&[0.0; 33], &[], 1.0),
-            Err(ArmaError::TooLong { order: 33 })
-        );
+        assert_eq!(filter.set_coefficients(&[0.0; 33], &[], 1.0), Err(ArmaError::TooLong { order: 33 }));
         assert!(filter.set_coefficients(&[f64::NAN], &[], 1.0).is_err());
         assert!(filter.set_coefficients(&[0.1], &[f64::INFINITY], 1.0).is_err());
         assert!(filter.set_coefficients(&[0.1], &[], f64::NAN).is_err());
-        assert_eq!(
-            filter.set_coefficients(&[-1.5], &[], 1.0).is_err(),
-            form == Form::Lattice
-        );
+        assert_eq!(filter.set_coefficients(&[-1.5], &[], 1.0).is_err(), form == Form::Lattice);
         if form == Form::Lattice {
             let mut y = [0.0; 3];
             filter.process(&[1.0, 0.0, 0.0], &mut y);
@@ -305,10 +278,7 @@ fn power_is_the_models_within_four_standard_deviations() {
     for form in FORMS {
         let y = run(form, &ar, &MA, 1.0, &e);
         let power = y[4000..].iter().map(|y| y * y).sum::<f64>() / n as f64;
-        assert!(
-            (power - want).abs() < 4.0 * deviation,
-            "{form:?}: {power}, {want} +- {deviation}"
-        );
+        assert!((power - want).abs() < 4.0 * deviation, "{form:?}: {power}, {want} +- {deviation}");
     }
 }
 
@@ -331,18 +301,9 @@ fn the_spectrum_is_the_models_seen_through_the_window() {
                 *sum += d / segments as f64;
             }
         }
-        for (bin, (got, want)) in got
-            .iter()
-            .zip(&want.density)
-            .enumerate()
-            .take(segment / 2)
-            .skip(1)
-        {
+        for (bin, (got, want)) in got.iter().zip(&want.density).enumerate().take(segment / 2).skip(1) {
             let off = (got / want - 1.0) * (segments as f64).sqrt();
-            assert!(
-                off.abs() < 4.0,
-                "{form:?}: bin {bin} is {off} standard deviations off"
-            );
+            assert!(off.abs() < 4.0, "{form:?}: bin {bin} is {off} standard deviations off");
         }
     }
 }

@@ -40,12 +40,7 @@ impl Default for WarpedLattice {
 impl WarpedLattice {
     /// Makes a silent filter without coefficients.
     pub fn new() -> Self {
-        Self {
-            step: Box::new(Step::SILENT),
-            state: [0.0; ROWS],
-            since_settled: 0,
-            arch: Arch::new(),
-        }
+        Self { step: Box::new(Step::SILENT), state: [0.0; ROWS], since_settled: 0, arch: Arch::new() }
     }
 
     /// Sets the coefficients from the next sample on: the warped polynomial `[a_1, ..., a_p]`, the warping factor in
@@ -102,12 +97,7 @@ impl Settling for WarpedLattice {
 
     #[inline(always)]
     fn run(&mut self, excitation: &[f64], out: &mut [f64]) {
-        self.arch.dispatch(Run {
-            step: &self.step,
-            state: &mut self.state,
-            excitation,
-            out,
-        });
+        self.arch.dispatch(Run { step: &self.step, state: &mut self.state, excitation, out });
     }
 
     fn settle(&mut self) {
@@ -144,9 +134,7 @@ impl Run<'_> {
         let step = self.step;
         let mut state = [0.0; PADDED];
         state.copy_from_slice(&self.state[..PADDED]);
-        let columns = step.columns[..step.order.next_multiple_of(SUMS)]
-            .as_chunks::<SUMS>()
-            .0;
+        let columns = step.columns[..step.order.next_multiple_of(SUMS)].as_chunks::<SUMS>().0;
         for (e, out) in self.excitation.iter().zip(self.out) {
             let mut even: [f64; PADDED] = std::array::from_fn(|i| step.drive[i] * e);
             let mut odd = [0.0; PADDED];

@@ -48,9 +48,7 @@ pub struct Row<'a> {
 impl Row<'_> {
     /// The cell in a column (from 0), without quotes and surrounding spaces; empty if the row is too short.
     pub fn cell(&self, column: usize) -> &[u8] {
-        self.cells
-            .get(column)
-            .map_or(&[], |range| &self.text[range.clone()])
+        self.cells.get(column).map_or(&[], |range| &self.text[range.clone()])
     }
 
     /// The number of its cells.
@@ -72,9 +70,7 @@ impl Row<'_> {
     /// The error of a row with another number of cells than the header.
     pub fn of_other_length(&self, header: usize) -> CsvError {
         let (cells, plural) = (self.cells(), if self.cells() == 1 { "" } else { "s" });
-        self.error(format_args!(
-            "the row has {cells} cell{plural} where the header has {header}"
-        ))
+        self.error(format_args!("the row has {cells} cell{plural} where the header has {header}"))
     }
 }
 
@@ -121,9 +117,7 @@ impl<R: BufRead> Rows<R> {
             }
         }
         let candidates: Vec<&(u64, Vec<u8>)> = seen.iter().filter(|(_, text)| !is_blank(text)).collect();
-        let delimiters: Vec<u8> = { candidates.iter() }
-            .map(|(_, text)| delimiter(text, is_wanted))
-            .collect();
+        let delimiters: Vec<u8> = { candidates.iter() }.map(|(_, text)| delimiter(text, is_wanted)).collect();
         let split = |row: usize, header: usize| texts(&candidates[row].1, delimiters[header]);
         let header = header_of(candidates.len(), &split, is_wanted).map_err(|(first, second)| {
             let (first, second) = (candidates[first].0, candidates[second].0);
@@ -186,11 +180,7 @@ impl<R: BufRead> Rows<R> {
     }
 
     fn row(&self) -> Row<'_> {
-        Row {
-            line: self.line,
-            text: &self.text,
-            cells: &self.cells,
-        }
+        Row { line: self.line, text: &self.text, cells: &self.cells }
     }
 
     /// The next line, without its end; false after the last.
@@ -201,9 +191,7 @@ impl<R: BufRead> Rows<R> {
         }
         self.text.clear();
         let mut line = (&mut self.source).take(MAX_LINE_BYTES as u64 + 1);
-        let read = line
-            .read_until(b'\n', &mut self.text)
-            .map_err(|e| CsvError::Io(e.to_string()))?;
+        let read = line.read_until(b'\n', &mut self.text).map_err(|e| CsvError::Io(e.to_string()))?;
         if read == 0 {
             return Ok(false);
         }
@@ -334,16 +322,9 @@ fn is_control(byte: u8) -> bool {
 /// A cell without spaces and quotes around it.
 fn trimmed(text: &[u8], cell: Range<usize>) -> Range<usize> {
     let spaces = |range: Range<usize>| {
-        let left = text[range.clone()]
-            .iter()
-            .take_while(|b| b.is_ascii_whitespace())
-            .count();
+        let left = text[range.clone()].iter().take_while(|b| b.is_ascii_whitespace()).count();
         let start = range.start + left;
-        let right = text[start..range.end]
-            .iter()
-            .rev()
-            .take_while(|b| b.is_ascii_whitespace())
-            .count();
+        let right = text[start..range.end].iter().rev().take_while(|b| b.is_ascii_whitespace()).count();
         start..range.end - right
     };
     let bare = spaces(cell);
@@ -362,14 +343,9 @@ fn delimiter(header: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> u8 {
         let separators = cells.len() - 1;
         let is_mark = |at: usize| matches!(header.get(at), Some(b',' | b';'));
         let ends_in_mark = |cell: &Range<usize>| is_mark(cell.end - 1) && header.get(cell.end) != Some(&b'"');
-        let filled: Vec<_> = cells
-            .iter()
-            .enumerate()
-            .filter(|(_, cell)| !cell.is_empty())
-            .collect();
-        let wanted = { filled.iter() }
-            .filter(|(_, cell)| is_wanted(&unquoted(&header[(*cell).clone()])))
-            .count();
+        let filled: Vec<_> = cells.iter().enumerate().filter(|(_, cell)| !cell.is_empty()).collect();
+        let wanted =
+            { filled.iter() }.filter(|(_, cell)| is_wanted(&unquoted(&header[(*cell).clone()]))).count();
         let are_names = !filled.iter().any(|(_, cell)| ends_in_mark(cell));
         let tabs = { filled.windows(2) }
             .filter(|pair| !ends_in_mark(pair[0].1) && !is_mark(pair[1].1.start))
@@ -378,19 +354,14 @@ fn delimiter(header: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> u8 {
         let counted = if delimiter == b'\t' { tabs } else { separators };
         (wanted, are_names, counted, separators, delimiter == b',')
     };
-    [b',', b';', b'\t']
-        .into_iter()
-        .max_by_key(|&d| rank(d))
-        .unwrap_or(b',')
+    [b',', b';', b'\t'].into_iter().max_by_key(|&d| rank(d)).unwrap_or(b',')
 }
 
 /// The first character (from 1) of cell `column` (from 1) of a line.
 pub fn cell_start(line: &[u8], column: usize) -> usize {
     let count = |delimiter: u8| line.iter().filter(|&&byte| byte == delimiter).count();
     // With another separator, commas are decimal points.
-    let other = [b';', b'\t']
-        .into_iter()
-        .find(|&d| count(d) > 0 && 2 * count(d) >= count(b','));
+    let other = [b';', b'\t'].into_iter().find(|&d| count(d) > 0 && 2 * count(d) >= count(b','));
     let delimiter = char::from(other.unwrap_or(b','));
     let (mut cell, mut quotes) = (1, Quotes::default());
     let line = decoded(line);

@@ -95,7 +95,5 @@ pub(super) fn list(folder: &Path) -> Vec<PathBuf> {
     let inside = plain(folder);
     let all = all();
     let names = all.keys().filter(|known| known.parent() == Some(&inside));
-    names
-        .filter_map(|known| Some(folder.join(known.file_name()?)))
-        .collect()
+    names.filter_map(|known| Some(folder.join(known.file_name()?))).collect()
 }

@@ -41,10 +41,7 @@ impl Roots {
                 Err(error) => Err((folder.to_owned(), error)),
             }
         };
-        Ok(Self {
-            folders: folders.into_iter().map(real).collect::<Result<_, _>>()?,
-            files: Vec::new(),
-        })
+        Ok(Self { folders: folders.into_iter().map(real).collect::<Result<_, _>>()?, files: Vec::new() })
     }
 
     /// Adds single files, such as those that [`noting_files`] returned.
@@ -111,10 +108,7 @@ pub fn refused(path: &Path) -> Option<Arc<Roots>> {
 /// the check.
 pub(super) fn admitted(path: &Path) -> io::Result<Cow<'_, Path>> {
     SCOPE.with_borrow(|scope| match scope {
-        Scope::Within(roots) => roots
-            .admit(path)
-            .map(Cow::Owned)
-            .ok_or_else(|| Refusal::Outside.into()),
+        Scope::Within(roots) => roots.admit(path).map(Cow::Owned).ok_or_else(|| Refusal::Outside.into()),
         _ => Ok(Cow::Borrowed(path)),
     })
 }
@@ -131,27 +125,19 @@ pub(super) fn note(path: &Path) {
 /// A path from the root without links and `..`; its target need not exist. `None` if the path cannot be resolved.
 fn resolved(path: &Path) -> Option<PathBuf> {
     let path = std::path::absolute(path).ok()?;
-    let found = path
-        .ancestors()
-        .find_map(|folder| Some((folder, folder.canonicalize().ok()?)));
+    let found = path.ancestors().find_map(|folder| Some((folder, folder.canonicalize().ok()?)));
     let (folder, real) = found?;
     let rest = path.strip_prefix(folder).ok()?;
     // What is missing may be a link that leads nowhere yet.
-    if rest
-        .components()
-        .next()
-        .is_some_and(|first| real.join(first).is_symlink())
-    {
+    if rest.components().next().is_some_and(|first| real.join(first).is_symlink()) {
         return None;
     }
     let is_name = |part: Component<'_>| matches!(part, Component::Normal(_));
     // No such folder, so nothing that `..` could lead out of: what comes of it later is not known.
-    rest.components()
-        .all(is_name)
-        .then(|| match rest.as_os_str().is_empty() {
-            true => real,
-            false => real.join(rest),
-        })
+    rest.components().all(is_name).then(|| match rest.as_os_str().is_empty() {
+        true => real,
+        false => real.join(rest),
+    })
 }
 
 #[cfg(unix)]
@@ -214,14 +200,7 @@ mod tests {
                 assert!(outside(&at(name)) && !is_file(&at(name)), "{name}");
                 assert_eq!(refused(&at(name)), Some(Arc::clone(&roots)), "{name}");
             }
-            for path in [
-                "/etc/passwd",
-                "/proc/self/environ",
-                "/dev/zero",
-                "/dev/stdin",
-                "secret",
-                "/",
-            ] {
+            for path in ["/etc/passwd", "/proc/self/environ", "/dev/zero", "/dev/stdin", "secret", "/"] {
                 assert!(outside(Path::new(path)), "{path}");
             }
             assert!(is_folder(&at("in")) && !is_folder(&at("in-too")) && list(&at("in-too")).is_empty());
@@ -232,11 +211,7 @@ mod tests {
             let missing = open(&at("in/none/x"), 9).unwrap_err();
             assert_eq!(missing.kind(), io::ErrorKind::NotFound);
         });
-        assert_eq!(
-            read(&at("secret"), 99).unwrap(),
-            b"secret",
-            "afterwards all is as before"
-        );
+        assert_eq!(read(&at("secret"), 99).unwrap(), b"secret", "afterwards all is as before");
     }
 
     #[test]
@@ -246,12 +221,7 @@ mod tests {
         let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
         assert!(made.success());
         let error = roots.confine(|| open(&pipe, 9)).unwrap_err();
-        assert_eq!(
-            Refusal::of(&error),
-            Some(Refusal::NotRegular {
-                found: "a named pipe"
-            })
-        );
+        assert_eq!(Refusal::of(&error), Some(Refusal::NotRegular { found: "a named pipe" }));
     }
 
     #[test]

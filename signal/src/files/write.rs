@@ -11,9 +11,7 @@ pub const TEMPORARY: &str = ".tmp";
 /// True for the path of a temporary file: `NAME.PROCESS-NUMBER.tmp`.
 pub fn is_temporary(path: &Path) -> bool {
     let name = path.to_string_lossy();
-    let numbers = name
-        .strip_suffix(TEMPORARY)
-        .and_then(|rest| rest.rsplit_once('.'));
+    let numbers = name.strip_suffix(TEMPORARY).and_then(|rest| rest.rsplit_once('.'));
     let numbers = numbers.and_then(|(_, numbers)| numbers.split_once('-'));
     numbers.is_some_and(|(process, number)| [process, number].iter().all(|part| part.parse::<u64>().is_ok()))
 }
@@ -36,11 +34,7 @@ pub fn write_atomically_by<T>(path: &Path, fill: impl FnOnce(&mut File) -> io::R
         .file_name()
         .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "the path has no file name"))?;
     let mut temporary = name.to_owned();
-    temporary.push(format!(
-        ".{}-{}{TEMPORARY}",
-        std::process::id(),
-        WRITES.fetch_add(1, Ordering::Relaxed)
-    ));
+    temporary.push(format!(".{}-{}{TEMPORARY}", std::process::id(), WRITES.fetch_add(1, Ordering::Relaxed)));
     let temporary = path.with_file_name(temporary);
     let file = OpenOptions::new().write(true).create_new(true).open(&temporary);
     let written = file.and_then(|mut file| {
@@ -70,10 +64,7 @@ mod tests {
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
         let nowhere = folder.path().join("missing").join("surface.ron");
         assert!(write_atomically(&nowhere, b"x").is_err());
-        assert!(
-            write_atomically(folder.path(), b"x").is_err(),
-            "a folder is not overwritten"
-        );
+        assert!(write_atomically(folder.path(), b"x").is_err(), "a folder is not overwritten");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -123,11 +123,7 @@ impl Prototype {
     fn new(band: Band, poles: &[Complex64]) -> Self {
         let mut all = [Complex64::new(0.0, 0.0); MAX_ORDER];
         all.iter_mut().zip(poles).for_each(|(to, pole)| *to = *pole);
-        Self {
-            poles: all,
-            order: poles.len(),
-            band,
-        }
+        Self { poles: all, order: poles.len(), band }
     }
 
     /// Computes the sections for a cut-off, Hz, the edges of a band, Hz, or poles at lambda, rad/s; a design with one
@@ -193,9 +189,7 @@ impl Deref for Cascade {
 
 impl From<Cascade> for Sections {
     fn from(cascade: Cascade) -> Self {
-        Self {
-            sections: cascade.to_vec(),
-        }
+        Self { sections: cascade.to_vec() }
     }
 }
 
@@ -226,11 +220,7 @@ pub fn butterworth_bandpass(
     high_hz: f64,
     rate_hz: f64,
 ) -> Result<Sections, DesignError> {
-    designed(
-        &Prototype::butterworth_bandpass(order)?,
-        [low_hz, high_hz],
-        rate_hz,
-    )
+    designed(&Prototype::butterworth_bandpass(order)?, [low_hz, high_hz], rate_hz)
 }
 
 /// Bessel low-pass (flattest group delay), -3 dB at `cutoff_hz`, unit gain at 0.
@@ -262,10 +252,7 @@ fn two_equal_poles(lambda_rad_s: f64, rate_hz: f64) -> Result<Cascade, DesignErr
     let nyquist_hz = check_rate(rate_hz)? / 2.0;
     if !(lambda_rad_s.is_finite() && lambda_rad_s > 0.0) {
         let cutoff_hz = lambda_rad_s / (2.0 * PI);
-        return Err(DesignError::Cutoff {
-            cutoff_hz,
-            nyquist_hz,
-        });
+        return Err(DesignError::Cutoff { cutoff_hz, nyquist_hz });
     }
     let step = lambda_rad_s / rate_hz;
     if step < 2.0 * LEAST_PAIR {
@@ -277,27 +264,16 @@ fn two_equal_poles(lambda_rad_s: f64, rate_hz: f64) -> Result<Cascade, DesignErr
     }
     let (gain, pole) = (step / (1.0 + step), 1.0 / (1.0 + step));
     let mut sections = [Biquad::IDENTITY; MAX_ORDER];
-    sections[0] = Biquad {
-        b: [gain * gain, 0.0, 0.0],
-        a: [-2.0 * pole, pole * pole],
-    };
+    sections[0] = Biquad { b: [gain * gain, 0.0, 0.0], a: [-2.0 * pole, pole * pole] };
     Ok(Cascade { sections, count: 1 })
 }
 
 fn check(order: usize) -> Result<usize, DesignError> {
-    if (1..=MAX_ORDER).contains(&order) {
-        Ok(order)
-    } else {
-        Err(DesignError::Order { order })
-    }
+    if (1..=MAX_ORDER).contains(&order) { Ok(order) } else { Err(DesignError::Order { order }) }
 }
 
 fn check_rate(rate_hz: f64) -> Result<f64, DesignError> {
-    if rate_hz.is_finite() && rate_hz > 0.0 {
-        Ok(rate_hz)
-    } else {
-        Err(DesignError::Rate { rate_hz })
-    }
+    if rate_hz.is_finite() && rate_hz > 0.0 { Ok(rate_hz) } else { Err(DesignError::Rate { rate_hz }) }
 }
 
 /// The analog frequency, in units of `2 rate`, that the bilinear transform carries to `cutoff_hz`.
@@ -306,10 +282,7 @@ fn prewarp(cutoff_hz: f64, rate_hz: f64) -> Result<f64, DesignError> {
     if cutoff_hz > 0.0 && cutoff_hz < nyquist_hz {
         Ok((PI * cutoff_hz / rate_hz).tan())
     } else {
-        Err(DesignError::Cutoff {
-            cutoff_hz,
-            nyquist_hz,
-        })
+        Err(DesignError::Cutoff { cutoff_hz, nyquist_hz })
     }
 }
 
@@ -328,11 +301,7 @@ fn told(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<f64, DesignError> 
     if (least..=1.0 / least).contains(&cutoff) {
         return Ok(cutoff);
     }
-    Err(DesignError::Extreme {
-        frequency_hz: cutoff_hz,
-        rate_hz,
-        lowest_hz: least.atan() * rate_hz / PI,
-    })
+    Err(DesignError::Extreme { frequency_hz: cutoff_hz, rate_hz, lowest_hz: least.atan() * rate_hz / PI })
 }
 
 /// s, in units of `2 rate`, to z.
@@ -355,20 +324,12 @@ fn bessel_prototype(order: usize) -> Vec<Complex64> {
         coefficients[k] = coefficients[k - 1] * ratio;
     }
     // This has unit delay; its -3 dB point, where |polynomial(jw)|^2 = 2, is found by bisection.
-    let polynomial = |s: Complex64| {
-        coefficients
-            .iter()
-            .rev()
-            .fold(Complex64::new(0.0, 0.0), |sum, c| sum * s + *c)
-    };
+    let polynomial =
+        |s: Complex64| coefficients.iter().rev().fold(Complex64::new(0.0, 0.0), |sum, c| sum * s + *c);
     let (mut low, mut high) = (0.1, 10.0 * order as f64);
     for _ in 0..100 {
         let middle = 0.5 * (low + high);
-        if polynomial(Complex64::new(0.0, middle)).norm_sqr() < 2.0 {
-            low = middle
-        } else {
-            high = middle
-        }
+        if polynomial(Complex64::new(0.0, middle)).norm_sqr() < 2.0 { low = middle } else { high = middle }
     }
     roots(&coefficients).into_iter().map(|p| p / low).collect()
 }
@@ -378,10 +339,7 @@ fn roots(coefficients: &[f64]) -> Vec<Complex64> {
     let order = coefficients.len() - 1;
     let evaluate = |s: Complex64| {
         let zero = Complex64::new(0.0, 0.0);
-        coefficients
-            .iter()
-            .rev()
-            .fold((zero, zero), |(p, d), c| (p * s + *c, d * s + p))
+        coefficients.iter().rev().fold((zero, zero), |(p, d), c| (p * s + *c, d * s + p))
     };
     let radius = (coefficients[0] / coefficients[order]).powf(1.0 / order as f64);
     let mut roots: Vec<Complex64> = (0..order)
@@ -395,10 +353,8 @@ fn roots(coefficients: &[f64]) -> Vec<Complex64> {
                 continue;
             }
             let newton = p / d;
-            let repulsion: Complex64 = (0..order)
-                .filter(|j| *j != i)
-                .map(|j| (roots[i] - roots[j]).inv())
-                .sum();
+            let repulsion: Complex64 =
+                (0..order).filter(|j| *j != i).map(|j| (roots[i] - roots[j]).inv()).sum();
             let step = newton / (1.0 - newton * repulsion);
             roots[i] -= step;
             largest_step = largest_step.max(step.norm() / radius);
@@ -458,19 +414,12 @@ fn cascade(poles: impl Iterator<Item = Complex64>, zeros: Zeros, reference: Comp
     // Real poles come in pairs, the leftover of an odd order first.
     let (single, paired) = real.split_at(reals % 2);
     let single = single.iter().map(|p| (zeros.single(), [-p.re, 0.0]));
-    let paired = paired
-        .chunks_exact(2)
-        .map(|p| (zeros.pair(), [-(p[0].re + p[1].re), p[0].re * p[1].re]));
-    let complex = complex
-        .iter()
-        .map(|p| (zeros.pair(), [-2.0 * p.re, p.norm_sqr()]));
+    let paired = paired.chunks_exact(2).map(|p| (zeros.pair(), [-(p[0].re + p[1].re), p[0].re * p[1].re]));
+    let complex = complex.iter().map(|p| (zeros.pair(), [-2.0 * p.re, p.norm_sqr()]));
     let unit_gain = |(b, a): ([f64; 3], [f64; 2])| {
         let section = Biquad { b, a };
         let scale = 1.0 / section.gain_at(reference.inv()).norm();
-        Biquad {
-            b: b.map(|b| b * scale),
-            a,
-        }
+        Biquad { b: b.map(|b| b * scale), a }
     };
     let mut sections = [Biquad::IDENTITY; MAX_ORDER];
     let mut count = 0;

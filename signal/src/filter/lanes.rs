@@ -131,9 +131,8 @@ mod tests {
 
     #[test]
     fn each_lane_has_the_bits_of_its_filter_alone() {
-        let filters: Vec<Sections> = (1..=3)
-            .map(|k| butterworth_highpass(4, 20.0 * f64::from(k), 10_000.0).unwrap())
-            .collect();
+        let filters: Vec<Sections> =
+            (1..=3).map(|k| butterworth_highpass(4, 20.0 * f64::from(k), 10_000.0).unwrap()).collect();
         let mut frames = vec![[0.0; 4]; 500];
         Gaussian::new(1).fill(frames[..200].as_flattened_mut());
         frames[7][1] = f64::NAN;

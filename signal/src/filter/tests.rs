@@ -14,27 +14,16 @@ fn warped(frequency_hz: f64, rate_hz: f64) -> f64 {
 #[test]
 fn butterworth_magnitudes_are_the_closed_form() {
     for order in 1..=MAX_ORDER {
-        for (cutoff, rate) in [
-            (20.0, 1000.0),
-            (1000.0, 10_000.0),
-            (4000.0, 10_000.0),
-            (20.0, 10_000.0),
-        ] {
+        for (cutoff, rate) in [(20.0, 1000.0), (1000.0, 10_000.0), (4000.0, 10_000.0), (20.0, 10_000.0)] {
             let low = butterworth_lowpass(order, cutoff, rate).unwrap();
             let high = butterworth_highpass(order, cutoff, rate).unwrap();
             assert!(low.is_stable() && high.is_stable());
             for f in [0.3, 0.7, 1.0, 1.1].map(|part| part * cutoff) {
                 let ratio = (warped(f, rate) / warped(cutoff, rate)).powi(2 * order as i32);
                 let got = low.response(f, rate).norm_sqr();
-                assert!(
-                    (got * (1.0 + ratio) - 1.0).abs() < 1e-6,
-                    "low {order} {cutoff} {f}"
-                );
+                assert!((got * (1.0 + ratio) - 1.0).abs() < 1e-6, "low {order} {cutoff} {f}");
                 let got = high.response(f, rate).norm_sqr();
-                assert!(
-                    (got * (1.0 + 1.0 / ratio) - 1.0).abs() < 1e-6,
-                    "high {order} {cutoff} {f}"
-                );
+                assert!((got * (1.0 + 1.0 / ratio) - 1.0).abs() < 1e-6, "high {order} {cutoff} {f}");
             }
         }
     }
@@ -72,11 +61,8 @@ fn a_known_design_has_its_published_coefficients() {
 #[test]
 fn bessel_poles_are_the_published_ones() {
     // At a rate far above the cut-off the poles are exp(s T). Published positions for -3 dB at 1 rad/s, order 5.
-    let published = [
-        (-1.502_316_271_4, 0.0),
-        (-1.380_877_329_0, 0.717_909_587_6),
-        (-0.957_676_548_6, 1.471_124_320_7),
-    ];
+    let published =
+        [(-1.502_316_271_4, 0.0), (-1.380_877_329_0, 0.717_909_587_6), (-0.957_676_548_6, 1.471_124_320_7)];
     let rate = 1e5;
     let filter = bessel_lowpass(5, 1.0 / TAU, rate).unwrap();
     let mut poles = Vec::new();
@@ -92,10 +78,8 @@ fn bessel_poles_are_the_published_ones() {
     assert_eq!(poles.len(), 3);
     for (re, im) in published {
         let want = Complex64::new(re, im);
-        let nearest = poles
-            .iter()
-            .map(|z| (2.0 * rate * (z - 1.0) / (z + 1.0) - want).norm())
-            .fold(9.0, f64::min);
+        let nearest =
+            poles.iter().map(|z| (2.0 * rate * (z - 1.0) / (z + 1.0) - want).norm()).fold(9.0, f64::min);
         assert!(nearest < 1e-4, "{want}: {nearest}");
     }
 }
@@ -105,10 +89,7 @@ fn bessel_filters_lose_3_db_at_the_cutoff_and_delay_evenly() {
     for order in 1..=MAX_ORDER {
         let filter = bessel_lowpass(order, 1000.0, 10_000.0).unwrap();
         assert!(filter.is_stable());
-        assert!(
-            (decibels(&filter, 1000.0, 10_000.0) + 10.0 * 2_f64.log10()).abs() < 1e-6,
-            "{order}"
-        );
+        assert!((decibels(&filter, 1000.0, 10_000.0) + 10.0 * 2_f64.log10()).abs() < 1e-6, "{order}");
         assert!((filter.response(0.0, 10_000.0).norm() - 1.0).abs() < 1e-9);
     }
     let filter = bessel_lowpass(5, 100.0, 10_000.0).unwrap();
@@ -117,11 +98,7 @@ fn bessel_filters_lose_3_db_at_the_cutoff_and_delay_evenly() {
         assert!((filter.group_delay_s(f, 10_000.0) / at_dc - 1.0).abs() < 0.01);
     }
     // Order 5 has a delay of 2.4274 / (2 pi f_3dB).
-    assert!(
-        (at_dc * TAU * 100.0 - 2.4274).abs() < 2e-3,
-        "{}",
-        at_dc * TAU * 100.0
-    );
+    assert!((at_dc * TAU * 100.0 - 2.4274).abs() < 2e-3, "{}", at_dc * TAU * 100.0);
 }
 
 #[test]
@@ -169,9 +146,8 @@ fn what_runs_is_what_was_designed() {
     let mut h = vec![0.0; impulse.len()];
     SectionsState::new(&filter).process(&impulse, &mut h);
     for f in [0.0, 50.0, 300.0, 1500.0, 4000.0] {
-        let sum: Complex64 = (0..h.len())
-            .map(|n| Complex64::from_polar(h[n], -TAU * f / rate * n as f64))
-            .sum();
+        let sum: Complex64 =
+            (0..h.len()).map(|n| Complex64::from_polar(h[n], -TAU * f / rate * n as f64)).sum();
         assert!((sum - filter.response(f, rate)).norm() < 1e-9);
     }
 }
@@ -228,9 +204,7 @@ fn filtfilt_leaves_lines_alone_and_shifts_no_phase() {
     }
     let rate = 10_000.0;
     let gain = filter.response(50.0, rate).norm_sqr();
-    let sine: Vec<f64> = (0..20_000)
-        .map(|n| (TAU * 50.0 / rate * f64::from(n)).sin())
-        .collect();
+    let sine: Vec<f64> = (0..20_000).map(|n| (TAU * 50.0 / rate * f64::from(n)).sin()).collect();
     let out = filtfilt(&filter, &sine);
     for n in 5000..15_000 {
         assert!((out[n] - gain * sine[n]).abs() < 1e-6);
@@ -241,28 +215,13 @@ fn filtfilt_leaves_lines_alone_and_shifts_no_phase() {
 
 #[test]
 fn impossible_designs_are_refused() {
-    assert!(matches!(
-        butterworth_lowpass(0, 1.0, 10.0),
-        Err(DesignError::Order { order: 0 })
-    ));
-    assert!(matches!(
-        bessel_lowpass(99, 1.0, 10.0),
-        Err(DesignError::Order { .. })
-    ));
+    assert!(matches!(butterworth_lowpass(0, 1.0, 10.0), Err(DesignError::Order { order: 0 })));
+    assert!(matches!(bessel_lowpass(99, 1.0, 10.0), Err(DesignError::Order { .. })));
     for cutoff in [0.0, -1.0, 5.0, 7.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(
-            butterworth_highpass(2, cutoff, 10.0),
-            Err(DesignError::Cutoff { .. })
-        ));
+        assert!(matches!(butterworth_highpass(2, cutoff, 10.0), Err(DesignError::Cutoff { .. })));
     }
-    assert!(matches!(
-        butterworth_lowpass(2, 1.0, f64::NAN),
-        Err(DesignError::Rate { .. })
-    ));
-    assert!(matches!(
-        butterworth_bandpass(2, 3.0, 3.0, 10.0),
-        Err(DesignError::EmptyBand { .. })
-    ));
+    assert!(matches!(butterworth_lowpass(2, 1.0, f64::NAN), Err(DesignError::Rate { .. })));
+    assert!(matches!(butterworth_bandpass(2, 3.0, 3.0, 10.0), Err(DesignError::EmptyBand { .. })));
     assert!(double_pole(0.0, 1000.0).is_err() && double_pole(1.0, 0.0).is_err());
 }
 
@@ -270,20 +229,13 @@ fn impossible_designs_are_refused() {
 fn extreme_frequencies_give_filters_that_are_right_or_an_error() {
     type Design = fn(usize, f64, f64) -> Result<Sections, DesignError>;
     let rate_hz = 48_000.0;
-    let designs: [(Design, bool); 3] = [
-        (butterworth_lowpass, true),
-        (butterworth_highpass, false),
-        (bessel_lowpass, true),
-    ];
+    let designs: [(Design, bool); 3] =
+        [(butterworth_lowpass, true), (butterworth_highpass, false), (bessel_lowpass, true)];
     let mut refused = 0;
     for exponent in -12..=4 {
         for below in [true, false] {
             let from_end_hz = 10_f64.powi(exponent);
-            let cutoff_hz = if below {
-                from_end_hz
-            } else {
-                0.5 * rate_hz - from_end_hz
-            };
+            let cutoff_hz = if below { from_end_hz } else { 0.5 * rate_hz - from_end_hz };
             for order in 1..=16 {
                 for (design, low) in designs {
                     let Ok(filter) = design(order, cutoff_hz, rate_hz) else {
@@ -293,28 +245,16 @@ fn extreme_frequencies_give_filters_that_are_right_or_an_error() {
                     let passed_hz = if low { 0.0 } else { 0.5 * rate_hz };
                     let name = format!("order {order}, {cutoff_hz} Hz, low {low}");
                     assert!(filter.is_stable(), "{name}");
-                    assert!(
-                        (filter.response(passed_hz, rate_hz).norm() - 1.0).abs() < 1e-6,
-                        "{name}"
-                    );
-                    assert!(
-                        filter.group_delay_s(0.01 * cutoff_hz, rate_hz).is_finite(),
-                        "{name}"
-                    );
+                    assert!((filter.response(passed_hz, rate_hz).norm() - 1.0).abs() < 1e-6, "{name}");
+                    assert!(filter.group_delay_s(0.01 * cutoff_hz, rate_hz).is_finite(), "{name}");
                 }
             }
         }
     }
     assert!(refused > 100);
-    assert!(matches!(
-        bessel_lowpass(2, 1e-5, rate_hz),
-        Err(DesignError::Extreme { .. })
-    ));
+    assert!(matches!(bessel_lowpass(2, 1e-5, rate_hz), Err(DesignError::Extreme { .. })));
     assert!(butterworth_lowpass(2, 0.01, rate_hz).is_ok());
-    assert!(matches!(
-        double_pole(1e-5, rate_hz),
-        Err(DesignError::Extreme { .. })
-    ));
+    assert!(matches!(double_pole(1e-5, rate_hz), Err(DesignError::Extreme { .. })));
     let narrow = butterworth_bandpass(2, 100.0, 100.0_f64.next_up(), rate_hz);
     assert!(matches!(narrow, Err(DesignError::NarrowBand { .. })));
 }

@@ -70,17 +70,10 @@ fn the_transform_is_box_and_mullers() {
         let u = 1.0 - (word >> 26) as f64 / 2_f64.powi(38);
         let t = (word >> 2 & 0xff_ffff) as f64 / 2_f64.powi(23) - 1.0;
         let turn = std::f64::consts::FRAC_PI_4 * t;
-        let (cosine, sine) = if word & 1 == 0 {
-            (turn.cos(), turn.sin())
-        } else {
-            (turn.sin(), turn.cos())
-        };
+        let (cosine, sine) = if word & 1 == 0 { (turn.cos(), turn.sin()) } else { (turn.sin(), turn.cos()) };
         let sign = if word & 2 == 0 { 1.0 } else { -1.0 };
         let length = sign * (-2.0 * u.ln()).sqrt();
-        assert!(
-            (x - length * cosine).abs() < 1e-10 && (y - length * sine).abs() < 1e-10,
-            "{word:x}"
-        );
+        assert!((x - length * cosine).abs() < 1e-10 && (y - length * sine).abs() < 1e-10, "{word:x}");
     }
 }
 
@@ -138,11 +131,7 @@ fn moments_and_correlations(stream: &mut Gaussian, count: usize) {
         for (i, lag) in lags.iter().enumerate() {
             let then = &x[longest - lag..];
             products[i] += now.iter().zip(then).map(|(a, b)| a * b).sum::<f64>();
-            squares[i] += now
-                .iter()
-                .zip(then)
-                .map(|(a, b)| (a * a - 1.0) * (b * b - 1.0))
-                .sum::<f64>();
+            squares[i] += now.iter().zip(then).map(|(a, b)| (a * a - 1.0) * (b * b - 1.0)).sum::<f64>();
         }
         x.copy_within(block.., 0);
     }
@@ -156,10 +145,7 @@ fn moments_and_correlations(stream: &mut Gaussian, count: usize) {
     }
     for (lag, (product, square)) in lags.iter().zip(products.iter().zip(&squares)) {
         let off = (product / n.sqrt(), square / (2.0 * n.sqrt()));
-        assert!(
-            off.0.abs() < 5.0 && off.1.abs() < 5.0,
-            "lag {lag}: {off:?} standard deviations"
-        );
+        assert!(off.0.abs() < 5.0 && off.1.abs() < 5.0, "lag {lag}: {off:?} standard deviations");
     }
 }
 
@@ -177,11 +163,7 @@ fn kolmogorov_smirnov_and_anderson_darling(stream: &mut Gaussian, count: usize) 
         sum += (2.0 * i + 1.0) * below.ln() + (2.0 * (n - i) - 1.0) * cumulative(-x).ln();
     }
     // Kolmogorov's tail is 2 exp(-2 t^2); Anderson and Darling's is about 1e-6 at 12.
-    assert!(
-        distance * n.sqrt() < 2.7,
-        "Kolmogorov-Smirnov {}",
-        distance * n.sqrt()
-    );
+    assert!(distance * n.sqrt() < 2.7, "Kolmogorov-Smirnov {}", distance * n.sqrt());
     let a_squared = -n - sum / n;
     assert!(a_squared < 12.0, "Anderson-Darling {a_squared}");
 }
@@ -195,15 +177,9 @@ fn chi_square(stream: &mut Gaussian, count: usize) {
         counts[edges.partition_point(|edge| *edge <= x)] += 1.0;
     }
     let expected = count as f64 / BINS as f64;
-    let statistic: f64 = counts
-        .iter()
-        .map(|c: &f64| (c - expected).powi(2) / expected)
-        .sum();
+    let statistic: f64 = counts.iter().map(|c: &f64| (c - expected).powi(2) / expected).sum();
     let (mean, deviation) = ((BINS - 1) as f64, (2.0 * (BINS - 1) as f64).sqrt());
-    assert!(
-        (statistic - mean).abs() < 5.0 * deviation,
-        "chi-square {statistic}, 999 degrees of freedom"
-    );
+    assert!((statistic - mean).abs() < 5.0 * deviation, "chi-square {statistic}, 999 degrees of freedom");
 }
 
 /// The normal distribution function: its series near 0, its continued fraction in the tails.
@@ -228,11 +204,7 @@ fn quantile(p: f64) -> f64 {
     let (mut low, mut high) = (-9.0, 9.0);
     for _ in 0..80 {
         let middle = 0.5 * (low + high);
-        if cumulative(middle) < p {
-            low = middle
-        } else {
-            high = middle
-        }
+        if cumulative(middle) < p { low = middle } else { high = middle }
     }
     low
 }

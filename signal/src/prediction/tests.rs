@@ -28,11 +28,7 @@ fn simulate(ar: &[f64], ma: &[f64], n: usize, seed: u64) -> Vec<f64> {
 
 #[test]
 fn autocovariance_is_the_definition() {
-    close(
-        &autocovariance(&[1.0, 2.0, -1.0], 4),
-        &[2.0, 0.0, -1.0 / 3.0, 0.0, 0.0],
-        1e-15,
-    );
+    close(&autocovariance(&[1.0, 2.0, -1.0], 4), &[2.0, 0.0, -1.0 / 3.0, 0.0, 0.0], 1e-15);
     assert_eq!(autocovariance(&[], 2), [0.0; 3]);
 }
 
@@ -66,18 +62,9 @@ fn levinson_answers_silence_certainty_and_nonsense() {
     let model = levinson(&r, 8).unwrap();
     close(&model.ar[..2], &[-2.0 * 0.7_f64.cos(), 1.0], 1e-6);
     assert!(model.variance.abs() < 1e-12);
-    assert!(matches!(
-        levinson(&[1.0, 2.0], 1),
-        Err(PredictionError::NotAnAutocovariance { lag: 1 })
-    ));
-    assert!(matches!(
-        levinson(&[1.0], 1),
-        Err(PredictionError::TooShort { .. })
-    ));
-    assert!(matches!(
-        levinson(&[f64::NAN, 0.0], 1),
-        Err(PredictionError::NotFinite)
-    ));
+    assert!(matches!(levinson(&[1.0, 2.0], 1), Err(PredictionError::NotAnAutocovariance { lag: 1 })));
+    assert!(matches!(levinson(&[1.0], 1), Err(PredictionError::TooShort { .. })));
+    assert!(matches!(levinson(&[f64::NAN, 0.0], 1), Err(PredictionError::NotFinite)));
 }
 
 #[test]
@@ -105,15 +92,9 @@ fn reflection_and_polynomial_are_two_names_of_one_thing() {
 fn unstable_polynomials_are_told_apart_from_barely_stable_ones() {
     let pair = |radius: f64| [-2.0 * radius * 0.3_f64.cos(), radius * radius];
     assert!(ar_to_reflection(&pair(0.9999)).is_ok());
-    assert!(matches!(
-        ar_to_reflection(&pair(1.0001)),
-        Err(PredictionError::Unstable { order: 2, .. })
-    ));
+    assert!(matches!(ar_to_reflection(&pair(1.0001)), Err(PredictionError::Unstable { order: 2, .. })));
     assert!(ar_to_reflection(&[-1.5]).is_err());
-    assert!(matches!(
-        ar_to_reflection(&[f64::NAN, 0.1]),
-        Err(PredictionError::NotFinite)
-    ));
+    assert!(matches!(ar_to_reflection(&[f64::NAN, 0.1]), Err(PredictionError::NotFinite)));
 }
 
 #[test]
@@ -135,11 +116,7 @@ fn power_gain_is_the_energy_of_the_impulse_response() {
     let n = 20_000;
     let mut h = vec![0.0; n];
     for i in 0..n {
-        h[i] = if i == 0 {
-            1.0
-        } else {
-            ma.get(i - 1).copied().unwrap_or(0.0)
-        };
+        h[i] = if i == 0 { 1.0 } else { ma.get(i - 1).copied().unwrap_or(0.0) };
         for (k, a) in ar.iter().enumerate().take(i) {
             h[i] -= a * h[i - k - 1];
         }
@@ -156,18 +133,13 @@ fn arma_autocovariance_is_that_of_the_impulse_response() {
     let n = 5000;
     let mut h = vec![0.0; n];
     for i in 0..n {
-        h[i] = if i == 0 {
-            1.0
-        } else {
-            ma.get(i - 1).copied().unwrap_or(0.0)
-        };
+        h[i] = if i == 0 { 1.0 } else { ma.get(i - 1).copied().unwrap_or(0.0) };
         for (k, a) in ar.iter().enumerate().take(i) {
             h[i] -= a * h[i - k - 1];
         }
     }
-    let want: Vec<f64> = (0..=20)
-        .map(|lag| 1.5 * h[lag..].iter().zip(&h).map(|(a, b)| a * b).sum::<f64>())
-        .collect();
+    let want: Vec<f64> =
+        (0..=20).map(|lag| 1.5 * h[lag..].iter().zip(&h).map(|(a, b)| a * b).sum::<f64>()).collect();
     let got = arma_autocovariance(&ar, &ma, 1.5, 20).unwrap();
     let power = want[0];
     for (got, want) in got.iter().zip(&want) {

@@ -22,18 +22,10 @@ pub(super) struct Kernel {
 
 impl Kernel {
     pub fn new(input: Rate, output: Rate, quality: Quality) -> Result<Self, ResampleError> {
-        let Quality {
-            passband,
-            stopband,
-            attenuation_db,
-        } = quality;
+        let Quality { passband, stopband, attenuation_db } = quality;
         let sound = 0.0 < passband && passband < stopband && stopband <= 2.0;
         if !(sound && (20.0..=180.0).contains(&attenuation_db)) {
-            return Err(ResampleError::Quality {
-                passband,
-                stopband,
-                attenuation_db,
-            });
+            return Err(ResampleError::Quality { passband, stopband, attenuation_db });
         }
         // The lower Nyquist frequency, in cycles an input sample.
         let nyquist = 0.5 * (output.hz() / input.hz()).min(1.0);
@@ -58,12 +50,7 @@ impl Kernel {
         if taps <= most {
             return Ok(());
         }
-        Err(ResampleError::RatioTooFine {
-            input,
-            output,
-            taps,
-            most,
-        })
+        Err(ResampleError::RatioTooFine { input, output, taps, most })
     }
 
     /// Inputs each output depends on.
@@ -156,11 +143,7 @@ pub(super) struct History {
 impl History {
     /// All zero. Allocates here only.
     pub fn new(width: usize) -> Self {
-        Self {
-            samples: vec![0.0; width + width.max(512)].into_boxed_slice(),
-            width,
-            end: width,
-        }
+        Self { samples: vec![0.0; width + width.max(512)].into_boxed_slice(), width, end: width }
     }
 
     pub fn push(&mut self, x: &[f64]) {

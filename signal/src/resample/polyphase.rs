@@ -34,9 +34,7 @@ impl Resampler {
         let kernel = Kernel::new(input, output, quality)?;
         let (up, down) = ratio(input, output);
         kernel.check_table(up, input, output)?;
-        let phases = (0..up)
-            .flat_map(|phase| kernel.taps(phase as f64 / up as f64))
-            .collect();
+        let phases = (0..up).flat_map(|phase| kernel.taps(phase as f64 / up as f64)).collect();
         Ok(Self {
             phases,
             width: kernel.width(),
@@ -106,11 +104,7 @@ impl Resampler {
 
     /// Inputs still missing for the next output.
     fn inputs_needed(&self) -> usize {
-        if self.ahead < 0 {
-            0
-        } else {
-            (self.ahead / self.up as i64) as usize + 1
-        }
+        if self.ahead < 0 { 0 } else { (self.ahead / self.up as i64) as usize + 1 }
     }
 }
 

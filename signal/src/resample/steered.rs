@@ -62,11 +62,7 @@ impl SteeredResampler {
     /// Sets the correction from the next output on: the additional input per output, ppm. Clamped to
     /// ±[`MAX_CORRECTION_PPM`]; NaN counts as 0.
     pub fn set_correction_ppm(&mut self, ppm: f64) {
-        let ppm = if ppm.is_nan() {
-            0.0
-        } else {
-            ppm.clamp(-MAX_CORRECTION_PPM, MAX_CORRECTION_PPM)
-        };
+        let ppm = if ppm.is_nan() { 0.0 } else { ppm.clamp(-MAX_CORRECTION_PPM, MAX_CORRECTION_PPM) };
         let step = self.nominal_step * (1.0 + ppm * 1e-6);
         // Integer and fractional part separately, so that only the rounding of `step` remains.
         self.step = ((step.trunc() as u128) << 64) + (step.fract() * ONE as f64) as u128;

@@ -23,13 +23,7 @@ fn resample_all(input: u64, output: u64, quality: Quality, x: &[f64]) -> (Vec<f6
     let mut resampler = Resampler::new(hz(input), hz(output), quality).unwrap();
     let mut y = vec![0.0; resampler.outputs_before(x.len() as u64) as usize];
     let progress = resampler.process(x, &mut y);
-    assert_eq!(
-        progress,
-        Progress {
-            consumed: x.len(),
-            produced: y.len()
-        }
-    );
+    assert_eq!(progress, Progress { consumed: x.len(), produced: y.len() });
     (y, resampler.latency_s())
 }
 
@@ -49,10 +43,7 @@ fn sines_of_the_pass_band_arrive_delayed_by_the_latency() {
                     let t = k as f64 / output as f64 - latency;
                     if t > latency {
                         let want = (TAU * f * t + 0.3).sin();
-                        assert!(
-                            (y - want).abs() < 2.5e-5,
-                            "{input} {output} {quality:?} {f}: {y} {want}"
-                        );
+                        assert!((y - want).abs() < 2.5e-5, "{input} {output} {quality:?} {f}: {y} {want}");
                     }
                 }
             }
@@ -70,9 +61,7 @@ fn what_lies_in_the_stop_band_is_gone() {
                 if f > input as f64 / 2.0 {
                     continue;
                 }
-                let x: Vec<f64> = (0..input)
-                    .map(|n| (TAU * f * n as f64 / input as f64).sin())
-                    .collect();
+                let x: Vec<f64> = (0..input).map(|n| (TAU * f * n as f64 / input as f64).sin()).collect();
                 let (y, latency) = resample_all(input, output, quality, &x);
                 let settled = (2.0 * latency * output as f64) as usize + 1;
                 let peak = y[settled..].iter().fold(0.0_f64, |peak, y| peak.max(y.abs()));
@@ -84,11 +73,7 @@ fn what_lies_in_the_stop_band_is_gone() {
 
 #[test]
 fn latencies_are_as_stated() {
-    let latency = |quality| {
-        Resampler::new(hz(10_000), hz(48_000), quality)
-            .unwrap()
-            .latency_frames()
-    };
+    let latency = |quality| Resampler::new(hz(10_000), hz(48_000), quality).unwrap().latency_frames();
     assert_eq!(QUALITIES.map(latency), [7, 17, 79]);
     let resampler = Resampler::new(hz(10_000), hz(48_000), Quality::LOW_LATENCY).unwrap();
     assert!((resampler.latency_s() - 0.0007).abs() < 1e-12);
@@ -112,10 +97,7 @@ fn the_samples_do_not_depend_on_the_blocks() {
                 let outputs = crate::time::ticks_before(unit, output_period) as usize;
                 let mut block = vec![0.0; outputs - y.len()];
                 let progress = resampler.process(&x[consumed..inputs], &mut block);
-                assert_eq!(
-                    (progress.consumed, progress.produced),
-                    (inputs - consumed, block.len())
-                );
+                assert_eq!((progress.consumed, progress.produced), (inputs - consumed, block.len()));
                 consumed = inputs;
                 y.append(&mut block);
             }
@@ -160,44 +142,16 @@ fn constants_pass_unchanged() {
 fn calls_stop_where_input_or_room_ends() {
     let mut resampler = Resampler::new(hz(1000), hz(10_000), Quality::LOW_LATENCY).unwrap();
     let mut y = [0.0; 25];
-    assert_eq!(
-        resampler.process(&[], &mut y),
-        Progress {
-            consumed: 0,
-            produced: 0
-        }
-    );
-    assert_eq!(
-        resampler.process(&[1.0], &mut y),
-        Progress {
-            consumed: 1,
-            produced: 10
-        }
-    );
-    assert_eq!(
-        resampler.process(&[1.0; 9], &mut y),
-        Progress {
-            consumed: 3,
-            produced: 25
-        }
-    );
-    assert_eq!(
-        resampler.process(&[], &mut y),
-        Progress {
-            consumed: 0,
-            produced: 5
-        }
-    );
+    assert_eq!(resampler.process(&[], &mut y), Progress { consumed: 0, produced: 0 });
+    assert_eq!(resampler.process(&[1.0], &mut y), Progress { consumed: 1, produced: 10 });
+    assert_eq!(resampler.process(&[1.0; 9], &mut y), Progress { consumed: 3, produced: 25 });
+    assert_eq!(resampler.process(&[], &mut y), Progress { consumed: 0, produced: 5 });
 }
 
 #[test]
 fn impossible_resamplers_are_refused() {
     let with = |passband, stopband, attenuation_db| {
-        let quality = Quality {
-            passband,
-            stopband,
-            attenuation_db,
-        };
+        let quality = Quality { passband, stopband, attenuation_db };
         Resampler::new(hz(10), hz(20), quality).is_ok()
     };
     assert!(with(0.5, 1.0, 60.0) && with(0.5, 1.0, 30.0));
@@ -241,9 +195,8 @@ fn the_steered_resampler_follows_a_drifting_clock() {
     steered.set_correction_ppm(ppm);
     // The input clock runs 300 ppm fast, so that as many more samples of the same sine arrive a second.
     let f = 700.0;
-    let x: Vec<f64> = (0..100_000)
-        .map(|n| (TAU * f * n as f64 / (10_000.0 * (1.0 + ppm * 1e-6))).sin())
-        .collect();
+    let x: Vec<f64> =
+        (0..100_000).map(|n| (TAU * f * n as f64 / (10_000.0 * (1.0 + ppm * 1e-6))).sin()).collect();
     let (mut consumed, mut y) = (0, Vec::new());
     for length in [64, 1, 333, 480].into_iter().cycle() {
         let needed = steered.inputs_needed(length);
@@ -252,13 +205,7 @@ fn the_steered_resampler_follows_a_drifting_clock() {
         }
         let mut block = vec![0.0; length];
         let progress = steered.process(&x[consumed..], &mut block);
-        assert_eq!(
-            progress,
-            Progress {
-                consumed: needed,
-                produced: length
-            }
-        );
+        assert_eq!(progress, Progress { consumed: needed, produced: length });
         consumed += needed;
         y.append(&mut block);
     }
@@ -271,11 +218,8 @@ fn the_steered_resampler_follows_a_drifting_clock() {
 
 #[test]
 fn a_steered_sine_is_the_ideal_one_up_to_half_of_nyquist() {
-    for (from, to, ppm) in [
-        (1000.0, 48_000.0, 137.0),
-        (48_000.0, 44_100.0, -311.0),
-        (1000.0, 1000.0, 499.0),
-    ] {
+    for (from, to, ppm) in [(1000.0, 48_000.0, 137.0), (48_000.0, 44_100.0, -311.0), (1000.0, 1000.0, 499.0)]
+    {
         let rate = |hz: f64| Rate::from_hz(hz as u64).unwrap();
         for part in [0.05, 0.2, 0.35, 0.5] {
             let mut steered = SteeredResampler::new(rate(from), rate(to), Quality::LOW_LATENCY).unwrap();
@@ -287,16 +231,9 @@ fn a_steered_sine_is_the_ideal_one_up_to_half_of_nyquist() {
             let step = from / to * (1.0 + ppm * 1e-6);
             let latency = steered.latency_s() * from;
             // Pass band and images in one.
-            for (k, y) in y[..produced]
-                .iter()
-                .enumerate()
-                .skip((100.0 * to / from) as usize)
-            {
+            for (k, y) in y[..produced].iter().enumerate().skip((100.0 * to / from) as usize) {
                 let want = (omega * (k as f64 * step - latency)).sin();
-                assert!(
-                    (y - want).abs() < 5e-5,
-                    "{from} to {to}, {part} of Nyquist: {y} for {want}"
-                );
+                assert!((y - want).abs() < 5e-5, "{from} to {to}, {part} of Nyquist: {y} for {want}");
             }
         }
     }
@@ -314,18 +251,12 @@ fn steering_is_clamped_and_survives_nonsense() {
 #[test]
 fn a_whole_signal_is_resampled_in_place() {
     let tone = |rate: u64, i: usize| (TAU * 150.0 * i as f64 / rate as f64 + 0.3).sin();
-    for (input, output) in PAIRS
-        .into_iter()
-        .filter(|(input, output)| *input > 400 && *output > 400)
-    {
+    for (input, output) in PAIRS.into_iter().filter(|(input, output)| *input > 400 && *output > 400) {
         let x: Vec<f64> = (0..input as usize).map(|i| tone(input, i)).collect();
         let y = resample_whole(&x, hz(input), hz(output), Quality::FINE).unwrap();
         assert_eq!(y.len(), output as usize, "{input} to {output}");
         for (i, y) in y.iter().enumerate().take(3 * y.len() / 4).skip(y.len() / 4) {
-            assert!(
-                (y - tone(output, i)).abs() < 1e-4,
-                "{input} to {output}, sample {i}"
-            );
+            assert!((y - tone(output, i)).abs() < 1e-4, "{input} to {output}, sample {i}");
         }
     }
 }

@@ -108,11 +108,7 @@ impl CostReport {
             driver: graph.clocks()[clock.driver].name.clone(),
             rate: clock.rate.to_string(),
             period_ns: clock.rate.period_s() * 1e9,
-            load: rows
-                .iter()
-                .filter(|row| row.clock == clock.name)
-                .map(|row| row.load)
-                .sum(),
+            load: rows.iter().filter(|row| row.clock == clock.name).map(|row| row.load).sum(),
         });
         Self {
             load,
@@ -137,20 +133,8 @@ impl CostReport {
 
     pub fn to_text(&self) -> String {
         let mut text = String::new();
-        let wide = self
-            .rows
-            .iter()
-            .map(|row| row.label.chars().count())
-            .max()
-            .unwrap_or(0)
-            .max(4);
-        let clock_wide = self
-            .rows
-            .iter()
-            .map(|row| row.clock.chars().count())
-            .max()
-            .unwrap_or(0)
-            .max(5);
+        let wide = self.rows.iter().map(|row| row.label.chars().count()).max().unwrap_or(0).max(4);
+        let clock_wide = self.rows.iter().map(|row| row.clock.chars().count()).max().unwrap_or(0).max(5);
         let all = self.timed_load();
         let _ = writeln!(
             text,
@@ -219,10 +203,8 @@ impl CostReport {
              measuring      overhead {:.1} %: one round in {} timed step by step, {} in all; medians; `worst` includes \
              interruptions by the system",
             bytes(self.buffer_bytes() as u64),
-            self.peak_bytes.map_or_else(String::new, |peak| format!(
-                ", {} the whole process at its peak",
-                bytes(peak)
-            )),
+            self.peak_bytes
+                .map_or_else(String::new, |peak| format!(", {} the whole process at its peak", bytes(peak))),
             100.0 * self.overhead,
             self.every,
             self.timed_rounds,
@@ -290,12 +272,7 @@ impl CostReport {
         let place = |number: usize| (shown.len() - number) as f64;
         let bar = |(number, row): (usize, &Row)| {
             let (right, y) = (100.0 * row.load / all, place(number));
-            vec![
-                (0.0, y - 0.35),
-                (right, y - 0.35),
-                (right, y + 0.35),
-                (0.0, y + 0.35),
-            ]
+            vec![(0.0, y - 0.35), (right, y - 0.35), (right, y + 0.35), (0.0, y + 0.35)]
         };
         let bars = |(number, driver): (usize, &DriverLoad)| {
             let own = shown.iter().enumerate().filter(|(_, row)| row.driver == number);
@@ -307,30 +284,18 @@ impl CostReport {
             Mark::Areas(Style::named(ink, name), own.map(bar).collect())
         };
         let names = shown.iter().enumerate().map(|(number, row)| {
-            let label = format!(
-                "{}, {} a tick of {}",
-                row.label,
-                duration(row.median_ns),
-                row.clock
-            );
+            let label = format!("{}, {} a tick of {}", row.label, duration(row.median_ns), row.clock);
             (place(number), label)
         });
         let of_shown: f64 = shown.iter().map(|row| row.load).sum();
         let steps = match self.rows.len() {
             all if all == shown.len() => format!("all {all} steps"),
-            of => format!(
-                "{} of {of} steps, {:.0} % of the cost",
-                shown.len(),
-                100.0 * of_shown / all
-            ),
+            of => format!("{} of {of} steps, {:.0} % of the cost", shown.len(), 100.0 * of_shown / all),
         };
         let simulated = if self.simulated { "devices simulated, " } else { "" };
         Plot {
             title: format!("Cost of {name}, step by step"),
-            note: format!(
-                "{steps}; {simulated}{:.3} % of one core at its own rate",
-                100.0 * self.load
-            ),
+            note: format!("{steps}; {simulated}{:.3} % of one core at its own rate", 100.0 * self.load),
             x: Axis::of("Share of the cost (%)")
                 .over(0.0, 105.0 * shown.first().map_or(1.0, |row| row.load / all)),
             y: Axis::default().over(0.4, shown.len() as f64 + 0.6).named(names),

@@ -43,15 +43,7 @@ impl Signal {
             true => (wav(path, column, import)?, None),
             false => other(path, column, import)?,
         };
-        Ok(Self {
-            path: path.to_owned(),
-            samples,
-            rate_hz,
-            unit,
-            is_wav,
-            motion,
-            simulated,
-        })
+        Ok(Self { path: path.to_owned(), samples, rate_hz, unit, is_wav, motion, simulated })
     }
 
     /// The samples at `rate_hz`.
@@ -74,9 +66,7 @@ impl Signal {
         };
         let failed = |error: &dyn std::fmt::Display| Failure::file("resample", &self.path, error);
         if own_hz < rate_hz {
-            return Err(failed(&format!(
-                "its rate is {own_hz} Hz; give a --rate of at most {own_hz}"
-            )));
+            return Err(failed(&format!("its rate is {own_hz} Hz; give a --rate of at most {own_hz}")));
         }
         let rate = |hz: f64| Rate::parse(&hz.to_string()).map_err(|error| failed(&error));
         resample_whole(samples, rate(own_hz)?, rate(rate_hz)?, Quality::FINE).map_err(|error| failed(&error))
@@ -122,11 +112,7 @@ pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f6
             a.min(b)
         ))),
         (None, rates) => {
-            let unknown = if rates[0].is_none() {
-                signals[0]
-            } else {
-                signals[1]
-            };
+            let unknown = if rates[0].is_none() { signals[0] } else { signals[1] };
             let path = unknown.path.display();
             Err(Failure::Message(format!(
                 "{path} does not state its rate; name the column of the time (--column time=… --unit time=ms), or give the rate by --sample-rate (of both files by --rate)"
@@ -139,10 +125,7 @@ pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f6
 fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<(Read, Motion), Failure> {
     if column.is_none() {
         match recordings::try_load(path, import) {
-            Err(LoadError::Read {
-                source: ReadError::Missing { .. },
-                ..
-            }) => {}
+            Err(LoadError::Read { source: ReadError::Missing { .. }, .. }) => {}
             Err(error) => return Err(recordings::failure(&error)),
             Ok(loaded) => return recording(path, loaded),
         }
@@ -184,9 +167,7 @@ fn wav(path: &Path, channel: Option<&str>, import: &ImportSettings) -> Result<Re
     let layout = read_layout(&mut file).map_err(|error| failed(&error))?;
     if layout.frames() > MAX_SAMPLES {
         let frames = layout.frames();
-        return Err(failed(&format!(
-            "it has {frames} frames, the limit is {MAX_SAMPLES}; cut out a part"
-        )));
+        return Err(failed(&format!("it has {frames} frames, the limit is {MAX_SAMPLES}; cut out a part")));
     }
     let (channels, rate_hz) = (usize::from(layout.channels), f64::from(layout.rate_hz));
     let note = recordings::note(path)?;
@@ -212,15 +193,11 @@ fn wav(path: &Path, channel: Option<&str>, import: &ImportSettings) -> Result<Re
         (None, 1) => one(0)?,
         (None, 3) => {
             let (x, y, z) = (one(0)?, one(1)?, one(2)?);
-            let axes: Vec<[f64; 3]> = { x.iter().zip(&y).zip(&z) }
-                .map(|((x, y), z)| [*x, *y, *z])
-                .collect();
+            let axes: Vec<[f64; 3]> = { x.iter().zip(&y).zip(&z) }.map(|((x, y), z)| [*x, *y, *z]).collect();
             combined(&axes, rate_hz, &Default::default()).map_err(|error| failed(&error))?
         }
         (None, _) => {
-            return Err(failed(&format!(
-                "it has {channels} channels; choose one by --column, from 0"
-            )));
+            return Err(failed(&format!("it has {channels} channels; choose one by --column, from 0")));
         }
     };
     if unit.as_deref().is_none_or(|unit| unit == "m/s2")

@@ -38,10 +38,7 @@ pub fn describe(found: &Holdout) -> String {
          floor: the training part's own spectrum. one_model: plain, of order 20 for the part. windows: plain, of 0.2 s, the nearest.\n",
         found.seeds
     );
-    found
-        .splits()
-        .iter()
-        .fold(head, |text, split| text + &of_split(found, split))
+    found.splits().iter().fold(head, |text, split| text + &of_split(found, split))
 }
 
 fn of_split(found: &Holdout, split: &SplitResult) -> String {
@@ -59,10 +56,7 @@ fn printed(of: &Table) -> String {
 /// Text: a table of methods for each quantity of a contact.
 pub fn describe_contact(found: &[ContactResult]) -> String {
     let tables = tables::contacts(found);
-    tables
-        .iter()
-        .map(|table| format!("\n{}", printed(table)))
-        .collect()
+    tables.iter().map(|table| format!("\n{}", printed(table))).collect()
 }
 
 /// All measures of all splits, and the distance in each fold.
@@ -137,8 +131,5 @@ fn band_json(band: &BandMean) -> Value {
 }
 
 fn mean_json(mean: Option<Mean>) -> Value {
-    mean.map_or(
-        Value::Null,
-        |Mean { mean, error }| json!({ "mean": mean, "standard_error": error }),
-    )
+    mean.map_or(Value::Null, |Mean { mean, error }| json!({ "mean": mean, "standard_error": error }))
 }

@@ -153,16 +153,9 @@ fn recordings(dir: &Path) -> Result<Files, Failure> {
     paths.sort_by_key(|path| (!is_of(path, "wav"), path.clone()));
     let mut files = Files::new();
     for path in paths {
-        let file = path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
+        let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let parts = ["Accel_", "Position_", "Force_"];
-        let file = parts
-            .iter()
-            .find_map(|part| file.strip_prefix(part))
-            .unwrap_or(&file);
+        let file = parts.iter().find_map(|part| file.strip_prefix(part)).unwrap_or(&file);
         match RecordingName::parse(file) {
             Some(name) => {
                 files.entry(name).or_insert(path);
@@ -189,19 +182,10 @@ mod tests {
     fn parts_of_a_take_begin_with_its_name() {
         let name = |file: &str| RecordingName::parse(file).unwrap();
         let take = name("oak.anna.1.csv");
-        for part in [
-            "oak.anna.1.motion.csv",
-            "oak.anna.1-motion.tsv",
-            "oak.anna.1_b.csv",
-        ] {
+        for part in ["oak.anna.1.motion.csv", "oak.anna.1-motion.tsv", "oak.anna.1_b.csv"] {
             assert!(is_part(&name(part), &take), "{part}");
         }
-        for other in [
-            "oak.anna.1.csv",
-            "oak.anna.10.csv",
-            "oak.ben.1.motion.csv",
-            "elm.anna.1.motion.csv",
-        ] {
+        for other in ["oak.anna.1.csv", "oak.anna.10.csv", "oak.ben.1.motion.csv", "elm.anna.1.motion.csv"] {
             assert!(!is_part(&name(other), &take), "{other}");
         }
     }

@@ -66,10 +66,7 @@ pub fn describe(surface: &Surface, report: &LearningReport, output: &Path, is_im
     }
     if let Some(stiffness) = surface.stiffness {
         let n_per_mm = significant(stiffness.n_per_mm(), 3);
-        found.push((
-            "stiffness",
-            format!("{n_per_mm} N/mm{}", fit(stiffness.r_squared())),
-        ));
+        found.push(("stiffness", format!("{n_per_mm} N/mm{}", fit(stiffness.r_squared()))));
     }
     let missing = report.missing.iter();
     found.extend(missing.map(|missing| (missing.part, "none".to_owned())));

@@ -6,11 +6,7 @@ const GRAPH: &str = "Graph(format: 1, clocks: { \"c\": Driver(rate_hz: 1000) }, 
 /// Responses of the server to these messages.
 fn talk(messages: &[Value]) -> Vec<Value> {
     let registry = crate::nodes::registry();
-    let mut server = Server {
-        registry: &registry,
-        texts: HashMap::new(),
-        is_shut: false,
-    };
+    let mut server = Server { registry: &registry, texts: HashMap::new(), is_shut: false };
     let mut input = Vec::new();
     for message in messages {
         wire::write(&mut input, message).unwrap();
@@ -46,28 +42,17 @@ fn labels(answer: &Value) -> Vec<&str> {
 fn findings_stand_where_they_are_in_units_of_the_protocol() {
     let answers = talk(&[open()]);
     let findings = answers[0]["params"]["diagnostics"].as_array().unwrap();
-    let unknown = findings
-        .iter()
-        .find(|finding| finding["code"] == "E0204")
-        .unwrap();
+    let unknown = findings.iter().find(|finding| finding["code"] == "E0204").unwrap();
     // The field begins after 28 characters of the second line, one of which has two bytes.
     let at = json!({ "line": 1, "character": 28 });
     assert_eq!(unknown["range"]["start"], at, "{unknown}");
-    assert!(
-        unknown["message"].as_str().unwrap().contains("frequency_hz"),
-        "{unknown}"
-    );
+    assert!(unknown["message"].as_str().unwrap().contains("frequency_hz"), "{unknown}");
 }
 
 #[test]
 fn kinds_fields_and_nodes_are_completed_where_they_can_stand() {
     let complete = "textDocument/completion";
-    let answers = talk(&[
-        open(),
-        ask(complete, 1, 28),
-        ask(complete, 2, 27),
-        ask(complete, 2, 13),
-    ]);
+    let answers = talk(&[open(), ask(complete, 1, 28), ask(complete, 2, 27), ask(complete, 2, 13)]);
     assert!(labels(&answers[1]).contains(&"frequency_hz"));
     assert!(labels(&answers[2]).contains(&"tön"));
     assert!(labels(&answers[3]).contains(&"LowPass"));
@@ -100,10 +85,7 @@ fn a_connection_is_completed_by_the_outputs_of_the_graph_when_it_was_last_sound(
     let items = answers[2]["result"].as_array().unwrap();
     let force = items.iter().find(|item| item["label"] == "pen.force").unwrap();
     assert_eq!(force["textEdit"]["newText"], "pen.force");
-    assert_eq!(
-        force["textEdit"]["range"]["start"],
-        json!({ "line": 3, "character": 30 })
-    );
+    assert_eq!(force["textEdit"]["range"]["start"], json!({ "line": 3, "character": 30 }));
     assert!(force["detail"].as_str().unwrap().contains("force"), "{force}");
 }
 
@@ -111,12 +93,7 @@ fn a_connection_is_completed_by_the_outputs_of_the_graph_when_it_was_last_sound(
 fn a_word_is_explained() {
     let hover = "textDocument/hover";
     let answers = talk(&[open(), ask(hover, 2, 14), ask(hover, 2, 36), ask(hover, 0, 0)]);
-    let said = |answer: &Value| {
-        answer["result"]["contents"]["value"]
-            .as_str()
-            .unwrap_or("")
-            .to_owned()
-    };
+    let said = |answer: &Value| answer["result"]["contents"]["value"].as_str().unwrap_or("").to_owned();
     assert!(said(&answers[1]).starts_with("Gain (math)"), "{}", answers[1]);
     assert!(said(&answers[2]).starts_with("`gain` of Gain"), "{}", answers[2]);
     assert_eq!(answers[3]["result"], Value::Null);

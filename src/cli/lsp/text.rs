@@ -12,10 +12,7 @@ pub struct Positions<'t> {
 impl<'t> Positions<'t> {
     pub fn of(text: &'t str) -> Self {
         let after = text.match_indices('\n').map(|(at, _)| at + 1);
-        Self {
-            text,
-            lines: std::iter::once(0).chain(after).collect(),
-        }
+        Self { text, lines: std::iter::once(0).chain(after).collect() }
     }
 
     /// The protocol's `Range` of a range of bytes.
@@ -48,10 +45,7 @@ impl<'t> Positions<'t> {
 }
 
 fn floor_boundary(text: &str, byte: usize) -> usize {
-    (0..=byte.min(text.len()))
-        .rev()
-        .find(|at| text.is_char_boundary(*at))
-        .unwrap_or(0)
+    (0..=byte.min(text.len())).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0)
 }
 
 /// Syntactic context of a position.
@@ -96,10 +90,7 @@ pub fn context(text: &str, at: usize) -> Context {
             '(' | '[' | '{' => open.push((if letter == '(' { last_name } else { "" }, false)),
             ')' | ']' | '}' => drop(open.pop()),
             ':' => open.last_mut().into_iter().for_each(|(_, valued)| *valued = true),
-            ',' => open
-                .last_mut()
-                .into_iter()
-                .for_each(|(_, valued)| *valued = false),
+            ',' => open.last_mut().into_iter().for_each(|(_, valued)| *valued = false),
             _ => {}
         }
         if !letter.is_whitespace() {
@@ -117,11 +108,9 @@ pub fn context(text: &str, at: usize) -> Context {
 pub fn word_at(text: &str, at: usize) -> Option<&str> {
     let at = floor_boundary(text, at);
     let is_word = |letter: char| letter.is_alphanumeric() || letter == '_';
-    let start = text[..at].rfind(|letter| !is_word(letter)).map_or(0, |before| {
-        before + text[before..].chars().next().map_or(1, char::len_utf8)
-    });
-    let end = text[at..]
-        .find(|letter| !is_word(letter))
-        .map_or(text.len(), |after| at + after);
+    let start = text[..at]
+        .rfind(|letter| !is_word(letter))
+        .map_or(0, |before| before + text[before..].chars().next().map_or(1, char::len_utf8));
+    let end = text[at..].find(|letter| !is_word(letter)).map_or(text.len(), |after| at + after);
     (start < end).then(|| &text[start..end])
 }

@@ -33,9 +33,7 @@ pub fn read(input: &mut impl BufRead) -> Result<Option<Value>> {
     let mut body = vec![0; length];
     input.read_exact(&mut body)?;
     let message = serde_json::from_slice(&body);
-    message
-        .map(Some)
-        .map_err(|error| wrong(&format!("a message is not JSON: {error}")))
+    message.map(Some).map_err(|error| wrong(&format!("a message is not JSON: {error}")))
 }
 
 /// Writes a message.

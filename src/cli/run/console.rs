@@ -43,10 +43,9 @@ impl ConsoleCommand {
         let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         match (word, rest.split_once('=')) {
             ("", _) => None,
-            ("set", Some((name, value))) if !name.trim().is_empty() => Some(Self::Set {
-                name: name.trim().to_owned(),
-                value: value.trim().to_owned(),
-            }),
+            ("set", Some((name, value))) if !name.trim().is_empty() => {
+                Some(Self::Set { name: name.trim().to_owned(), value: value.trim().to_owned() })
+            }
             ("list", None) if rest.is_empty() => Some(Self::List),
             ("history", None) if rest.is_empty() => Some(Self::History),
             ("help" | "?", None) if rest.is_empty() => Some(Self::Help),
@@ -64,9 +63,7 @@ impl ConsoleCommand {
             _ => {
                 let word = line.split_whitespace().next()?;
                 let words = ["list", "history", "help", "stop", "quit", "exit"];
-                closest(word, words)
-                    .filter(|near| *near != line)
-                    .map(str::to_owned)
+                closest(word, words).filter(|near| *near != line).map(str::to_owned)
             }
         }
     }
@@ -135,10 +132,7 @@ mod tests {
 
     #[test]
     fn lines_are_understood_or_given_back() {
-        let set = |name: &str, value: &str| ConsoleCommand::Set {
-            name: name.into(),
-            value: value.into(),
-        };
+        let set = |name: &str, value: &str| ConsoleCommand::Set { name: name.into(), value: value.into() };
         for (line, command) in [
             ("", None),
             ("  set gain=0.5 ", Some(set("gain", "0.5"))),

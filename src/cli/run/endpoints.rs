@@ -38,19 +38,13 @@ impl Endpoints {
     pub fn facts(&self) -> [(&'static str, &'static str, Value); 3] {
         [
             ("devices", "Devices", self.to_json()),
-            (
-                "simulated_devices",
-                "Simulated devices",
-                json!(self.any_simulated()),
-            ),
+            ("simulated_devices", "Simulated devices", json!(self.any_simulated())),
             ("real_devices", "Real devices", json!(self.any_real())),
         ]
     }
 
     fn which(&self, simulated: bool) -> impl Iterator<Item = &DeviceUse> {
-        self.list
-            .iter()
-            .filter(move |endpoint| endpoint.is_simulated == simulated)
+        self.list.iter().filter(move |endpoint| endpoint.is_simulated == simulated)
     }
 
     /// True if any endpoint is simulated.
@@ -92,11 +86,7 @@ impl Endpoints {
     /// For the page's list of facts.
     pub fn listed(&self) -> String {
         names(self.list.iter(), |endpoint| {
-            let what = if endpoint.is_simulated {
-                "simulated"
-            } else {
-                self.real()
-            };
+            let what = if endpoint.is_simulated { "simulated" } else { self.real() };
             format!(" ({}, {what})", endpoint.kind)
         })
     }
@@ -158,14 +148,8 @@ mod tests {
         let card = "Soundcard(amperes_full_scale: 1.0)";
         let said = |stylus, coil, live| endpoints(stylus, coil, live).in_brackets();
         assert_eq!(said(tablet, coil, true), " (simulated devices)");
-        assert_eq!(
-            said(osc, coil, true),
-            " (simulated: output `coil`; real: input `stylus`)"
-        );
-        assert_eq!(
-            said(tablet, card, false),
-            " (simulated: input `stylus`; not reached: output `coil`)"
-        );
+        assert_eq!(said(osc, coil, true), " (simulated: output `coil`; real: input `stylus`)");
+        assert_eq!(said(tablet, card, false), " (simulated: input `stylus`; not reached: output `coil`)");
         assert_eq!(said(osc, card, true), " (real: input `stylus`, output `coil`)");
         let mixed = endpoints(osc, coil, true);
         assert!(mixed.any_simulated() && mixed.any_real());

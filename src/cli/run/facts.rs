@@ -16,10 +16,7 @@ const NAMES: [(&str, &str); 27] = [
     ("changes", "Changed while running"),
     ("swaps", "Graphs swapped in"),
     ("saved_while_running", "Graphs saved while running"),
-    (
-        "unrested",
-        "Sinks whose actuators began as warm as their limits allow",
-    ),
+    ("unrested", "Sinks whose actuators began as warm as their limits allow"),
     ("packets", "Packets"),
     ("silences", "Live inputs that fell silent"),
     ("set_while_running", "Set while running"),
@@ -31,10 +28,7 @@ const NAMES: [(&str, &str); 27] = [
     ("overruns", "Overruns"),
     ("stalls", "Stalls of the machine"),
     ("lost_wakes", "Wake-ups lost in stalls"),
-    (
-        "stalled_at_s",
-        "Stalls in the files, where recorded signals jump (s)",
-    ),
+    ("stalled_at_s", "Stalls in the files, where recorded signals jump (s)"),
     ("lost_numbers", "Values lost on the way to files"),
     ("lost_callbacks", "Callbacks missing from the replay record"),
     ("drivers", "Each driver"),
@@ -64,16 +58,8 @@ mod tests {
 
     #[test]
     fn every_field_of_a_report_has_a_name() {
-        let xruns = XrunReport {
-            count: 1,
-            longest_ms: 2.0,
-            last_at_ms: 3.0,
-        };
-        let latency_ms = QuantilesMs {
-            p50: 1.0,
-            p99: 2.0,
-            max: 3.0,
-        };
+        let xruns = XrunReport { count: 1, longest_ms: 2.0, last_at_ms: 3.0 };
+        let latency_ms = QuantilesMs { p50: 1.0, p99: 2.0, max: 3.0 };
         let report = RunReport {
             card: Some(CardReport {
                 xruns: xruns.clone(),

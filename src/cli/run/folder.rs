@@ -72,17 +72,10 @@ impl RunFolder {
                 break;
             }
         }
-        let content = made
-            .unwrap_or_else(|| Err(io::ErrorKind::NotFound.into()))
-            .map_err(|error| failed(&error))?;
+        let content =
+            made.unwrap_or_else(|| Err(io::ErrorKind::NotFound.into())).map_err(|error| failed(&error))?;
         let marker = mark(&content, &place).map_err(|error| failed(&error))?;
-        Ok(Self {
-            content,
-            target: target.to_owned(),
-            place,
-            _marker: marker,
-            has_begun: false,
-        })
+        Ok(Self { content, target: target.to_owned(), place, _marker: marker, has_begun: false })
     }
 
     /// The folder to write files into.
@@ -149,9 +142,7 @@ fn complete_moves(place: &Path) -> Result<(), Failure> {
         {
             placing::resume(&leftover, place, &plan)?;
             let (leftover, place) = (leftover.display(), place.display());
-            eprint(&format!(
-                "note: completed the interrupted move of the run in {leftover} to {place}\n"
-            ));
+            eprint(&format!("note: completed the interrupted move of the run in {leftover} to {place}\n"));
         }
     }
     Ok(())
@@ -161,9 +152,7 @@ impl Drop for RunFolder {
     fn drop(&mut self) {
         if self.has_begun {
             let (content, target) = (self.content.display(), self.target.display());
-            eprint(&format!(
-                "note: the run was not moved to {target}; its data are in {content}\n"
-            ));
+            eprint(&format!("note: the run was not moved to {target}; its data are in {content}\n"));
         } else {
             // Nothing was recorded. The next run reports a folder that cannot be removed.
             let _ = fs::remove_dir_all(&self.content);

@@ -38,10 +38,7 @@ fn run_with(
     stopping: impl FnOnce() -> Result<Arc<AtomicBool>, Failure>,
     (load, each): (LoadFn, fn()),
 ) -> Result<(), Failure> {
-    let arguments = Arguments {
-        graph: arguments.graph.for_live()?,
-        ..arguments.clone()
-    };
+    let arguments = Arguments { graph: arguments.graph.for_live()?, ..arguments.clone() };
     let run = PreparedRun::load(options(&arguments, load), registry).map_err(Failure::Graph)?;
     warn(run.graph());
     lasts_a_frame(run.graph(), arguments.duration_s)?;
@@ -64,11 +61,8 @@ fn run_with(
     let keys = RawMode::begin();
     let (sender, commands) = sync_channel(MAX_QUEUED);
     console::read_commands(sender, stop, supervisor.sender(), keys.is_some());
-    let mut terminal = Terminal {
-        commands,
-        status: StatusDisplay::new(&graph, keys.is_some()),
-        panics: Vec::new(),
-    };
+    let mut terminal =
+        Terminal { commands, status: StatusDisplay::new(&graph, keys.is_some()), panics: Vec::new() };
     let supervision = AssertUnwindSafe(|| terminal.supervise(&mut supervisor, each));
     let panicked = catch_unwind(supervision).is_err();
     if panicked {
@@ -82,9 +76,7 @@ fn run_with(
     // All devices are idle from here on.
     drop(live_guard);
     if panicked {
-        ended
-            .warnings
-            .push("haptograph panicked; the run was stopped".to_owned());
+        ended.warnings.push("haptograph panicked; the run was stopped".to_owned());
     }
     let panicked = panicked || ended.outcome.panicked || !terminal.panics.is_empty();
     if !terminal.panics.is_empty() {
@@ -170,10 +162,8 @@ fn obey(command: ConsoleCommand, supervisor: &mut Supervisor) {
         // The reading thread has already set the stop flag.
         ConsoleCommand::Stop => {}
         ConsoleCommand::Unknown(line) => {
-            let help = ConsoleCommand::suggestion(&line).map_or_else(
-                || format!("type {HELP}"),
-                |near| format!("did you mean `{near}`?"),
-            );
+            let help = ConsoleCommand::suggestion(&line)
+                .map_or_else(|| format!("type {HELP}"), |near| format!("did you mean `{near}`?"));
             eprint(&format!("unknown command `{line}`; {help}\n"));
         }
     }
@@ -202,10 +192,7 @@ fn introduce(arguments: &Arguments, supervisor: &Supervisor) {
         arguments.graph.endpoints(),
         supervisor.description()
     ));
-    for Connected {
-        names, role, place, ..
-    } in supervisor.connections()
-    {
+    for Connected { names, role, place, .. } in supervisor.connections() {
         let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
         match role {
             Role::Input => eprint(&format!("listening to {} by {place}\n", names.join(" and "))),

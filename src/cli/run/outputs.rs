@@ -29,10 +29,7 @@ pub fn probe_argument(text: &str) -> Result<ProbeArgument, String> {
     let (output, file) = text.split_once('=').ok_or("write it as NODE.PORT=FILE")?;
     let file = PathBuf::from(file);
     match file.extension().and_then(|e| e.to_str()) {
-        Some("wav" | "csv") => Ok(ProbeArgument {
-            output: output.to_owned(),
-            file,
-        }),
+        Some("wav" | "csv") => Ok(ProbeArgument { output: output.to_owned(), file }),
         _ => Err("the file name must end in .wav or .csv".to_owned()),
     }
 }
@@ -53,11 +50,7 @@ pub fn open_probes(
                 .map_err(|error| Failure::file("write", &argument.file, &error))?,
             false => writer(&path, &watch.stream)?,
         };
-        file_sinks.probe(Probe {
-            node: watch.node,
-            output: watch.output,
-            writer,
-        });
+        file_sinks.probe(Probe { node: watch.node, output: watch.output, writer });
     }
     Ok(arguments.iter().map(|argument| argument.file.clone()).collect())
 }
@@ -76,15 +69,10 @@ pub fn full_scales(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     let wav = files.iter().filter(|file| is_wav(file));
     wav.map(|file| {
         let note = recording::note(file)?;
-        let (full_scale, unit) = (
-            note.full_scale.unwrap_or(1.0),
-            note.unit.filter(|unit| unit != "1").unwrap_or_default(),
-        );
+        let (full_scale, unit) =
+            (note.full_scale.unwrap_or(1.0), note.unit.filter(|unit| unit != "1").unwrap_or_default());
         let space = if unit.is_empty() { "" } else { " " };
-        Ok(format!(
-            "{}: a sample of 1.0 stands for {full_scale}{space}{unit}",
-            file.display()
-        ))
+        Ok(format!("{}: a sample of 1.0 stands for {full_scale}{space}{unit}", file.display()))
     })
     .collect()
 }
@@ -131,11 +119,7 @@ pub fn record_all(graph: &Graph, folder: &RunFolder, file_sinks: &mut FileSinks<
             Ok(writer) if watch.stream.kind.is_linear() => writer,
             _ => writer(&place.join(format!("{name}.csv")), &watch.stream)?,
         };
-        file_sinks.probe(Probe {
-            node: watch.node,
-            output: watch.output,
-            writer,
-        });
+        file_sinks.probe(Probe { node: watch.node, output: watch.output, writer });
     }
     Ok(())
 }
@@ -147,11 +131,7 @@ pub fn keep_played(graph: &Graph, folder: &Path, file_sinks: &mut FileSinks<'_>)
             continue;
         };
         let writer = scaled_writer(&folder.join(name), &watch.stream, played.full_scale)?;
-        file_sinks.probe(Probe {
-            node: watch.node,
-            output: watch.output,
-            writer,
-        });
+        file_sinks.probe(Probe { node: watch.node, output: watch.output, writer });
     }
     Ok(())
 }
@@ -192,10 +172,7 @@ fn writer(path: &Path, stream: &Stream) -> Result<Box<dyn FrameWriter>, Failure>
 }
 
 fn scaled_writer(path: &Path, stream: &Stream, full_scale: f64) -> Result<Box<dyn FrameWriter>, Failure> {
-    let context = FileContext {
-        streams: vec![stream.clone()],
-        graph_seed: 0,
-    };
+    let context = FileContext { streams: vec![stream.clone()], graph_seed: 0 };
     let sink: Result<Box<dyn FileSink>, _> = if is_wav(path) {
         let file = "probe.wav".to_owned();
         WavSink::build(WavSinkSettings { file, full_scale }, &context)
@@ -204,8 +181,7 @@ fn scaled_writer(path: &Path, stream: &Stream, full_scale: f64) -> Result<Box<dy
         CsvSink::build(CsvSinkSettings { file }, &context)
     };
     let sink = sink.map_err(|error| Failure::Message(format!("cannot probe {}: {error}", stream.name)))?;
-    sink.open(path, &context.streams)
-        .map_err(|error| Failure::file("write", path, &error))
+    sink.open(path, &context.streams).map_err(|error| Failure::file("write", path, &error))
 }
 
 /// The output with this name, as an input would state it.
@@ -224,11 +200,7 @@ fn meant(graph: &Graph, name: &str) -> String {
     names.extend(graph.template_outputs().iter().map(TemplateOutput::name));
     names.sort_unstable();
     let begin = format!("{name}.");
-    let own: Vec<&str> = names
-        .iter()
-        .filter(|known| known.starts_with(&begin))
-        .map(String::as_str)
-        .collect();
+    let own: Vec<&str> = names.iter().filter(|known| known.starts_with(&begin)).map(String::as_str).collect();
     if !own.is_empty() {
         return format!("name one of {}", own.join(", "));
     }

@@ -39,23 +39,14 @@ impl Placed {
         }
         for (from, to) in &self.moved {
             let (from, to) = (from.display(), to.display());
-            lines.push(format!(
-                "{from} was changed since a run wrote it; it is kept as {to}"
-            ));
+            lines.push(format!("{from} was changed since a run wrote it; it is kept as {to}"));
         }
         if !self.left.is_empty() {
             let named = self.left.iter().take(MAX_NAMED);
             let named: Vec<String> = named.map(|path| path.display().to_string()).collect();
             let more = self.left.len() - named.len();
-            let more = if more > 0 {
-                format!(" and {more} more")
-            } else {
-                String::new()
-            };
-            lines.push(format!(
-                "kept files that are not part of this run: {}{more}",
-                named.join(", ")
-            ));
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            lines.push(format!("kept files that are not part of this run: {}{more}", named.join(", ")));
         }
         lines
     }
@@ -67,9 +58,7 @@ pub fn refuse_foreign(target: &Path, place: &Path) -> Result<(), Failure> {
     let is_empty = match files::entries(place) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => true,
         Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
-            return Err(Failure::Message(format!(
-                "{shown} is not a folder; give another one by --out"
-            )));
+            return Err(Failure::Message(format!("{shown} is not a folder; give another one by --out")));
         }
         Err(error) => return Err(Failure::file("read the folder", target, &error)),
         Ok(mut entries) => entries.all(|entry| entry.is_ok_and(|entry| entry.path().join(MARKER).exists())),
@@ -102,11 +91,7 @@ impl MovePlan {
     pub fn of(content: &Path, place: &Path) -> Self {
         let earlier = holds_what_cannot_be_repeated(place).then(|| free_beside(place));
         let name = |path: PathBuf| Some(path.file_name()?.to_string_lossy().into_owned());
-        Self {
-            inside: content.parent() == Some(place),
-            earlier: earlier.and_then(name),
-            probes: Vec::new(),
-        }
+        Self { inside: content.parent() == Some(place), earlier: earlier.and_then(name), probes: Vec::new() }
     }
 
     /// Writes the plan, after which an interrupted move can be completed. Paths that are not Unicode cannot
@@ -133,11 +118,7 @@ impl MovePlan {
         let near = content.parent()?;
         let name = content.file_name()?.to_str()?;
         let (name, _) = name.rsplit_once(super::folder::PARTIAL)?;
-        Some(if self.inside {
-            near.to_owned()
-        } else {
-            near.join(name)
-        })
+        Some(if self.inside { near.to_owned() } else { near.join(name) })
     }
 }
 
@@ -146,9 +127,7 @@ pub fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failu
     for (number, probe) in plan.probes.iter().enumerate() {
         let waiting = content.join(PROBES).join(number.to_string());
         let probe = Path::new(probe);
-        let is_signal = probe
-            .extension()
-            .is_some_and(|ending| ending == "wav" || ending == "csv");
+        let is_signal = probe.extension().is_some_and(|ending| ending == "wav" || ending == "csv");
         let names = [probe.to_owned(), super::outputs::note_of(probe)];
         for target in names.iter().filter(|_| is_signal) {
             let from = waiting.join(target.file_name().unwrap_or_default());
@@ -258,10 +237,7 @@ fn left(place: &Path, old: &[PathBuf], new: &[PathBuf], moved: &[(PathBuf, PathB
     let folders: BTreeSet<&Path> = old.iter().chain(new).filter_map(|name| name.parent()).collect();
     let mut found = Vec::new();
     for folder in &folders {
-        let entries = files::entries(&place.join(folder))
-            .into_iter()
-            .flatten()
-            .flatten();
+        let entries = files::entries(&place.join(folder)).into_iter().flatten().flatten();
         for path in entries.map(|entry| entry.path()) {
             let is_runs = path.join(MARKER).exists() || moved.iter().any(|(_, to)| *to == path);
             let name = path.strip_prefix(place).unwrap_or(&path);

@@ -75,11 +75,7 @@ fn open(page: &Path) -> Result<(), String> {
     // An absolute path is never read as an option.
     let page = page.canonicalize().map_err(|error| error.to_string())?;
     let mut command = Command::new(OPENER);
-    command
-        .arg(page)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null());
+    command.arg(page).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     command
         .spawn()
         .map(drop)

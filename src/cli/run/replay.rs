@@ -26,17 +26,12 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
     ] {
         let then = &facts[fact];
         if *then != now {
-            return Err(Failure::Message(format!(
-                "{what} differs: {then} in that run, {now} now"
-            )));
+            return Err(Failure::Message(format!("{what} differs: {then} in that run, {now} now")));
         }
     }
     let bounds = replay::bounds(&graph, &facts).map_err(|why| {
         let path = folder.join(FACTS);
-        Failure::Message(format!(
-            "{}: {why}; the file is damaged or belongs to another run",
-            path.display()
-        ))
+        Failure::Message(format!("{}: {why}; the file is damaged or belongs to another run", path.display()))
     })?;
     let mut setup = RunSetup::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
@@ -52,10 +47,7 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
     let outcome = outcome.map_err(message)?;
     bar.finish_and_clear();
     let mut summary = Summary::of(arguments, &graph, &outcome, start.elapsed().as_secs_f64());
-    summary.add(
-        vec![("replay", "Repeats", json!(folder.to_string_lossy()))],
-        replay::differences(&facts),
-    );
+    summary.add(vec![("replay", "Repeats", json!(folder.to_string_lossy()))], replay::differences(&facts));
     let sound = setup.completion.complete(arguments, &graph, summary)?;
     arguments.present.play_sound(sound, &stop)
 }

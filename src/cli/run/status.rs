@@ -40,9 +40,7 @@ impl StatusDisplay {
         Self {
             block,
             shown: now,
-            progress: progress
-                .map(|(sink, progress)| (sink.to_owned(), progress))
-                .collect(),
+            progress: progress.map(|(sink, progress)| (sink.to_owned(), progress)).collect(),
             inputs: Vec::new(),
             counted: now,
         }
@@ -79,12 +77,7 @@ impl StatusDisplay {
         );
         let silent = status.silent.iter();
         let silent: String = silent.map(|device| format!(", `{device}` is silent")).collect();
-        format!(
-            "{:.0} s: {}{}{silent}; {verdict}\n",
-            status.seconds,
-            parts.join("; "),
-            xruns(status)
-        )
+        format!("{:.0} s: {}{}{silent}; {verdict}\n", status.seconds, parts.join("; "), xruns(status))
     }
 
     /// The status block.
@@ -101,16 +94,10 @@ impl StatusDisplay {
         lines.extend(rings.map(|ring| format!("           {}", ring_line(ring))));
         let (levels, inputs) = (&status.actuators, &status.inputs);
         self.count(inputs);
-        let names = levels
-            .iter()
-            .map(|level| &level.path)
-            .chain(inputs.iter().map(|input| &input.status.device));
+        let names =
+            levels.iter().map(|level| &level.path).chain(inputs.iter().map(|input| &input.status.device));
         let width = names.map(|name| name.chars().count()).max().unwrap_or(0);
-        lines.extend(
-            levels
-                .iter()
-                .map(|level| format!("{:<width$}  {}", level.path, shown_level(level))),
-        );
+        lines.extend(levels.iter().map(|level| format!("{:<width$}  {}", level.path, shown_level(level))));
         lines.extend(
             inputs
                 .iter()
@@ -147,10 +134,7 @@ impl StatusDisplay {
 
     fn shown_input(&self, input: &InputNow) -> String {
         let rate = self.inputs.iter().find(|(name, ..)| *name == input.status.device);
-        let rate = rate.map_or_else(
-            || "receiving".to_owned(),
-            |(_, _, hz)| format!("{hz:.0} a second"),
-        );
+        let rate = rate.map_or_else(|| "receiving".to_owned(), |(_, _, hz)| format!("{hz:.0} a second"));
         match input.status.state {
             InputState::Never => {
                 let place = input.place.iter();
@@ -176,11 +160,9 @@ impl StatusDisplay {
 fn xruns(status: &Status) -> String {
     let streams = status.streams.iter();
     let each = streams.filter_map(|(connected, counts)| match (counts, connected.role) {
-        (Counts::Stream(counts), Role::Input) => Some(format!(
-            ", {} xruns at {}",
-            counts.xruns,
-            connected.names.join(" and ")
-        )),
+        (Counts::Stream(counts), Role::Input) => {
+            Some(format!(", {} xruns at {}", counts.xruns, connected.names.join(" and ")))
+        }
         (Counts::Stream(counts), _) => Some(format!(", {} xruns", counts.xruns)),
         _ => None,
     });
@@ -189,9 +171,7 @@ fn xruns(status: &Status) -> String {
 
 fn ring_line(ring: &RingReport) -> String {
     let counts = ring.counts;
-    let fill = counts
-        .fill_s
-        .map_or_else(|| "empty".to_owned(), |fill_s| format!("{:.2} ms", fill_s * 1e3));
+    let fill = counts.fill_s.map_or_else(|| "empty".to_owned(), |fill_s| format!("{:.2} ms", fill_s * 1e3));
     format!(
         "ring {}: {fill}, {:+.0} ppm, {} underruns, {} overruns",
         ring.name, counts.correction_ppm, counts.underruns, counts.overruns
@@ -203,11 +183,7 @@ fn lateness(meters: &Meters) -> Vec<String> {
     let ms = |ns: u64| ns as f64 / 1e6;
     let (late, work) = (&meters.lateness, &meters.work);
     vec![
-        format!(
-            "late {:.2} ms p99, {:.2} max",
-            ms(late.quantile_ns(0.99)),
-            ms(late.max_ns())
-        ),
+        format!("late {:.2} ms p99, {:.2} max", ms(late.quantile_ns(0.99)), ms(late.max_ns())),
         format!("work {:.2} ms p99", ms(work.quantile_ns(0.99))),
         format!("{} overruns, {} stalls", meters.overruns, meters.stalls),
     ]
@@ -234,13 +210,7 @@ fn fitting(head: &str, mut parts: Vec<String>, last: &str, width: usize) -> Stri
 
 /// A bar of an actuator's peak level up to its limit, with RMS and peak values and their limits.
 fn shown_level(level: &ActuatorLevel) -> String {
-    let ActuatorLevel {
-        rms,
-        peak,
-        limit,
-        unit,
-        ..
-    } = level;
+    let ActuatorLevel { rms, peak, limit, unit, .. } = level;
     let columns = |value: f64| ((value / limit.peak * BAR as f64).ceil().max(0.0) as usize).min(BAR);
     let bar: String = (0..BAR)
         .map(|column| match column {
@@ -249,10 +219,7 @@ fn shown_level(level: &ActuatorLevel) -> String {
             _ => ' ',
         })
         .collect();
-    format!(
-        "[{bar}] {rms:.3} {unit} rms of {}, peak {peak:.3} of {}",
-        limit.continuous, limit.peak
-    )
+    format!("[{bar}] {rms:.3} {unit} rms of {}, peak {peak:.3} of {}", limit.continuous, limit.peak)
 }
 
 #[cfg(test)]
@@ -263,18 +230,11 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_left_out_whole() {
-        let parts = || {
-            ["late 0.07 ms", "work 0.09 ms", "0 overruns"]
-                .map(str::to_owned)
-                .to_vec()
-        };
+        let parts = || ["late 0.07 ms", "work 0.09 ms", "0 overruns"].map(str::to_owned).to_vec();
         let line = |width| fitting("1.0 s  audio  ", parts(), "keeps time", width);
         let all = "1.0 s  audio  late 0.07 ms; work 0.09 ms; 0 overruns; keeps time";
         assert_eq!(line(all.len()), all);
-        assert_eq!(
-            line(all.len() - 1),
-            "1.0 s  audio  late 0.07 ms; work 0.09 ms; keeps time"
-        );
+        assert_eq!(line(all.len() - 1), "1.0 s  audio  late 0.07 ms; work 0.09 ms; keeps time");
         assert_eq!(line(10), "1.0 s  audio  keeps time");
     }
 
@@ -288,12 +248,7 @@ mod tests {
 
     #[test]
     fn a_level_is_shown_against_its_limits() {
-        let limit = Limit {
-            peak: 0.5,
-            continuous: 0.25,
-            window_s: 10.0,
-            slew_per_s: None,
-        };
+        let limit = Limit { peak: 0.5, continuous: 0.25, window_s: 10.0, slew_per_s: None };
         let level = ActuatorLevel {
             path: "out".to_owned(),
             unit: "A".to_owned(),
@@ -307,11 +262,7 @@ mod tests {
             shown.starts_with("[######------            ] 0.125 A rms of 0.25, peak 0.250 of 0.5"),
             "{shown}"
         );
-        let most = shown_level(&ActuatorLevel {
-            rms: 0.25,
-            peak: 0.5,
-            ..level
-        });
+        let most = shown_level(&ActuatorLevel { rms: 0.25, peak: 0.5, ..level });
         assert!(most.starts_with("[############------------]"), "{most}");
     }
 }

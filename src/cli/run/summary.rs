@@ -44,9 +44,7 @@ impl Summary {
             ),
         ]);
         facts.extend(endpoints.facts());
-        facts
-            .warnings
-            .extend(cut_short(outcome).filter(|_| has_end(arguments)));
+        facts.warnings.extend(cut_short(outcome).filter(|_| has_end(arguments)));
         Self {
             name: arguments.graph.name(),
             facts,
@@ -119,9 +117,8 @@ impl Summary {
     /// The page as HTML.
     pub fn page(&self, graph: &Graph, plotted: &PlottedSignals, sound: Option<&Sound>) -> String {
         let surfaces = surfaces(graph);
-        let textures = surfaces
-            .iter()
-            .filter_map(|(path, surface)| Some((path.clone(), surface.texture.as_ref()?)));
+        let textures =
+            surfaces.iter().filter_map(|(path, surface)| Some((path.clone(), surface.texture.as_ref()?)));
         let facts = self.facts.listed();
         // The list of endpoints already states which devices are simulated or real.
         let facts = facts.filter(|(key, ..)| !["simulated_devices", "real_devices"].contains(key));

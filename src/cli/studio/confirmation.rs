@@ -27,9 +27,7 @@ impl Confirmation {
     /// [`Failure`] if nothing can be printed.
     pub fn poll(&mut self, studio: &Studio) -> Result<(), Failure> {
         if let Some((number, beyond)) = studio.proposal()
-            && self
-                .shown
-                .is_none_or(|(shown, at)| shown != number && at.elapsed() > PAUSE)
+            && self.shown.is_none_or(|(shown, at)| shown != number && at.elapsed() > PAUSE)
         {
             self.shown = Some((number, Instant::now()));
             // A process in the background of a terminal would be stopped for reading, with the actuators that it drives.
@@ -104,10 +102,7 @@ mod tests {
     #[test]
     fn a_page_cannot_write_to_the_terminal_what_it_likes() {
         let text = question(7, &["actuator `a\u{1b}[2Jb\nallowed` is new".to_owned()], true);
-        assert!(
-            text.contains("allow 7") && text.contains(r"a\u{1b}[2Jb\nallowed"),
-            "{text}"
-        );
+        assert!(text.contains("allow 7") && text.contains(r"a\u{1b}[2Jb\nallowed"), "{text}");
         assert!(!text.chars().any(|c| c.is_control() && c != '\n'));
         assert_eq!(text.lines().count(), 3);
     }

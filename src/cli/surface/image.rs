@@ -31,8 +31,7 @@ pub struct Arguments {
 /// Reads a width of 1 mm to 10 m: the Gaussian that is taken off has a fixed width.
 fn millimetres(text: &str) -> Result<f64, String> {
     let mm = text.parse::<f64>().ok();
-    mm.filter(|mm| (1.0..=1e4).contains(mm))
-        .ok_or_else(|| "expected a number from 1 to 10000".to_owned())
+    mm.filter(|mm| (1.0..=1e4).contains(mm)).ok_or_else(|| "expected a number from 1 to 10000".to_owned())
 }
 
 /// Largest width and height, pixels.
@@ -66,13 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
                 significant(roughness, 3)
             ),
         ),
-        (
-            "fineness",
-            format!(
-                "{} cycles/mm (spectral centroid)",
-                significant(fineness_per_mm, 3)
-            ),
-        ),
+        ("fineness", format!("{} cycles/mm (spectral centroid)", significant(fineness_per_mm, 3))),
     ]))
 }
 
@@ -98,11 +91,7 @@ impl Picture {
 
     /// Refuses a size before memory is used for it.
     fn check(width: u64, height: u64) -> Result<(usize, usize), String> {
-        let side = |pixels: u64| {
-            usize::try_from(pixels)
-                .ok()
-                .filter(|side| (2..=MAX_SIDE).contains(side))
-        };
+        let side = |pixels: u64| usize::try_from(pixels).ok().filter(|side| (2..=MAX_SIDE).contains(side));
         side(width).zip(side(height)).ok_or_else(|| {
             format!(
                 "it has {width} x {height} pixels; width and height must be from 2 to {MAX_SIDE}: crop it to the material or scale it down"
@@ -111,18 +100,14 @@ impl Picture {
     }
 
     fn of_png(bytes: &[u8]) -> Result<Self, String> {
-        let limits = Limits {
-            bytes: files::MAX_PICTURE_BYTES as usize,
-        };
+        let limits = Limits { bytes: files::MAX_PICTURE_BYTES as usize };
         let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), limits);
         decoder.set_transformations(Transformations::EXPAND);
         let mut reader = decoder.read_info().map_err(|error| error.to_string())?;
         let (width, height) = Self::check(reader.info().width.into(), reader.info().height.into())?;
         let size = reader.output_buffer_size().ok_or("it is too large")?;
         let mut samples = vec![0; size];
-        let frame = reader
-            .next_frame(&mut samples)
-            .map_err(|error| error.to_string())?;
+        let frame = reader.next_frame(&mut samples).map_err(|error| error.to_string())?;
         let channels = frame.color_type.samples();
         let is_gray = matches!(frame.color_type, ColorType::Grayscale | ColorType::GrayscaleAlpha);
         let gray = |pixel: &[f64]| match is_gray {
@@ -132,10 +117,7 @@ impl Picture {
         let values: Vec<f64> = match frame.bit_depth {
             BitDepth::Sixteen => {
                 let (pairs, _) = samples.as_chunks::<2>();
-                pairs
-                    .iter()
-                    .map(|pair| f64::from(u16::from_be_bytes(*pair)))
-                    .collect()
+                pairs.iter().map(|pair| f64::from(u16::from_be_bytes(*pair))).collect()
             }
             _ => samples.iter().map(|sample| f64::from(*sample)).collect(),
         };
@@ -168,24 +150,15 @@ impl Picture {
         let (width, rows) = Self::check(width, rows)?;
         // Rows are padded to whole words.
         let stride = (width * pixel).next_multiple_of(4);
-        let data = bytes
-            .get(start..)
-            .and_then(|data| data.get(..rows * stride))
-            .ok_or_else(cut)?;
+        let data = bytes.get(start..).and_then(|data| data.get(..rows * stride)).ok_or_else(cut)?;
         let mut lines: Vec<&[u8]> = data.chunks_exact(stride).collect();
         // A positive height counts from the bottom.
         if height > 0 {
             lines.reverse();
         }
         let gray_of = |bgr: &[u8]| gray([bgr[2], bgr[1], bgr[0]].map(f64::from));
-        let pixels = lines
-            .iter()
-            .flat_map(|line| line[..width * pixel].chunks_exact(pixel));
-        Ok(Self {
-            width,
-            height: rows,
-            gray: pixels.map(gray_of).collect(),
-        })
+        let pixels = lines.iter().flat_map(|line| line[..width * pixel].chunks_exact(pixel));
+        Ok(Self { width, height: rows, gray: pixels.map(gray_of).collect() })
     }
 }
 
@@ -210,19 +183,7 @@ mod tests {
 
     fn bmp(bits: u16, height: i32) -> Vec<u8> {
         let mut bytes = b"BM\0\0\0\0\0\0\0\0".to_vec();
-        for number in [
-            54,
-            40,
-            SIZE.0,
-            height as u32,
-            u32::from(bits) << 16 | 1,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-        ] {
+        for number in [54, 40, SIZE.0, height as u32, u32::from(bits) << 16 | 1, 0, 0, 0, 0, 0, 0] {
             bytes.extend(number.to_le_bytes());
         }
         for row in 0..SIZE.1 {
@@ -255,18 +216,12 @@ mod tests {
             assert_eq!((read.width, read.height, read.gray), (5, 3, expected()));
         }
         let places = || (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| colour(x, y)));
-        let read = Picture::read(&png(
-            ColorType::Rgb,
-            BitDepth::Eight,
-            &places().flatten().collect::<Vec<u8>>(),
-        ));
+        let read =
+            Picture::read(&png(ColorType::Rgb, BitDepth::Eight, &places().flatten().collect::<Vec<u8>>()));
         assert_eq!(read.unwrap().gray, expected());
         let deep: Vec<u8> = places().flat_map(|[r, ..]| u16::from(r).to_be_bytes()).collect();
         let read = Picture::read(&png(ColorType::Grayscale, BitDepth::Sixteen, &deep));
-        assert_eq!(
-            read.unwrap().gray,
-            places().map(|[r, ..]| f64::from(r)).collect::<Vec<f64>>()
-        );
+        assert_eq!(read.unwrap().gray, places().map(|[r, ..]| f64::from(r)).collect::<Vec<f64>>());
     }
 
     #[test]

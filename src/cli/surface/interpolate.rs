@@ -110,13 +110,7 @@ impl LineError {
     fn at(&self, line: &str, number: usize) -> Failure {
         let column = line[..self.byte].chars().count() + 1;
         let message = format!("line {number}, column {column}: {}", self.message);
-        Failure::Rendered(snippet::at(
-            "standard input",
-            line.trim_end(),
-            number,
-            column,
-            &message,
-        ))
+        Failure::Rendered(snippet::at("standard input", line.trim_end(), number, column, &message))
     }
 }
 
@@ -126,9 +120,7 @@ fn parse(line: &str) -> Result<Option<Request>, LineError> {
         return Ok(None);
     }
     let start = |word: &str| word.as_ptr() as usize - line.as_ptr() as usize;
-    let mut words = line
-        .split(|c: char| c.is_whitespace() || c == ',')
-        .filter(|word| !word.is_empty());
+    let mut words = line.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
     let mut number = |what: &str| {
         let missing = || LineError {
             byte: line.trim_end().len(),
@@ -146,26 +138,17 @@ fn parse(line: &str) -> Result<Option<Request>, LineError> {
     let (speed_mm_s, speed_m_s) = number("speed")?;
     let (force_n, _) = number("force")?;
     match words.next() {
-        None => Ok(Some(Request {
-            speed_mm_s,
-            speed_m_s,
-            force_n,
-        })),
+        None => Ok(Some(Request { speed_mm_s, speed_m_s, force_n })),
         Some(word) => {
             let message = format!("unexpected {word:?}; write `speed_mm_s force_n`");
-            Err(LineError {
-                byte: start(word),
-                message,
-            })
+            Err(LineError { byte: start(word), message })
         }
     }
 }
 
 /// Metres to millimetres per second, with the decimals that a file would have.
 fn mm_s(speed_m_s: f64) -> f64 {
-    format_thousandfold(speed_m_s)
-        .parse()
-        .unwrap_or(speed_m_s * 1000.0)
+    format_thousandfold(speed_m_s).parse().unwrap_or(speed_m_s * 1000.0)
 }
 
 /// `beyond` holds the requested values if they lie outside the modelled range.
@@ -193,13 +176,8 @@ fn json(
 }
 
 fn describe(at: &Request, beyond: Option<Request>, spot: &Spot, coefficients: &Coefficients) -> String {
-    let list = |values: &[f64]| {
-        values
-            .iter()
-            .map(|value| format!("{value:.6}"))
-            .collect::<Vec<_>>()
-            .join(" ")
-    };
+    let list =
+        |values: &[f64]| values.iter().map(|value| format!("{value:.6}")).collect::<Vec<_>>().join(" ");
     let [a, b, c] = spot.vertices;
     let asked = beyond.map_or_else(String::new, |asked| {
         format!(" in place of {} mm/s, {} N", asked.speed_mm_s, asked.force_n)
@@ -228,17 +206,8 @@ mod tests {
 
     #[test]
     fn lines_are_read_with_exact_thousandths() {
-        let asked = |speed_mm_s, speed_m_s, force_n| {
-            Ok(Some(Request {
-                speed_mm_s,
-                speed_m_s,
-                force_n,
-            }))
-        };
-        assert_eq!(
-            parse("221.974244 6.382478"),
-            asked(221.974244, 0.221974244, 6.382478)
-        );
+        let asked = |speed_mm_s, speed_m_s, force_n| Ok(Some(Request { speed_mm_s, speed_m_s, force_n }));
+        assert_eq!(parse("221.974244 6.382478"), asked(221.974244, 0.221974244, 6.382478));
         assert_eq!(parse("  100,\t2\r"), asked(100.0, 0.1, 2.0));
         assert_eq!(parse("-5 -1e-3"), asked(-5.0, -0.005, -0.001));
         for nothing in ["", "   \r", "# speed force"] {
@@ -248,11 +217,8 @@ mod tests {
 
     #[test]
     fn what_lies_inside_is_echoed_as_it_was_given() {
-        let asked = |speed_mm_s: f64, force_n: f64| Request {
-            speed_mm_s,
-            speed_m_s: speed_mm_s / 1000.0,
-            force_n,
-        };
+        let asked =
+            |speed_mm_s: f64, force_n: f64| Request { speed_mm_s, speed_m_s: speed_mm_s / 1000.0, force_n };
         let most = asked(200.0, 3.0);
         let just_below = asked(200.0_f64.next_down(), 3.0_f64.next_down());
         assert_eq!(just_below.saturated(&most), just_below);
@@ -262,15 +228,9 @@ mod tests {
 
     #[test]
     fn wrong_lines_are_wrong_at_a_place() {
-        for (line, byte) in [
-            ("100", 3),
-            ("100 x", 4),
-            ("nan 1", 0),
-            ("1 inf", 2),
-            ("1 2 3", 4),
-            ("é 1", 0),
-            ("1e999 1", 0),
-        ] {
+        for (line, byte) in
+            [("100", 3), ("100 x", 4), ("nan 1", 0), ("1 inf", 2), ("1 2 3", 4), ("é 1", 0), ("1e999 1", 0)]
+        {
             assert_eq!(parse(line).unwrap_err().byte, byte, "{line}");
         }
     }

@@ -47,20 +47,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let found = leave_one_out(&textures, &|part| progress.at(part))
         .map_err(|error| Failure::file("compare maps of", &arguments.paths[0], &error))?;
     drop(progress);
-    if arguments.json {
-        print_json(&to_json(&found))
-    } else {
-        print(&describe(&found))
-    }
+    if arguments.json { print_json(&to_json(&found)) } else { print(&describe(&found)) }
 }
 
 /// A named subset of the predictions.
 type Part = (&'static str, fn(&Prediction) -> bool);
-const PARTS: [Part; 3] = [
-    ("all", |_| true),
-    ("inside", |one| one.inside),
-    ("outside", |one| !one.inside),
-];
+const PARTS: [Part; 3] = [("all", |_| true), ("inside", |one| one.inside), ("outside", |one| !one.inside)];
 
 fn describe(found: &LeaveOneOut) -> String {
     let models = Summary::of(&found.left_out, MapKind::Law, |_| true).map_or(0, |law| law.models);
@@ -87,21 +79,12 @@ fn describe(found: &LeaveOneOut) -> String {
     text + &format!("\n{FADE}\n{CAVEAT}\n")
 }
 
-const HEADER: [&str; 7] = [
-    "models",
-    "map",
-    "LSD dB",
-    "power off by dB",
-    "beyond 6 dB %",
-    "of all models %",
-    "count",
-];
+const HEADER: [&str; 7] =
+    ["models", "map", "LSD dB", "power off by dB", "beyond 6 dB %", "of all models %", "count"];
 
 fn row(part: &str, map: MapKind, one: &Summary) -> Vec<String> {
     let number = |value: &Mean, scale: f64, digits: usize| {
-        let error = value
-            .error
-            .map_or_else(String::new, |error| format!(" ± {:.digits$}", error * scale));
+        let error = value.error.map_or_else(String::new, |error| format!(" ± {:.digits$}", error * scale));
         format!("{:.digits$}{error}", value.mean * scale)
     };
     vec![
@@ -116,12 +99,7 @@ fn row(part: &str, map: MapKind, one: &Summary) -> Vec<String> {
 }
 
 fn describe_exponents(exponents: &PowerExponents) -> String {
-    let PowerExponents {
-        pooled,
-        mean,
-        deviation,
-        textures,
-    } = exponents;
+    let PowerExponents { pooled, mean, deviation, textures } = exponents;
     format!(
         "Power is proportional to speed^{:.2} force^{:.2} over all models, with a level per texture; fitted to each of {textures} textures alone, \
          to speed^{:.2} force^{:.2}, with standard deviations of {:.2} and {:.2}. The law is regularised towards the former, without the predicted texture.",

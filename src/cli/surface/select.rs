@@ -43,26 +43,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surfaces = collect(&arguments.dir)?;
     warn_of_mixed_forces(&surfaces);
     let found = measure(&surfaces, arguments.seed)?;
-    let count = arguments
-        .count
-        .unwrap_or(USUAL_COUNT.min(found.len().div_ceil(2)));
+    let count = arguments.count.unwrap_or(USUAL_COUNT.min(found.len().div_ceil(2)));
     let selection =
         select(&found, count).map_err(|error| Failure::file("select from", &arguments.dir, &error))?;
-    let chosen = selection
-        .chosen
-        .iter()
-        .filter_map(|&i| surfaces[i].texture.as_ref());
+    let chosen = selection.chosen.iter().filter_map(|&i| surfaces[i].texture.as_ref());
     let middle = centre_of(chosen);
     if arguments.json {
         let mut shown = to_json(&found, &selection);
         shown["centre"] = centre_json(middle);
         print_json(&shown)
     } else {
-        print(&format!(
-            "{}\n{}",
-            describe(&found, &selection),
-            facts(&[centre(middle)])
-        ))
+        print(&format!("{}\n{}", describe(&found, &selection), facts(&[centre(middle)])))
     }
 }
 
@@ -118,10 +109,7 @@ pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
         ));
     }
     if by_name.is_empty() {
-        return Err(Failure::Message(format!(
-            "{} contains no surface (.ron or .xml)",
-            dir.display()
-        )));
+        return Err(Failure::Message(format!("{} contains no surface (.ron or .xml)", dir.display())));
     }
     Ok(by_name.into_values().map(|(_, surface)| surface).collect())
 }
@@ -174,10 +162,7 @@ fn joined(mut known: Surface, mut next: Surface) -> Surface {
 fn measure(surfaces: &[Surface], seed: u64) -> Result<Vec<Features>, Failure> {
     let progress = Progress::of("playing");
     let done = AtomicUsize::new(0);
-    let walk = RandomWalk {
-        seed,
-        ..RandomWalk::default()
-    };
+    let walk = RandomWalk { seed, ..RandomWalk::default() };
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let share = surfaces.len().div_ceil(threads).max(1);
     let work = |surfaces: &[Surface]| -> Vec<_> {
@@ -190,15 +175,8 @@ fn measure(surfaces: &[Surface], seed: u64) -> Result<Vec<Features>, Failure> {
         surfaces.iter().map(one).collect()
     };
     let found: Vec<Result<Features, Failure>> = std::thread::scope(|scope| {
-        let workers: Vec<_> = surfaces
-            .chunks(share)
-            .map(|share| scope.spawn(|| work(share)))
-            .collect();
-        workers
-            .into_iter()
-            .filter_map(|worker| worker.join().ok())
-            .flatten()
-            .collect()
+        let workers: Vec<_> = surfaces.chunks(share).map(|share| scope.spawn(|| work(share))).collect();
+        workers.into_iter().filter_map(|worker| worker.join().ok()).flatten().collect()
     });
     found.into_iter().collect()
 }
@@ -242,8 +220,5 @@ fn describe(found: &[Features], selection: &Selection) -> String {
         found.len(),
         selection.features.join(", ")
     );
-    head + &table(
-        &["surface", "mu", "tap (N s/m)", "power ((m/s²)²)", "stands for"],
-        &rows,
-    )
+    head + &table(&["surface", "mu", "tap (N s/m)", "power ((m/s²)²)", "stands for"], &rows)
 }

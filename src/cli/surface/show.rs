@@ -27,9 +27,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn mm_s(speed_m_s: f64) -> f64 {
-    format_thousandfold(speed_m_s)
-        .parse()
-        .unwrap_or(speed_m_s * 1000.0)
+    format_thousandfold(speed_m_s).parse().unwrap_or(speed_m_s * 1000.0)
 }
 
 fn kind(kind: VertexKind) -> &'static str {
@@ -41,12 +39,7 @@ fn kind(kind: VertexKind) -> &'static str {
 }
 
 fn to_json(surface: &Surface) -> Value {
-    let Provenance {
-        origin,
-        source,
-        settings,
-        version,
-    } = &surface.provenance;
+    let Provenance { origin, source, settings, version } = &surface.provenance;
     json!({
         "name": surface.name,
         "friction": surface.friction.map(|friction| json!({ "mu": friction.mu(), "r_squared": friction.r_squared() })),
@@ -98,35 +91,22 @@ fn texture_json(texture: &TextureModel) -> Value {
 }
 
 fn describe(surface: &Surface) -> String {
-    let Provenance {
-        origin,
-        source,
-        settings,
-        version,
-    } = &surface.provenance;
-    let name = if surface.name.is_empty() {
-        "(no name)"
-    } else {
-        &surface.name
-    };
+    let Provenance { origin, source, settings, version } = &surface.provenance;
+    let name = if surface.name.is_empty() { "(no name)" } else { &surface.name };
     let fit = |r_squared: Option<f64>| {
         r_squared.map_or_else(String::new, |r| format!(" (R² {})", significant(r, 3)))
     };
     let none = || "none".to_owned();
-    let friction = surface.friction.map_or_else(none, |f| {
-        format!("mu {}{}", significant(f.mu(), 4), fit(f.r_squared()))
-    });
-    let stiffness = surface.stiffness.map_or_else(none, |s| {
-        format!("{} N/mm{}", significant(s.n_per_mm(), 4), fit(s.r_squared()))
-    });
+    let friction = surface
+        .friction
+        .map_or_else(none, |f| format!("mu {}{}", significant(f.mu(), 4), fit(f.r_squared())));
+    let stiffness = surface
+        .stiffness
+        .map_or_else(none, |s| format!("{} N/mm{}", significant(s.n_per_mm(), 4), fit(s.r_squared())));
     let mut text = format!("{name}\n\n");
     let highest = surface.provenance.highest_hz();
-    let band = highest.map(|hz| {
-        (
-            "recorded",
-            format!("up to {hz} Hz, at the lowest rate of its drags and taps"),
-        )
-    });
+    let band =
+        highest.map(|hz| ("recorded", format!("up to {hz} Hz, at the lowest rate of its drags and taps")));
     let parts = [
         ("origin", origin.as_str().to_owned()),
         ("source", source.clone()),
@@ -134,20 +114,15 @@ fn describe(surface: &Surface) -> String {
         ("friction", friction),
         ("stiffness", stiffness),
         ("taps", surface.taps.as_ref().map_or_else(none, describe_taps)),
-        (
-            "texture",
-            surface.texture.as_ref().map_or_else(none, describe_texture),
-        ),
+        ("texture", surface.texture.as_ref().map_or_else(none, describe_texture)),
     ];
     text += &facts(&parts.into_iter().chain(band).collect::<Vec<_>>());
     if let Some(texture) = &surface.texture {
         text += &format!("\n{}", models(texture));
     }
     if !settings.is_empty() {
-        let settings: Vec<(&str, String)> = settings
-            .iter()
-            .map(|(name, value)| (name.as_str(), value.clone()))
-            .collect();
+        let settings: Vec<(&str, String)> =
+            settings.iter().map(|(name, value)| (name.as_str(), value.clone())).collect();
         text += &format!("\nMade with\n\n{}", facts(&settings));
     }
     text
@@ -155,14 +130,11 @@ fn describe(surface: &Surface) -> String {
 
 fn describe_taps(taps: &Taps) -> String {
     let (first, last) = (&taps.taps()[0], &taps.taps()[taps.taps().len() - 1]);
-    let response = taps.response().map_or_else(String::new, |line| {
-        format!(", {} N per m/s", significant(line.slope, 3))
-    });
+    let response = taps
+        .response()
+        .map_or_else(String::new, |line| format!(", {} N per m/s", significant(line.slope, 3)));
     let centroid = taps.spectral_centroid_hz().map_or_else(String::new, |hz| {
-        format!(
-            ", spectral centroid {} Hz (mean at 50 to 100 mm/s)",
-            significant(hz, 3)
-        )
+        format!(", spectral centroid {} Hz (mean at 50 to 100 mm/s)", significant(hz, 3))
     });
     format!(
         "{} of {} ms at {} Hz, {} to {} mm/s{response}{centroid}",
@@ -190,10 +162,7 @@ fn describe_texture(texture: &TextureModel) -> String {
             significant(1000.0 * crackle.time_constant_s(), 2)
         )
     });
-    let lines = texture
-        .lines()
-        .iter()
-        .map(|line| significant(line.cycles_per_m() / 1000.0, 3));
+    let lines = texture.lines().iter().map(|line| significant(line.cycles_per_m() / 1000.0, 3));
     let lines = match lines.collect::<Vec<_>>().join(" and ") {
         none if none.is_empty() => none,
         some => format!("; lines of {some} cycles/mm"),
@@ -225,12 +194,6 @@ fn models(texture: &TextureModel) -> String {
             ]
         })
         .collect();
-    let header = [
-        "model",
-        "speed (mm/s)",
-        "force (N)",
-        "variance ((m/s²)²)",
-        "power ((m/s²)²)",
-    ];
+    let header = ["model", "speed (mm/s)", "force (N)", "variance ((m/s²)²)", "power ((m/s²)²)"];
     table(&header, &rows)
 }

@@ -114,13 +114,7 @@ impl Inbox {
 pub async fn run(socket: WebSocket, shared: Shared, pass: Pass) {
     pass.let_in();
     let max_pages = shared.max_pages();
-    let Shared {
-        stage,
-        exclusive,
-        reach,
-        learner,
-        ..
-    } = shared;
+    let Shared { stage, exclusive, reach, learner, .. } = shared;
     let (line, out) = channel(MAX_QUEUED);
     let greeted = with_stage(&stage, move |stage| {
         // Several may have been let in at once.
@@ -135,18 +129,8 @@ pub async fn run(socket: WebSocket, shared: Shared, pass: Pass) {
     let (answers, answered) = channel(MAX_REQUESTS);
     let (queue, messages) = channel(MAX_QUEUED);
     let queued = Arc::<AtomicUsize>::default();
-    let inbox = Inbox {
-        queue,
-        queued: Arc::clone(&queued),
-        max_bytes: longest(reach) + MAX_QUEUED_BYTES,
-    };
-    let connection = Connection {
-        stage,
-        page,
-        exclusive,
-        learner,
-        answers,
-    };
+    let inbox = Inbox { queue, queued: Arc::clone(&queued), max_bytes: longest(reach) + MAX_QUEUED_BYTES };
+    let connection = Connection { stage, page, exclusive, learner, answers };
     let (sink, stream) = socket.split();
     tokio::spawn(act_in_order(connection.clone(), messages, queued));
     tokio::select! {
@@ -233,9 +217,9 @@ async fn act_in_order(connection: Connection, mut messages: Receiver<Queued>, qu
         queued.fetch_sub(length, Relaxed);
         let incoming = match received {
             Received::Parsed(incoming) => incoming,
-            Received::Long(message) => blocking(move || talk::read(&message))
-                .await
-                .unwrap_or(Ok(Incoming::Json(None))),
+            Received::Long(message) => {
+                blocking(move || talk::read(&message)).await.unwrap_or(Ok(Incoming::Json(None)))
+            }
         };
         let page = connection.page;
         let acted = with_stage(&connection.stage, move |stage| {
@@ -274,10 +258,7 @@ fn answer_to(connection: &Connection, queue: &Sender<(u64, Work)>, response: Res
             talk::reply(request, Err(StageError::Other(why)))
         }),
         Response::Cancel { request } => {
-            connection
-                .exclusive
-                .learning
-                .cancel(connection.page, Some(request));
+            connection.exclusive.learning.cancel(connection.page, Some(request));
             None
         }
         Response::Learn { request, name, csv } => {
@@ -365,10 +346,7 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
         // Whoever listens to the network could ask for it.
         let is_far = |known: &Page| known.id == page && known.reach == Reach::Network;
         if stage.pages.iter().any(is_far) {
-            let why = format!(
-                "a page on the network cannot change limits or devices: {}",
-                beyond.join("; ")
-            );
+            let why = format!("a page on the network cannot change limits or devices: {}", beyond.join("; "));
             return Err(StageError::Other(why));
         }
         stage.propose(source.clone(), text.clone(), beyond.clone());
@@ -401,10 +379,7 @@ fn learned(
     let (path, report) = learned.map_err(StageError::Other)?;
     // Draws the swatch before the stage is locked.
     let _ = describe::surface(&path, &graph);
-    let name = format!(
-        "{}-learned",
-        path.file_stem().unwrap_or_default().to_string_lossy()
-    );
+    let name = format!("{}-learned", path.file_stem().unwrap_or_default().to_string_lossy());
     let folder = lock(stage).new_folder(&name);
     // A failed report does not invalidate the surface.
     let folder = folder
@@ -452,8 +427,7 @@ mod tests {
         stage.switch.arm(0.1);
         // What waits for the stage: a message of the page, and another page.
         let text = |text: &str| tungstenite::Message::text(text.to_owned());
-        page.send(text(r#"{"type":"set","name":"out.gain","value":0.5}"#))
-            .expect("sent");
+        page.send(text(r#"{"type":"set","name":"out.gain","value":0.5}"#)).expect("sent");
         let another = request(&studio);
         let another = std::thread::spawn(move || connect(another).is_ok());
         std::thread::sleep(Duration::from_millis(50));
@@ -482,10 +456,7 @@ mod tests {
         let taken = (0..100).take_while(|_| put(text(MAX_BYTES - 100))).count();
         assert_eq!(taken, 9, "of 1 MiB each");
         // A text that is too long is refused before it is queued, and what is handled makes room.
-        assert!(matches!(
-            receive(&switch, text(MAX_BYTES)),
-            Received::Parsed(Err(WireError::Long(_)))
-        ));
+        assert!(matches!(receive(&switch, text(MAX_BYTES)), Received::Parsed(Err(WireError::Long(_)))));
         let ((length, _), _) = messages.try_recv().expect("it is queued");
         queued.fetch_sub(length, Relaxed);
         assert!(put(text(MAX_BYTES - 100)) && !put(text(MAX_BYTES - 100)));

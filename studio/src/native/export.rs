@@ -71,16 +71,10 @@ pub fn export(options: &Export, registry: &Registry) -> Result<Exported, StudioE
 
 fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Exported, StudioError> {
     // If the folder is a link, its target is replaced.
-    let target = options
-        .folder
-        .canonicalize()
-        .or_else(|_| std::path::absolute(&options.folder));
+    let target = options.folder.canonicalize().or_else(|_| std::path::absolute(&options.folder));
     let target = target.map_err(other)?;
     is_free(&target)?;
-    let graphs = options
-        .graphs
-        .iter()
-        .map(|path| take(path, &options.set, registry));
+    let graphs = options.graphs.iter().map(|path| take(path, &options.set, registry));
     let graphs = graphs.collect::<Result<Vec<_>, _>>()?;
     let mut names = BTreeSet::new();
     if let Some(twice) = graphs.iter().find(|graph| !names.insert(&graph.name)) {
@@ -95,16 +89,9 @@ fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Ex
     let beside = target.parent().unwrap_or(Path::new("/"));
     std::fs::create_dir_all(beside).map_err(failed)?;
     // Removed by its destructor unless it takes the target's place.
-    let whole = tempfile::Builder::new()
-        .prefix(".haptograph-site-")
-        .tempdir_in(beside)
-        .map_err(failed)?;
+    let whole = tempfile::Builder::new().prefix(".haptograph-site-").tempdir_in(beside).map_err(failed)?;
     let new = whole.path().join("new");
-    let mut site = Site {
-        folder: &new,
-        exported: Exported { files: 0, bytes: 0 },
-        sha256: BTreeMap::new(),
-    };
+    let mut site = Site { folder: &new, exported: Exported { files: 0, bytes: 0 }, sha256: BTreeMap::new() };
     for path in &all {
         let bytes = files::read(path, files::MAX_SITE_BYTES)
             .map_err(|error| other(format!("cannot read {}: {error}", path.display())))?;
@@ -213,11 +200,7 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Si
     let surfaces = describe::surface_files(stage.source.folder());
     let files = sources.chain(named).chain(surfaces);
     let files = files.map(|path| plain(&path)).collect::<Result<_, _>>()?;
-    let name = path
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok(SiteGraph {
         name,
         about: graph.about().to_owned(),
@@ -249,9 +232,7 @@ fn root_of(all: &BTreeSet<&PathBuf>) -> PathBuf {
     let first = folders.next().unwrap_or(Path::new("")).to_owned();
     folders.fold(first, |root, folder| {
         let same = root.components().zip(folder.components());
-        same.take_while(|(one, other)| one == other)
-            .map(|(one, _)| one)
-            .collect()
+        same.take_while(|(one, other)| one == other).map(|(one, _)| one).collect()
     })
 }
 
@@ -264,10 +245,7 @@ fn in_site(path: &Path, root: &Path) -> String {
 
 fn listing(graphs: &[SiteGraph], all: &BTreeSet<&PathBuf>, root: &Path) -> Value {
     let graphs = graphs.iter().map(|graph| {
-        let set = graph
-            .set
-            .iter()
-            .map(|(name, value)| (name, set_in_site(value, all, root)));
+        let set = graph.set.iter().map(|(name, value)| (name, set_in_site(value, all, root)));
         json!({
             "name": graph.name, "about": graph.about, "path": in_site(&graph.path, root),
             "set": set.collect::<Vec<_>>(), "rate_hz": graph.rate_hz,
@@ -359,12 +337,8 @@ mod tests {
         let site: Value = serde_json::from_str(&text).expect("JSON");
         assert_eq!(site["graphs"][0]["path"], "texturepad.ron");
         assert_eq!(site["graphs"][0]["rate_hz"], 48000.0);
-        let files: Vec<&str> = site["files"]
-            .as_array()
-            .expect("a list")
-            .iter()
-            .filter_map(Value::as_str)
-            .collect();
+        let files: Vec<&str> =
+            site["files"].as_array().expect("a list").iter().filter_map(Value::as_str).collect();
         for needed in ["texturepad.ron", "surfaces/t2-canvas.ron", "surfaces/t3-tile.ron"] {
             assert!(files.contains(&needed), "{needed} of {files:?}");
             assert!(folder.path().join("files").join(needed).is_file(), "{needed}");
@@ -380,10 +354,7 @@ mod tests {
             let before = std::fs::read(&path);
             std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
             std::fs::write(&path, "mine").expect("written");
-            assert!(
-                export(&["texturepad.ron"], folder.path()).is_err(),
-                "{of_another}"
-            );
+            assert!(export(&["texturepad.ron"], folder.path()).is_err(), "{of_another}");
             assert_eq!(std::fs::read(&path).expect("it is there"), b"mine");
             match before {
                 Ok(bytes) => std::fs::write(&path, bytes),
@@ -392,14 +363,8 @@ mod tests {
             .expect("as before");
         }
         std::fs::remove_file(folder.path().join(SITE)).expect("it was there");
-        assert!(matches!(
-            export(&["texturepad.ron"], folder.path()),
-            Err(StudioError::Other(_))
-        ));
-        assert!(
-            folder.path().join("index.html").is_file(),
-            "what was refused is as it was"
-        );
+        assert!(matches!(export(&["texturepad.ron"], folder.path()), Err(StudioError::Other(_))));
+        assert!(folder.path().join("index.html").is_file(), "what was refused is as it was");
     }
 
     #[test]
@@ -418,11 +383,9 @@ mod tests {
     fn what_no_page_can_run_is_refused_before_anything_is_written() {
         let folder = tempfile::tempdir().expect("a folder");
         let site = folder.path().join("site");
-        for graphs in [
-            &["two-drivers.ron"][..],
-            &["texturepad.ron", "texturepad.ron"],
-            &["surfaces/t2-canvas.ron"],
-        ] {
+        for graphs in
+            [&["two-drivers.ron"][..], &["texturepad.ron", "texturepad.ron"], &["surfaces/t2-canvas.ron"]]
+        {
             assert!(export(graphs, &site).is_err(), "{graphs:?}");
             assert!(!site.exists());
         }

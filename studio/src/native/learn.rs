@@ -66,12 +66,7 @@ impl Learning {
     pub fn begin(&self, page: u64, request: u64) -> Option<Turn> {
         let mut running = self.running();
         running.is_none().then(|| {
-            *running = Some(Running {
-                page,
-                request,
-                child: None,
-                end: None,
-            });
+            *running = Some(Running { page, request, child: None, end: None });
             Turn(self.clone())
         })
     }
@@ -215,21 +210,12 @@ fn limit(child: &Child) {
     use rustix::process::{Pid, Resource, Rlimit, prlimit};
     let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
     let cores = std::thread::available_parallelism().map_or(1, usize::from) as u64;
-    for (resource, most) in [
-        (Resource::Data, MAX_BYTES),
-        (Resource::Cpu, cores * LONGEST.as_secs()),
-        (Resource::Core, 0),
-    ] {
+    for (resource, most) in
+        [(Resource::Data, MAX_BYTES), (Resource::Cpu, cores * LONGEST.as_secs()), (Resource::Core, 0)]
+    {
         let maximum = Some(most);
         // One that has ended already.
-        let _ = prlimit(
-            pid,
-            resource,
-            Rlimit {
-                current: maximum,
-                maximum,
-            },
-        );
+        let _ = prlimit(pid, resource, Rlimit { current: maximum, maximum });
     }
 }
 
@@ -269,13 +255,7 @@ fn make_readable(_: &File) -> io::Result<()> {
 mod tests {
     use super::*;
 
-    fn learn(
-        learner: Learner,
-    ) -> (
-        Learning,
-        std::thread::JoinHandle<Result<(), String>>,
-        tempfile::TempDir,
-    ) {
+    fn learn(learner: Learner) -> (Learning, std::thread::JoinHandle<Result<(), String>>, tempfile::TempDir) {
         let (learning, folder) = (Learning::default(), tempfile::tempdir().expect("a folder"));
         let turn = learning.begin(1, 2).expect("nothing is learned");
         let path = folder.path().to_owned();

@@ -93,12 +93,7 @@ fn bind(address: IpAddr, port: u16, reach: Reach) -> Result<Door, ListenError> {
         let bare = hosts.iter().filter_map(|host| host.strip_suffix(":80"));
         hosts.extend(bare.map(str::to_owned).collect::<Vec<_>>());
     }
-    Ok(Door {
-        listener,
-        address,
-        hosts,
-        reach,
-    })
+    Ok(Door { listener, address, hosts, reach })
 }
 
 /// The address from which this machine would reach others, if it has a network. Nothing is sent.
@@ -106,20 +101,14 @@ pub fn lan_address() -> Option<IpAddr> {
     // Addresses for documentation (RFC 5737 and 3849); only the route to them matters.
     let anybody: [(IpAddr, IpAddr); 2] = [
         (Ipv4Addr::UNSPECIFIED.into(), Ipv4Addr::new(203, 0, 113, 1).into()),
-        (
-            Ipv6Addr::UNSPECIFIED.into(),
-            Ipv6Addr::new(0x2001, 0xdb8, 0, 0, 0, 0, 0, 1).into(),
-        ),
+        (Ipv6Addr::UNSPECIFIED.into(), Ipv6Addr::new(0x2001, 0xdb8, 0, 0, 0, 0, 0, 1).into()),
     ];
     let from = |(any, other): (IpAddr, IpAddr)| {
         let socket = UdpSocket::bind((any, 0)).ok()?;
         socket.connect((other, 9)).ok()?;
         Some(socket.local_addr().ok()?.ip())
     };
-    anybody
-        .into_iter()
-        .filter_map(from)
-        .find(|address| !is_no_place(*address))
+    anybody.into_iter().filter_map(from).find(|address| !is_no_place(*address))
 }
 
 #[cfg(test)]
@@ -133,10 +122,7 @@ mod tests {
         assert_eq!(doors.here.address.port(), lan.address.port());
         let port = lan.address.port();
         assert_eq!(lan.hosts, [format!("127.0.0.2:{port}")]);
-        assert_eq!(
-            doors.here.hosts,
-            [format!("127.0.0.1:{port}"), format!("localhost:{port}")]
-        );
+        assert_eq!(doors.here.hosts, [format!("127.0.0.1:{port}"), format!("localhost:{port}")]);
         assert_eq!((doors.here.reach, lan.reach), (Reach::Machine, Reach::Network));
     }
 
@@ -144,10 +130,7 @@ mod tests {
     fn addresses_that_are_everywhere_or_nowhere_are_refused() {
         for address in ["0.0.0.0", "127.0.0.1", "::", "::1", "224.0.0.1"] {
             let address: IpAddr = address.parse().expect("an address");
-            assert!(
-                matches!(doors(0, Some(address)), Err(ListenError::Address(_))),
-                "{address}"
-            );
+            assert!(matches!(doors(0, Some(address)), Err(ListenError::Address(_))), "{address}");
         }
         let elsewhere = Ipv4Addr::new(203, 0, 113, 77).into();
         assert!(matches!(doors(0, Some(elsewhere)), Err(ListenError::Bind(..))));

@@ -17,10 +17,7 @@ pub fn save(stage: &Mutex<Stage>, text: &str) -> Result<String, StageError> {
     let failed =
         |error: std::io::Error| StageError::Other(format!("cannot write {}: {error}", path.display()));
     if source.read().map_err(failed)? != on_disk {
-        let why = format!(
-            "{} was changed since it was read; nothing was written",
-            path.display()
-        );
+        let why = format!("{} was changed since it was read; nothing was written", path.display());
         return Err(StageError::Other(why));
     }
     // A link stays a link.

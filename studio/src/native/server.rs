@@ -36,13 +36,8 @@ const MAX_PAGES: usize = 16;
 /// Length of the token.
 const TOKEN_LETTERS: usize = 32;
 /// The host of an engine on this machine.
-const HOST: Host = Host {
-    name: "native",
-    driven_by: DrivenBy::Thread,
-    can_save: true,
-    can_learn: true,
-    can_drive: true,
-};
+const HOST: Host =
+    Host { name: "native", driven_by: DrivenBy::Thread, can_save: true, can_learn: true, can_drive: true };
 /// Content security policy of the page: its own files only, besides the WebSocket of its own server.
 const POLICY: &str = "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; \
                       frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
@@ -171,16 +166,7 @@ impl Studio {
         });
         let (end, ended) = oneshot::channel();
         let thread = Some(serve(served.collect(), &visits, ended).map_err(other)?);
-        Ok(Self {
-            stage,
-            address,
-            lan,
-            token,
-            exclusive,
-            visits,
-            end: Some(end),
-            thread,
-        })
+        Ok(Self { stage, address, lan, token, exclusive, visits, end: Some(end), thread })
     }
 
     /// The URL to open in a browser. Its token grants access.
@@ -237,9 +223,7 @@ impl Studio {
 
 impl std::fmt::Debug for Studio {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Studio")
-            .field("address", &self.address)
-            .finish_non_exhaustive()
+        f.debug_struct("Studio").field("address", &self.address).finish_non_exhaustive()
     }
 }
 
@@ -294,9 +278,7 @@ fn serve(
     visits: &Visits,
     ended: oneshot::Receiver<()>,
 ) -> io::Result<JoinHandle<()>> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let inside = runtime.enter();
     let served = served
         .into_iter()
@@ -359,9 +341,7 @@ async fn guard(State(shared): State<Shared>, request: Request, next: Next) -> Re
         false => (StatusCode::FORBIDDEN, "this studio serves its own page only").into_response(),
     };
     let headers = response.headers_mut();
-    headers
-        .entry(header::CONTENT_SECURITY_POLICY)
-        .or_insert_with(|| policy(&shared.hosts));
+    headers.entry(header::CONTENT_SECURITY_POLICY).or_insert_with(|| policy(&shared.hosts));
     for (name, value) in [
         ("x-content-type-options", "nosniff"),
         ("referrer-policy", "no-referrer"),
@@ -377,9 +357,10 @@ fn is_let_in(shared: &Shared, query: &HashMap<String, String>) -> bool {
     let given = query.get("token").map(String::as_bytes).unwrap_or_default();
     let token = shared.token.as_bytes();
     // Takes constant time for any token.
-    let differs = token.iter().enumerate().fold(0, |differs, (at, byte)| {
-        differs | (byte ^ given.get(at).unwrap_or(&0))
-    });
+    let differs = token
+        .iter()
+        .enumerate()
+        .fold(0, |differs, (at, byte)| differs | (byte ^ given.get(at).unwrap_or(&0)));
     differs == 0 && given.len() == token.len()
 }
 
@@ -390,10 +371,7 @@ const RESTARTED: &str = "<!doctype html><title>haptograph studio</title><p>This 
 
 /// The answer to a request without the token of this studio.
 fn locked(query: &HashMap<String, String>) -> Response {
-    let why = match query
-        .get("token")
-        .is_some_and(|token| token.len() == TOKEN_LETTERS)
-    {
+    let why = match query.get("token").is_some_and(|token| token.len() == TOKEN_LETTERS) {
         true => RESTARTED,
         false => LOCKED,
     };
@@ -418,9 +396,7 @@ async fn report(
     }
     let made = with_stage(&shared.stage, move |stage| {
         let made = stage.made.iter();
-        { made }
-            .find(|made| made.file_name().is_some_and(|name| *name == *folder))
-            .cloned()
+        { made }.find(|made| made.file_name().is_some_and(|name| *name == *folder)).cloned()
     });
     let made = made.await.flatten();
     let page = blocking(move || {
@@ -428,9 +404,7 @@ async fn report(
         let path = folder.join(REPORT);
         // What lies elsewhere is not of this studio.
         let is_link = [&folder, &path].into_iter().any(|path| path.is_symlink());
-        files::read(&path, files::MAX_REPORT_BYTES)
-            .ok()
-            .filter(|_| !is_link)
+        files::read(&path, files::MAX_REPORT_BYTES).ok().filter(|_| !is_link)
     });
     match page.await.flatten() {
         Some(page) => {
@@ -473,9 +447,6 @@ async fn live(
     if pages.is_none_or(|pages| pages >= shared.max_pages()) {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages").into_response();
     }
-    let upgrade = upgrade
-        .protocols([SUBPROTOCOL])
-        .max_message_size(max_bytes)
-        .max_frame_size(max_bytes);
+    let upgrade = upgrade.protocols([SUBPROTOCOL]).max_message_size(max_bytes).max_frame_size(max_bytes);
     upgrade.on_upgrade(move |socket| converse::run(socket, shared, pass))
 }

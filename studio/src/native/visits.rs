@@ -45,10 +45,7 @@ pub struct Visits {
 
 impl Default for Visits {
     fn default() -> Self {
-        Self {
-            trouble: Arc::default(),
-            long: Arc::new(Semaphore::new(1)),
-        }
+        Self { trouble: Arc::default(), long: Arc::new(Semaphore::new(1)) }
     }
 }
 
@@ -61,11 +58,7 @@ pub struct Reception {
 
 impl Reception {
     pub fn of(listener: TcpListener, visits: Visits) -> Self {
-        Self {
-            listener,
-            visits,
-            waiting: VecDeque::new(),
-        }
+        Self { listener, visits, waiting: VecDeque::new() }
     }
 
     fn admit(&mut self, stream: TcpStream) -> Visit {
@@ -78,10 +71,7 @@ impl Reception {
         Visit {
             stream,
             pass: Pass::default(),
-            limits: Some(Limits {
-                evicted: Some(evicted),
-                end: Box::pin(sleep(IDLE)),
-            }),
+            limits: Some(Limits { evicted: Some(evicted), end: Box::pin(sleep(IDLE)) }),
             long: Arc::clone(&self.visits.long),
             turn: None,
         }
@@ -189,9 +179,7 @@ impl Visit {
         let Some(Limits { evicted, end }) = &mut self.limits else {
             return Ok(());
         };
-        let is_evicted = evicted
-            .as_mut()
-            .is_some_and(|evicted| Pin::new(evicted).poll(cx).is_ready());
+        let is_evicted = evicted.as_mut().is_some_and(|evicted| Pin::new(evicted).poll(cx).is_ready());
         let may_wait = shared.is_known.load(Relaxed) && evicted.is_some();
         match is_evicted || (!may_wait && end.as_mut().poll(cx).is_ready()) {
             true => {
@@ -220,10 +208,7 @@ impl Visit {
             return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
         }
         *lock(&shared.turn) = taken;
-        self.limits = Some(Limits {
-            evicted: None,
-            end: Box::pin(sleep(SENDING)),
-        });
+        self.limits = Some(Limits { evicted: None, end: Box::pin(sleep(SENDING)) });
         Poll::Ready(Ok(()))
     }
 }
@@ -238,14 +223,9 @@ impl AsyncRead for Visit {
         ready!(this.wait_for_turn(cx))?;
         let before = into.filled().len();
         let read = Pin::new(&mut this.stream).poll_read(cx, into);
-        this.pass
-            .0
-            .unheard
-            .fetch_add(into.filled().len() - before, Relaxed);
+        this.pass.0.unheard.fetch_add(into.filled().len() - before, Relaxed);
         match read.is_pending() {
-            true => this
-                .limit(cx)
-                .map_or_else(|error| Poll::Ready(Err(error)), |()| Poll::Pending),
+            true => this.limit(cx).map_or_else(|error| Poll::Ready(Err(error)), |()| Poll::Pending),
             false => read,
         }
     }
@@ -256,9 +236,9 @@ impl AsyncWrite for Visit {
         let this = &mut *self;
         let written = Pin::new(&mut this.stream).poll_write(cx, bytes);
         match (&written, &mut this.limits) {
-            (Poll::Pending, _) => this
-                .limit(cx)
-                .map_or_else(|error| Poll::Ready(Err(error)), |()| Poll::Pending),
+            (Poll::Pending, _) => {
+                this.limit(cx).map_or_else(|error| Poll::Ready(Err(error)), |()| Poll::Pending)
+            }
             (_, Some(limits)) if limits.evicted.is_some() => {
                 limits.end.as_mut().reset(Instant::now() + IDLE);
                 written

@@ -5,10 +5,7 @@ use std::path::Path;
 
 fn opened() -> Opened {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
-    Opened {
-        graph: folder.join("texturepad.ron"),
-        set: Vec::new(),
-    }
+    Opened { graph: folder.join("texturepad.ron"), set: Vec::new() }
 }
 
 fn said(engine: &mut Engine, kind: &str) -> serde_json::Value {
@@ -16,10 +13,7 @@ fn said(engine: &mut Engine, kind: &str) -> serde_json::Value {
         Message::Text(text) => serde_json::from_str::<serde_json::Value>(&text).ok(),
         Message::Binary(_) => None,
     });
-    texts
-        .filter(|said| said["type"] == kind)
-        .last()
-        .unwrap_or_default()
+    texts.filter(|said| said["type"] == kind).last().unwrap_or_default()
 }
 
 fn run(engine: &mut Engine, seconds: f64) {
@@ -36,16 +30,8 @@ fn an_engine_that_its_caller_runs_tells_its_page_as_a_server_does() {
     assert_eq!(said(&mut engine, "hello")["host"], "page");
     run(&mut engine, 0.5);
     let status = said(&mut engine, "status");
-    assert_eq!(
-        (&status["state"], &status["owner"]),
-        (&"running".into(), &true.into())
-    );
-    assert!(
-        status["cost"]
-            .as_f64()
-            .is_some_and(|cost| (cost - 0.1).abs() < 1e-6),
-        "{status}"
-    );
+    assert_eq!((&status["state"], &status["owner"]), (&"running".into(), &true.into()));
+    assert!(status["cost"].as_f64().is_some_and(|cost| (cost - 0.1).abs() < 1e-6), "{status}");
     engine.hear(&Message::Text(r#"{"type":"stop"}"#.to_owned()));
     run(&mut engine, 0.2);
     assert_eq!(said(&mut engine, "status")["state"], "stopped");
@@ -73,9 +59,7 @@ fn edits_are_checked_against_what_the_engine_runs() {
     // Wrong wherever there is such a parameter.
     let turn = r#"{"type":"parameter","request":1,"name":"gain","value":"\"loud\""}"#;
     let text = std::fs::read_to_string(opened().graph).expect("it ships");
-    let without = text
-        .replace("\"gain\": 1.0,", "")
-        .replace("Param(\"gain\")", "1.0");
+    let without = text.replace("\"gain\": 1.0,", "").replace("Param(\"gain\")", "1.0");
     assert_ne!(text, without);
     // A correct edit that the engine has not taken over changes nothing here.
     let apply = serde_json::json!({ "type": "apply", "request": 2, "text": without }).to_string();
@@ -91,10 +75,7 @@ fn edits_are_checked_against_what_the_engine_runs() {
 
 fn engine_of(graph: &str) -> Engine {
     let graph = opened().graph.with_file_name(graph);
-    let opened = Opened {
-        graph,
-        set: Vec::new(),
-    };
+    let opened = Opened { graph, set: Vec::new() };
     let engine = Engine::open(opened, &haptograph_nodes::registry());
     engine.expect("it is sound")
 }
@@ -126,14 +107,8 @@ fn rms(levels: &serde_json::Value, port: &str) -> f64 {
 fn an_arm_presses_into_the_surface_that_the_pad_is_laid_on() {
     let mut engine = engine_of("omni.ron");
     let pads = said(&mut engine, "graph")["pads"].clone();
-    assert_eq!(
-        (&pads[0]["endpoint"], &pads[0]["is_laid"]),
-        (&"arm".into(), &true.into())
-    );
-    assert_eq!(
-        (&pads[0]["gives_n_per_mm"], &pads[0]["height_mm"]),
-        (&0.25.into(), &100.0.into())
-    );
+    assert_eq!((&pads[0]["endpoint"], &pads[0]["is_laid"]), (&"arm".into(), &true.into()));
+    assert_eq!((&pads[0]["gives_n_per_mm"], &pads[0]["height_mm"]), (&0.25.into(), &100.0.into()));
     let levels = stroke(&mut engine, 20.0, 1.5);
     // The damping of the wall adds to this.
     let load_n = rms(&levels, "normal.load");
@@ -143,10 +118,7 @@ fn an_arm_presses_into_the_surface_that_the_pad_is_laid_on() {
     // The offset surface over the ball is larger than the ball.
     let speed_m_s = rms(&levels, "slide.speed");
     assert!((0.08..0.102).contains(&speed_m_s), "{speed_m_s} m/s");
-    assert!(
-        rms(&levels, "coil.delivered") > 1e-4 && rms(&levels, "push.delivered") > 0.5,
-        "{levels}"
-    );
+    assert!(rms(&levels, "coil.delivered") > 1e-4 && rms(&levels, "push.delivered") > 0.5, "{levels}");
 }
 
 #[test]
@@ -175,21 +147,12 @@ fn levels_are_sent_while_the_drawing_is_seen_with_each_nodes_part_of_the_cost() 
     assert!((rms(&levels, "stylus.force") - 1.0).abs() < 1e-3, "{levels}");
     let costs = levels["costs"].as_object().expect("they are measured");
     let all: f64 = costs.values().filter_map(serde_json::Value::as_f64).sum();
-    assert!(
-        (all - 1.0).abs() < 0.02 && costs.contains_key("texture/filter"),
-        "{costs:?}"
-    );
+    assert!((all - 1.0).abs() < 0.02 && costs.contains_key("texture/filter"), "{costs:?}");
     assert_eq!(
-        (
-            &levels["origin"],
-            levels["not_finite"].as_object().map(|all| all.len())
-        ),
+        (&levels["origin"], levels["not_finite"].as_object().map(|all| all.len())),
         (&().into(), Some(0))
     );
-    assert!(
-        levels["limits"]["out"]["ticks"].as_u64() > Some(40_000),
-        "{levels}"
-    );
+    assert!(levels["limits"]["out"]["ticks"].as_u64() > Some(40_000), "{levels}");
     engine.hear(&Message::Text(r#"{"type":"levels","on":false}"#.to_owned()));
     run(&mut engine, 0.3);
     assert!(said(&mut engine, "levels").is_null());
@@ -206,10 +169,7 @@ fn where_a_limit_held_back_and_where_infinity_came_from_is_told() {
         });
         Message::Text(serde_json::json!({ "type": "apply", "request": 1, "text": text }).to_string())
     };
-    engine.hear(&apply(&[(
-        "peak_a: 0.5, continuous_a: 0.25",
-        "peak_a: 0.002, continuous_a: 0.001",
-    )]));
+    engine.hear(&apply(&[("peak_a: 0.5, continuous_a: 0.25", "peak_a: 0.002, continuous_a: 0.001")]));
     assert_eq!(said(&mut engine, "reply")["ok"], true);
     let levels = stroke(&mut engine, 30.0, 1.0);
     let held = levels["limits"]["out"]["peak"].as_u64();
@@ -244,10 +204,7 @@ fn a_late_look_still_sends_the_last_samples_of_a_run() {
     let kept = said(&mut engine, "recording")["recording"].clone();
     let frames = kept["frames"].as_u64().expect("it was recorded") as usize;
     let mut replay = |frames_between_looks: usize| {
-        hear(
-            &mut engine,
-            serde_json::json!({ "type": "replay", "request": 3, "recording": kept }),
-        );
+        hear(&mut engine, serde_json::json!({ "type": "replay", "request": 3, "recording": kept }));
         let (mut samples, mut graphs) = (Vec::new(), 0);
         // Until the graph of the run after it is told.
         while graphs < 2 {
@@ -266,19 +223,7 @@ fn a_late_look_still_sends_the_last_samples_of_a_run() {
         samples
     };
     let (often, late) = (replay(480), replay(20_000));
-    assert!(
-        often[frames - 4800..frames]
-            .iter()
-            .any(|value| *value != often[0])
-    );
-    assert!(
-        frames > 24_000 && late.len() >= frames,
-        "{frames}, {}",
-        late.len()
-    );
-    assert_eq!(
-        (0..frames).find(|at| often[*at] != late[*at]),
-        None,
-        "of {frames} frames"
-    );
+    assert!(often[frames - 4800..frames].iter().any(|value| *value != often[0]));
+    assert!(frames > 24_000 && late.len() >= frames, "{frames}, {}", late.len());
+    assert_eq!((0..frames).find(|at| often[*at] != late[*at]), None, "of {frames} frames");
 }

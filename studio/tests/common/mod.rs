@@ -78,13 +78,7 @@ impl Page {
             stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
         }
         let (hello, graph) = (Value::Null, Value::Null);
-        let mut page = Self {
-            socket,
-            hello,
-            graph,
-            begun: Instant::now(),
-            requests: 0,
-        };
+        let mut page = Self { socket, hello, graph, begun: Instant::now(), requests: 0 };
         page.hello = page.wait(|said| said["type"] == "hello");
         assert_eq!(page.hello["version"], 1);
         page.graph = page.wait(|said| said["type"] == "graph");
@@ -139,9 +133,8 @@ impl Page {
             {
                 let interval_s = f64::from_le_bytes(bytes[16..24].try_into().expect("eight"));
                 let values = bytes[24..].chunks_exact(4);
-                let values: Vec<f32> = values
-                    .map(|four| f32::from_le_bytes(four.try_into().expect("four")))
-                    .collect();
+                let values: Vec<f32> =
+                    values.map(|four| f32::from_le_bytes(four.try_into().expect("four"))).collect();
                 covered_s += values.len() as f64 * interval_s;
                 samples.extend(values);
             }
@@ -152,13 +145,8 @@ impl Page {
 
 /// A message that only the owner may send, damaged in what it carries.
 fn owners_attack(next: &mut impl FnMut(usize) -> usize, request: usize) -> Value {
-    let text = [
-        "",
-        "Graph(format: 1)",
-        "Graph(format: 1, nodes: { \"a\": Sine(",
-        "((((((((",
-        "\u{0}",
-    ][next(5)];
+    let text =
+        ["", "Graph(format: 1)", "Graph(format: 1, nodes: { \"a\": Sine(", "((((((((", "\u{0}"][next(5)];
     let far = [i64::MAX, -1, 0, 4_000_000_000][next(4)];
     let no_switch = [json!("yes"), json!(false), json!(1)][next(3)].clone();
     match next(9) {
@@ -203,9 +191,7 @@ pub fn attack(studio: &Studio) {
     ];
     let (mut seed, mut sent) = (7_u64, 0);
     let mut next = |bound: usize| {
-        seed = seed
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (seed >> 33) as usize % bound
     };
     while sent < 10_000 {
@@ -218,11 +204,7 @@ pub fn attack(studio: &Studio) {
         for _ in 0..90 {
             let message = match next(4) {
                 3 => Message::text(owners_attack(&mut next, sent).to_string()),
-                0 => Message::text(
-                    (0..next(12))
-                        .map(|_| words[next(words.len())])
-                        .collect::<String>(),
-                ),
+                0 => Message::text((0..next(12)).map(|_| words[next(words.len())]).collect::<String>()),
                 1 => Message::binary((0..next(80)).map(|_| next(256) as u8).collect::<Vec<u8>>()),
                 _ => Message::text(
                     json!({ "type": "set", "name": "out.gain", "value": "x".repeat(next(50)) }).to_string(),

@@ -11,10 +11,7 @@ use std::time::Duration;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let graph = std::env::args_os().nth(1).ok_or("name a graph")?;
-    let opened = Opened {
-        graph: graph.into(),
-        set: Vec::new(),
-    };
+    let opened = Opened { graph: graph.into(), set: Vec::new() };
     let mut engine = Engine::open(opened, &haptograph_nodes::registry())?;
     let mut calls = Vec::new();
     std::io::stdin().read_to_end(&mut calls)?;
@@ -23,9 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let [what, count] =
             [&head[..4], &head[4..]].map(|four| u32::from_le_bytes(four.try_into().unwrap_or_default()));
         let length = if what == 0 { 0 } else { count as usize };
-        let (bytes, rest) = rest
-            .split_at_checked(length)
-            .ok_or("the transcript is cut short")?;
+        let (bytes, rest) = rest.split_at_checked(length).ok_or("the transcript is cut short")?;
         calls = rest;
         match what {
             0 => {

@@ -161,14 +161,8 @@ pub extern "C" fn haptograph_surface(name_length: usize) -> u32 {
     with(|state| {
         let (name, text) = state.room.split_at(name_length.min(state.room.len()));
         let name = String::from_utf8_lossy(name);
-        let checked = state
-            .checker
-            .as_ref()
-            .and_then(|checker| checker.surface_file(&name));
-        let runs = state
-            .engine
-            .as_ref()
-            .and_then(|engine| engine.surface_file(&name));
+        let checked = state.checker.as_ref().and_then(|checker| checker.surface_file(&name));
+        let runs = state.engine.as_ref().and_then(|engine| engine.surface_file(&name));
         if let Some(path) = checked.as_ref().map(|(path, _)| path).or(runs.as_ref()) {
             put(path, text);
         } else {
@@ -187,12 +181,7 @@ pub extern "C" fn haptograph_surface(name_length: usize) -> u32 {
 /// Runs `frames` frames of the driver. Returns the number of samples to play.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_process(frames: usize) -> usize {
-    with(|state| {
-        state
-            .engine
-            .as_mut()
-            .map_or(0, |engine| engine.process(frames).len())
-    })
+    with(|state| state.engine.as_mut().map_or(0, |engine| engine.process(frames).len()))
 }
 
 /// Returns a pointer to these samples, doubles; 1 is the actuator's peak limit.

@@ -72,10 +72,7 @@ impl Numbers {
         match self {
             Self::F32(numbers) => {
                 let place = &mut numbers[start..start + signal.len()];
-                place
-                    .iter_mut()
-                    .zip(signal)
-                    .for_each(|(place, x)| *place = *x as f32);
+                place.iter_mut().zip(signal).for_each(|(place, x)| *place = *x as f32);
             }
             Self::F64(numbers) => numbers[start..start + signal.len()].copy_from_slice(signal),
             Self::I64(_) | Self::U64(_) => {}
@@ -137,19 +134,11 @@ impl Chunk {
             ("motion", whole(&|job| job.motion)),
             ("seed", Numbers::U64(jobs.iter().map(|job| job.seed).collect())),
             ("samples", whole(&|job| batch.samples_of(job))),
-            (
-                "rate_hz",
-                Numbers::F64(jobs.iter().map(|job| batch.rate_hz(job)).collect()),
-            ),
+            ("rate_hz", Numbers::F64(jobs.iter().map(|job| batch.rate_hz(job)).collect())),
             ("gain", Numbers::F64(jobs.iter().map(|job| job.gain).collect())),
-            (
-                "update_hz",
-                Numbers::F64(jobs.iter().map(|job| job.update_hz).collect()),
-            ),
+            ("update_hz", Numbers::F64(jobs.iter().map(|job| job.update_hz).collect())),
         ];
-        let lines = lines
-            .into_iter()
-            .map(|(name, numbers)| (name, vec![count], numbers));
+        let lines = lines.into_iter().map(|(name, numbers)| (name, vec![count], numbers));
         let signals = batch.signals().iter().zip(signals);
         let signals = signals.map(|(signal, numbers)| (signal.name(), vec![count, longest], numbers));
         let arrays = lines.chain(signals).collect();
@@ -225,20 +214,11 @@ fn play(batch: &Batch, jobs: &[Job], places: &[usize]) -> Result<Vec<Played>, (u
     let trajectories: Vec<Trajectory> = places.iter().map(trajectory).collect();
     let mut voices = vec![];
     for (place, trajectory) in places.iter().zip(&trajectories) {
-        let Job {
-            surface,
-            seed,
-            update_hz,
-            ..
-        } = jobs[*place];
+        let Job { surface, seed, update_hz, .. } = jobs[*place];
         voices.push(Voice {
             texture: &batch.surfaces()[surface].texture,
             trajectory,
-            settings: SynthesisSettings {
-                update_hz,
-                seed,
-                lines_seed: seed,
-            },
+            settings: SynthesisSettings { update_hz, seed, lines_seed: seed },
         });
     }
     let mut played = synthesise_many(&voices, 1).map_err(|error| (places[error.voice], error.source))?;

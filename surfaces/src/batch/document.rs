@@ -39,11 +39,7 @@ pub enum Motion {
         cutoff_hz: f64,
     },
     /// A constant speed and force.
-    Constant {
-        seconds: f64,
-        speed_mm_s: f64,
-        force_n: f64,
-    },
+    Constant { seconds: f64, speed_mm_s: f64, force_n: f64 },
     /// Speed and force of a recording.
     Recording(String),
 }
@@ -172,9 +168,7 @@ pub enum Part {
 }
 
 fn options() -> ron::Options {
-    ron::Options::default()
-        .with_default_extension(Extensions::IMPLICIT_SOME)
-        .with_recursion_limit(32)
+    ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME).with_recursion_limit(32)
 }
 
 impl Document {

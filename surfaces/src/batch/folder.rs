@@ -38,10 +38,7 @@ pub struct Claim {
 impl Claim {
     /// Creates the folder if necessary. Removes incomplete files of a killed process.
     pub fn of(folder: &Path, identity: &str) -> Result<Self, FolderError> {
-        let failed = |source| FolderError::Io {
-            path: folder.to_owned(),
-            source,
-        };
+        let failed = |source| FolderError::Io { path: folder.to_owned(), source };
         fs::create_dir_all(folder).map_err(failed)?;
         let path = folder.join(MARKER);
         // It may exist already.
@@ -49,9 +46,7 @@ impl Claim {
         let mut marker = files::open_to_change(&path).map_err(failed)?;
         // If the file system has no locks, other processes are not excluded.
         if matches!(marker.try_lock(), Err(TryLockError::WouldBlock)) {
-            return Err(FolderError::Busy {
-                path: folder.to_owned(),
-            });
+            return Err(FolderError::Busy { path: folder.to_owned() });
         }
         let mut written = String::new();
         let read = (&marker).take(MAX_MARKER_BYTES).read_to_string(&mut written);
@@ -60,18 +55,11 @@ impl Claim {
             // The marker is written before any chunk, so these files are not of a batch.
             if has_others(folder).map_err(failed)? {
                 let _ = fs::remove_file(&path);
-                return Err(FolderError::Foreign {
-                    path: folder.to_owned(),
-                });
+                return Err(FolderError::Foreign { path: folder.to_owned() });
             }
-            marker
-                .write_all(identity.as_bytes())
-                .and_then(|()| marker.sync_all())
-                .map_err(failed)?;
+            marker.write_all(identity.as_bytes()).and_then(|()| marker.sync_all()).map_err(failed)?;
         } else if written != identity {
-            return Err(FolderError::Other {
-                path: folder.to_owned(),
-            });
+            return Err(FolderError::Other { path: folder.to_owned() });
         }
         remove_leftovers(folder).map_err(failed)?;
         Ok(Self { _marker: marker })

@@ -29,13 +29,7 @@ pub struct Input {
 
 impl Input {
     pub fn new(kind: &str, file: &str, sha256: String) -> Self {
-        Self {
-            kind: kind.to_owned(),
-            file: file.to_owned(),
-            sha256,
-            origin: None,
-            source: None,
-        }
+        Self { kind: kind.to_owned(), file: file.to_owned(), sha256, origin: None, source: None }
     }
 }
 
@@ -93,17 +87,9 @@ impl Manifest {
             rendered: true,
             plan: batch.text().to_owned(),
             inputs: batch.inputs().to_vec(),
-            surfaces: batch
-                .surfaces()
-                .iter()
-                .map(|surface| surface.name.clone())
-                .collect(),
+            surfaces: batch.surfaces().iter().map(|surface| surface.name.clone()).collect(),
             motions: batch.motions().map(str::to_owned).collect(),
-            signals: batch
-                .signals()
-                .iter()
-                .map(|signal| signal.name().to_owned())
-                .collect(),
+            signals: batch.signals().iter().map(|signal| signal.name().to_owned()).collect(),
             samples: batch.samples().as_str().to_owned(),
             jobs: batch.jobs(),
             jobs_per_chunk: batch.jobs_per_chunk(),
@@ -141,10 +127,7 @@ impl Manifest {
                 || entry.file != file_name(entry.chunk)
                 || entry.jobs != [start, end]
             {
-                return Err(format!(
-                    "its entry for chunk {} does not match its plan",
-                    entry.chunk
-                ));
+                return Err(format!("its entry for chunk {} does not match its plan", entry.chunk));
             }
         }
         Ok(())

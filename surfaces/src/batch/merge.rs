@@ -27,11 +27,7 @@ pub enum MergeError {
     #[error("{} and {} are not parts of one batch: their plans, files or versions differ", first.display(), second.display())]
     Different { first: PathBuf, second: PathBuf },
     #[error("chunk {chunk} is in both {} and {}; name only one of them", first.display(), second.display())]
-    Twice {
-        chunk: u64,
-        first: PathBuf,
-        second: PathBuf,
-    },
+    Twice { chunk: u64, first: PathBuf, second: PathBuf },
     #[error("{missing} of {whole} chunks are missing, the first is chunk {first}; render the missing shards")]
     Missing { missing: u64, whole: u64, first: u64 },
     #[error("{} is damaged: {why}; render its part again to repair it", path.display())]
@@ -75,13 +71,8 @@ pub fn merge(folders: &[PathBuf], into: &Path, progress: &dyn Fn(f64)) -> Result
         ..first.clone()
     };
     let path = into.join(super::MANIFEST);
-    merged
-        .write(into)
-        .map_err(|source| MergeError::Io { path, source })?;
-    Ok(Merged {
-        chunks: merged.whole(),
-        jobs: merged.jobs,
-    })
+    merged.write(into).map_err(|source| MergeError::Io { path, source })?;
+    Ok(Merged { chunks: merged.whole(), jobs: merged.jobs })
 }
 
 /// The manifests of all parts, of one batch.
@@ -89,20 +80,10 @@ fn read(folders: &[PathBuf]) -> Result<Vec<(PathBuf, Manifest)>, MergeError> {
     let mut parts: Vec<(PathBuf, Manifest)> = vec![];
     for path in folders {
         let manifest = Manifest::read(path);
-        let manifest = manifest.map_err(|source| MergeError::NoManifest {
-            path: path.clone(),
-            source,
-        })?;
-        manifest.check().map_err(|why| MergeError::Manifest {
-            path: path.clone(),
-            why,
-        })?;
+        let manifest = manifest.map_err(|source| MergeError::NoManifest { path: path.clone(), source })?;
+        manifest.check().map_err(|why| MergeError::Manifest { path: path.clone(), why })?;
         if let Some((first, other)) = parts.first() {
-            let without_chunks = |of: &Manifest| Manifest {
-                complete: false,
-                chunks: vec![],
-                ..of.clone()
-            };
+            let without_chunks = |of: &Manifest| Manifest { complete: false, chunks: vec![], ..of.clone() };
             if without_chunks(other) != without_chunks(&manifest) {
                 let (first, second) = (first.clone(), path.clone());
                 return Err(MergeError::Different { first, second });
@@ -120,11 +101,7 @@ fn whole(parts: &[(PathBuf, Manifest)]) -> Result<BTreeMap<u64, (&Path, &ChunkEn
         for entry in &manifest.chunks {
             if let Some((first, _)) = chunks.insert(entry.chunk, (folder, entry)) {
                 let (first, second) = (first.to_owned(), folder.clone());
-                return Err(MergeError::Twice {
-                    chunk: entry.chunk,
-                    first,
-                    second,
-                });
+                return Err(MergeError::Twice { chunk: entry.chunk, first, second });
             }
         }
     }
@@ -132,11 +109,7 @@ fn whole(parts: &[(PathBuf, Manifest)]) -> Result<BTreeMap<u64, (&Path, &ChunkEn
     let mut missing = (0..whole).filter(|chunk| !chunks.contains_key(chunk));
     match missing.next() {
         None => Ok(chunks),
-        Some(first) => Err(MergeError::Missing {
-            missing: 1 + missing.count() as u64,
-            whole,
-            first,
-        }),
+        Some(first) => Err(MergeError::Missing { missing: 1 + missing.count() as u64, whole, first }),
     }
 }
 
@@ -152,21 +125,13 @@ fn take(from: &Path, into: &Path, entry: &ChunkEntry, identity: &str) -> Result<
     if target.symlink_metadata().is_ok() && is_whole(&target).is_ok() {
         return Ok(());
     }
-    let broken = |why| MergeError::Broken {
-        path: source.clone(),
-        why,
-    };
+    let broken = |why| MergeError::Broken { path: source.clone(), why };
     is_whole(&source).map_err(broken)?;
     let _ = fs::remove_file(&target);
     // The target of a link, not the link.
-    let linked = source
-        .canonicalize()
-        .and_then(|file| fs::hard_link(file, &target));
+    let linked = source.canonicalize().and_then(|file| fs::hard_link(file, &target));
     let placed = linked.or_else(|_| copy(&source, &target));
-    placed.map_err(|error| MergeError::Io {
-        path: target.clone(),
-        source: error,
-    })?;
+    placed.map_err(|error| MergeError::Io { path: target.clone(), source: error })?;
     Ok(())
 }
 

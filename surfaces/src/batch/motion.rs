@@ -34,12 +34,7 @@ impl Source {
     /// Loads a plan's motion; paths are relative to `folder`.
     pub fn of(motion: &Motion, folder: &Path) -> Result<Self, PlanProblem> {
         match motion {
-            Motion::RandomWalk {
-                seconds,
-                speed_mm_s,
-                force_n,
-                cutoff_hz,
-            } => {
+            Motion::RandomWalk { seconds, speed_mm_s, force_n, cutoff_hz } => {
                 let (slow, fast) = *speed_mm_s;
                 check_seconds(*seconds)?;
                 check(
@@ -56,12 +51,7 @@ impl Source {
                     RANGE,
                 )?;
                 let is_slow = 0.0 < *cutoff_hz && *cutoff_hz <= 40.0;
-                check(
-                    "cutoff_hz",
-                    cutoff_hz.to_string(),
-                    is_slow,
-                    "above 0 and at most 40",
-                )?;
+                check("cutoff_hz", cutoff_hz.to_string(), is_slow, "above 0 and at most 40")?;
                 Ok(Self::Walk(RandomWalk {
                     seconds: *seconds,
                     speed_m_s: (slow / 1e3, fast / 1e3),
@@ -70,11 +60,7 @@ impl Source {
                     ..RandomWalk::default()
                 }))
             }
-            Motion::Constant {
-                seconds,
-                speed_mm_s,
-                force_n,
-            } => {
+            Motion::Constant { seconds, speed_mm_s, force_n } => {
                 check_seconds(*seconds)?;
                 check(
                     "speed_mm_s",
@@ -82,35 +68,20 @@ impl Source {
                     (0.0..=1e5).contains(speed_mm_s),
                     "from 0 to 100000",
                 )?;
-                check(
-                    "force_n",
-                    force_n.to_string(),
-                    (0.0..=1e3).contains(force_n),
-                    "from 0 to 1000",
-                )?;
-                Ok(Self::Constant {
-                    seconds: *seconds,
-                    speed_m_s: speed_mm_s / 1e3,
-                    force_n: *force_n,
-                })
+                check("force_n", force_n.to_string(), (0.0..=1e3).contains(force_n), "from 0 to 1000")?;
+                Ok(Self::Constant { seconds: *seconds, speed_m_s: speed_mm_s / 1e3, force_n: *force_n })
             }
             Motion::Recording(file) => Self::recorded(file, &folder.join(file)),
         }
     }
 
     fn recorded(file: &str, path: &Path) -> Result<Self, PlanProblem> {
-        let import = ImportSettings {
-            keeps_offset: true,
-            ..ImportSettings::strict()
-        };
+        let import = ImportSettings { keeps_offset: true, ..ImportSettings::strict() };
         let (recording, _) = recording::load_with(&[path.to_owned()], &import)?;
         let recording = processing::processed(&recording, &Default::default())?;
         let signals = recording.signals();
         let both = signals.speed_m_s.iter().zip(&signals.force_normal_n);
-        let series = Series::new(
-            signals.rate_hz,
-            both.map(|(speed, force)| [*speed, *force]).collect(),
-        );
+        let series = Series::new(signals.rate_hz, both.map(|(speed, force)| [*speed, *force]).collect());
         check(
             "the recording's length, s",
             series.end_s().to_string(),
@@ -121,11 +92,7 @@ impl Source {
         let frames = series.samples.iter().flatten().copied();
         let bytes = std::iter::once(series.rate_hz).chain(frames);
         let sha256 = hash(&bytes.flat_map(f64::to_le_bytes).collect::<Vec<u8>>());
-        Ok(Self::Recording {
-            file: file.to_owned(),
-            sha256,
-            series,
-        })
+        Ok(Self::Recording { file: file.to_owned(), sha256, series })
     }
 
     /// The number of samples at a rate.
@@ -144,43 +111,24 @@ impl Source {
         match self {
             Self::Walk(walk) => {
                 let seed = stream_seed(seed, "motion");
-                RandomWalk {
-                    rate_hz,
-                    seed,
-                    ..*walk
-                }
-                .trajectory()
+                RandomWalk { rate_hz, seed, ..*walk }.trajectory()
             }
-            Self::Constant {
-                speed_m_s, force_n, ..
-            } => Trajectory {
-                rate_hz,
-                speed_m_s: vec![*speed_m_s; samples],
-                force_n: vec![*force_n; samples],
-            },
+            Self::Constant { speed_m_s, force_n, .. } => {
+                Trajectory { rate_hz, speed_m_s: vec![*speed_m_s; samples], force_n: vec![*force_n; samples] }
+            }
             Self::Recording { series, .. } => {
                 let at = |n: usize| {
                     let (before, part) = series.place(n as f64 / rate_hz);
                     let [a, b] =
                         [before, (before + 1).min(series.samples.len() - 1)].map(|i| series.samples[i]);
-                    std::array::from_fn(|i| {
-                        if part == 0.0 {
-                            a[i]
-                        } else {
-                            a[i] + part * (b[i] - a[i])
-                        }
-                    })
+                    std::array::from_fn(|i| if part == 0.0 { a[i] } else { a[i] + part * (b[i] - a[i]) })
                 };
                 let both: Vec<[f64; 2]> = match series.rate_hz == rate_hz {
                     true => series.samples.clone(),
                     false => (0..samples).map(at).collect(),
                 };
                 let [speed_m_s, force_n] = [0, 1].map(|i| both.iter().map(|both| both[i]).collect());
-                Trajectory {
-                    rate_hz,
-                    speed_m_s,
-                    force_n,
-                }
+                Trajectory { rate_hz, speed_m_s, force_n }
             }
         }
     }
@@ -196,10 +144,6 @@ fn check_seconds(seconds: f64) -> Result<(), PlanProblem> {
 fn check(what: &'static str, value: String, fits: bool, expected: &'static str) -> Result<(), PlanProblem> {
     match fits {
         true => Ok(()),
-        false => Err(PlanProblem::Range {
-            what,
-            value,
-            expected,
-        }),
+        false => Err(PlanProblem::Range { what, value, expected }),
     }
 }

@@ -26,9 +26,7 @@ pub fn matching(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, PlanProble
         .collect();
     found.sort();
     match found.is_empty() {
-        true => Err(PlanProblem::NoMatch {
-            pattern: pattern.to_owned(),
-        }),
+        true => Err(PlanProblem::NoMatch { pattern: pattern.to_owned() }),
         false => Ok(found),
     }
 }

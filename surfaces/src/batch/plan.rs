@@ -61,11 +61,7 @@ impl Batch {
     /// # Errors
     /// The first problem of the plan or of a file that it names, with its location.
     pub fn load(path: &Path) -> Result<Self, PlanError> {
-        let failed = |place, problem| PlanError {
-            path: path.to_owned(),
-            place,
-            problem,
-        };
+        let failed = |place, problem| PlanError { path: path.to_owned(), place, problem };
         let text =
             files::read_text(path, files::MAX_PLAN_BYTES).map_err(|error| failed(None, error.into()))?;
         let parsed = Document::parse(&text);
@@ -99,11 +95,7 @@ impl Batch {
             for file in pattern::matching(folder, pattern).map_err(at)? {
                 let path = folder.join(&file);
                 let (surface, sha256) = load_surface(&path).map_err(|error| at(error.into()))?;
-                let name = path
-                    .file_stem()
-                    .unwrap_or_default()
-                    .to_string_lossy()
-                    .into_owned();
+                let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
                 let file = file.display().to_string();
                 if let Some(first) = self.surfaces.iter().position(|other| other.name == name) {
                     let files = format!("{} and {file}", self.inputs[first].file);
@@ -142,24 +134,11 @@ impl Batch {
 
     /// Refuses a plan that cannot be rendered.
     fn check(&self) -> Result<(), (Part, PlanProblem)> {
-        let Document {
-            update_hz,
-            gain,
-            jobs_per_chunk,
-            ..
-        } = &self.document;
+        let Document { update_hz, gain, jobs_per_chunk, .. } = &self.document;
         check_update_hz(*update_hz).map_err(|problem| (Part::UpdateHz, problem))?;
         check_gain(*gain).map_err(|problem| (Part::Gain, problem))?;
-        let range = |part, what, value: String, expected| {
-            Err((
-                part,
-                PlanProblem::Range {
-                    what,
-                    value,
-                    expected,
-                },
-            ))
-        };
+        let range =
+            |part, what, value: String, expected| Err((part, PlanProblem::Range { what, value, expected }));
         if !(1..=65_536).contains(jobs_per_chunk) {
             let value = jobs_per_chunk.to_string();
             return range(Part::JobsPerChunk, "jobs_per_chunk", value, "from 1 to 65536");
@@ -169,12 +148,7 @@ impl Batch {
             || signals.any(|(i, signal)| self.document.write[..i].contains(signal))
         {
             let expected = "a list of Vibration, Speed and Force without duplicates";
-            return range(
-                Part::Write,
-                "write",
-                format!("{:?}", self.document.write),
-                expected,
-            );
+            return range(Part::Write, "write", format!("{:?}", self.document.write), expected);
         }
         if let Jobs::Product { seeds: (from, to) } = self.document.jobs
             && from > to
@@ -199,11 +173,7 @@ impl Batch {
         }
         let rates = self.surfaces.iter().map(|surface| surface.texture.rate_hz());
         let fastest = rates.fold(0.0, f64::max);
-        let longest = self
-            .motions
-            .iter()
-            .map(|(_, motion)| motion.samples(fastest) as u64)
-            .max();
+        let longest = self.motions.iter().map(|(_, motion)| motion.samples(fastest) as u64).max();
         let (samples, jobs) = (longest.unwrap_or(0), (jobs as u64).min(jobs_per_chunk));
         let stored = self.document.write.len() as u64 * self.document.samples.bytes();
         let bytes = samples.saturating_mul(jobs.saturating_mul(stored) + 16 * 24);
@@ -270,16 +240,9 @@ impl Batch {
     fn sum(&self, of: impl Fn(&BatchSurface, &Source) -> f64) -> f64 {
         let Jobs::Product { seeds: (from, to) } = self.document.jobs else {
             let jobs = self.table.iter();
-            return jobs
-                .map(|job| of(&self.surfaces[job.surface], self.motion(job.motion)))
-                .sum();
+            return jobs.map(|job| of(&self.surfaces[job.surface], self.motion(job.motion))).sum();
         };
-        let along = |surface| {
-            self.motions
-                .iter()
-                .map(|(_, motion)| of(surface, motion))
-                .sum::<f64>()
-        };
+        let along = |surface| self.motions.iter().map(|(_, motion)| of(surface, motion)).sum::<f64>();
         self.surfaces.iter().map(along).sum::<f64>() * ((to - from) as f64 + 1.0)
     }
 
@@ -347,11 +310,7 @@ impl Batch {
     }
 
     pub(super) fn surface_of(&self, name: &str) -> Result<usize, PlanProblem> {
-        find(
-            "surface",
-            self.surfaces.iter().map(|surface| surface.name.as_str()),
-            name,
-        )
+        find("surface", self.surfaces.iter().map(|surface| surface.name.as_str()), name)
     }
 
     pub(super) fn motion_of(&self, name: &str) -> Result<usize, PlanProblem> {
@@ -395,23 +354,15 @@ pub(super) fn check_update_hz(update_hz: f64) -> Result<(), PlanProblem> {
 pub(super) fn check_gain(gain: f64) -> Result<(), PlanProblem> {
     match gain.abs() <= 1e9 {
         true => Ok(()),
-        false => Err(PlanProblem::Range {
-            what: "gain",
-            value: gain.to_string(),
-            expected: "from -1e9 to 1e9",
-        }),
+        false => {
+            Err(PlanProblem::Range { what: "gain", value: gain.to_string(), expected: "from -1e9 to 1e9" })
+        }
     }
 }
 
 fn load_surface(path: &Path) -> Result<(crate::Surface, String), FileError> {
     let bytes = files::read(path, files::MAX_SURFACE_BYTES);
-    let bytes = bytes.map_err(|source| FileError::Io {
-        path: path.to_owned(),
-        source,
-    })?;
-    let surface = read_surface(&bytes).map_err(|error| FileError::Read {
-        path: path.to_owned(),
-        error,
-    })?;
+    let bytes = bytes.map_err(|source| FileError::Io { path: path.to_owned(), source })?;
+    let surface = read_surface(&bytes).map_err(|error| FileError::Read { path: path.to_owned(), error })?;
     Ok((surface, hash(&bytes)))
 }

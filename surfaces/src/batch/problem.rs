@@ -60,35 +60,18 @@ pub enum PlanProblem {
     #[error("cannot get speed and force from the recording: {0}")]
     Processing(Box<ProcessingError>),
     #[error("{what} is {value}; it must be {expected}")]
-    Range {
-        what: &'static str,
-        value: String,
-        expected: &'static str,
-    },
+    Range { what: &'static str, value: String, expected: &'static str },
     #[error("seeds run from the first to the last, and {from} is above {to}; write ({to}, {from})")]
     Seeds { from: u64, to: u64 },
     #[error("there is no {what} {name:?}; the plan has {known}")]
-    Unknown {
-        what: &'static str,
-        name: String,
-        known: String,
-    },
+    Unknown { what: &'static str, name: String, known: String },
     #[error("{jobs} jobs in chunks of {jobs_per_chunk} are more than {most} chunks; raise jobs_per_chunk")]
-    TooManyChunks {
-        jobs: u64,
-        jobs_per_chunk: u64,
-        most: u64,
-    },
+    TooManyChunks { jobs: u64, jobs_per_chunk: u64, most: u64 },
     #[error(
         "a chunk of {jobs} jobs of up to {samples} samples would take {mebibytes} MiB of memory; the limit is {most} MiB; \
          lower jobs_per_chunk, or the seconds of motions"
     )]
-    TooLarge {
-        jobs: u64,
-        samples: u64,
-        mebibytes: u64,
-        most: u64,
-    },
+    TooLarge { jobs: u64, samples: u64, mebibytes: u64, most: u64 },
 }
 
 impl From<FileError> for PlanProblem {
@@ -115,12 +98,9 @@ pub(super) fn find<'a>(
     names: impl Iterator<Item = &'a str> + Clone,
     name: &str,
 ) -> Result<usize, PlanProblem> {
-    names
-        .clone()
-        .position(|other| other == name)
-        .ok_or_else(|| PlanProblem::Unknown {
-            what,
-            name: name.to_owned(),
-            known: names.take(20).collect::<Vec<_>>().join(", "),
-        })
+    names.clone().position(|other| other == name).ok_or_else(|| PlanProblem::Unknown {
+        what,
+        name: name.to_owned(),
+        known: names.take(20).collect::<Vec<_>>().join(", "),
+    })
 }

@@ -24,10 +24,7 @@ pub struct RenderSettings {
 impl Default for RenderSettings {
     /// The whole batch, on all cores.
     fn default() -> Self {
-        Self {
-            shard: None,
-            threads: std::thread::available_parallelism().map_or(1, usize::from),
-        }
+        Self { shard: None, threads: std::thread::available_parallelism().map_or(1, usize::from) }
     }
 }
 
@@ -113,9 +110,7 @@ pub fn render(
         // Nothing is new, and the existing manifest is more complete than an interrupted scan.
         return Ok(rendered);
     }
-    manifest
-        .write(folder)
-        .map_err(|source| RenderError::Io { path, source })?;
+    manifest.write(folder).map_err(|source| RenderError::Io { path, source })?;
     Ok(rendered)
 }
 
@@ -211,8 +206,7 @@ fn summary(
             }
             Outcome::Rendered(hash, broken) => {
                 done.rendered += 1;
-                done.replaced
-                    .extend(broken.map(|why| (folder.join(file_name(chunk)), why)));
+                done.replaced.extend(broken.map(|why| (folder.join(file_name(chunk)), why)));
                 found.insert(chunk, hash);
             }
             Outcome::Absent | Outcome::Stopped => {}

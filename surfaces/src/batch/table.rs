@@ -15,10 +15,7 @@ const NEEDED: usize = 3;
 pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError> {
     let failed = |line: Option<u64>, problem| PlanError {
         path: path.to_owned(),
-        place: line.map(|line| Place {
-            line: line as usize,
-            column: 1,
-        }),
+        place: line.map(|line| Place { line: line as usize, column: 1 }),
         problem,
     };
     let unreadable = |error: CsvError| {
@@ -44,11 +41,7 @@ pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError
 /// What is wrong with the columns of a table.
 fn other_columns(names: &[String], columns: &[Option<usize>]) -> Option<String> {
     let unknown = names.iter().find(|name| !COLUMNS.contains(&name.as_str()));
-    let missing = COLUMNS
-        .iter()
-        .zip(columns)
-        .take(NEEDED)
-        .find(|(_, column)| column.is_none());
+    let missing = COLUMNS.iter().zip(columns).take(NEEDED).find(|(_, column)| column.is_none());
     let wrong = match (missing, unknown) {
         (Some((missing, _)), _) => format!("there is no column `{missing}`"),
         (None, Some(unknown)) => format!("there is a column `{unknown}`"),

@@ -59,9 +59,7 @@ fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
     let named = entries.map(|entry| (entry.file_name().into_string().unwrap(), entry.path()));
     let visible = named.filter(|(name, _)| !name.starts_with('.'));
-    visible
-        .map(|(name, path)| (name, fs::read(path).unwrap()))
-        .collect()
+    visible.map(|(name, path)| (name, fs::read(path).unwrap())).collect()
 }
 
 #[test]
@@ -83,15 +81,9 @@ fn parts_in_any_number_merge_to_the_bytes_of_one_run() {
         assert_eq!(content(&merged), content(&at("whole")));
         // Again: nothing to do.
         merge(&parts, &merged, &|_| ()).unwrap();
-        assert!(matches!(
-            merge(&parts[1..], &at("less"), &|_| ()),
-            Err(MergeError::Missing { .. })
-        ));
+        assert!(matches!(merge(&parts[1..], &at("less"), &|_| ()), Err(MergeError::Missing { .. })));
         let twice = [&parts[..1], &parts[..]].concat();
-        assert!(matches!(
-            merge(&twice, &at("less"), &|_| ()),
-            Err(MergeError::Twice { chunk: 0, .. })
-        ));
+        assert!(matches!(merge(&twice, &at("less"), &|_| ()), Err(MergeError::Twice { chunk: 0, .. })));
         assert!(!at("less").exists());
     }
 }
@@ -117,14 +109,8 @@ fn a_second_run_renders_only_what_is_missing_or_broken() {
     assert!(again.is_complete);
     assert_eq!(content(&data), whole);
     let settings = RenderSettings::default();
-    let stopped = render(
-        &batch,
-        &folder.path().join("none"),
-        &settings,
-        &|_| (),
-        &AtomicBool::new(true),
-    )
-    .unwrap();
+    let stopped =
+        render(&batch, &folder.path().join("none"), &settings, &|_| (), &AtomicBool::new(true)).unwrap();
     assert!(stopped.was_stopped && stopped.rendered == 0 && !stopped.is_complete);
 }
 
@@ -134,12 +120,7 @@ fn a_job_is_what_the_library_gives_by_itself() {
     let batch = load(&folder).unwrap();
     render_to(&batch, &folder.path().join("data"), None, 1);
     let job = (0..batch.jobs()).find(|job| {
-        let Job {
-            surface,
-            motion,
-            seed,
-            ..
-        } = batch.job(*job);
+        let Job { surface, motion, seed, .. } = batch.job(*job);
         (surface, motion, seed) == (1, 1, 4)
     });
     let walk = RandomWalk {
@@ -151,16 +132,8 @@ fn a_job_is_what_the_library_gives_by_itself() {
         seed: stream_seed(4, "motion"),
     };
     let (texture, trajectory) = (texture(0.7), walk.trajectory());
-    let settings = SynthesisSettings {
-        seed: 4,
-        lines_seed: 4,
-        ..SynthesisSettings::default()
-    };
-    let voice = Voice {
-        texture: &texture,
-        trajectory: &trajectory,
-        settings,
-    };
+    let settings = SynthesisSettings { seed: 4, lines_seed: 4, ..SynthesisSettings::default() };
+    let voice = Voice { texture: &texture, trajectory: &trajectory, settings };
     let wanted = synthesise_many(&[voice], 1).unwrap().remove(0);
     let bytes = fs::read(folder.path().join("data/chunk-000000.npz")).unwrap();
     let mut archive = zip::ZipArchive::new(std::io::Cursor::new(bytes)).unwrap();
@@ -187,21 +160,12 @@ fn another_plan_another_folder() {
     let settings = RenderSettings::default();
     let refused =
         |folder: &Path| render(&changed, folder, &settings, &|_| (), &AtomicBool::new(false)).unwrap_err();
-    assert!(matches!(
-        refused(&data),
-        RenderError::Folder(FolderError::Other { .. })
-    ));
+    assert!(matches!(refused(&data), RenderError::Folder(FolderError::Other { .. })));
     render_to(&changed, &part, Some("2/2"), 1);
     let parts = [data.clone(), part.clone()];
-    assert!(matches!(
-        merge(&parts, &folder.path().join("all"), &|_| ()),
-        Err(MergeError::Different { .. })
-    ));
+    assert!(matches!(merge(&parts, &folder.path().join("all"), &|_| ()), Err(MergeError::Different { .. })));
     let foreign = folder.path().join("surfaces");
-    assert!(matches!(
-        refused(&foreign),
-        RenderError::Folder(FolderError::Foreign { .. })
-    ));
+    assert!(matches!(refused(&foreign), RenderError::Folder(FolderError::Foreign { .. })));
     assert_eq!(fs::read_dir(foreign).unwrap().count(), 2);
     let nothing = merge(&[folder.path().join("never")], &data, &|_| ());
     assert!(matches!(nothing, Err(MergeError::NoManifest { .. })));
@@ -256,10 +220,7 @@ fn a_manifest_that_no_run_wrote_is_not_merged() {
         *wrong.pointer_mut(at).unwrap() = value;
         fs::write(&path, wrong.to_string()).unwrap();
         let refused = merge(std::slice::from_ref(&part), &folder.path().join("all"), &|_| ());
-        assert!(
-            matches!(refused, Err(MergeError::Manifest { .. })),
-            "{at}: {refused:?}"
-        );
+        assert!(matches!(refused, Err(MergeError::Manifest { .. })), "{at}: {refused:?}");
         assert!(!folder.path().join("all").exists());
     }
     fs::write(&path, sound.to_string()).unwrap();
@@ -268,10 +229,8 @@ fn a_manifest_that_no_run_wrote_is_not_merged() {
 
 #[test]
 fn jobs_have_gains_and_update_rates_of_their_own() {
-    let folder = with_plan(&PLAN.replace(
-        "Product(seeds: (1, 5))",
-        "Table(\"jobs.csv\"), update_hz: 100, gain: 2",
-    ));
+    let folder =
+        with_plan(&PLAN.replace("Product(seeds: (1, 5))", "Table(\"jobs.csv\"), update_hz: 100, gain: 2"));
     let rows = "surface;motion;seed;gain;update_hz\ntile;walk;1;;\ntile;walk;1;-0,5;\ntile;walk;1;1;500\n";
     fs::write(folder.path().join("jobs.csv"), rows).unwrap();
     let batch = load(&folder).unwrap();
@@ -281,12 +240,7 @@ fn jobs_have_gains_and_update_rates_of_their_own() {
     let [usual, turned, quick] = jobs.map(|job| vibration(&batch, job).unwrap());
     let ratio: Vec<f64> = turned.iter().map(|sample| sample * -4.0).collect();
     assert_eq!(ratio, usual);
-    assert!(
-        usual
-            .iter()
-            .zip(&quick)
-            .any(|(usual, quick)| *usual != 2.0 * quick)
-    );
+    assert!(usual.iter().zip(&quick).any(|(usual, quick)| *usual != 2.0 * quick));
     // In the same chunk as others a job has its own settings too.
     render_to(&batch, &folder.path().join("data"), None, 1);
     let bytes = fs::read(folder.path().join("data/chunk-000000.npz")).unwrap();
@@ -295,11 +249,8 @@ fn jobs_have_gains_and_update_rates_of_their_own() {
     let mut member = archive.by_name("vibration_m_s2.npy").unwrap();
     std::io::Read::read_to_end(&mut member, &mut array).unwrap();
     let stored = crate::npy::doubles(&array, &[usual.len() as u64]).unwrap();
-    let wanted: Vec<f64> = [usual, turned, quick]
-        .concat()
-        .iter()
-        .map(|sample| f64::from(*sample as f32))
-        .collect();
+    let wanted: Vec<f64> =
+        [usual, turned, quick].concat().iter().map(|sample| f64::from(*sample as f32)).collect();
     assert_eq!(stored, wanted);
 }
 
@@ -308,33 +259,12 @@ fn a_table_names_each_job() {
     let plan = PLAN.replace("Product(seeds: (1, 5))", "Table(\"jobs.csv\")");
     let folder = with_plan(&plan);
     let table = folder.path().join("jobs.csv");
-    fs::write(
-        &table,
-        "# mine\nseed,surface,motion\n7, tile, walk\n18446744073709551615,cork,still\n",
-    )
-    .unwrap();
+    fs::write(&table, "# mine\nseed,surface,motion\n7, tile, walk\n18446744073709551615,cork,still\n")
+        .unwrap();
     let batch = load(&folder).unwrap();
     assert_eq!(batch.jobs(), 2);
-    assert_eq!(
-        batch.job(0),
-        Job {
-            surface: 1,
-            motion: 1,
-            seed: 7,
-            gain: 1.0,
-            update_hz: 240.0
-        }
-    );
-    assert_eq!(
-        batch.job(1),
-        Job {
-            surface: 0,
-            motion: 0,
-            seed: u64::MAX,
-            gain: 1.0,
-            update_hz: 240.0
-        }
-    );
+    assert_eq!(batch.job(0), Job { surface: 1, motion: 1, seed: 7, gain: 1.0, update_hz: 240.0 });
+    assert_eq!(batch.job(1), Job { surface: 0, motion: 0, seed: u64::MAX, gain: 1.0, update_hz: 240.0 });
     for (rows, line) in [
         ("surface,motion,seed\ntile,walk,1\ncloth,walk,1\n", Some(3)),
         ("surface,motion,seed\ntile,run,1\n", Some(2)),
@@ -343,25 +273,15 @@ fn a_table_names_each_job() {
         ("surface,motion\ntile,walk\n", Some(1)),
         ("surface,motion,seed,gain\ntile,walk,1,NaN\n", Some(2)),
         ("surface,motion,seed,gain\ntile,walk,1,1e10\n", Some(2)),
-        (
-            "surface,motion,seed,update_hz\ntile,walk,1,\ntile,walk,1,0\n",
-            Some(3),
-        ),
+        ("surface,motion,seed,update_hz\ntile,walk,1,\ntile,walk,1,0\n", Some(3)),
         ("surface,motion,seed,loudness\ntile,walk,1,1\n", Some(1)),
     ] {
         fs::write(&table, rows).unwrap();
         let error = load(&folder).unwrap_err();
-        assert_eq!(
-            (error.place.map(|place| place.line), &error.path),
-            (line, &table),
-            "{rows}: {error}"
-        );
+        assert_eq!((error.place.map(|place| place.line), &error.path), (line, &table), "{rows}: {error}");
     }
     fs::write(&table, "surface,motion,seed\n").unwrap();
-    assert!(matches!(
-        load(&folder).unwrap_err().problem,
-        PlanProblem::Nothing { what: "jobs" }
-    ));
+    assert!(matches!(load(&folder).unwrap_err().problem, PlanProblem::Nothing { what: "jobs" }));
 }
 
 #[test]
@@ -370,21 +290,13 @@ fn what_is_wrong_with_a_plan_is_shown_at_its_place() {
         ("jobs_per_chunk", "jobs_per_junk", 8),
         ("\"surfaces/*.ron\"", "\"surfaces/*.xml\"", 2),
         ("\"surfaces/*.ron\"", "\"none.ron\"", 2),
-        (
-            "\"surfaces/*.ron\"",
-            "\"surfaces/*.ron\", \"surfaces/tile.ron\"",
-            2,
-        ),
+        ("\"surfaces/*.ron\"", "\"surfaces/*.ron\", \"surfaces/tile.ron\"", 2),
         ("speed_mm_s: 80", "speed_mm_s: -80", 4),
         ("speed_mm_s: (5, 170)", "speed_mm_s: (170, 5)", 5),
         ("seconds: 0.1", "seconds: 0", 5),
         ("seconds: 0.1", "seconds: 1e9", 5),
         ("cutoff_hz: 10", "cutoff_hz: 60", 5),
-        (
-            "Constant(seconds: 0.05, speed_mm_s: 80, force_n: 1)",
-            "Recording(\"take.csv\")",
-            4,
-        ),
+        ("Constant(seconds: 0.05, speed_mm_s: 80, force_n: 1)", "Recording(\"take.csv\")", 4),
         ("(1, 5)", "(5, 1)", 7),
         ("(1, 5)", "(0, 18446744073709551615)", 7),
         ("seconds: 0.1", "seconds: 3600", 7),
@@ -396,9 +308,7 @@ fn what_is_wrong_with_a_plan_is_shown_at_its_place() {
     ] {
         let mut plan = PLAN.replace(from, to);
         if to == "seconds: 3600" {
-            plan = plan
-                .replace("jobs_per_chunk: 3", "jobs_per_chunk: 60")
-                .replace("(1, 5)", "(1, 500)");
+            plan = plan.replace("jobs_per_chunk: 3", "jobs_per_chunk: 60").replace("(1, 5)", "(1, 500)");
         }
         let folder = with_plan(&plan);
         let error = load(&folder).unwrap_err();

@@ -20,13 +20,7 @@ impl<const L: usize> CrackleLanes<L> {
     /// Assigns one source per lane; lanes without a source stay unchanged.
     pub fn new(sources: impl IntoIterator<Item = CrackleSource>) -> Self {
         let [z, kept, fresh, half_depth] = [[0.0; L]; 4];
-        let mut all = Self {
-            noise: vec![],
-            z,
-            kept,
-            fresh,
-            half_depth,
-        };
+        let mut all = Self { noise: vec![], z, kept, fresh, half_depth };
         for (l, source) in sources.into_iter().take(L).enumerate() {
             (all.z[l], all.kept[l]) = (source.z, source.kept);
             (all.fresh[l], all.half_depth[l]) = (source.fresh, source.half_depth);
@@ -139,9 +133,7 @@ mod tests {
         lanes.draw(0, &mut drawn[..2]);
         lanes.draw(2, &mut drawn[2..]);
         let mut alone = [[1.0; 50]; 3];
-        (0..3)
-            .zip(&mut alone)
-            .for_each(|(lane, out)| source(lane).modulate(out));
+        (0..3).zip(&mut alone).for_each(|(lane, out)| source(lane).modulate(out));
         for n in 0..50 {
             let mut frames = [[1.0; 4]];
             lanes.modulate(&mut frames, &[std::array::from_fn(|l| drawn[l][n])]);

@@ -41,10 +41,7 @@ fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
 }
 
 fn nearest(place: &[f64], centres: &[Vec<f64>]) -> (usize, f64) {
-    let distances = centres
-        .iter()
-        .map(|centre| squared_distance(place, centre))
-        .enumerate();
+    let distances = centres.iter().map(|centre| squared_distance(place, centre)).enumerate();
     distances.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
 }
 
@@ -67,12 +64,8 @@ fn spread_out(places: &[Vec<f64>], clusters: usize, random: &mut Xoshiro256PlusP
 fn moved(places: &[Vec<f64>], labels: &[usize], centres: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut moved = centres.to_vec();
     for (group, centre) in moved.iter_mut().enumerate() {
-        let members: Vec<&Vec<f64>> = places
-            .iter()
-            .zip(labels)
-            .filter(|(_, l)| **l == group)
-            .map(|(p, _)| p)
-            .collect();
+        let members: Vec<&Vec<f64>> =
+            places.iter().zip(labels).filter(|(_, l)| **l == group).map(|(p, _)| p).collect();
         if !members.is_empty() {
             for (axis, coordinate) in centre.iter_mut().enumerate() {
                 *coordinate = members.iter().map(|place| place[axis]).sum::<f64>() / members.len() as f64;
@@ -137,11 +130,7 @@ pub fn purity(labels: &[usize], classes: &[usize]) -> f64 {
         *counts.entry(label).or_default().entry(class).or_default() += 1;
     }
     let commonest: usize = counts.values().filter_map(|classes| classes.values().max()).sum();
-    if labels.is_empty() {
-        1.0
-    } else {
-        commonest as f64 / labels.len() as f64
-    }
+    if labels.is_empty() { 1.0 } else { commonest as f64 / labels.len() as f64 }
 }
 
 #[cfg(test)]
@@ -156,20 +145,14 @@ mod tests {
             let corner = [((i / 10) % 2) as f64, (i / 20) as f64];
             corner.iter().map(|c| 10.0 * c + noise.next_sample()).collect()
         };
-        (
-            (0..40).map(&mut place).collect(),
-            (0..40).map(|i| i / 10).collect(),
-        )
+        ((0..40).map(&mut place).collect(), (0..40).map(|i| i / 10).collect())
     }
 
     #[test]
     fn both_ways_find_separate_groups() {
         let (places, classes) = corners();
         assert_eq!(k_means(&places, 4, 1), classes);
-        let pairs = places
-            .iter()
-            .enumerate()
-            .flat_map(|(a, p)| places[a + 1..].iter().map(move |q| (p, q)));
+        let pairs = places.iter().enumerate().flat_map(|(a, p)| places[a + 1..].iter().map(move |q| (p, q)));
         let distances: Vec<f64> = pairs.map(|(p, q)| squared_distance(p, q).sqrt()).collect();
         let tree = hierarchical(&distances, 40);
         assert_eq!(tree.len(), 39);

@@ -67,11 +67,7 @@ impl Condition {
 /// The constant speed and force for a texture: [`CENTRE`], or the centre of its map if that lies outside.
 fn centre_for(texture: &TextureModel) -> (f64, f64) {
     let (speed, force) = (texture.max_speed_m_s(), texture.max_force_n());
-    if CENTRE.0 < speed && CENTRE.1 < force {
-        CENTRE
-    } else {
-        (0.5 * speed, 0.5 * force)
-    }
+    if CENTRE.0 < speed && CENTRE.1 < force { CENTRE } else { (0.5 * speed, 0.5 * force) }
 }
 
 /// The centre of a set of textures (thesis 4.5.2): the mean speed, m/s, and force, N, of all their measured models up to
@@ -153,11 +149,7 @@ pub fn condition_losses(textures: &[(&str, &TextureModel)]) -> Vec<ConditionLoss
     let mut found = vec![];
     for (name, texture) in textures {
         let losses = Responses::of(texture).map_or_else(|_| vec![], |responses| responses.losses());
-        found.extend(
-            losses
-                .into_iter()
-                .map(|(condition, loss)| (*name, condition, loss)),
-        );
+        found.extend(losses.into_iter().map(|(condition, loss)| (*name, condition, loss)));
     }
     let of_condition = |condition: Condition| {
         let of: Vec<_> = found.iter().filter(|(_, of, _)| *of == condition).collect();
@@ -195,10 +187,7 @@ mod tests {
 
     #[test]
     fn the_centre_of_a_set_is_the_mean_of_its_measured_models_up_to_saturation() {
-        let (measured, law) = (
-            texture(1.0, VertexKind::Measured),
-            texture(1.0, VertexKind::Fitted),
-        );
+        let (measured, law) = (texture(1.0, VertexKind::Measured), texture(1.0, VertexKind::Fitted));
         let (speed_m_s, force_n) = centre_of([&measured, &measured]).unwrap();
         // Neither the edges of the map nor the model at 4 N count.
         assert!((speed_m_s - 0.125).abs() < 1e-12 && (force_n - 1.5).abs() < 1e-12);
@@ -207,10 +196,7 @@ mod tests {
 
     #[test]
     fn a_vibration_that_responds_to_less_varies_less() {
-        let (soft, loud) = (
-            texture(1.0, VertexKind::Measured),
-            texture(4.0, VertexKind::Measured),
-        );
+        let (soft, loud) = (texture(1.0, VertexKind::Measured), texture(4.0, VertexKind::Measured));
         let found = condition_losses(&[("soft", &soft), ("loud", &loud)]);
         let named: Vec<_> = found.iter().map(|one| (one.condition, &*one.surface)).collect();
         let expected = [Condition::Force, Condition::Speed, Condition::Neither];
@@ -218,10 +204,7 @@ mod tests {
         assert!(found.iter().all(|one| one.loss.power > 0.0), "{found:?}");
         // Four times the power has four times the variation to lose, whose deviation is that of the two.
         let [soft, loud] = &found[4..] else { panic!() };
-        assert!(
-            (loud.loss.power / soft.loss.power - 4.0).abs() < 1e-6,
-            "{found:?}"
-        );
+        assert!((loud.loss.power / soft.loss.power - 4.0).abs() < 1e-6, "{found:?}");
         assert!(loud.difference.unwrap() > soft.difference.unwrap());
         let alone = condition_losses(&[("soft", &texture(1.0, VertexKind::Measured))]);
         assert!(alone.iter().all(|one| one.difference.is_none()));
@@ -229,30 +212,15 @@ mod tests {
 
     #[test]
     fn what_a_condition_does_not_respond_to_is_constant() {
-        let hand = Trajectory {
-            rate_hz: 1000.0,
-            speed_m_s: vec![0.0, 0.05, 0.2],
-            force_n: vec![0.5, 0.0, 2.0],
-        };
+        let hand =
+            Trajectory { rate_hz: 1000.0, speed_m_s: vec![0.0, 0.05, 0.2], force_n: vec![0.5, 0.0, 2.0] };
         let played = |condition: Condition| {
             let played = condition.trajectory(&hand, (0.1, 1.0));
             (played.speed_m_s, played.force_n)
         };
-        assert_eq!(
-            played(Condition::ForceAndSpeed),
-            (hand.speed_m_s.clone(), hand.force_n.clone())
-        );
-        assert_eq!(
-            played(Condition::Force),
-            (vec![0.0, 0.1, 0.1], hand.force_n.clone())
-        );
-        assert_eq!(
-            played(Condition::Speed),
-            (hand.speed_m_s.clone(), vec![1.0, 0.0, 1.0])
-        );
-        assert_eq!(
-            played(Condition::Neither),
-            (vec![0.0, 0.1, 0.1], vec![1.0, 0.0, 1.0])
-        );
+        assert_eq!(played(Condition::ForceAndSpeed), (hand.speed_m_s.clone(), hand.force_n.clone()));
+        assert_eq!(played(Condition::Force), (vec![0.0, 0.1, 0.1], hand.force_n.clone()));
+        assert_eq!(played(Condition::Speed), (hand.speed_m_s.clone(), vec![1.0, 0.0, 1.0]));
+        assert_eq!(played(Condition::Neither), (vec![0.0, 0.1, 0.1], vec![1.0, 0.0, 1.0]));
     }
 }

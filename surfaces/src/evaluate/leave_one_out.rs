@@ -50,12 +50,7 @@ pub enum MapKind {
 
 impl MapKind {
     /// All kinds.
-    pub const ALL: [Self; 4] = [
-        Self::Triangulation,
-        Self::Nearest,
-        Self::Law,
-        Self::LawWithoutFade,
-    ];
+    pub const ALL: [Self; 4] = [Self::Triangulation, Self::Nearest, Self::Law, Self::LawWithoutFade];
 
     /// Name on the terminal and in JSON.
     pub fn as_str(self) -> &'static str {
@@ -135,20 +130,12 @@ pub fn leave_one_out(
     textures: &[&TextureModel],
     progress: &dyn Fn(f64),
 ) -> Result<LeaveOneOut, LeaveOneOutError> {
-    let subjects: Vec<Subject> = textures
-        .iter()
-        .enumerate()
-        .filter_map(|(number, texture)| Subject::new(number, texture))
-        .collect();
+    let subjects: Vec<Subject> =
+        textures.iter().enumerate().filter_map(|(number, texture)| Subject::new(number, texture)).collect();
     if subjects.is_empty() {
-        return Err(LeaveOneOutError::NoModels {
-            textures: textures.len(),
-        });
+        return Err(LeaveOneOutError::NoModels { textures: textures.len() });
     }
-    let moments: Vec<_> = subjects
-        .iter()
-        .map(|one| exponents::Moments::of(&one.seen))
-        .collect();
+    let moments: Vec<_> = subjects.iter().map(|one| exponents::Moments::of(&one.seen)).collect();
     let mut found = LeaveOneOut {
         left_out: vec![],
         far: vec![],
@@ -159,9 +146,7 @@ pub fn leave_one_out(
         let slopes = exponents::without(&moments, number);
         for out in 0..subject.models.len() {
             let known: Vec<usize> = (0..subject.models.len()).filter(|&k| k != out).collect();
-            found
-                .left_out
-                .extend(subject.predict_all(&known, &[out], slopes)?);
+            found.left_out.extend(subject.predict_all(&known, &[out], slopes)?);
         }
         let (third, far) = subject.narrow_third();
         found.far.extend(subject.predict_all(&third, &far, slopes)?);
@@ -210,10 +195,7 @@ impl<'t> Subject<'t> {
             number,
             rate_hz,
             seen: models.iter().map(observe).collect(),
-            truths: models
-                .iter()
-                .map(|at| Sound::of_model(at, rate_hz, &bands))
-                .collect(),
+            truths: models.iter().map(|at| Sound::of_model(at, rate_hz, &bands)).collect(),
             models,
             vertices,
             bands,
@@ -294,9 +276,7 @@ impl<'t> Subject<'t> {
         let interpolator = Interpolator::new(texture);
         Box::new(move |at: &ModelAt| {
             let mut mix = Coefficients::SILENCE;
-            interpolator
-                .clone()
-                .interpolate(at.speed_m_s, at.force_n, &mut mix);
+            interpolator.clone().interpolate(at.speed_m_s, at.force_n, &mut mix);
             Sound::of_mix(&mix, self.rate_hz, &self.bands)
         })
     }
@@ -308,27 +288,18 @@ impl<'t> Subject<'t> {
         if sliding.is_empty() {
             sliding = seen().cloned().collect();
         }
-        let exponents = Exponents {
-            slopes,
-            ..Exponents::ACCELERATION
-        };
+        let exponents = Exponents { slopes, ..Exponents::ACCELERATION };
         SpectralLaw::fit(&sliding, exponents).corrected(&sliding)
     }
 
     fn axis(&self) -> Axis {
-        Axis {
-            rate_hz: self.rate_hz,
-            warping: warping_for(self.rate_hz),
-            order: ORDER,
-        }
+        Axis { rate_hz: self.rate_hz, warping: warping_for(self.rate_hz), order: ORDER }
     }
 
     fn law<'s>(&'s self, law: SpectralLaw) -> Predictor<'s> {
         let axis = self.axis();
         Box::new(move |at: &ModelAt| {
-            let model = law
-                .model(at.speed_m_s, at.force_n, axis)
-                .map_err(|e| e.to_string())?;
+            let model = law.model(at.speed_m_s, at.force_n, axis).map_err(|e| e.to_string())?;
             let at = ModelAt { model, ..at.clone() };
             Ok(Sound::of_model(&at, self.rate_hz, &self.bands))
         })
@@ -347,12 +318,7 @@ impl<'t> Subject<'t> {
             ((other.speed_m_s - at.speed_m_s) / speed).hypot((other.force_n - at.force_n) / force)
         };
         let first = known[0];
-        known.iter().fold(
-            first,
-            |best, &one| {
-                if distance(one) < distance(best) { one } else { best }
-            },
-        )
+        known.iter().fold(first, |best, &one| if distance(one) < distance(best) { one } else { best })
     }
 
     /// True if no straight line separates a point from the known models.
@@ -376,15 +342,9 @@ impl<'t> Subject<'t> {
         by_speed.sort_by(|a, b| speed(*a).total_cmp(&speed(*b)));
         let count = (by_speed.len() / 3).max(LEAST_MODELS);
         let span = |part: &&[usize]| speed(part[count - 1]) / speed(part[0]);
-        let third = by_speed
-            .windows(count)
-            .min_by(|a, b| span(a).total_cmp(&span(b)))
-            .unwrap_or(&by_speed);
+        let third = by_speed.windows(count).min_by(|a, b| span(a).total_cmp(&span(b))).unwrap_or(&by_speed);
         let (low, high) = (speed(third[0]) / FAR, speed(third[third.len() - 1]) * FAR);
-        let far = by_speed
-            .iter()
-            .copied()
-            .filter(|&one| speed(one) <= low || speed(one) >= high);
+        let far = by_speed.iter().copied().filter(|&one| speed(one) <= low || speed(one) >= high);
         (third.to_vec(), far.collect())
     }
 }
@@ -393,10 +353,7 @@ impl Sound {
     fn of_model(at: &ModelAt, rate_hz: f64, bands: &Bands) -> Self {
         let level = 2.0 / rate_hz * at.model.variance();
         let density = |frequency_hz: f64| level * at.model.power_gain_at(TAU * frequency_hz / rate_hz);
-        Self {
-            bands: bands.of_density(density).powers().to_vec(),
-            power: at.model.power(),
-        }
+        Self { bands: bands.of_density(density).powers().to_vec(), power: at.model.power() }
     }
 
     fn of_mix(mix: &Coefficients, rate_hz: f64, bands: &Bands) -> Result<Self, String> {

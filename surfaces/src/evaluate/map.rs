@@ -105,27 +105,15 @@ pub fn perceptual_map(
         return Err(MapError::TooFew { textures: count });
     }
     let walk = settings.walk.at(textures[0].2.rate_hz());
-    let spectra = play_all(textures, &walk.trajectory(), settings, &|part| {
-        progress(0.5 * part)
-    })?;
+    let spectra = play_all(textures, &walk.trajectory(), settings, &|part| progress(0.5 * part))?;
     let errors = all_pairs(&spectra, &|part| progress(0.5 + 0.5 * part))?;
     let differences = differences(&errors, settings.pooling);
-    let scaling = nonmetric_scaling(
-        &differences,
-        count,
-        settings.dimensions,
-        settings.scree_dimensions,
-    )
-    .ok_or(MapError::NotFinite)?;
+    let scaling = nonmetric_scaling(&differences, count, settings.dimensions, settings.scree_dimensions)
+        .ok_or(MapError::NotFinite)?;
 
     let materials: BTreeSet<&String> = textures.iter().map(|(_, material, _)| material).collect();
     let materials: Vec<&String> = materials.into_iter().collect();
-    let class = |material: &String| {
-        materials
-            .iter()
-            .position(|known| *known == material)
-            .unwrap_or_default()
-    };
+    let class = |material: &String| materials.iter().position(|known| *known == material).unwrap_or_default();
     let classes: Vec<usize> = textures.iter().map(|(_, material, _)| class(material)).collect();
     let clusters = settings.clusters.unwrap_or(materials.len());
     let on_map = &scaling.places;
@@ -133,17 +121,12 @@ pub fn perceptual_map(
     let tree = hierarchical(&differences, count);
 
     let power: Vec<f64> = spectra.iter().map(|spectra| mean(spectra.power())).collect();
-    let spectral_centroid_hz: Vec<f64> = spectra
-        .iter()
-        .map(|spectra| mean(&spectra.spectral_centroids_hz()))
-        .collect();
+    let spectral_centroid_hz: Vec<f64> =
+        spectra.iter().map(|spectra| mean(&spectra.spectral_centroids_hz())).collect();
     let roughness_direction = gradient(on_map, &power, settings.dimensions);
     let fineness_direction = gradient(on_map, &spectral_centroid_hz, settings.dimensions);
     Ok(PerceptualMap {
-        names: textures
-            .iter()
-            .map(|(name, material, _)| (name.clone(), material.clone()))
-            .collect(),
+        names: textures.iter().map(|(name, material, _)| (name.clone(), material.clone())).collect(),
         k_means_purity: purity(&k_means, &classes),
         tree_purity: purity(&cut_tree(&tree, count, clusters), &classes),
         angle_deg: angle_deg(&roughness_direction, &fineness_direction),
@@ -168,31 +151,17 @@ fn play_all(
     let done = AtomicUsize::new(0);
     let play = |number: usize| {
         let (name, _, texture) = &textures[number];
-        let seed = settings
-            .synthesis
-            .seed
-            .wrapping_mul(1_000_003)
-            .wrapping_add(number as u64);
-        let synthesis = SynthesisSettings {
-            seed,
-            ..settings.synthesis
-        };
-        let vibration =
-            synthesise(texture, trajectory, &synthesis).map_err(|source| MapError::Synthesis {
-                name: name.clone(),
-                source,
-            })?;
+        let seed = settings.synthesis.seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
+        let synthesis = SynthesisSettings { seed, ..settings.synthesis };
+        let vibration = synthesise(texture, trajectory, &synthesis)
+            .map_err(|source| MapError::Synthesis { name: name.clone(), source })?;
         let rate_hz = texture.rate_hz();
-        let windows = settings
-            .windows
-            .unwrap_or_else(|| WindowSettings::comparison_at(rate_hz));
+        let windows = settings.windows.unwrap_or_else(|| WindowSettings::comparison_at(rate_hz));
         let spectra = WindowedSpectra::new(&vibration, rate_hz, &windows)?;
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / textures.len() as f64);
         Ok(spectra)
     };
-    let threads = std::thread::available_parallelism()
-        .map_or(1, usize::from)
-        .min(textures.len());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(textures.len());
     let mut spectra: Vec<Option<Result<WindowedSpectra, MapError>>> = textures.iter().map(|_| None).collect();
     let share = textures.len().div_ceil(threads);
     std::thread::scope(|scope| {
@@ -209,18 +178,13 @@ fn play_all(
 }
 
 fn differences(errors: &[ErrorStatistics], pooling: Pooling) -> Vec<f64> {
-    let all: Deviations = errors
-        .iter()
-        .fold(ErrorStatistics::default(), |all, pair| all.merged(pair))
-        .deviations();
+    let all: Deviations =
+        errors.iter().fold(ErrorStatistics::default(), |all, pair| all.merged(pair)).deviations();
     let by = |pair: &ErrorStatistics| match pooling {
         Pooling::Pair => pair.deviations(),
         Pooling::All => all,
     };
-    errors
-        .iter()
-        .map(|pair| pair.spectral_difference(&by(pair)))
-        .collect()
+    errors.iter().map(|pair| pair.spectral_difference(&by(pair))).collect()
 }
 
 #[cfg(test)]
@@ -254,32 +218,14 @@ mod tests {
             .iter()
             .flat_map(|&(name, angle, loudness)| {
                 (0..3).map(move |person| {
-                    (
-                        format!("{name} {person}"),
-                        name.to_owned(),
-                        texture(angle, loudness, person),
-                    )
+                    (format!("{name} {person}"), name.to_owned(), texture(angle, loudness, person))
                 })
             })
             .collect();
-        let textures: Vec<_> = made
-            .iter()
-            .map(|(name, material, t)| (name.clone(), material.clone(), t))
-            .collect();
-        let walk = RandomWalk {
-            seconds: 3.0,
-            ..Default::default()
-        };
-        perceptual_map(
-            &textures,
-            &MapSettings {
-                walk,
-                pooling,
-                ..Default::default()
-            },
-            &|_| (),
-        )
-        .unwrap()
+        let textures: Vec<_> =
+            made.iter().map(|(name, material, t)| (name.clone(), material.clone(), t)).collect();
+        let walk = RandomWalk { seconds: 3.0, ..Default::default() };
+        perceptual_map(&textures, &MapSettings { walk, pooling, ..Default::default() }, &|_| ()).unwrap()
     }
 
     #[test]
@@ -298,12 +244,7 @@ mod tests {
             let largest = map.differences.iter().copied().fold(0.0, f64::max);
             largest / map.differences.iter().copied().fold(f64::INFINITY, f64::min)
         };
-        assert!(
-            spread(&pair) > 2.0 * spread(&all),
-            "{} {}",
-            spread(&pair),
-            spread(&all)
-        );
+        assert!(spread(&pair) > 2.0 * spread(&all), "{} {}", spread(&pair), spread(&all));
     }
 
     #[test]
@@ -317,10 +258,7 @@ mod tests {
     #[test]
     fn two_textures_make_no_map() {
         let texture = texture(0.5, 1.0, 0);
-        let two = [
-            ("a".into(), "m".into(), &texture),
-            ("b".into(), "m".into(), &texture),
-        ];
+        let two = [("a".into(), "m".into(), &texture), ("b".into(), "m".into(), &texture)];
         assert_eq!(
             perceptual_map(&two, &MapSettings::default(), &|_| ()),
             Err(MapError::TooFew { textures: 2 })

@@ -65,11 +65,7 @@ pub enum StudyPartError {
     #[error("{} is not a part of an evaluation: {message}", path.display())]
     Syntax { path: PathBuf, message: String },
     #[error("the texture of {name} in {} cannot be read: {source}", path.display())]
-    Texture {
-        path: PathBuf,
-        name: String,
-        source: Box<ReadError>,
-    },
+    Texture { path: PathBuf, name: String, source: Box<ReadError> },
     #[error(
         "{} and {} are parts of different evaluations: their recordings, settings or versions differ",
         first.display(),
@@ -77,11 +73,7 @@ pub enum StudyPartError {
     )]
     Different { first: PathBuf, second: PathBuf },
     #[error("{name} is in both {} and {}; name one of them", first.display(), second.display())]
-    Twice {
-        name: String,
-        first: PathBuf,
-        second: PathBuf,
-    },
+    Twice { name: String, first: PathBuf, second: PathBuf },
     #[error("{} has item {number}, but the evaluation has {of}; evaluate that part again", path.display())]
     Number { path: PathBuf, number: usize, of: usize },
     #[error("{missing} of {of} textures are in none of the parts; evaluate the missing shards")]
@@ -145,10 +137,9 @@ impl StudyPart {
     /// [`StudyPartError::Syntax`].
     pub fn parse(path: &Path, text: &str) -> Result<Self, StudyPartError> {
         let options = ron::Options::default().with_recursion_limit(32);
-        options.from_str(text).map_err(|error| StudyPartError::Syntax {
-            path: path.to_owned(),
-            message: error.to_string(),
-        })
+        options
+            .from_str(text)
+            .map_err(|error| StudyPartError::Syntax { path: path.to_owned(), message: error.to_string() })
     }
 
     /// Merges all parts of a study into tables and map, equal to those of one run.
@@ -188,10 +179,7 @@ impl StudyPart {
             }
         }
         if items.len() < head.of {
-            return Err(StudyPartError::Missing {
-                missing: head.of - items.len(),
-                of: head.of,
-            });
+            return Err(StudyPartError::Missing { missing: head.of - items.len(), of: head.of });
         }
         let compared = items.into_values().map(compared);
         let compared = compared.collect::<Result<Vec<_>, _>>()?;
@@ -206,10 +194,8 @@ fn compared((path, item): (&Path, &Item)) -> Result<Compared, StudyPartError> {
         source: Box::new(source),
     };
     let surface = native::read(&item.surface).map_err(failed)?;
-    let none = || StudyPartError::Syntax {
-        path: path.to_owned(),
-        message: format!("{} has no texture", item.name),
-    };
+    let none =
+        || StudyPartError::Syntax { path: path.to_owned(), message: format!("{} has no texture", item.name) };
     Ok(Compared {
         number: item.number,
         name: item.name.clone(),

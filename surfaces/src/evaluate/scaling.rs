@@ -44,9 +44,7 @@ pub fn nonmetric_scaling(
     let (stress, r_squared) = (1..=scree).map(fit).unzip();
     let places = along_principal_axes(placed(dimensions).0);
     Some(Scaling {
-        places: (0..count)
-            .map(|item| places.row(item).iter().copied().collect())
-            .collect(),
+        places: (0..count).map(|item| places.row(item).iter().copied().collect()).collect(),
         stress,
         r_squared,
     })
@@ -69,16 +67,15 @@ fn classical_places(dissimilarities: &[f64], count: usize, dimensions: usize) ->
     }
     let row_means: DVector<f64> = squares.column_mean();
     let mean = row_means.mean();
-    let centred = DMatrix::from_fn(count, count, |a, b| {
-        -0.5 * (squares[(a, b)] - row_means[a] - row_means[b] + mean)
-    });
+    let centred =
+        DMatrix::from_fn(count, count, |a, b| -0.5 * (squares[(a, b)] - row_means[a] - row_means[b] + mean));
     let eigen = SymmetricEigen::new(centred);
     let mut order: Vec<usize> = (0..count).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     Some(DMatrix::from_fn(count, dimensions, |item, rank| {
-        order.get(rank).map_or(0.0, |&axis| {
-            eigen.eigenvalues[axis].max(0.0).sqrt() * eigen.eigenvectors[(item, axis)]
-        })
+        order
+            .get(rank)
+            .map_or(0.0, |&axis| eigen.eigenvalues[axis].max(0.0).sqrt() * eigen.eigenvectors[(item, axis)])
     }))
 }
 
@@ -113,9 +110,7 @@ fn majorize(mut places: DMatrix<f64>, dissimilarities: &[f64]) -> (DMatrix<f64>,
 
 /// The distances between points, condensed.
 fn distances(places: &DMatrix<f64>) -> Vec<f64> {
-    pairs(places.nrows())
-        .map(|(a, b)| (places.row(a) - places.row(b)).norm())
-        .collect()
+    pairs(places.nrows()).map(|(a, b)| (places.row(a) - places.row(b)).norm()).collect()
 }
 
 /// Isotonic regression: the values nearest to the distances that do not decrease with the dissimilarities;
@@ -141,9 +136,7 @@ fn isotonic(dissimilarities: &[f64], distances: &[f64]) -> Vec<f64> {
         blocks.push(block);
     }
     let mut fitted = vec![0.0; distances.len()];
-    let means = blocks
-        .iter()
-        .flat_map(|&(sum, count)| std::iter::repeat_n(sum / count as f64, count));
+    let means = blocks.iter().flat_map(|&(sum, count)| std::iter::repeat_n(sum / count as f64, count));
     for (&i, mean) in order.iter().zip(means) {
         fitted[i] = mean;
     }
@@ -153,11 +146,7 @@ fn isotonic(dissimilarities: &[f64], distances: &[f64]) -> Vec<f64> {
 /// Kruskal's stress-1.
 fn stress(distances: &[f64], disparities: &[f64]) -> f64 {
     let total: f64 = distances.iter().map(|d| d * d).sum();
-    let left: f64 = distances
-        .iter()
-        .zip(disparities)
-        .map(|(d, fitted)| (d - fitted).powi(2))
-        .sum();
+    let left: f64 = distances.iter().zip(disparities).map(|(d, fitted)| (d - fitted).powi(2)).sum();
     if total > 0.0 { (left / total).sqrt() } else { 0.0 }
 }
 
@@ -188,10 +177,7 @@ fn along_principal_axes(mut places: DMatrix<f64>) -> DMatrix<f64> {
     let eigen = SymmetricEigen::new(places.transpose() * &places);
     let mut order: Vec<usize> = (0..places.ncols()).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    let axes: Vec<_> = order
-        .iter()
-        .map(|&axis| eigen.eigenvectors.column(axis))
-        .collect();
+    let axes: Vec<_> = order.iter().map(|&axis| eigen.eigenvectors.column(axis)).collect();
     let mut turned = places * DMatrix::from_columns(&axes);
     for mut axis in turned.column_iter_mut() {
         if axis[axis.iamax()] < 0.0 {
@@ -213,12 +199,8 @@ pub fn gradient(places: &[Vec<f64>], property: &[f64], dimensions: usize) -> Vec
         column => places[row][column - 1],
     });
     let scale = design.amax();
-    let solution = design
-        .svd(true, true)
-        .solve(&DVector::from_row_slice(property), 1e-10 * scale);
-    solution.map_or(vec![0.0; dimensions], |solution| {
-        solution.iter().skip(1).copied().collect()
-    })
+    let solution = design.svd(true, true).solve(&DVector::from_row_slice(property), 1e-10 * scale);
+    solution.map_or(vec![0.0; dimensions], |solution| solution.iter().skip(1).copied().collect())
 }
 
 /// The angle between two lines in degrees, 0 to 90. `None` if a direction is zero.
@@ -233,29 +215,21 @@ mod tests {
     use super::*;
 
     fn distances(places: &[[f64; 2]]) -> Vec<f64> {
-        let pairs = places
-            .iter()
-            .enumerate()
-            .flat_map(|(a, p)| places[a + 1..].iter().map(move |q| (p, q)));
+        let pairs = places.iter().enumerate().flat_map(|(a, p)| places[a + 1..].iter().map(move |q| (p, q)));
         pairs.map(|(p, q)| (p[0] - q[0]).hypot(p[1] - q[1])).collect()
     }
 
     /// Pseudo-random points.
     fn scattered(count: usize, seed: u64) -> Vec<[f64; 2]> {
         let mut noise = haptograph_signal::noise::Gaussian::new(seed);
-        (0..count)
-            .map(|_| [2.0 * noise.next_sample(), noise.next_sample()])
-            .collect()
+        (0..count).map(|_| [2.0 * noise.next_sample(), noise.next_sample()]).collect()
     }
 
     fn correlation(a: &[f64], b: &[f64]) -> f64 {
         let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
         let (mean_a, mean_b) = (mean(a), mean(b));
         let product = |a: &[f64], mean_a: f64, b: &[f64], mean_b: f64| {
-            a.iter()
-                .zip(b)
-                .map(|(x, y)| (x - mean_a) * (y - mean_b))
-                .sum::<f64>()
+            a.iter().zip(b).map(|(x, y)| (x - mean_a) * (y - mean_b)).sum::<f64>()
         };
         product(a, mean_a, b, mean_b) / (product(a, mean_a, a, mean_a) * product(b, mean_b, b, mean_b)).sqrt()
     }
@@ -287,10 +261,7 @@ mod tests {
         let scaling = nonmetric_scaling(&bent, 15, 2, 2).unwrap();
         let found: Vec<[f64; 2]> = scaling.places.iter().map(|p| [p[0], p[1]]).collect();
         let (here, classical) = (scaling.stress[1], classical_stress(&bent, 15, 2));
-        assert!(
-            here < 0.01 && here < 0.3 * classical,
-            "{here}, classical {classical}"
-        );
+        assert!(here < 0.01 && here < 0.3 * classical, "{here}, classical {classical}");
         let alike = correlation(&distances(&found), &truth);
         assert!(alike > 0.99, "{alike}");
         assert!(scaling.r_squared[1] > 0.99 && scaling.r_squared[0] < scaling.r_squared[1]);
@@ -304,10 +275,7 @@ mod tests {
             let found = nonmetric_scaling(&any, 12, 2, 4).unwrap().stress;
             for (d, stress) in (1..).zip(&found) {
                 let classical = classical_stress(&any, 12, d);
-                assert!(
-                    *stress < classical,
-                    "seed {seed}, {d} dimensions: {stress}, {classical}"
-                );
+                assert!(*stress < classical, "seed {seed}, {d} dimensions: {stress}, {classical}");
             }
             assert!(found[3] < found[1] && found[1] < found[0], "{found:?}");
         }
@@ -315,24 +283,14 @@ mod tests {
 
     #[test]
     fn isotonic_regression_pools_what_falls() {
-        assert_eq!(
-            isotonic(&[1.0, 2.0, 3.0, 4.0], &[1.0, 3.0, 2.0, 4.0]),
-            [1.0, 2.5, 2.5, 4.0]
-        );
+        assert_eq!(isotonic(&[1.0, 2.0, 3.0, 4.0], &[1.0, 3.0, 2.0, 4.0]), [1.0, 2.5, 2.5, 4.0]);
         assert_eq!(isotonic(&[2.0, 1.0, 3.0], &[9.0, 6.0, 3.0]), [6.0, 6.0, 6.0]);
-        assert_eq!(
-            isotonic(&[1.0, 1.0], &[5.0, 2.0]),
-            [5.0, 2.0],
-            "equals may differ"
-        );
+        assert_eq!(isotonic(&[1.0, 1.0], &[5.0, 2.0]), [5.0, 2.0], "equals may differ");
     }
 
     #[test]
     fn few_items_and_wrong_counts_are_handled() {
-        assert_eq!(
-            nonmetric_scaling(&[], 1, 2, 2).unwrap().places,
-            vec![vec![0.0, 0.0]]
-        );
+        assert_eq!(nonmetric_scaling(&[], 1, 2, 2).unwrap().places, vec![vec![0.0, 0.0]]);
         assert_eq!(nonmetric_scaling(&[], 0, 2, 2).unwrap().places.len(), 0);
         let same = nonmetric_scaling(&[0.0; 3], 3, 2, 2).unwrap();
         assert_eq!((same.places, same.stress), (vec![vec![0.0; 2]; 3], vec![0.0; 2]));
@@ -343,9 +301,7 @@ mod tests {
 
     #[test]
     fn gradients_point_where_properties_grow() {
-        let places: Vec<Vec<f64>> = (0..20)
-            .map(|i| vec![(i % 5) as f64, (i / 5) as f64, 9.0])
-            .collect();
+        let places: Vec<Vec<f64>> = (0..20).map(|i| vec![(i % 5) as f64, (i / 5) as f64, 9.0]).collect();
         let property: Vec<f64> = places.iter().map(|p| 7.0 + 2.0 * p[0] - p[1]).collect();
         let found = gradient(&places, &property, 2);
         assert!((found[0] - 2.0).abs() < 1e-9 && (found[1] + 1.0).abs() < 1e-9);

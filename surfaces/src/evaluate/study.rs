@@ -156,15 +156,9 @@ pub enum StudyError {
     #[error("cannot read {recording} again: {message}")]
     Loading { recording: String, message: String },
     #[error("cannot process {recording}: {source}")]
-    Processing {
-        recording: String,
-        source: Box<ProcessingError>,
-    },
+    Processing { recording: String, source: Box<ProcessingError> },
     #[error("cannot learn a texture from {recording}: {source}")]
-    Learning {
-        recording: String,
-        source: Box<LearnTextureError>,
-    },
+    Learning { recording: String, source: Box<LearnTextureError> },
     #[error(transparent)]
     Table(#[from] TableError),
     #[error(transparent)]
@@ -239,16 +233,9 @@ impl<'t> Study<'t> {
         }
         let tested: BTreeSet<&str> = tests.iter().map(|take| &*take.name().material).collect();
         if let Some(material) = materials.difference(&tested).next() {
-            return Err(StudyError::NoTest {
-                material: (*material).to_owned(),
-                person: expert,
-            });
+            return Err(StudyError::NoTest { material: (*material).to_owned(), person: expert });
         }
-        Ok(Self {
-            expert,
-            firsts: firsts.into_values().collect(),
-            tests,
-        })
+        Ok(Self { expert, firsts: firsts.into_values().collect(), tests })
     }
 
     /// Learns and compares all items on all cores, and computes tables and map. `progress` receives the fraction done.
@@ -262,13 +249,8 @@ impl<'t> Study<'t> {
     ) -> Result<Evaluation, StudyError> {
         let found = self.compare(None, settings, &|part| progress(0.85 * part))?;
         let (learned, compared): (Vec<Learned>, Vec<Compared>) = found.into_iter().unzip();
-        let evaluation = conclude(self.expert(), &compared, settings, &|part| {
-            progress(0.85 + 0.15 * part)
-        })?;
-        Ok(Evaluation {
-            learned,
-            ..evaluation
-        })
+        let evaluation = conclude(self.expert(), &compared, settings, &|part| progress(0.85 + 0.15 * part))?;
+        Ok(Evaluation { learned, ..evaluation })
     }
 
     /// The person whose takes are the tests.
@@ -309,9 +291,7 @@ impl<'t> Study<'t> {
         };
         let mut tests: Vec<(usize, &dyn TakeSource)> = vec![];
         for take in &self.tests {
-            let of_material = tests
-                .last()
-                .filter(|(_, last)| last.name().material == take.name().material);
+            let of_material = tests.last().filter(|(_, last)| last.name().material == take.name().material);
             let number = of_material.map_or(0, |(number, _)| number + 1);
             tests.push((number, *take));
         }
@@ -344,12 +324,7 @@ impl<'t> Study<'t> {
                     of_material.push(statistics);
                 }
             }
-            Compared {
-                number: *number,
-                name: learned.name.clone(),
-                texture: learned.texture.clone(),
-                errors,
-            }
+            Compared { number: *number, name: learned.name.clone(), texture: learned.texture.clone(), errors }
         };
         let compared: Vec<Compared> = items.iter().zip(&learned).enumerate().map(compared).collect();
         Ok(learned.into_iter().zip(compared).collect())
@@ -375,9 +350,8 @@ fn on_all_cores<I: Sync, T: Send>(
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let mut finished: Vec<_> = std::thread::scope(|scope| {
         let workers: Vec<_> = (0..threads.min(items.len())).map(|_| scope.spawn(work)).collect();
-        let joined = workers
-            .into_iter()
-            .map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        let joined =
+            workers.into_iter().map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)));
         joined.flatten().collect()
     });
     finished.sort_by_key(|(number, _)| *number);
@@ -400,10 +374,8 @@ pub fn conclude(
         names.into_iter().cloned().collect()
     };
     let (materials, people) = (names(|name| &name.material), names(|name| &name.person));
-    let items: BTreeMap<(&str, &str), &Compared> = compared
-        .iter()
-        .map(|item| ((&*item.name.material, &*item.name.person), item))
-        .collect();
+    let items: BTreeMap<(&str, &str), &Compared> =
+        compared.iter().map(|item| ((&*item.name.material, &*item.name.person), item)).collect();
     let table = |rows: &[String], of: &dyn Fn(&str, &str) -> Option<Vec<ErrorStatistics>>| {
         let row = |row: &String| materials.iter().map(|column| of(row, column)).collect();
         let errors = rows.iter().map(row).collect();
@@ -446,21 +418,14 @@ pub fn conclude(
 /// The person with the most takes.
 fn expert(drags: &[&dyn TakeSource]) -> Option<String> {
     let mut counts: BTreeMap<&String, usize> = BTreeMap::new();
-    drags
-        .iter()
-        .for_each(|take| *counts.entry(&take.name().person).or_default() += 1);
+    drags.iter().for_each(|take| *counts.entry(&take.name().person).or_default() += 1);
     let most = counts.values().copied().max()?;
-    counts
-        .into_iter()
-        .find(|(_, count)| *count == most)
-        .map(|(person, _)| person.clone())
+    counts.into_iter().find(|(_, count)| *count == most).map(|(person, _)| person.clone())
 }
 
 fn process_one(take: &dyn TakeSource, settings: &StudySettings) -> Result<ProcessedRecording, StudyError> {
-    let recording = take.load().map_err(|message| StudyError::Loading {
-        recording: take.name().to_string(),
-        message,
-    })?;
+    let recording =
+        take.load().map_err(|message| StudyError::Loading { recording: take.name().to_string(), message })?;
     processed(&recording, &settings.processing).map_err(|source| StudyError::Processing {
         recording: take.name().to_string(),
         source: Box::new(source),
@@ -474,11 +439,7 @@ fn learn_one(take: &dyn TakeSource, settings: &StudySettings) -> Result<Learned,
         recording: take.name().to_string(),
         source: Box::new(source),
     })?;
-    Ok(Learned {
-        name: take.name().clone(),
-        texture,
-        report,
-    })
+    Ok(Learned { name: take.name().clone(), texture, report })
 }
 
 #[cfg(test)]
@@ -491,62 +452,31 @@ mod tests {
     #[test]
     fn names_are_read_from_file_names() {
         let name = RecordingName::parse("rough plastic.S1.take.2.npz").unwrap();
-        assert_eq!(
-            (&*name.material, &*name.person, &*name.take),
-            ("rough plastic", "S1", "take.2")
-        );
-        for bad in [
-            "canvas",
-            "canvas.anna",
-            "canvas.anna.1",
-            "canvas..1.npz",
-            ".anna.1.npz",
-        ] {
+        assert_eq!((&*name.material, &*name.person, &*name.take), ("rough plastic", "S1", "take.2"));
+        for bad in ["canvas", "canvas.anna", "canvas.anna.1", "canvas..1.npz", ".anna.1.npz"] {
             assert_eq!(RecordingName::parse(bad), None, "{bad}");
         }
     }
 
     fn take(material: usize, person: &str, number: u64) -> Take {
-        let steps: Vec<_> = (0..9)
-            .map(|i| {
-                (
-                    0.12,
-                    0.05 + 0.05 * ((i * 2) % 3) as f64,
-                    0.5 + 0.5 * (i / 3) as f64,
-                )
-            })
-            .collect();
+        let steps: Vec<_> =
+            (0..9).map(|i| (0.12, 0.05 + 0.05 * ((i * 2) % 3) as f64, 0.5 + 0.5 * (i / 3) as f64)).collect();
         let seed = number + 10 * material as u64 + 100 * person.len() as u64;
         let recording = drag(&steps, 0.3, seed, |speed, force| {
             let angle = 0.3 + 0.5 * material as f64;
-            (
-                vec![-1.8 * angle.cos(), 0.81],
-                (1.0 + material as f64) * speed * force,
-            )
+            (vec![-1.8 * angle.cos(), 0.81], (1.0 + material as f64) * speed * force)
         });
         let name = RecordingName {
             material: format!("m{material}"),
             person: person.into(),
             take: number.to_string(),
         };
-        Take {
-            name,
-            recording: AnyRecording::Processed(recording),
-        }
+        Take { name, recording: AnyRecording::Processed(recording) }
     }
 
     fn settings() -> StudySettings {
-        let walk = RandomWalk {
-            seconds: 2.0,
-            ..Default::default()
-        };
-        StudySettings {
-            map: MapSettings {
-                walk,
-                ..Default::default()
-            },
-            ..Default::default()
-        }
+        let walk = RandomWalk { seconds: 2.0, ..Default::default() };
+        StudySettings { map: MapSettings { walk, ..Default::default() }, ..Default::default() }
     }
 
     fn study_of(takes: &[Take], shard: Option<&str>) -> StudyPart {
@@ -565,10 +495,7 @@ mod tests {
             takes.extend((1..=2).map(|number| take(material, "expert", number)));
             takes.push(take(material, "novice", 1));
         }
-        let whole = Evaluation {
-            learned: vec![],
-            ..evaluate(&takes, &settings(), &|_| ()).unwrap()
-        };
+        let whole = Evaluation { learned: vec![], ..evaluate(&takes, &settings(), &|_| ()).unwrap() };
         let path = |name: &str| std::path::PathBuf::from(name);
         let through_text = |(name, part): (&str, StudyPart)| {
             let text = part.to_text().unwrap();
@@ -577,10 +504,8 @@ mod tests {
         let merged =
             |parts: &[(std::path::PathBuf, StudyPart)]| StudyPart::merged(parts, &settings(), &|_| ());
         for shards in [&["1/1"][..], &["1/2", "2/2"], &["3/3", "1/3", "2/3"]] {
-            let parts: Vec<_> = shards
-                .iter()
-                .map(|shard| through_text((shard, study_of(&takes, Some(shard)))))
-                .collect();
+            let parts: Vec<_> =
+                shards.iter().map(|shard| through_text((shard, study_of(&takes, Some(shard))))).collect();
             assert_eq!(merged(&parts).unwrap(), whole);
             if parts.len() > 1 {
                 assert!(matches!(merged(&parts[1..]), Err(StudyPartError::Missing { .. })));
@@ -595,10 +520,7 @@ mod tests {
             }
         }
         assert!(matches!(merged(&[]), Err(StudyPartError::Nothing)));
-        assert!(matches!(
-            StudyPart::parse(&path("x"), "(of: 1)"),
-            Err(StudyPartError::Syntax { .. })
-        ));
+        assert!(matches!(StudyPart::parse(&path("x"), "(of: 1)"), Err(StudyPartError::Syntax { .. })));
     }
 
     #[test]
@@ -613,11 +535,7 @@ mod tests {
         let evaluation = evaluate(&takes, &settings(), &|_| ()).unwrap();
         assert_eq!(evaluation.expert, "expert");
         assert_eq!(evaluation.learned.len(), 6);
-        assert!(
-            evaluation.materials_table.diagonal_is_least(),
-            "{:?}",
-            evaluation.materials_table
-        );
+        assert!(evaluation.materials_table.diagonal_is_least(), "{:?}", evaluation.materials_table);
         let people = evaluation.people_table.unwrap().pooled(Pooling::Pair);
         assert_eq!((people.rows.len(), people.columns.len()), (2, 3));
         // The expert's row of Table 2.2 is the diagonal of Table 2.1 if deviations are pooled by pair.
@@ -628,15 +546,9 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_said() {
-        assert!(matches!(
-            evaluate(&[], &settings(), &|_| ()),
-            Err(StudyError::NoRecordings)
-        ));
+        assert!(matches!(evaluate(&[], &settings(), &|_| ()), Err(StudyError::NoRecordings)));
         let single = [take(0, "expert", 1)];
-        assert!(matches!(
-            evaluate(&single, &settings(), &|_| ()),
-            Err(StudyError::NoTest { .. })
-        ));
+        assert!(matches!(evaluate(&single, &settings(), &|_| ()), Err(StudyError::NoTest { .. })));
         let two = [take(0, "expert", 1), take(0, "expert", 2)];
         let evaluation = evaluate(&two, &settings(), &|_| ()).unwrap();
         assert!(evaluation.people_table.is_none() && evaluation.map.is_none());

@@ -22,11 +22,7 @@ pub struct SynthesisSettings {
 
 impl Default for SynthesisSettings {
     fn default() -> Self {
-        Self {
-            update_hz: 240.0,
-            seed: 1,
-            lines_seed: 1,
-        }
+        Self { update_hz: 240.0, seed: 1, lines_seed: 1 }
     }
 }
 
@@ -128,11 +124,7 @@ impl RandomWalk {
     /// The same walk at the rate of a texture; shorter where it would have more than 3 million samples.
     pub fn at(&self, rate_hz: f64) -> Self {
         let seconds = self.seconds.min(MAX_WALK / rate_hz);
-        Self {
-            seconds,
-            rate_hz,
-            ..*self
-        }
+        Self { seconds, rate_hz, ..*self }
     }
 
     /// Computes the walk; empty for zero duration or rate.
@@ -149,11 +141,7 @@ impl RandomWalk {
             };
             (0..samples).map(at).collect()
         });
-        Trajectory {
-            rate_hz: self.rate_hz,
-            speed_m_s,
-            force_n,
-        }
+        Trajectory { rate_hz: self.rate_hz, speed_m_s, force_n }
     }
 
     /// A walk between reflecting walls, smoothed and scaled to 0..1.
@@ -175,16 +163,7 @@ impl RandomWalk {
         };
         let least = smooth.iter().copied().fold(f64::INFINITY, f64::min);
         let most = smooth.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        smooth
-            .iter()
-            .map(|x| {
-                if most > least {
-                    (x - least) / (most - least)
-                } else {
-                    0.5
-                }
-            })
-            .collect()
+        smooth.iter().map(|x| if most > least { (x - least) / (most - least) } else { 0.5 }).collect()
     }
 }
 
@@ -233,11 +212,7 @@ pub fn synthesise_with(
     progress: &dyn Fn(f64) -> ControlFlow<()>,
 ) -> Result<Vec<f64>, SynthesisError> {
     check(texture, trajectory, settings)?;
-    let Trajectory {
-        rate_hz,
-        speed_m_s,
-        force_n,
-    } = trajectory;
+    let Trajectory { rate_hz, speed_m_s, force_n } = trajectory;
     let mut interpolator = Interpolator::new(texture);
     let mut coefficients = Coefficients::SILENCE;
     let mut filter = ArmaFilter::new(Form::Lattice);
@@ -328,10 +303,7 @@ fn check_rates(texture: &TextureModel, trajectory_hz: f64) -> Result<(), Synthes
     if texture_hz == trajectory_hz {
         return Ok(());
     }
-    Err(SynthesisError::Rates {
-        texture_hz,
-        trajectory_hz,
-    })
+    Err(SynthesisError::Rates { texture_hz, trajectory_hz })
 }
 
 fn check_lengths(speed_m_s: &[f64], force_n: &[f64]) -> Result<(), SynthesisError> {
@@ -397,11 +369,7 @@ mod tests {
     }
 
     fn constant(speed: f64, force: f64, samples: usize) -> Trajectory {
-        Trajectory {
-            rate_hz: 10_000.0,
-            speed_m_s: vec![speed; samples],
-            force_n: vec![force; samples],
-        }
+        Trajectory { rate_hz: 10_000.0, speed_m_s: vec![speed; samples], force_n: vec![force; samples] }
     }
 
     #[test]
@@ -422,21 +390,9 @@ mod tests {
 
     #[test]
     fn the_same_seed_gives_the_same_bits_and_another_does_not() {
-        let trajectory = RandomWalk {
-            seconds: 0.5,
-            ..Default::default()
-        }
-        .trajectory();
+        let trajectory = RandomWalk { seconds: 0.5, ..Default::default() }.trajectory();
         let with = |seed| {
-            synthesise(
-                &texture(),
-                &trajectory,
-                &SynthesisSettings {
-                    seed,
-                    ..Default::default()
-                },
-            )
-            .unwrap()
+            synthesise(&texture(), &trajectory, &SynthesisSettings { seed, ..Default::default() }).unwrap()
         };
         assert_eq!(with(1), with(1));
         assert_ne!(with(1), with(2));
@@ -468,23 +424,14 @@ mod tests {
             synthesise(&texture(), &short, &Default::default()),
             Err(SynthesisError::Lengths { .. })
         ));
-        let slow = Trajectory {
-            rate_hz: 1000.0,
-            ..constant(0.1, 1.0, 10)
-        };
+        let slow = Trajectory { rate_hz: 1000.0, ..constant(0.1, 1.0, 10) };
         assert!(matches!(
             synthesise(&texture(), &slow, &Default::default()),
             Err(SynthesisError::Rates { .. })
         ));
-        let never = SynthesisSettings {
-            update_hz: 0.0,
-            ..Default::default()
-        };
+        let never = SynthesisSettings { update_hz: 0.0, ..Default::default() };
         let error = synthesise(&texture(), &constant(0.1, 1.0, 10), &never);
         assert!(matches!(error, Err(SynthesisError::UpdateRate { .. })));
-        assert_eq!(
-            synthesise(&texture(), &constant(0.1, 1.0, 0), &Default::default()),
-            Ok(vec![])
-        );
+        assert_eq!(synthesise(&texture(), &constant(0.1, 1.0, 0), &Default::default()), Ok(vec![]));
     }
 }

@@ -22,8 +22,7 @@ pub struct TableSettings {
 
 impl TableSettings {
     fn windows_at(&self, rate_hz: f64) -> WindowSettings {
-        self.windows
-            .unwrap_or_else(|| WindowSettings::comparison_at(rate_hz))
+        self.windows.unwrap_or_else(|| WindowSettings::comparison_at(rate_hz))
     }
 }
 
@@ -57,23 +56,11 @@ pub struct DifferenceTable {
 #[allow(missing_docs)] // see the messages
 pub enum TableError {
     #[error("cannot compare recording {recording} (from 0) of {material}: {source}")]
-    Recording {
-        material: String,
-        recording: usize,
-        source: MetricError,
-    },
+    Recording { material: String, recording: usize, source: MetricError },
     #[error("cannot render the texture in row {row} along the recordings of {material}: {source}")]
-    Synthesis {
-        row: String,
-        material: String,
-        source: SynthesisError,
-    },
+    Synthesis { row: String, material: String, source: SynthesisError },
     #[error("cannot compare the rendering of row {row} with the recordings of {material}: {source}")]
-    Comparison {
-        row: String,
-        material: String,
-        source: MetricError,
-    },
+    Comparison { row: String, material: String, source: MetricError },
 }
 
 /// Spectra of the test recordings of all materials, and the trajectories to render textures along.
@@ -104,11 +91,8 @@ impl Reference {
         let signals = recording.signals();
         let windows = settings.windows_at(signals.rate_hz);
         let spectra = WindowedSpectra::new(&signals.acceleration_m_s2, signals.rate_hz, &windows);
-        let failed = |source| TableError::Recording {
-            material: material.to_owned(),
-            recording: index,
-            source,
-        };
+        let failed =
+            |source| TableError::Recording { material: material.to_owned(), recording: index, source };
         Ok(Self {
             material: material.to_owned(),
             spectra: spectra.map_err(failed)?,
@@ -127,25 +111,12 @@ impl Reference {
         settings: &TableSettings,
     ) -> Result<ErrorStatistics, TableError> {
         let (row, material) = (|| row.to_owned(), || self.material.clone());
-        let vibration = synthesise(texture, &self.trajectory, &settings.synthesis).map_err(|source| {
-            TableError::Synthesis {
-                row: row(),
-                material: material(),
-                source,
-            }
-        })?;
-        WindowedSpectra::new(
-            &vibration,
-            texture.rate_hz(),
-            &settings.windows_at(texture.rate_hz()),
-        )
-        .and_then(|spectra| PairErrors::new(&self.spectra, &spectra))
-        .map(|errors| errors.statistics())
-        .map_err(|source| TableError::Comparison {
-            row: row(),
-            material: material(),
-            source,
-        })
+        let vibration = synthesise(texture, &self.trajectory, &settings.synthesis)
+            .map_err(|source| TableError::Synthesis { row: row(), material: material(), source })?;
+        WindowedSpectra::new(&vibration, texture.rate_hz(), &settings.windows_at(texture.rate_hz()))
+            .and_then(|spectra| PairErrors::new(&self.spectra, &spectra))
+            .map(|errors| errors.statistics())
+            .map_err(|source| TableError::Comparison { row: row(), material: material(), source })
     }
 }
 
@@ -177,16 +148,13 @@ impl References {
         settings: &TableSettings,
     ) -> Result<Vec<ErrorStatistics>, TableError> {
         let references = self.materials[column].iter();
-        references
-            .map(|reference| reference.errors(row, texture, settings))
-            .collect()
+        references.map(|reference| reference.errors(row, texture, settings)).collect()
     }
 }
 
 fn pool(cells: &[Vec<Option<Vec<ErrorStatistics>>>]) -> Deviations {
     let all = cells.iter().flatten().flatten().flatten();
-    all.fold(ErrorStatistics::default(), |all, pair| all.merged(pair))
-        .deviations()
+    all.fold(ErrorStatistics::default(), |all, pair| all.merged(pair)).deviations()
 }
 
 fn difference(pairs: &[ErrorStatistics], pooled: Deviations, pooling: Pooling) -> f64 {
@@ -225,19 +193,12 @@ impl DifferenceTable {
 
     /// The table of the same errors with other deviations.
     pub fn pooled(&self, pooling: Pooling) -> Self {
-        Self::of_errors(
-            self.rows.clone(),
-            self.columns.clone(),
-            self.errors.clone(),
-            pooling,
-        )
+        Self::of_errors(self.rows.clone(), self.columns.clone(), self.errors.clone(), pooling)
     }
 
     /// The difference between each texture and its own material, for rows and columns in the same order.
     pub fn diagonal(&self) -> Vec<f64> {
-        (0..self.rows.len().min(self.columns.len()))
-            .filter_map(|i| self.differences[i][i])
-            .collect()
+        (0..self.rows.len().min(self.columns.len())).filter_map(|i| self.differences[i][i]).collect()
     }
 
     /// Mean plus two sample standard deviations of the diagonal, the thesis's threshold of similarity (4.72
@@ -249,21 +210,13 @@ impl DifferenceTable {
 
     /// True if a cell is the smallest of its row.
     pub fn is_least_of_row(&self, row: usize, column: usize) -> bool {
-        let least = self.differences[row]
-            .iter()
-            .flatten()
-            .copied()
-            .fold(f64::INFINITY, f64::min);
+        let least = self.differences[row].iter().flatten().copied().fold(f64::INFINITY, f64::min);
         self.differences[row][column] == Some(least)
     }
 
     /// True if a cell is the smallest of its column.
     pub fn is_least_of_column(&self, row: usize, column: usize) -> bool {
-        let least = self
-            .differences
-            .iter()
-            .filter_map(|row| row[column])
-            .fold(f64::INFINITY, f64::min);
+        let least = self.differences.iter().filter_map(|row| row[column]).fold(f64::INFINITY, f64::min);
         self.differences[row][column] == Some(least)
     }
 
@@ -306,42 +259,25 @@ mod tests {
 
     /// Three materials with different resonances.
     fn recording(material: usize, seed: u64) -> ProcessedRecording {
-        let steps: Vec<_> = (0..9)
-            .map(|i| {
-                (
-                    0.15,
-                    0.05 + 0.05 * ((i * 2) % 3) as f64,
-                    0.5 + 0.5 * (i / 3) as f64,
-                )
-            })
-            .collect();
+        let steps: Vec<_> =
+            (0..9).map(|i| (0.15, 0.05 + 0.05 * ((i * 2) % 3) as f64, 0.5 + 0.5 * (i / 3) as f64)).collect();
         drag(&steps, 0.3, seed, |speed, force| {
             let angle = 0.3 + 0.5 * material as f64;
-            (
-                vec![-1.8 * angle.cos(), 0.81],
-                (1.0 + material as f64) * speed * force,
-            )
+            (vec![-1.8 * angle.cos(), 0.81], (1.0 + material as f64) * speed * force)
         })
     }
 
     fn table(pooling: Pooling) -> DifferenceTable {
         let names: Vec<String> = ["low", "middle", "high"].map(String::from).to_vec();
-        let learned = |material| {
-            learn_texture(&[recording(material, 10)], &Default::default(), &|_| ())
-                .unwrap()
-                .0
-        };
+        let learned =
+            |material| learn_texture(&[recording(material, 10)], &Default::default(), &|_| ()).unwrap().0;
         let textures: Vec<TextureModel> = (0..3).map(learned).collect();
-        let recordings: Vec<Vec<_>> = (0..3)
-            .map(|m| (0..2).map(|seed| recording(m, seed)).collect())
-            .collect();
+        let recordings: Vec<Vec<_>> =
+            (0..3).map(|m| (0..2).map(|seed| recording(m, seed)).collect()).collect();
         let tests: Vec<TestSet> = names
             .iter()
             .zip(&recordings)
-            .map(|(name, recordings)| TestSet {
-                name: name.clone(),
-                recordings: recordings.iter().collect(),
-            })
+            .map(|(name, recordings)| TestSet { name: name.clone(), recordings: recordings.iter().collect() })
             .collect();
         let settings = TableSettings::default();
         let references = References::of(&tests, &settings).unwrap();
@@ -349,9 +285,7 @@ mod tests {
             let errors = references.cell(column, "row", row, &settings);
             Some(errors.unwrap())
         };
-        let errors = textures
-            .iter()
-            .map(|texture| (0..3).map(|column| cell(texture, column)).collect());
+        let errors = textures.iter().map(|texture| (0..3).map(|column| cell(texture, column)).collect());
         DifferenceTable::of_errors(names.clone(), names, errors.collect(), pooling)
     }
 
@@ -381,10 +315,7 @@ mod tests {
             [6.05, 5.27, 4.27, 5.05, 4.95, 4.23],
         ];
         let names: Vec<String> = (1..=6).map(|i| format!("T{i}")).collect();
-        let differences = rows
-            .iter()
-            .map(|row| row.iter().copied().map(Some).collect())
-            .collect();
+        let differences = rows.iter().map(|row| row.iter().copied().map(Some).collect()).collect();
         let table = DifferenceTable {
             rows: names.clone(),
             columns: names,
@@ -395,28 +326,15 @@ mod tests {
         assert!((table.baseline() - 4.72).abs() < 0.005, "{}", table.baseline());
         assert!(table.diagonal_is_least());
         assert!(!table.is_least_of_row(0, 1) && !table.is_least_of_column(0, 1));
-        let below = table
-            .differences
-            .iter()
-            .flatten()
-            .flatten()
-            .filter(|d| **d < table.baseline())
-            .count()
-            - 6;
+        let below =
+            table.differences.iter().flatten().flatten().filter(|d| **d < table.baseline()).count() - 6;
         assert_eq!(below, 6, "six cells off the diagonal lie below the baseline");
         // The experimenter's row of Table 2.2 is this diagonal.
         let diagonal = table.diagonal().into_iter().map(Some).collect();
-        let people = DifferenceTable {
-            rows: vec!["Exp".into()],
-            differences: vec![diagonal],
-            ..table
-        };
+        let people = DifferenceTable { rows: vec!["Exp".into()], differences: vec![diagonal], ..table };
         let (mean, deviation) = people.row_statistics()[0];
         assert!((mean - 4.155).abs() < 1e-3 && (deviation.unwrap() - 0.282).abs() < 1e-3);
-        let alone = DifferenceTable {
-            differences: vec![vec![Some(4.0), None]],
-            ..people
-        };
+        let alone = DifferenceTable { differences: vec![vec![Some(4.0), None]], ..people };
         assert_eq!(alone.row_statistics(), [(4.0, None)]);
     }
 }

@@ -91,10 +91,8 @@ pub fn synthesise_many_with(
 ) -> Result<Vec<Vec<f64>>, VoiceError> {
     let mut points = Vec::with_capacity(voices.len());
     for (number, voice) in voices.iter().enumerate() {
-        check(voice.texture, voice.trajectory, &voice.settings).map_err(|source| VoiceError {
-            voice: number,
-            source,
-        })?;
+        check(voice.texture, voice.trajectory, &voice.settings)
+            .map_err(|source| VoiceError { voice: number, source })?;
         points.push(voice.trajectory.at_updates(voice.settings.update_hz));
     }
     let mut vibrations: Vec<Vec<f64>> = points.iter().map(|points| vec![0.0; points.samples]).collect();
@@ -143,9 +141,8 @@ pub fn synthesise_into(
     std::thread::scope(|scope| {
         let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
         let ended = workers.into_iter().map(|worker| worker.join());
-        let ended: Vec<_> = ended
-            .map(|ended| ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-            .collect();
+        let ended: Vec<_> =
+            ended.map(|ended| ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect();
         ended.into_iter().collect()
     })
 }
@@ -157,10 +154,8 @@ type Numbered<'a> = Vec<(usize, VoiceInto<'a>)>;
 fn groups(voices: Vec<VoiceInto<'_>>) -> Result<Vec<Numbered<'_>>, VoiceError> {
     let mut shapes: BTreeMap<Shape, Vec<Numbered<'_>>> = BTreeMap::new();
     for (number, voice) in voices.into_iter().enumerate() {
-        check_points(voice.texture, voice.points, voice.out.len()).map_err(|source| VoiceError {
-            voice: number,
-            source,
-        })?;
+        check_points(voice.texture, voice.points, voice.out.len())
+            .map_err(|source| VoiceError { voice: number, source })?;
         let groups = shapes.entry(Shape::of(&voice)).or_default();
         match groups.last_mut().filter(|group| group.len() < LANES) {
             Some(group) => group.push((number, voice)),
@@ -173,12 +168,10 @@ fn groups(voices: Vec<VoiceInto<'_>>) -> Result<Vec<Numbered<'_>>, VoiceError> {
 /// Synthesises a group. `advance` receives the number of further samples done, and returns whether to continue.
 fn play(group: Numbered<'_>, advance: &dyn Fn(usize) -> ControlFlow<()>) -> Result<(), VoiceError> {
     let (numbers, voices): (Vec<usize>, Vec<VoiceInto<'_>>) = group.into_iter().unzip();
-    Group::new(voices)
-        .play(advance)
-        .map_err(|(lane, source)| VoiceError {
-            voice: numbers.get(lane).copied().unwrap_or_default(),
-            source,
-        })
+    Group::new(voices).play(advance).map_err(|(lane, source)| VoiceError {
+        voice: numbers.get(lane).copied().unwrap_or_default(),
+        source,
+    })
 }
 
 #[cfg(test)]

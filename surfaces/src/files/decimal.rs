@@ -81,9 +81,7 @@ pub fn format_shifted(value: f64, places: i32) -> String {
     if !(-5..=15).contains(&exponent) {
         return format!("{digits}e{exponent}");
     }
-    let (sign, digits) = digits
-        .strip_prefix('-')
-        .map_or(("", digits), |digits| ("-", digits));
+    let (sign, digits) = digits.strip_prefix('-').map_or(("", digits), |digits| ("-", digits));
     let digits: String = digits.chars().filter(|&c| c != '.').collect();
     let point = exponent + 1;
     if point <= 0 {

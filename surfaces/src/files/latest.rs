@@ -54,10 +54,7 @@ mod tests {
             let bytes = file(0.25 + turn as f64);
             let surface = read_surface(&bytes).expect("a surface");
             // Twice: read, then found.
-            assert_eq!(
-                (read(&bytes).as_ref(), read(&bytes).as_ref()),
-                (Ok(&surface), Ok(&surface))
-            );
+            assert_eq!((read(&bytes).as_ref(), read(&bytes).as_ref()), (Ok(&surface), Ok(&surface)));
         }
         assert!(read(b"no surface").is_err() && read(b"no surface").is_err());
         assert!(LATEST.lock().expect("whole").len() <= FILES);

@@ -27,26 +27,17 @@ pub const MAX_TAP_SAMPLES: usize = 16_384;
 pub fn read_surface(bytes: &[u8]) -> Result<Surface, ReadError> {
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let before = String::from_utf8_lossy(&bytes[..error.valid_up_to()]);
-        ReadError {
-            place: Some(Place::after(&before)),
-            problem: Problem::NotText,
-        }
+        ReadError { place: Some(Place::after(&before)), problem: Problem::NotText }
     })?;
     // Windows editors write a byte order mark.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    if text.trim_start().starts_with('<') {
-        hatt::read(text)
-    } else {
-        native::read(text)
-    }
+    if text.trim_start().starts_with('<') { hatt::read(text) } else { native::read(text) }
 }
 
 /// Reads a surface from a file.
 pub fn load(path: &Path) -> Result<Surface, FileError> {
-    let bytes = files::read(path, files::MAX_SURFACE_BYTES).map_err(|source| FileError::Io {
-        path: path.to_owned(),
-        source,
-    })?;
+    let bytes = files::read(path, files::MAX_SURFACE_BYTES)
+        .map_err(|source| FileError::Io { path: path.to_owned(), source })?;
     let mut surface = latest::read(&bytes).map_err(|error| {
         let path = path.to_owned();
         match RECORDINGS.contains(&&*extension(&path)) {
@@ -69,9 +60,7 @@ const RECORDINGS: [&str; 6] = ["csv", "tsv", "npz", "wav", "mat", "xlsx"];
 pub fn check_extension(path: &Path) -> Result<(), SaveError> {
     match &*extension(path) {
         "ron" | "xml" => Ok(()),
-        _ => Err(SaveError::Extension {
-            path: path.to_owned(),
-        }),
+        _ => Err(SaveError::Extension { path: path.to_owned() }),
     }
 }
 
@@ -84,23 +73,14 @@ fn extension(path: &Path) -> String {
 /// Writes a surface to `path`: as a toolkit file if it ends in `.xml` (models, or taps if there is no texture), as
 /// haptograph's RON if it ends in `.ron`. Returns the parts of the surface that the format cannot store.
 pub fn save(surface: &Surface, path: &Path) -> Result<Vec<&'static str>, SaveError> {
-    let hatt = |error| SaveError::Hatt {
-        path: path.to_owned(),
-        error,
-    };
+    let hatt = |error| SaveError::Hatt { path: path.to_owned(), error };
     let (text, left_out) = match &*extension(path) {
         "ron" => (native::write(surface), Vec::new()),
         "xml" if surface.texture.is_some() => {
             let text = hatt::write_models(surface).map_err(hatt)?;
             let fit = surface.friction.and_then(|friction| friction.r_squared());
-            let crackles = surface
-                .texture
-                .as_ref()
-                .is_some_and(|texture| texture.crackle().is_some());
-            let has_lines = surface
-                .texture
-                .as_ref()
-                .is_some_and(|texture| !texture.lines().is_empty());
+            let crackles = surface.texture.as_ref().is_some_and(|texture| texture.crackle().is_some());
+            let has_lines = surface.texture.as_ref().is_some_and(|texture| !texture.lines().is_empty());
             (
                 text,
                 present(
@@ -129,15 +109,11 @@ pub fn save(surface: &Surface, path: &Path) -> Result<Vec<&'static str>, SaveErr
             )
         }
         _ => {
-            return Err(SaveError::Extension {
-                path: path.to_owned(),
-            });
+            return Err(SaveError::Extension { path: path.to_owned() });
         }
     };
-    write_atomically(path, text.as_bytes()).map_err(|source| SaveError::Io {
-        path: path.to_owned(),
-        source,
-    })?;
+    write_atomically(path, text.as_bytes())
+        .map_err(|source| SaveError::Io { path: path.to_owned(), source })?;
     Ok(left_out)
 }
 
@@ -147,13 +123,8 @@ fn has_tap_forces(surface: &Surface) -> bool {
 
 /// The parts of a surface among these and among those that no toolkit file can store.
 fn present<const N: usize>(parts: [(&'static str, bool); N], surface: &Surface) -> Vec<&'static str> {
-    let parts = parts
-        .into_iter()
-        .chain([("stiffness", surface.stiffness.is_some())]);
-    parts
-        .filter(|(_, present)| *present)
-        .map(|(part, _)| part)
-        .collect()
+    let parts = parts.into_iter().chain([("stiffness", surface.stiffness.is_some())]);
+    parts.filter(|(_, present)| *present).map(|(part, _)| part).collect()
 }
 
 /// Merges two files of the same material, such as the toolkit's models and taps: each part comes from the file that has it.
@@ -166,10 +137,7 @@ pub fn merge(first: Surface, second: Surface) -> Result<Surface, MergeError> {
         }
     }
     if first.provenance.origin != second.provenance.origin {
-        return Err(MergeError::Origins(
-            first.provenance.origin,
-            second.provenance.origin,
-        ));
+        return Err(MergeError::Origins(first.provenance.origin, second.provenance.origin));
     }
     let mut provenance = first.provenance;
     if provenance.source != second.provenance.source {
@@ -179,11 +147,7 @@ pub fn merge(first: Surface, second: Surface) -> Result<Surface, MergeError> {
         provenance.settings.entry(name).or_insert(value);
     }
     Ok(Surface {
-        name: if first.name.is_empty() {
-            second.name
-        } else {
-            first.name
-        },
+        name: if first.name.is_empty() { second.name } else { first.name },
         friction: either(first.friction, second.friction, "friction")?,
         taps: either(first.taps, second.taps, "taps")?,
         texture: either(first.texture, second.texture, "texture")?,

@@ -24,9 +24,7 @@ impl Cells {
     /// The cells for models of this rate and warping factor.
     pub fn new(rate_hz: f64, warping: f64) -> Self {
         let edge = |edge: usize| unwarp(PI * edge as f64 / CELLS as f64, warping) * rate_hz / (2.0 * PI);
-        Self {
-            edges_hz: (0..=CELLS).map(edge).collect(),
-        }
+        Self { edges_hz: (0..=CELLS).map(edge).collect() }
     }
 
     /// The power of densities over the cells.
@@ -100,9 +98,8 @@ impl CellSpectrum {
             // Two real signals in one transform: the sum of their powers is the mean of those at a bin and at its mirror.
             let second = |n: usize| pair.get(1).map_or(0.0, |taper| taper[n]);
             let tapered = samples.iter().zip(&pair[0]).enumerate();
-            let mut spectrum: Vec<Complex64> = tapered
-                .map(|(n, (x, w))| Complex64::new(x * w, x * second(n)))
-                .collect();
+            let mut spectrum: Vec<Complex64> =
+                tapered.map(|(n, (x, w))| Complex64::new(x * w, x * second(n))).collect();
             transform.process(&mut spectrum);
             for (bin, density) in density.iter_mut().enumerate() {
                 let mirror = spectrum[(length - bin) % length];

@@ -63,11 +63,7 @@ impl Correction {
         let misses = DMatrix::from_fn(count, stretches.first()?.seen.len(), |place, cell| {
             let (Stretch { seen, expected, .. }, _) = &pools[place];
             let is_known = seen[cell] > 0.0 && expected[cell] > 0.0;
-            if is_known {
-                (seen[cell] / expected[cell]).ln()
-            } else {
-                0.0
-            }
+            if is_known { (seen[cell] / expected[cell]).ln() } else { 0.0 }
         });
         // With few places, one of many kernels predicts better by chance.
         let mut best = (misses.norm_squared() * (1.0 - 1.0 / count as f64), None);
@@ -89,31 +85,16 @@ impl Correction {
             }
         }
         let (kernel, weights) = best.1?;
-        let bounds = misses
-            .column_iter()
-            .map(|of_cell| (of_cell.min().min(0.0), of_cell.max().max(0.0)));
-        Some(Self {
-            bounds: bounds.collect(),
-            places,
-            kernel,
-            weights,
-        })
+        let bounds = misses.column_iter().map(|of_cell| (of_cell.min().min(0.0), of_cell.max().max(0.0)));
+        Some(Self { bounds: bounds.collect(), places, kernel, weights })
     }
 
     /// The logarithm of the factor of each cell.
     pub fn at(&self, place: &Place) -> Vec<f64> {
-        let near: Vec<f64> = self
-            .places
-            .iter()
-            .map(|seen| self.kernel.between(place, seen))
-            .collect();
+        let near: Vec<f64> = self.places.iter().map(|seen| self.kernel.between(place, seen)).collect();
         let cells = self.weights.column_iter().zip(&self.bounds);
         let mixed = cells.map(|(weights, &(least, most))| {
-            let sum: f64 = weights
-                .iter()
-                .zip(&near)
-                .map(|(weight, near)| weight * near)
-                .sum();
+            let sum: f64 = weights.iter().zip(&near).map(|(weight, near)| weight * near).sum();
             sum.clamp(least, most)
         });
         mixed.collect()
@@ -121,9 +102,7 @@ impl Correction {
 }
 
 fn kernels() -> impl Iterator<Item = Kernel> {
-    let ranges = RANGES
-        .into_iter()
-        .flat_map(|speed| RANGES.map(|force| Place::new(speed, force)));
+    let ranges = RANGES.into_iter().flat_map(|speed| RANGES.map(|force| Place::new(speed, force)));
     ranges.flat_map(|ranges| VARIANCES.map(|variance| Kernel { ranges, variance }))
 }
 
@@ -139,10 +118,7 @@ fn pooled(stretches: &[Stretch]) -> Vec<(Stretch, f64)> {
         *count += 1.0;
         pool.place += (stretch.place - pool.place) / *count;
         // Sums suffice, because only their ratio counts.
-        for (sums, values) in [
-            (&mut pool.seen, &stretch.seen),
-            (&mut pool.expected, &stretch.expected),
-        ] {
+        for (sums, values) in [(&mut pool.seen, &stretch.seen), (&mut pool.expected, &stretch.expected)] {
             sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
         }
     }
@@ -161,10 +137,7 @@ mod tests {
         let place = |k: usize| Place::new(0.45 * (k % 6) as f64, 0.4 * (k / 6) as f64);
         let stretch = |(k, errors): (usize, &[f64])| Stretch {
             place: place(k),
-            seen: vec![
-                2.0 * (miss(&place(k)) + noise * errors[0]).exp(),
-                3.0 * (noise * errors[1]).exp(),
-            ],
+            seen: vec![2.0 * (miss(&place(k)) + noise * errors[0]).exp(), 3.0 * (noise * errors[1]).exp()],
             expected: vec![2.0, 3.0],
         };
         errors.chunks(2).enumerate().map(stretch).collect()
@@ -177,10 +150,7 @@ mod tests {
         for k in 0..15 {
             let place = Place::new(0.15 * f64::from(k), 0.05 * f64::from(k));
             let at = correction.at(&place);
-            assert!(
-                (at[0] - miss(&place)).abs() < 0.15 && at[1].abs() < 0.1,
-                "{place}: {at:?}"
-            );
+            assert!((at[0] - miss(&place)).abs() < 0.15 && at[1].abs() < 0.1, "{place}: {at:?}");
         }
         let far = correction.at(&Place::new(30.0, 30.0));
         assert!(far.iter().all(|log| log.abs() < 1e-9), "{far:?}");

@@ -37,9 +37,7 @@ impl Coverage {
     /// Adds a stretch at one speed and force.
     pub fn add(&mut self, speed_m_s: f64, force_n: f64, length_s: f64) {
         let band = |bands: &[(f64, f64); 3], value: f64| {
-            bands
-                .iter()
-                .position(|(low, high)| (*low..*high).contains(&value))
+            bands.iter().position(|(low, high)| (*low..*high).contains(&value))
         };
         self.used_s += length_s;
         self.segments += 1;
@@ -57,8 +55,7 @@ impl Coverage {
     /// Cells with too little data, as indices of the bands of speed and force.
     pub fn missing(&self) -> Vec<(usize, usize)> {
         let all = (0..3).flat_map(|speed| (0..3).map(move |force| (speed, force)));
-        all.filter(|&(speed, force)| self.cells_s[speed][force] < ENOUGH_S)
-            .collect()
+        all.filter(|&(speed, force)| self.cells_s[speed][force] < ENOUGH_S).collect()
     }
 
     /// The first few of those as text; `None` if none is missing.
@@ -79,11 +76,7 @@ const MAX_NAMED: usize = 3;
 fn area(&(speed, force): &(usize, usize)) -> String {
     let (slow, fast) = SPEED_BANDS_M_S[speed];
     let (light, firm) = FORCE_BANDS_N[force];
-    format!(
-        "{:.0} to {:.0} mm/s at {light} to {firm} N",
-        slow * 1000.0,
-        fast * 1000.0
-    )
+    format!("{:.0} to {:.0} mm/s at {light} to {firm} N", slow * 1000.0, fast * 1000.0)
 }
 
 #[cfg(test)]

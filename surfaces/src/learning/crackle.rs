@@ -53,9 +53,7 @@ pub(super) fn find_crackle(recordings: &[Whitened], rate_hz: f64) -> Option<Crac
     stretches.iter().for_each(|stretch| measured.add(stretch, window));
     let measured = measured.mean();
     let depth = expected.fit(&measured).depth;
-    let gaussian = surrogates(&stretches, window, |covariance| {
-        expected.fit(covariance).depth >= depth
-    })?;
+    let gaussian = surrogates(&stretches, window, |covariance| expected.fit(covariance).depth >= depth)?;
     // The surrogates include the fluctuation from errors of the map.
     let white = &expected.rows[0].covariance;
     let corrected: [f64; LAGS] = std::array::from_fn(|lag| measured[lag] - gaussian[lag] + white[lag]);
@@ -118,9 +116,7 @@ impl Phases {
         let zero = Complex64::new(0.0, 0.0);
         Self {
             magnitudes,
-            turns: (0..TURNS)
-                .map(|k| Complex64::cis(TAU * k as f64 / TURNS as f64))
-                .collect(),
+            turns: (0..TURNS).map(|k| Complex64::cis(TAU * k as f64 / TURNS as f64)).collect(),
             scratch: vec![zero; inverse.get_inplace_scratch_len()],
             inverse,
             buffer: vec![zero; length],
@@ -141,8 +137,7 @@ impl Phases {
                 self.buffer[k] = Complex64::new(a.re - b.im, a.im + b.re);
                 self.buffer[length - k] = Complex64::new(a.re + b.im, b.re - a.im);
             }
-            self.inverse
-                .process_with_scratch(&mut self.buffer, &mut self.scratch);
+            self.inverse.process_with_scratch(&mut self.buffer, &mut self.scratch);
             for (part, covariance) in [|x: &Complex64| x.re, |x: &Complex64| x.im].iter().zip(&mut both) {
                 self.part.clear();
                 self.part.extend(self.buffer.iter().map(part));
@@ -221,11 +216,7 @@ impl Expected {
             let time_constant_s = FASTEST_S * (SLOWEST_S / FASTEST_S).powf(part);
             rows.extend((1..=(MAX_DEPTH / DEPTH_STEP).round() as usize).map(|k| {
                 let depth = k as f64 * DEPTH_STEP;
-                Row {
-                    depth,
-                    time_constant_s,
-                    covariance: expected(depth, time_constant_s, window, window_s),
-                }
+                Row { depth, time_constant_s, covariance: expected(depth, time_constant_s, window, window_s) }
             }));
         }
         Self { rows }
@@ -241,10 +232,7 @@ impl Expected {
             let same = |row: &&Row| {
                 row.time_constant_s == best.time_constant_s && (row.depth - depth).abs() < 0.5 * DEPTH_STEP
             };
-            self.rows
-                .iter()
-                .find(same)
-                .or_else(|| (depth.abs() < 0.5 * DEPTH_STEP).then(|| &self.rows[0]))
+            self.rows.iter().find(same).or_else(|| (depth.abs() < 0.5 * DEPTH_STEP).then(|| &self.rows[0]))
         };
         let sides = [best.depth - DEPTH_STEP, best.depth + DEPTH_STEP].map(neighbour);
         let mut refined = *best;
@@ -278,11 +266,7 @@ fn expected(depth: f64, time_constant_s: f64, window: usize, window_s: f64) -> [
             let weight = f64::from(PARTS - apart.abs()) / f64::from(PARTS * PARTS);
             sum += weight * (variance * (-away_s / time_constant_s).exp()).exp_m1();
         }
-        let own = if lag == 0 {
-            2.0 * variance.exp() / window as f64
-        } else {
-            0.0
-        };
+        let own = if lag == 0 { 2.0 * variance.exp() / window as f64 } else { 0.0 };
         (sum + own).ln_1p()
     };
     let width = 2 * SLOW + 1;
@@ -293,9 +277,7 @@ fn expected(depth: f64, time_constant_s: f64, window: usize, window_s: f64) -> [
         let slow = SLOW as isize;
         let mean: f64 = (-slow..=slow).map(at).sum::<f64>() / width as f64;
         let triangle = |shift: isize| (width as isize - shift.abs()) as f64 / (width * width) as f64;
-        let both: f64 = (-2 * slow..=2 * slow)
-            .map(|shift| triangle(shift) * at(shift))
-            .sum();
+        let both: f64 = (-2 * slow..=2 * slow).map(|shift| triangle(shift) * at(shift)).sum();
         raw[lag] - 2.0 * mean + both
     })
 }

@@ -20,12 +20,7 @@ pub struct FrictionSettings {
 
 impl Default for FrictionSettings {
     fn default() -> Self {
-        Self {
-            fit: None,
-            min_speed_m_s: 0.01,
-            min_force_n: 0.1,
-            rate_hz: 240.0,
-        }
+        Self { fit: None, min_speed_m_s: 0.01, min_force_n: 0.1, rate_hz: 240.0 }
     }
 }
 
@@ -64,11 +59,7 @@ pub enum FrictionError {
     #[error(
         "only {points} samples have a sliding tool (more than {min_force_n} N and {min_speed_mm_s} mm/s), or their forces do not vary: drag faster or harder"
     )]
-    TooFewPoints {
-        points: usize,
-        min_force_n: f64,
-        min_speed_mm_s: f64,
-    },
+    TooFewPoints { points: usize, min_force_n: f64, min_speed_mm_s: f64 },
     #[error(
         "the friction coefficient would be {mu:.3}; it must be at least 0: check the signs of the forces and the calibration"
     )]
@@ -101,30 +92,20 @@ pub fn sliding(
     processing: &ProcessingSettings,
     settings: &FrictionSettings,
 ) -> Result<Vec<Sliding>, FrictionError> {
-    let moment = |normal_n: f64, tangential_n: f64, speed_m_s: f64| Sliding {
-        normal_n,
-        tangential_n,
-        speed_m_s,
-    };
+    let moment =
+        |normal_n: f64, tangential_n: f64, speed_m_s: f64| Sliding { normal_n, tangential_n, speed_m_s };
     let moments: Vec<Sliding> = match recording {
         AnyRecording::Raw(raw) => {
             let contact = contact_signals(raw, processing, &shared_moments(raw))?;
             (0..contact.speed_m_s.len())
                 .map(|i| {
-                    moment(
-                        contact.force_normal_n[i],
-                        contact.force_tangential_n[i],
-                        contact.speed_m_s[i],
-                    )
+                    moment(contact.force_normal_n[i], contact.force_tangential_n[i], contact.speed_m_s[i])
                 })
                 .collect()
         }
         AnyRecording::Processed(processed) => {
             let signals = processed.signals();
-            let tangential = signals
-                .force_tangential_n
-                .as_ref()
-                .ok_or(FrictionError::NoTangentialForce)?;
+            let tangential = signals.force_tangential_n.as_ref().ok_or(FrictionError::NoTangentialForce)?;
             let step = (signals.rate_hz / settings.rate_hz).round().max(1.0) as usize;
             (0..processed.samples())
                 .step_by(step)
@@ -140,9 +121,7 @@ pub fn sliding(
 pub(super) fn shared_moments(recording: &Recording) -> Vec<f64> {
     let (motion, wrench) = (recording.motion(), recording.wrench());
     let times = (0..motion.samples.len()).map(|i| motion.time_s(i));
-    times
-        .filter(|time| *time >= wrench.start_s && *time <= wrench.end_s() + 0.5 / motion.rate_hz)
-        .collect()
+    times.filter(|time| *time >= wrench.start_s && *time <= wrench.end_s() + 0.5 / motion.rate_hz).collect()
 }
 
 /// Fits the line to pairs of normal and tangential force.
@@ -152,12 +131,7 @@ pub fn fit_friction(points: Vec<(f64, f64)>, fit: FrictionFit) -> Option<Frictio
         FrictionFit::Robust => robust_line(&points, Line::fit)?,
         FrictionFit::RobustThroughOrigin => robust_line(&points, Line::fit_through_origin)?,
     };
-    Some(FrictionReport {
-        fit,
-        line,
-        points,
-        used,
-    })
+    Some(FrictionReport { fit, line, points, used })
 }
 
 /// Fits a line and removes points farther than three deviations (estimated from the median residual) until none remain.
@@ -225,12 +199,7 @@ mod tests {
         recording: AnyRecording,
         fit: FrictionFit,
     ) -> Result<(Friction, FrictionReport), FrictionError> {
-        learn_friction(
-            &[&recording],
-            &ProcessingSettings::default(),
-            &FrictionSettings::default(),
-            fit,
-        )
+        learn_friction(&[&recording], &ProcessingSettings::default(), &FrictionSettings::default(), fit)
     }
 
     #[test]
@@ -245,11 +214,7 @@ mod tests {
     fn all_lines_find_the_friction_of_a_drag() {
         let steps: Vec<_> = (1..8).map(|i| (0.2, 0.1, 0.4 * i as f64)).collect();
         let recording = AnyRecording::Processed(drag(&steps, 0.3, 1, |_, _| (vec![], 1.0)));
-        for fit in [
-            FrictionFit::ThroughOrigin,
-            FrictionFit::Robust,
-            FrictionFit::RobustThroughOrigin,
-        ] {
+        for fit in [FrictionFit::ThroughOrigin, FrictionFit::Robust, FrictionFit::RobustThroughOrigin] {
             let (friction, _) = learned(recording.clone(), fit).unwrap();
             assert!((friction.mu() - 0.3).abs() < 1e-9);
             assert!(friction.r_squared().unwrap() > 0.999);
@@ -287,11 +252,7 @@ mod tests {
         let removed = robust.used.iter().filter(|used| !**used).count();
         assert!((60..75).contains(&removed), "{removed}");
         let plain = fit_friction(points, FrictionFit::ThroughOrigin).unwrap();
-        assert!(
-            (plain.line.slope - 0.25).abs() > 0.05,
-            "the plain line is tilted: {:?}",
-            plain.line
-        );
+        assert!((plain.line.slope - 0.25).abs() > 0.05, "the plain line is tilted: {:?}", plain.line);
     }
 
     #[test]
@@ -302,9 +263,6 @@ mod tests {
             Err(FrictionError::TooFewPoints { points: 0, .. })
         ));
         let pulled = AnyRecording::Processed(drag(&[(1.0, 0.1, 1.0)], -0.3, 1, |_, _| (vec![], 1.0)));
-        assert!(matches!(
-            learned(pulled, FrictionFit::ThroughOrigin),
-            Err(FrictionError::Negative { .. })
-        ));
+        assert!(matches!(learned(pulled, FrictionFit::ThroughOrigin), Err(FrictionError::Negative { .. })));
     }
 }

@@ -97,9 +97,7 @@ pub(super) fn fit_law(
 ) -> Result<(Fitted, TextureReport), LearnTextureError> {
     let rate_hz = common_rate(recordings)?;
     if !(1..=MAX_ORDER).contains(&settings.order) {
-        return Err(LearnTextureError::Order {
-            order: settings.order,
-        });
+        return Err(LearnTextureError::Order { order: settings.order });
     }
     let warping = settings.warping.unwrap_or_else(|| warping_for(rate_hz));
     let mut segments = vec![];
@@ -138,11 +136,7 @@ pub(super) fn fit_law(
         progress(0.5 * (number + 1) as f64 / recordings.len() as f64);
     }
     if windows.is_empty() {
-        return Err(nothing_dragged(
-            &segments,
-            settings.min_force_n,
-            settings.min_speed_m_s,
-        ));
+        return Err(nothing_dragged(&segments, settings.min_force_n, settings.min_speed_m_s));
     }
     let mut law = SpectralLaw::fit(&windows, exponents(recordings));
     progress(0.7);
@@ -155,17 +149,8 @@ pub(super) fn fit_law(
         segments,
         residual_bound: f64::INFINITY,
     };
-    let axis = Axis {
-        rate_hz,
-        warping,
-        order: settings.order,
-    };
-    let fitted = Fitted {
-        law,
-        axis,
-        highpass_hz: settings.highpass_hz,
-        stretches,
-    };
+    let axis = Axis { rate_hz, warping, order: settings.order };
+    let fitted = Fitted { law, axis, highpass_hz: settings.highpass_hz, stretches };
     Ok((fitted, report))
 }
 
@@ -215,10 +200,7 @@ fn long_stretches(
                 if speed_m_s > settings.min_speed_m_s && force_n > settings.min_force_n {
                     let weight = samples.len() as f64 / length as f64;
                     let cells = law.cells(speed_m_s, force_n);
-                    expected
-                        .iter_mut()
-                        .zip(cells)
-                        .for_each(|(sum, cell)| *sum += weight * cell);
+                    expected.iter_mut().zip(cells).for_each(|(sum, cell)| *sum += weight * cell);
                     place += weight * Place::new(speed_m_s.ln(), force_n.ln());
                     dragged += weight;
                 }
@@ -254,17 +236,12 @@ mod tests {
     }
 
     fn steps(speeds: &[f64], forces: &[f64]) -> Vec<(f64, f64, f64)> {
-        let pairs = speeds
-            .iter()
-            .flat_map(|v| forces.iter().map(move |f| (0.6, *v, *f)));
+        let pairs = speeds.iter().flat_map(|v| forces.iter().map(move |f| (0.6, *v, *f)));
         pairs.collect()
     }
 
     fn settings() -> LawSettings {
-        LawSettings {
-            highpass_hz: None,
-            ..LawSettings::default()
-        }
+        LawSettings { highpass_hz: None, ..LawSettings::default() }
     }
 
     fn power_at(texture: &TextureModel, speed_m_s: f64, force_n: f64) -> f64 {
@@ -293,20 +270,9 @@ mod tests {
         let texture = learned(&[0.04, 0.08, 0.16]);
         // Below a third of the lightest force measured the amplitude falls linearly.
         let fade = 0.5 / 3.0_f64;
-        for (speed, force) in [
-            (0.05, 0.7),
-            (0.1, 1.5),
-            (0.2, 2.4),
-            (0.02, 1.0),
-            (0.1, 0.3),
-            (0.1, 0.1),
-        ] {
+        for (speed, force) in [(0.05, 0.7), (0.1, 1.5), (0.2, 2.4), (0.02, 1.0), (0.1, 0.3), (0.1, 0.1)] {
             let off = db(power_at(&texture, speed, force), true_power(speed, force));
-            let wanted = if force < fade {
-                db((force / fade).powf(1.5), 1.0)
-            } else {
-                0.0
-            };
+            let wanted = if force < fade { db((force / fade).powf(1.5), 1.0) } else { 0.0 };
             assert!((off - wanted).abs() < 1.2, "{speed} {force}: {off} for {wanted}");
         }
     }
@@ -347,10 +313,7 @@ mod tests {
             };
             (0..13).map(off).fold(0.0, f64::max)
         };
-        let (powers, corrected) = (
-            fitted().texture().unwrap(),
-            fitted().corrected().texture().unwrap(),
-        );
+        let (powers, corrected) = (fitted().texture().unwrap(), fitted().corrected().texture().unwrap());
         let (powers, corrected) = (worst(&powers), worst(&corrected));
         assert!(corrected < 2.5 && powers > 5.0, "{corrected} {powers}");
     }
@@ -362,17 +325,11 @@ mod tests {
         assert_eq!(power_at(&texture, 0.1, 0.0), 0.0);
         let loudest = true_power(0.16, 2.0);
         for k in 0..400 {
-            let (speed, force) = (
-                0.005 + 0.001 * f64::from(k % 20) * 15.0,
-                0.1 + 0.2 * f64::from(k / 20),
-            );
+            let (speed, force) = (0.005 + 0.001 * f64::from(k % 20) * 15.0, 0.1 + 0.2 * f64::from(k / 20));
             let power = power_at(&texture, speed, force);
             let (held_speed, held_force) = (speed.min(0.48), force.min(6.0));
             let law = true_power(held_speed, held_force) * (held_force / 0.5_f64).min(1.0).powf(1.5);
-            assert!(
-                power > 0.01 * law.min(loudest),
-                "{speed} {force}: {power} for {law}"
-            );
+            assert!(power > 0.01 * law.min(loudest), "{speed} {force}: {power} for {law}");
             // Four times the loudest window, which is louder than the process.
             assert!(power < 6.0 * loudest);
         }
@@ -382,28 +339,12 @@ mod tests {
     fn what_is_rendered_has_the_recorded_spectrum_from_twenty_hertz_on() {
         let recording = drag(&steps(&[0.06, 0.12], &[0.8, 1.6]), 0.3, 2, model);
         let (texture, report) = learn_law(std::slice::from_ref(&recording), &settings(), &|_| ()).unwrap();
-        assert_eq!(
-            (report.order, texture.ar_order(), texture.warping()),
-            (20, 20, 0.85)
-        );
-        let played = synthesise(
-            &texture,
-            &Trajectory::of(&recording),
-            &SynthesisSettings::default(),
-        )
-        .unwrap();
+        assert_eq!((report.order, texture.ar_order(), texture.warping()), (20, 20, 0.85));
+        let played =
+            synthesise(&texture, &Trajectory::of(&recording), &SynthesisSettings::default()).unwrap();
         let spectrum = |samples: &[f64]| welch(samples, 10_000.0, 1000, 500, Taper::Hann).unwrap();
-        let (recorded, played) = (
-            spectrum(&recording.signals().acceleration_m_s2),
-            spectrum(&played),
-        );
-        for (low, high) in [
-            (20.0, 60.0),
-            (60.0, 200.0),
-            (200.0, 400.0),
-            (400.0, 600.0),
-            (600.0, 1500.0),
-        ] {
+        let (recorded, played) = (spectrum(&recording.signals().acceleration_m_s2), spectrum(&played));
+        for (low, high) in [(20.0, 60.0), (60.0, 200.0), (200.0, 400.0), (400.0, 600.0), (600.0, 1500.0)] {
             let off = db(played.power_between(low, high), recorded.power_between(low, high));
             assert!(off.abs() < 1.5, "{low} to {high} Hz: {off} dB");
         }
@@ -416,9 +357,6 @@ mod tests {
             learn_law(&[still], &settings(), &|_| ()),
             Err(LearnTextureError::NothingDragged { .. })
         ));
-        assert!(matches!(
-            learn_law(&[], &settings(), &|_| ()),
-            Err(LearnTextureError::NoRecordings)
-        ));
+        assert!(matches!(learn_law(&[], &settings(), &|_| ()), Err(LearnTextureError::NoRecordings)));
     }
 }

@@ -97,9 +97,7 @@ pub struct MissingPart {
 
 impl fmt::Display for MissingPart {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let MissingPart {
-            part, reason, remedy, ..
-        } = self;
+        let MissingPart { part, reason, remedy, .. } = self;
         write!(f, "{reason}; the surface has no {part}; {remedy}")
     }
 }
@@ -111,10 +109,7 @@ pub enum LearnError {
     #[error("there are no recordings to learn from")]
     NoRecordings,
     #[error("recording {recording} (from 0) cannot be processed: {source}")]
-    Processing {
-        recording: usize,
-        source: ProcessingError,
-    },
+    Processing { recording: usize, source: ProcessingError },
     #[error(
         "recording {recording} (from 0) has {} samples per second, which hold vibration up to {} Hz; learning needs a rate of at least {LOWEST_LEARNED_HZ} Hz: check the unit of its times",
         shown(*rate_hz), shown(carried_hz(*rate_hz))
@@ -201,17 +196,9 @@ pub fn learn(
     if recordings.is_empty() {
         return Err(LearnError::NoRecordings);
     }
-    let of = |gesture: Gesture| {
-        recordings
-            .iter()
-            .enumerate()
-            .filter(move |(_, r)| r.gesture() == gesture)
-    };
+    let of = |gesture: Gesture| recordings.iter().enumerate().filter(move |(_, r)| r.gesture() == gesture);
     let mut surface = Surface::new(name, provenance(recordings, settings));
-    let mut report = LearningReport {
-        band: band(recordings, settings)?,
-        ..LearningReport::default()
-    };
+    let mut report = LearningReport { band: band(recordings, settings)?, ..LearningReport::default() };
     if let Some(band) = &report.band {
         let settings = &mut surface.provenance.settings;
         settings.insert(HIGHEST_HZ.to_owned(), band.highest_hz().to_string());
@@ -253,10 +240,7 @@ pub fn learn(
     (surface.stiffness, report.stiffness) = or_missing(stiffness, "stiffness", missing).unzip();
     for missing in &report.missing {
         let what = format!("not learned: {}", missing.part);
-        surface
-            .provenance
-            .settings
-            .insert(what, missing.reason.to_string());
+        surface.provenance.settings.insert(what, missing.reason.to_string());
     }
     progress(1.0);
     let empty = surface.texture.is_none()
@@ -275,10 +259,7 @@ fn band(recordings: &[AnyRecording], settings: &LearnSettings) -> Result<Option<
     for (recording, vibration) in recordings.iter().enumerate() {
         let rate_hz = vibration.vibration_hz();
         let learned_hz = match vibration.gesture() {
-            Gesture::Drag => settings
-                .processing
-                .rate_hz
-                .map_or(rate_hz, |lower_hz| lower_hz.min(rate_hz)),
+            Gesture::Drag => settings.processing.rate_hz.map_or(rate_hz, |lower_hz| lower_hz.min(rate_hz)),
             Gesture::Tap => rate_hz,
             // Forces and positions are learned, no vibration.
             Gesture::Circle | Gesture::Press => continue,
@@ -296,9 +277,7 @@ fn band(recordings: &[AnyRecording], settings: &LearnSettings) -> Result<Option<
 /// True if a vibration is a constant, or what a high-pass leaves of one, m/s²: no sensor resolves so little.
 fn is_still(recording: &ProcessedRecording) -> bool {
     let vibration = &recording.signals().acceleration_m_s2;
-    vibration
-        .iter()
-        .all(|acceleration| (acceleration - vibration[0]).abs() < 1e-8)
+    vibration.iter().all(|acceleration| (acceleration - vibration[0]).abs() < 1e-8)
 }
 
 /// Returns the learned part, or records why it is missing.
@@ -312,25 +291,13 @@ fn or_missing<T>(
         Err(reason) => reason,
     };
     let (gesture, remedy) = match part {
-        "friction" => (
-            Gesture::Circle,
-            "record 10 s of smooth circles with varying force",
-        ),
-        "taps" => (
-            Gesture::Tap,
-            "record single taps at different speeds, with the tool in the air before each",
-        ),
-        _ => (
-            Gesture::Press,
-            "record one slow press beyond 3 N with all sensors",
-        ),
+        "friction" => (Gesture::Circle, "record 10 s of smooth circles with varying force"),
+        "taps" => {
+            (Gesture::Tap, "record single taps at different speeds, with the tool in the air before each")
+        }
+        _ => (Gesture::Press, "record one slow press beyond 3 N with all sensors"),
     };
-    missing.push(MissingPart {
-        part,
-        reason,
-        remedy,
-        gesture,
-    });
+    missing.push(MissingPart { part, reason, remedy, gesture });
     None
 }
 
@@ -350,12 +317,7 @@ fn learned_friction(
     } else {
         return Ok(None);
     };
-    Ok(Some(learn_friction(
-        &from,
-        &settings.processing,
-        &settings.friction,
-        fit,
-    )?))
+    Ok(Some(learn_friction(&from, &settings.processing, &settings.friction, fit)?))
 }
 
 fn learned_stiffness(
@@ -378,21 +340,10 @@ fn has_tangential_force(recording: &AnyRecording) -> bool {
 
 /// Everything needed to learn the surface again: the origin of the recordings, and every setting.
 fn provenance(recordings: &[AnyRecording], settings: &LearnSettings) -> Provenance {
-    let origins: Vec<Origin> = recordings
-        .iter()
-        .map(|recording| recording.provenance().origin)
-        .collect();
+    let origins: Vec<Origin> = recordings.iter().map(|recording| recording.provenance().origin).collect();
     // Of several origins the least trustworthy counts, so that simulated data is never taken for measured data.
-    let least = [
-        Origin::Procedural,
-        Origin::Simulated,
-        Origin::Imported,
-        Origin::Measured,
-    ];
-    let origin = least
-        .into_iter()
-        .find(|origin| origins.contains(origin))
-        .unwrap_or(Origin::Imported);
+    let least = [Origin::Procedural, Origin::Simulated, Origin::Imported, Origin::Measured];
+    let origin = least.into_iter().find(|origin| origins.contains(origin)).unwrap_or(Origin::Imported);
     let mut sources: Vec<&str> = vec![];
     for recording in recordings {
         let source = &*recording.provenance().source;
@@ -403,9 +354,7 @@ fn provenance(recordings: &[AnyRecording], settings: &LearnSettings) -> Provenan
     let mut provenance = Provenance::new(origin, sources.join("; "));
     for (index, recording) in recordings.iter().enumerate() {
         let gesture = recording.gesture().as_str();
-        provenance
-            .settings
-            .insert(format!("recording {} gesture", index + 1), gesture.to_owned());
+        provenance.settings.insert(format!("recording {} gesture", index + 1), gesture.to_owned());
         for (name, value) in &recording.provenance().settings {
             let is_common = TOUCH.contains(&&**name) && is_common(recordings, name, value);
             let name = match is_common {
@@ -429,22 +378,12 @@ fn is_common(recordings: &[AnyRecording], name: &str, value: &str) -> bool {
 }
 
 fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
-    let LearnSettings {
-        processing,
-        texture,
-        friction,
-        taps,
-        stiffness,
-        accept_rate: _,
-    } = settings;
+    let LearnSettings { processing, texture, friction, taps, stiffness, accept_rate: _ } = settings;
     let mut all = BTreeMap::new();
     let mut note = |name: &str, value: String| all.insert(name.to_owned(), value);
     note("processing.highpass_hz", processing.highpass_hz.to_string());
     note("processing.lowpass_hz", processing.lowpass_hz.to_string());
-    note(
-        "processing.velocity_lowpass_hz",
-        processing.velocity_lowpass_hz.to_string(),
-    );
+    note("processing.velocity_lowpass_hz", processing.velocity_lowpass_hz.to_string());
     note("processing.reduction", processing.reduction.as_str().to_owned());
     if let Some(rate_hz) = processing.rate_hz {
         note("processing.rate_hz", rate_hz.to_string());
@@ -467,10 +406,7 @@ fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
         Some(FrictionFit::RobustThroughOrigin) => "robust, through the origin",
     };
     note("friction.fit", fit.to_owned());
-    note(
-        "friction.min_speed_mm_s",
-        (friction.min_speed_m_s * 1000.0).to_string(),
-    );
+    note("friction.min_speed_mm_s", (friction.min_speed_m_s * 1000.0).to_string());
     note("friction.min_force_n", friction.min_force_n.to_string());
     note("taps.contact_n", taps.contact_n.to_string());
     note("taps.air_ms", (taps.air_s * 1000.0).to_string());
@@ -488,9 +424,7 @@ type NoteSetting<'a> = &'a mut dyn FnMut(&str, String) -> Option<String>;
 
 fn describe_law(law: &LawSettings, note: NoteSetting<'_>) {
     note("texture.order", law.order.to_string());
-    let warping = law
-        .warping
-        .map_or("by rate".to_owned(), |warping| warping.to_string());
+    let warping = law.warping.map_or("by rate".to_owned(), |warping| warping.to_string());
     note("texture.warping", warping);
     note("texture.span_ms", (law.span_s * 1000.0).to_string());
     note("texture.min_speed_mm_s", (law.min_speed_m_s * 1000.0).to_string());
@@ -513,19 +447,11 @@ fn describe_thesis(texture: &TextureSettings, note: NoteSetting<'_>) {
         SegmentationMethod::Exact { grid: Some(grid) } => format!("exact, grid {grid}"),
         #[cfg(feature = "genetic")]
         SegmentationMethod::Genetic(genetic) => {
-            format!(
-                "genetic, {} islands of {}, seed {}",
-                genetic.islands, genetic.population, genetic.seed
-            )
+            format!("genetic, {} islands of {}, seed {}", genetic.islands, genetic.population, genetic.seed)
         }
     };
     note("segmentation.method", method);
-    note(
-        "texture.order",
-        texture
-            .order
-            .map_or("median".to_owned(), |order| order.to_string()),
-    );
+    note("texture.order", texture.order.map_or("median".to_owned(), |order| order.to_string()));
     let fit = match texture.fit {
         CoefficientFit::YuleWalker => "Yule-Walker",
         CoefficientFit::Burg => "Burg",
@@ -536,17 +462,11 @@ fn describe_thesis(texture: &TextureSettings, note: NoteSetting<'_>) {
         None => "kept".to_owned(),
     };
     note("texture.outliers", outliers);
-    note(
-        "texture.min_speed_mm_s",
-        (texture.min_speed_m_s * 1000.0).to_string(),
-    );
+    note("texture.min_speed_mm_s", (texture.min_speed_m_s * 1000.0).to_string());
     note("texture.min_force_n", texture.min_force_n.to_string());
     note("hull.speed_steps", texture.hull.speed_steps.to_string());
     note("hull.force_steps", texture.hull.force_steps.to_string());
-    note(
-        "hull.max_speed_mm_s",
-        optional(texture.hull.max_speed_m_s.map(|speed| speed * 1000.0)),
-    );
+    note("hull.max_speed_mm_s", optional(texture.hull.max_speed_m_s.map(|speed| speed * 1000.0)));
     note("hull.max_force_n", optional(texture.hull.max_force_n));
 }
 
@@ -559,15 +479,8 @@ mod tests {
     use std::cell::Cell;
 
     fn recordings() -> Vec<AnyRecording> {
-        let steps: Vec<_> = (0..9)
-            .map(|i| {
-                (
-                    0.3,
-                    0.05 + 0.05 * ((i * 2) % 3) as f64,
-                    0.5 + 0.5 * (i / 3) as f64,
-                )
-            })
-            .collect();
+        let steps: Vec<_> =
+            (0..9).map(|i| (0.3, 0.05 + 0.05 * ((i * 2) % 3) as f64, 0.5 + 0.5 * (i / 3) as f64)).collect();
         let model = |speed: f64, force: f64| (vec![-1.2 - speed, 0.7], speed * force);
         vec![
             AnyRecording::Processed(drag(&steps, 0.5, 1, model)),
@@ -584,10 +497,7 @@ mod tests {
         };
         let (surface, report) = learn("Test", &recordings(), &LearnSettings::default(), &advance).unwrap();
         assert_eq!(last.get(), 1.0);
-        assert!(
-            (surface.friction.unwrap().mu() - 0.35).abs() < 5e-3,
-            "from the circle, not the drag"
-        );
+        assert!((surface.friction.unwrap().mu() - 0.35).abs() < 5e-3, "from the circle, not the drag");
         assert!(surface.texture.is_some() && surface.taps.is_none() && surface.stiffness.is_none());
         assert_eq!(report.drags.len(), 1);
         let (surface, _) = learn("Test", &recordings()[..1], &LearnSettings::default(), &|_| ()).unwrap();
@@ -603,15 +513,10 @@ mod tests {
         assert_eq!(surface.provenance.origin, Origin::Simulated);
         assert!(surface.provenance.source.contains("made up for a test"));
         assert!(surface.provenance.version.starts_with("haptograph "));
-        for (name, value) in [
-            ("texture.method", "law"),
-            ("processing.reduction", "dft321"),
-            ("recording 2 gesture", "circle"),
-        ] {
-            assert_eq!(
-                surface.provenance.settings.get(name).map(String::as_str),
-                Some(value)
-            );
+        for (name, value) in
+            [("texture.method", "law"), ("processing.reduction", "dft321"), ("recording 2 gesture", "circle")]
+        {
+            assert_eq!(surface.provenance.settings.get(name).map(String::as_str), Some(value));
         }
         let again = learn("Test", &recordings(), &LearnSettings::default(), &|_| ()).unwrap();
         assert!(again == (surface, report));
@@ -619,19 +524,14 @@ mod tests {
 
     #[test]
     fn a_simulated_recording_among_measured_ones_makes_the_surface_simulated() {
-        let AnyRecording::Raw(raw) = &recordings()[1] else {
-            panic!()
-        };
+        let AnyRecording::Raw(raw) = &recordings()[1] else { panic!() };
         let measured = crate::recording::Recording::new(
             raw.motion().clone(),
             raw.wrench().clone(),
             raw.acceleration_v().clone(),
             *raw.calibration(),
             Gesture::Circle,
-            Provenance {
-                origin: Origin::Measured,
-                ..provenance()
-            },
+            Provenance { origin: Origin::Measured, ..provenance() },
         );
         let both = [recordings()[0].clone(), AnyRecording::Raw(measured.unwrap())];
         let (surface, _) = learn("Test", &both, &LearnSettings::default(), &|_| ()).unwrap();
@@ -641,10 +541,7 @@ mod tests {
     #[test]
     fn what_cannot_be_learned_is_said() {
         let settings = LearnSettings::default();
-        assert!(matches!(
-            learn("Test", &[], &settings, &|_| ()),
-            Err(LearnError::NoRecordings)
-        ));
+        assert!(matches!(learn("Test", &[], &settings, &|_| ()), Err(LearnError::NoRecordings)));
         let press = recordings()[0].clone().with_gesture(Gesture::Press);
         assert!(matches!(
             learn("Test", std::slice::from_ref(&press), &settings, &|_| ()),
@@ -658,19 +555,13 @@ mod tests {
 
     /// The drag above with fewer samples per second.
     fn at(rate_hz: f64) -> AnyRecording {
-        let slower = ProcessingSettings {
-            rate_hz: Some(rate_hz),
-            ..ProcessingSettings::default()
-        };
+        let slower = ProcessingSettings { rate_hz: Some(rate_hz), ..ProcessingSettings::default() };
         AnyRecording::Processed(super::processed(&recordings()[0], &slower).unwrap())
     }
 
     #[test]
     fn the_rate_of_a_recording_is_refused_or_said_or_enough() {
-        let accepting = LearnSettings {
-            accept_rate: true,
-            ..LearnSettings::default()
-        };
+        let accepting = LearnSettings { accept_rate: true, ..LearnSettings::default() };
         for (rate_hz, is_refused, highest) in [
             (100.0, true, Some("45")),
             (400.0, true, Some("180")),
@@ -678,50 +569,27 @@ mod tests {
             (5000.0, false, None),
         ] {
             let recording = at(rate_hz);
-            let AnyRecording::Processed(drag) = &recording else {
-                panic!()
-            };
+            let AnyRecording::Processed(drag) = &recording else { panic!() };
             let seconds = drag.samples() as f64 / rate_hz;
             let given = std::slice::from_ref(&recording);
             let strict = learn("Test", given, &LearnSettings::default(), &|_| ());
-            let refused = Err(LearnError::Slow {
-                recording: 0,
-                rate_hz,
-            });
-            assert_eq!(
-                strict.clone().map(drop),
-                if is_refused { refused } else { Ok(()) }
-            );
+            let refused = Err(LearnError::Slow { recording: 0, rate_hz });
+            assert_eq!(strict.clone().map(drop), if is_refused { refused } else { Ok(()) });
             let (surface, report) = learn("Test", given, &accepting, &|_| ()).unwrap();
-            assert!(
-                is_refused || strict == Ok((surface.clone(), report.clone())),
-                "{rate_hz}"
-            );
+            assert!(is_refused || strict == Ok((surface.clone(), report.clone())), "{rate_hz}");
             let marked = surface.provenance.settings.get(HIGHEST_HZ);
             assert_eq!(marked.map(String::as_str), highest);
             let band_hz = report.band.map(|band| band.highest_hz().to_string());
             assert_eq!(band_hz.as_deref(), highest);
             let used_s = Coverage::of(&report.texture.unwrap().segments, rate_hz).used_s;
-            assert!(
-                used_s > 0.9 * seconds && used_s <= seconds,
-                "{used_s} of {seconds} s at {rate_hz} Hz"
-            );
+            assert!(used_s > 0.9 * seconds && used_s <= seconds, "{used_s} of {seconds} s at {rate_hz} Hz");
         }
     }
 
     #[test]
     fn friction_needs_no_rate_of_a_vibration() {
         let circle = circle(2.0, 0.03, 1.0, 1.0, 0.35);
-        let slow = Series::new(
-            60.0,
-            circle
-                .acceleration_v()
-                .samples
-                .iter()
-                .step_by(167)
-                .copied()
-                .collect(),
-        );
+        let slow = Series::new(60.0, circle.acceleration_v().samples.iter().step_by(167).copied().collect());
         let slow = crate::recording::Recording::new(
             circle.motion().clone(),
             circle.wrench().clone(),
@@ -730,22 +598,15 @@ mod tests {
             Gesture::Circle,
             provenance(),
         );
-        let (surface, report) = learn(
-            "Test",
-            &[AnyRecording::Raw(slow.unwrap())],
-            &LearnSettings::default(),
-            &|_| (),
-        )
-        .unwrap();
+        let (surface, report) =
+            learn("Test", &[AnyRecording::Raw(slow.unwrap())], &LearnSettings::default(), &|_| ()).unwrap();
         assert!((surface.friction.unwrap().mu() - 0.35).abs() < 0.02 && report.band.is_none());
     }
 
     #[test]
     fn a_sensor_that_was_not_connected_is_the_one_that_is_named() {
         let with = |change: &dyn Fn(&mut crate::recording::Signals)| {
-            let AnyRecording::Processed(drag) = &recordings()[0] else {
-                panic!()
-            };
+            let AnyRecording::Processed(drag) = &recordings()[0] else { panic!() };
             let mut signals = drag.signals().clone();
             change(&mut signals);
             let drag = ProcessedRecording::new(signals, Gesture::Drag, provenance()).unwrap();
@@ -755,33 +616,12 @@ mod tests {
         let gravity = with(&|signals| signals.acceleration_m_s2.fill(9.81));
         assert!(matches!(gravity, LearnError::Still { .. }), "{gravity}");
         let still = with(&|signals| signals.acceleration_m_s2.fill(0.0));
-        assert!(
-            matches!(
-                still,
-                LearnError::Still {
-                    recording: 0,
-                    samples: 2700..
-                }
-            ),
-            "{still}"
-        );
-        let turned = with(&|signals| {
-            signals
-                .force_normal_n
-                .iter_mut()
-                .for_each(|force| *force = -*force)
-        });
+        assert!(matches!(still, LearnError::Still { recording: 0, samples: 2700.. }), "{still}");
+        let turned = with(&|signals| signals.force_normal_n.iter_mut().for_each(|force| *force = -*force));
         let no_force = with(&|signals| signals.force_normal_n.fill(0.0));
         let no_speed = with(&|signals| signals.speed_m_s.fill(0.0));
-        for (error, suspect) in [
-            (turned, "the sign of"),
-            (no_force, "sensor"),
-            (no_speed, "the speed"),
-        ] {
-            let is_it = matches!(
-                error,
-                LearnError::Texture(LearnTextureError::NothingDragged { .. })
-            );
+        for (error, suspect) in [(turned, "the sign of"), (no_force, "sensor"), (no_speed, "the speed")] {
+            let is_it = matches!(error, LearnError::Texture(LearnTextureError::NothingDragged { .. }));
             assert!(is_it && error.to_string().contains(suspect), "{error}");
         }
     }
@@ -800,10 +640,7 @@ mod tests {
         assert!(surface.friction.is_none());
         assert!(matches!(
             report.missing[..],
-            [MissingPart {
-                reason: LearnError::Friction(FrictionError::Constant { force_n: 0.0 }),
-                ..
-            }]
+            [MissingPart { reason: LearnError::Friction(FrictionError::Constant { force_n: 0.0 }), .. }]
         ));
     }
 
@@ -821,15 +658,9 @@ mod tests {
         assert!(surface.friction.is_none() && surface.taps.is_none() && surface.stiffness.is_none());
         let parts: Vec<_> = report.missing.iter().map(|missing| missing.part).collect();
         assert_eq!(parts, ["friction", "taps", "stiffness"]);
-        assert!(matches!(
-            report.missing[0].reason,
-            LearnError::Friction(FrictionError::Negative { .. })
-        ));
+        assert!(matches!(report.missing[0].reason, LearnError::Friction(FrictionError::Negative { .. })));
         let said = report.missing[0].to_string();
-        assert!(
-            said.contains("no friction") && said.contains("record 10 s of smooth circles"),
-            "{said}"
-        );
+        assert!(said.contains("no friction") && said.contains("record 10 s of smooth circles"), "{said}");
         let kept = &surface.provenance.settings["not learned: taps"];
         assert!(kept.contains("no tap was found"), "the file says it too: {kept}");
     }

@@ -94,28 +94,18 @@ mod tests {
     use haptograph_signal::window::Window;
 
     fn settings() -> LawSettings {
-        LawSettings {
-            highpass_hz: None,
-            ..LawSettings::default()
-        }
+        LawSettings { highpass_hz: None, ..LawSettings::default() }
     }
 
     /// Ten seconds along speeds and forces that change every half second.
     fn gaussian(seed: u64) -> ProcessedRecording {
-        let steps: Vec<_> = (0..20)
-            .map(|k| (0.5, 0.04 + 0.03 * f64::from(k % 4), 0.5 + 0.4 * f64::from(k / 4)))
-            .collect();
-        drag(&steps, 0.3, seed, |speed, force| {
-            (vec![-1.72, 0.81], 400.0 * speed * speed * force.sqrt())
-        })
+        let steps: Vec<_> =
+            (0..20).map(|k| (0.5, 0.04 + 0.03 * f64::from(k % 4), 0.5 + 0.4 * f64::from(k / 4))).collect();
+        drag(&steps, 0.3, seed, |speed, force| (vec![-1.72, 0.81], 400.0 * speed * speed * force.sqrt()))
     }
 
     fn played(texture: &TextureModel, path: &Trajectory, seed: u64) -> ProcessedRecording {
-        let settings = SynthesisSettings {
-            seed,
-            lines_seed: seed,
-            ..SynthesisSettings::default()
-        };
+        let settings = SynthesisSettings { seed, lines_seed: seed, ..SynthesisSettings::default() };
         let signals = Signals {
             rate_hz: path.rate_hz,
             speed_m_s: path.speed_m_s.clone(),
@@ -136,12 +126,7 @@ mod tests {
         let mut levels: Vec<f64> = all.chunks_exact(50).map(energy).collect();
         levels.sort_by(f64::total_cmp);
         let point = |part: f64| levels[(part * levels.len() as f64) as usize];
-        [
-            moment(4) / (total * total) - 3.0,
-            point(0.5),
-            point(0.9),
-            point(0.99),
-        ]
+        [moment(4) / (total * total) - 3.0, point(0.5), point(0.9), point(0.99)]
     }
 
     /// Powers of the third octaves from 63 to 1000 Hz, averaged over the recordings, and the total.
@@ -173,17 +158,11 @@ mod tests {
             seeds.map(|seed| played(texture, &path, seed)).collect()
         };
         let held_out = spikiness(&play(&truth, 100..108));
-        let (with, without) = (
-            play(&texture, 200..216),
-            play(&texture.clone().with_crackle(None), 200..216),
-        );
+        let (with, without) = (play(&texture, 200..216), play(&texture.clone().with_crackle(None), 200..216));
         let (crackling, plain) = (spikiness(&with), spikiness(&without));
         for ((with, without), truth) in crackling.iter().zip(plain).zip(held_out) {
             let (with, without) = ((with - truth).abs(), (without - truth).abs());
-            assert!(
-                with < 0.6 * without,
-                "{crackling:?} instead of {plain:?} for {held_out:?}"
-            );
+            assert!(with < 0.6 * without, "{crackling:?} instead of {plain:?} for {held_out:?}");
         }
         for (with, without) in powers(&with).iter().zip(powers(&without)) {
             let off = 10.0 * (with / without).log10();
@@ -210,10 +189,7 @@ mod tests {
             let made_s = started.elapsed().as_secs_f64();
             let (texture, _) = learn_with_structure(&recording, &settings(), &|_| ()).expect("a texture");
             let learned_s = started.elapsed().as_secs_f64() - made_s;
-            println!(
-                "seed {seed}: {:?}, learned in {learned_s:.3} s",
-                texture.crackle()
-            );
+            println!("seed {seed}: {:?}, learned in {learned_s:.3} s", texture.crackle());
             texture.crackle().is_some()
         });
         let found = found.count();

@@ -112,11 +112,7 @@ mod tests {
         let noise =
             |i: usize, k: u64| ((i as f64 * 12.9898 + k as f64 * 78.233).sin() * 43_758.545_3).fract();
         let blow = |i: usize| {
-            let braking = if i < AT {
-                (i as f64 - (AT as f64 - 300.0)).max(0.0) / 300.0 * 8.0
-            } else {
-                8.0
-            };
+            let braking = if i < AT { (i as f64 - (AT as f64 - 300.0)).max(0.0) / 300.0 * 8.0 } else { 8.0 };
             let t = (i as f64 - AT as f64) / RATE_HZ;
             let ring = if t > 0.0 {
                 40.0 * (-t / 0.01).exp() * (std::f64::consts::TAU * 250.0 * t).sin()
@@ -175,25 +171,14 @@ mod tests {
 
     #[test]
     fn a_rise_needs_air_before_it() {
-        let force: Vec<f64> = (0..1000)
-            .map(|i| {
-                if matches!(i, 100..150 | 200..230 | 400..450) {
-                    1.0
-                } else {
-                    0.0
-                }
-            })
-            .collect();
+        let force: Vec<f64> =
+            (0..1000).map(|i| if matches!(i, 100..150 | 200..230 | 400..450) { 1.0 } else { 0.0 }).collect();
         assert_eq!(rises(&force, 40, 0.2), [(100, 100), (200, 50), (400, 170)]);
         assert_eq!(
             rises(&force, 60, 0.2),
             [(100, 100), (400, 170)],
             "50 samples in the air are too few before 200"
         );
-        assert_eq!(
-            rises(&[1.0; 100], 10, 0.2),
-            [],
-            "a recording that starts in contact starts with no tap"
-        );
+        assert_eq!(rises(&[1.0; 100], 10, 0.2), [], "a recording that starts in contact starts with no tap");
     }
 }

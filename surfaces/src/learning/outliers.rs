@@ -15,10 +15,7 @@ pub struct OutlierSettings {
 
 impl Default for OutlierSettings {
     fn default() -> Self {
-        Self {
-            confidence: 0.95,
-            criteria: 2,
-        }
+        Self { confidence: 0.95, criteria: 2 }
     }
 }
 
@@ -42,17 +39,8 @@ pub fn studentized_residuals(positions: &[(f64, f64)], values: &[f64]) -> Option
         return None;
     }
     let inverse = products.try_inverse()?;
-    let plane = inverse
-        * rows
-            .iter()
-            .zip(values)
-            .map(|(row, &value)| row * value)
-            .sum::<Vector3<f64>>();
-    let residuals: Vec<f64> = rows
-        .iter()
-        .zip(values)
-        .map(|(row, &value)| value - plane.dot(row))
-        .collect();
+    let plane = inverse * rows.iter().zip(values).map(|(row, &value)| row * value).sum::<Vector3<f64>>();
+    let residuals: Vec<f64> = rows.iter().zip(values).map(|(row, &value)| value - plane.dot(row)).collect();
     let sum: f64 = residuals.iter().map(|r| r * r).sum();
     let scale: f64 = values.iter().map(|v| v * v).sum();
     let studentize = |(row, &residual): (&Vector3<f64>, &f64)| {
@@ -82,38 +70,25 @@ mod tests {
     use haptograph_signal::noise::Gaussian;
 
     fn grid() -> Vec<(f64, f64)> {
-        (0..24)
-            .map(|i| (0.05 * (i % 6) as f64, 0.4 * (i / 6) as f64))
-            .collect()
+        (0..24).map(|i| (0.05 * (i % 6) as f64, 0.4 * (i / 6) as f64)).collect()
     }
 
     #[test]
     fn residuals_are_those_of_leaving_each_point_out() {
         let positions = grid();
         let mut noise = Gaussian::new(3);
-        let values: Vec<f64> = positions
-            .iter()
-            .map(|(s, f)| 2.0 + 3.0 * s - f + 0.1 * noise.next_sample())
-            .collect();
+        let values: Vec<f64> =
+            positions.iter().map(|(s, f)| 2.0 + 3.0 * s - f + 0.1 * noise.next_sample()).collect();
         let residuals = studentized_residuals(&positions, &values).unwrap();
         for left_out in [0, 7, 23] {
             // Predict the point by the plane through the others, over the prediction's own deviation.
-            let others = || {
-                positions
-                    .iter()
-                    .zip(&values)
-                    .enumerate()
-                    .filter(|(i, _)| *i != left_out)
-                    .map(|(_, o)| o)
-            };
+            let others =
+                || positions.iter().zip(&values).enumerate().filter(|(i, _)| *i != left_out).map(|(_, o)| o);
             let row = |(s, f): (f64, f64)| Vector3::new(1.0, s, f);
             let products: Matrix3<f64> = others().map(|(&p, _)| row(p) * row(p).transpose()).sum();
             let inverse = products.try_inverse().unwrap();
             let plane = inverse * others().map(|(&p, &v)| row(p) * v).sum::<Vector3<f64>>();
-            let variance = others()
-                .map(|(&p, &v)| (v - plane.dot(&row(p))).powi(2))
-                .sum::<f64>()
-                / 20.0;
+            let variance = others().map(|(&p, &v)| (v - plane.dot(&row(p))).powi(2)).sum::<f64>() / 20.0;
             let here = row(positions[left_out]);
             let deviation = (variance * (1.0 + here.dot(&(inverse * here)))).sqrt();
             let expected = (values[left_out] - plane.dot(&here)) / deviation;
@@ -125,10 +100,8 @@ mod tests {
     fn a_stray_value_stands_out_and_the_others_do_not() {
         let positions = grid();
         let mut noise = Gaussian::new(4);
-        let mut values: Vec<f64> = positions
-            .iter()
-            .map(|(s, f)| s + f + 0.01 * noise.next_sample())
-            .collect();
+        let mut values: Vec<f64> =
+            positions.iter().map(|(s, f)| s + f + 0.01 * noise.next_sample()).collect();
         values[9] += 0.5;
         let residuals = studentized_residuals(&positions, &values).unwrap();
         let bound = residual_bound(positions.len(), 0.99);
@@ -149,10 +122,7 @@ mod tests {
         }
         let part = inside as f64 / 12_000.0;
         assert!((part - 0.95).abs() < 0.01, "{part}");
-        assert!(
-            (residual_bound(24, 0.95) - 2.086).abs() < 1e-3,
-            "t table, 20 degrees of freedom"
-        );
+        assert!((residual_bound(24, 0.95) - 2.086).abs() < 1e-3, "t table, 20 degrees of freedom");
     }
 
     #[test]

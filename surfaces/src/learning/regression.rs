@@ -54,11 +54,7 @@ pub(super) fn fit(places: &[Place], values: &[f64], weights: &[f64], prior: Prio
 pub(super) fn fit_robustly(places: &[Place], values: &[f64], prior: Prior) -> (Law, Vec<f64>) {
     let logs: Vec<f64> = values.iter().map(|y| y.max(f64::MIN_POSITIVE).ln()).collect();
     let typical = of_logs(places, &logs, prior);
-    let residuals: Vec<f64> = places
-        .iter()
-        .zip(&logs)
-        .map(|(place, y)| y - typical.dot(place))
-        .collect();
+    let residuals: Vec<f64> = places.iter().zip(&logs).map(|(place, y)| y - typical.dot(place)).collect();
     let centre = median(&residuals);
     let distances: Vec<f64> = residuals.iter().map(|r| (r - centre).abs()).collect();
     let bound = 4.0 * 1.4826 * median(&distances);
@@ -84,25 +80,15 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_xoshiro::Xoshiro256PlusPlus;
 
-    const WEAK: Prior = Prior {
-        slopes: [0.0; 2],
-        strength: 1e-3,
-    };
+    const WEAK: Prior = Prior { slopes: [0.0; 2], strength: 1e-3 };
 
     fn observations(count: usize, noise: f64) -> (Vec<Place>, Vec<f64>) {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(3);
         (0..count)
             .map(|_| {
-                let place = Vector3::new(
-                    1.0,
-                    random.random_range(-1.0..1.0),
-                    random.random_range(-1.0..1.0),
-                );
+                let place = Vector3::new(1.0, random.random_range(-1.0..1.0), random.random_range(-1.0..1.0));
                 // A mean of four exponentials: gamma of shape 4.
-                let gamma: f64 = (0..4)
-                    .map(|_| -random.random_range(1e-9..1.0_f64).ln())
-                    .sum::<f64>()
-                    / 4.0;
+                let gamma: f64 = (0..4).map(|_| -random.random_range(1e-9..1.0_f64).ln()).sum::<f64>() / 4.0;
                 let mean = Vector3::<f64>::new(0.7, 2.0, 0.5).dot(&place).exp();
                 (place, mean * (1.0 + noise * (gamma - 1.0)))
             })
@@ -122,10 +108,7 @@ mod tests {
     fn where_speed_does_not_vary_the_slope_is_the_priors() {
         let (mut places, values) = observations(200, 1.0);
         places.iter_mut().for_each(|place| place[1] = 0.0);
-        let prior = Prior {
-            slopes: [1.95, 0.44],
-            strength: 1.0,
-        };
+        let prior = Prior { slopes: [1.95, 0.44], strength: 1.0 };
         let law = fit(&places, &values, &vec![1.0; values.len()], prior);
         assert!((law[1] - 1.95).abs() < 1e-9);
     }

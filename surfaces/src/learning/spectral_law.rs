@@ -28,17 +28,9 @@ pub(crate) struct Exponents {
 
 impl Exponents {
     /// The prior for the acceleration of a tool.
-    pub const ACCELERATION: Self = Self {
-        slopes: POWER_SLOPES,
-        speed: (0.5, 3.5),
-        force: (0.0, 1.5),
-    };
+    pub const ACCELERATION: Self = Self { slopes: POWER_SLOPES, speed: (0.5, 3.5), force: (0.0, 1.5) };
     /// The prior for a sensor in an unknown unit: constant over speed and force.
-    pub const UNKNOWN: Self = Self {
-        slopes: [0.0; 2],
-        speed: (0.0, 3.5),
-        ..Self::ACCELERATION
-    };
+    pub const UNKNOWN: Self = Self { slopes: [0.0; 2], speed: (0.0, 3.5), ..Self::ACCELERATION };
 }
 
 /// Weight of the exponents of real textures, in observations. The spread of the exponents over textures (0.60 and 0.49,
@@ -46,10 +38,7 @@ impl Exponents {
 /// logarithms of power) makes 0.4 and 0.6; 1 is a round number above both.
 const POWER_STRENGTH: f64 = 1.0;
 /// The prior of shapes: constant over speed and force.
-const SHAPE: Prior = Prior {
-    slopes: [0.0; 2],
-    strength: 1.0,
-};
+const SHAPE: Prior = Prior { slopes: [0.0; 2], strength: 1.0 };
 /// Extrapolation of shapes and of the power beyond the data, as ratios.
 const SHAPE_REACH: f64 = 1.5;
 const POWER_REACH: f64 = 3.0;
@@ -130,19 +119,14 @@ impl SpectralLaw {
             values(value).map(f64::ln).sum::<f64>() / observations.len() as f64
         };
         let range = |value: fn(&Observation) -> f64| {
-            values(value).fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
-                (low.min(x), high.max(x))
-            })
+            values(value).fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)))
         };
         let centre = [mean_log(|at| at.speed_m_s), mean_log(|at| at.force_n)];
         let place =
             |at: &Observation| Vector3::new(1.0, at.speed_m_s.ln() - centre[0], at.force_n.ln() - centre[1]);
         let places: Vec<Place> = observations.iter().map(place).collect();
         let powers: Vec<f64> = values(|at| at.power).collect();
-        let prior = Prior {
-            slopes: exponents.slopes,
-            strength: POWER_STRENGTH,
-        };
+        let prior = Prior { slopes: exponents.slopes, strength: POWER_STRENGTH };
         let (power, weights) = fit_robustly(&places, &powers, prior);
         let power = within_exponents(power, exponents, &places, &powers, &weights);
         let shape = (0..CELLS).map(|cell| {
@@ -154,9 +138,7 @@ impl SpectralLaw {
             centre,
             speed_m_s: range(|at| at.speed_m_s),
             force_n,
-            fade_n: (force_n.0 * FADE_PART)
-                .clamp(LEAST_FADE_N, MAX_FADE_N)
-                .min(force_n.0),
+            fade_n: (force_n.0 * FADE_PART).clamp(LEAST_FADE_N, MAX_FADE_N).min(force_n.0),
             power,
             loudest: LOUDEST * powers.iter().copied().fold(0.0, f64::max),
             shape: shape.collect(),
@@ -176,17 +158,10 @@ impl SpectralLaw {
         let logs = Vector2::new(within(speed_m_s, self.speed_m_s), within(force_n, self.force_n));
         let place = Vector3::new(1.0, logs[0] - self.centre[0], logs[1] - self.centre[1]);
         let power = self.power_at(speed_m_s, force_n);
-        let mut cells: Vec<f64> = self
-            .shape
-            .iter()
-            .map(|law| power * law.dot(&place).exp())
-            .collect();
+        let mut cells: Vec<f64> = self.shape.iter().map(|law| power * law.dot(&place).exp()).collect();
         if let Some(correction) = &self.correction {
             let logs = correction.at(&logs);
-            cells
-                .iter_mut()
-                .zip(logs)
-                .for_each(|(cell, log)| *cell *= log.exp());
+            cells.iter_mut().zip(logs).for_each(|(cell, log)| *cell *= log.exp());
         }
         cells
     }
@@ -200,10 +175,7 @@ impl SpectralLaw {
         let place = Vector3::new(
             1.0,
             speed_m_s.min(self.speed_m_s.1 * POWER_REACH).ln() - self.centre[0],
-            force_n
-                .clamp(self.fade_n, (self.force_n.1 * POWER_REACH).max(self.fade_n))
-                .ln()
-                - self.centre[1],
+            force_n.clamp(self.fade_n, (self.force_n.1 * POWER_REACH).max(self.fade_n)).ln() - self.centre[1],
         );
         self.power.dot(&place).exp() * fade
     }
@@ -217,9 +189,7 @@ impl SpectralLaw {
             let (seen, expected) = (sum(|stretch| &stretch.seen), sum(|stretch| &stretch.expected));
             if seen > 0.0 && expected > 0.0 {
                 law[0] += (seen / expected).ln();
-                stretches
-                    .iter_mut()
-                    .for_each(|stretch| stretch.expected[cell] *= seen / expected);
+                stretches.iter_mut().for_each(|stretch| stretch.expected[cell] *= seen / expected);
             }
         }
     }
@@ -277,11 +247,7 @@ impl SpectralLaw {
             speed_m_s,
             force_n,
             model: if at_rest { model.with_power(0.0)? } else { model },
-            kind: if fitted {
-                VertexKind::Fitted
-            } else {
-                VertexKind::Edge
-            },
+            kind: if fitted { VertexKind::Fitted } else { VertexKind::Edge },
         })
     }
 
@@ -289,19 +255,11 @@ impl SpectralLaw {
     pub fn model(&self, speed_m_s: f64, force_n: f64, axis: Axis) -> Result<ArmaModel, LearnTextureError> {
         // One-sided density to power a sample: half the rate.
         let mut cells = self.cells(speed_m_s, force_n);
-        cells
-            .iter_mut()
-            .for_each(|density| *density *= 0.5 * axis.rate_hz);
+        cells.iter_mut().for_each(|density| *density *= 0.5 * axis.rate_hz);
         let fitted = levinson(&cell_autocovariance(&cells, axis.order), axis.order);
-        let fitted = fitted.map_err(|error| LearnTextureError::NoModels {
-            reason: error.to_string(),
-        })?;
-        let model =
-            ArmaModel::warped_from_ar(&fitted.ar, axis.warping, fitted.variance).map_err(|error| {
-                LearnTextureError::NoModels {
-                    reason: error.to_string(),
-                }
-            })?;
+        let fitted = fitted.map_err(|error| LearnTextureError::NoModels { reason: error.to_string() })?;
+        let model = ArmaModel::warped_from_ar(&fitted.ar, axis.warping, fitted.variance)
+            .map_err(|error| LearnTextureError::NoModels { reason: error.to_string() })?;
         let power = model.power().min(self.loudest);
         Ok(model.with_power(power)?)
     }
@@ -334,9 +292,7 @@ fn grid(low: f64, high: f64, ratio: f64) -> Vec<f64> {
     let step = |k: usize| low * (high / low).powf(k as f64 / steps);
     // Six decimals, as files have.
     let rounded = |x: f64| (x * 1e6).round() / 1e6;
-    std::iter::once(0.0)
-        .chain((0..=steps as usize).map(|k| rounded(step(k))))
-        .collect()
+    std::iter::once(0.0).chain((0..=steps as usize).map(|k| rounded(step(k)))).collect()
 }
 
 /// Two triangles for each rectangle of the grid.
@@ -345,12 +301,7 @@ fn rectangles(speeds: usize, forces: usize) -> Vec<[u32; 3]> {
     let corners = (0..speeds - 1).flat_map(|v| (0..forces - 1).map(move |f| (v, f)));
     corners
         .flat_map(|(v, f)| {
-            let [a, b, c, d] = [
-                vertex(v, f),
-                vertex(v + 1, f),
-                vertex(v + 1, f + 1),
-                vertex(v, f + 1),
-            ];
+            let [a, b, c, d] = [vertex(v, f), vertex(v + 1, f), vertex(v + 1, f + 1), vertex(v, f + 1)];
             [[a, b, c], [a, c, d]]
         })
         .collect()
@@ -365,19 +316,13 @@ mod tests {
     const RATE_HZ: f64 = 10_000.0;
 
     fn axis() -> Axis {
-        Axis {
-            rate_hz: RATE_HZ,
-            warping: warping_for(RATE_HZ),
-            order: 8,
-        }
+        Axis { rate_hz: RATE_HZ, warping: warping_for(RATE_HZ), order: 8 }
     }
 
     /// Power speed^a force^b at three speeds by three forces; the spectrum tilts with speed by `tilt`.
     fn observed(a: f64, b: f64, tilt: f64) -> Vec<Observation> {
         let cells = Cells::new(RATE_HZ, axis().warping);
-        let places = [0.04, 0.08, 0.16]
-            .into_iter()
-            .flat_map(|v| [0.5, 1.0, 2.0].map(|f| (v, f)));
+        let places = [0.04, 0.08, 0.16].into_iter().flat_map(|v| [0.5, 1.0, 2.0].map(|f| (v, f)));
         places
             .map(|(speed_m_s, force_n)| {
                 let level = 100.0 * f64::powf(speed_m_s / 0.08, a) * f64::powf(force_n, b);
@@ -439,9 +384,7 @@ mod tests {
         let observed = observed(3.0, 1.2, 0.0);
         let loudest = observed.iter().map(|at| at.power).fold(0.0, f64::max);
         let mut law = SpectralLaw::fit(&observed, Exponents::ACCELERATION);
-        let recorded: Vec<f64> = (0..CELLS)
-            .map(|cell| if cell > 40 { 50.0 } else { 1.0 })
-            .collect();
+        let recorded: Vec<f64> = (0..CELLS).map(|cell| if cell > 40 { 50.0 } else { 1.0 }).collect();
         law.scale_cells(&mut [Stretch {
             place: Vector2::zeros(),
             seen: recorded,
@@ -460,10 +403,7 @@ mod tests {
         let texture = law.on_grid(axis()).expect("a map");
         let wanted = |v: f64, f: f64| law.model(v, f, axis()).expect("a model").power();
         for k in 0..300 {
-            let (v, f) = (
-                0.004 + 0.0105 * f64::from(k % 20),
-                0.17 + 0.16 * f64::from(k / 20),
-            );
+            let (v, f) = (0.004 + 0.0105 * f64::from(k % 20), 0.17 + 0.16 * f64::from(k / 20));
             let off = db(rendered(&texture, v, f), wanted(v, f));
             assert!(off.abs() < 0.2, "{v} {f}: {off}");
         }
@@ -478,10 +418,7 @@ mod tests {
                 assert!(off.abs() < bound, "{v} {f}: {off}");
                 // No step: the amplitude grows with the force by little each time.
                 let grown = power.sqrt() - before;
-                assert!(
-                    grown > 0.0 && grown < 1.6 * wanted(v, law.fade_n).sqrt() / 200.0,
-                    "{v} {f}"
-                );
+                assert!(grown > 0.0 && grown < 1.6 * wanted(v, law.fade_n).sqrt() / 200.0, "{v} {f}");
                 before = power.sqrt();
             }
         }
@@ -493,26 +430,18 @@ mod tests {
 
     #[test]
     fn nothing_is_mute_on_the_map() {
-        let constant = Exponents {
-            slopes: [1.95, 0.0],
-            ..Exponents::ACCELERATION
-        };
+        let constant = Exponents { slopes: [1.95, 0.0], ..Exponents::ACCELERATION };
         // Forces of 0.5 to 2 N, and of 6 to 24 N; power that grows with force, and that does not.
-        for (scale, b, exponents) in [
-            (1.0, 0.5, Exponents::ACCELERATION),
-            (12.0, 0.5, Exponents::ACCELERATION),
-            (12.0, 0.0, constant),
-        ] {
+        for (scale, b, exponents) in
+            [(1.0, 0.5, Exponents::ACCELERATION), (12.0, 0.5, Exponents::ACCELERATION), (12.0, 0.0, constant)]
+        {
             let mut observed = observed(2.0, b, 0.5);
             observed.iter_mut().for_each(|at| at.force_n *= scale);
             let law = SpectralLaw::fit(&observed, exponents);
             let texture = law.on_grid(axis()).expect("a map");
             let law = law.without_fade();
             for k in 0..900 {
-                let (v, f) = (
-                    0.0051 + 0.015 * f64::from(k % 30),
-                    0.101 + 0.19 * scale * f64::from(k / 30),
-                );
+                let (v, f) = (0.0051 + 0.015 * f64::from(k % 30), 0.101 + 0.19 * scale * f64::from(k / 30));
                 let wanted = law.model(v, f, axis()).expect("a model").power();
                 let below = db(rendered(&texture, v, f), wanted);
                 assert!(below > -20.0, "{scale} {b}, {v} m/s {f} N: {below} dB");

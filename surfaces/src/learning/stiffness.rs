@@ -17,10 +17,7 @@ pub struct StiffnessSettings {
 
 impl Default for StiffnessSettings {
     fn default() -> Self {
-        Self {
-            from_n: 1.0,
-            to_n: 3.0,
-        }
+        Self { from_n: 1.0, to_n: 3.0 }
     }
 }
 
@@ -60,11 +57,7 @@ pub fn fit_stiffness(
         .filter(|&(_, force)| force >= settings.from_n && force <= settings.to_n)
         .collect();
     let StiffnessSettings { from_n, to_n } = *settings;
-    let too_few = StiffnessError::TooFewPoints {
-        points: between.len(),
-        from_n,
-        to_n,
-    };
+    let too_few = StiffnessError::TooFewPoints { points: between.len(), from_n, to_n };
     if between.len() < 3 {
         return Err(too_few);
     }
@@ -85,10 +78,7 @@ pub fn learn_stiffness(
     };
     let curve = press_curve(recording, normal, &shared_moments(recording))?;
     let report = fit_stiffness(curve, settings)?;
-    Ok((
-        Stiffness::new(report.line.slope / 1000.0, Some(report.line.r_squared))?,
-        report,
-    ))
+    Ok((Stiffness::new(report.line.slope / 1000.0, Some(report.line.r_squared))?, report))
 }
 
 #[cfg(test)]
@@ -105,12 +95,7 @@ mod tests {
             // Unloading lags, as real materials do.
             let lag = if t < 5.0 { 0.0 } else { 0.02e-3 };
             let depth_m = soft / n_per_m + (push_n - soft) / (10.0 * n_per_m) + lag;
-            Moment {
-                place_m: [0.0, 0.0, -depth_m],
-                push_n,
-                friction_n: [0.0; 2],
-                vibration_m_s2: [0.0; 3],
-            }
+            Moment { place_m: [0.0, 0.0, -depth_m], push_n, friction_n: [0.0; 2], vibration_m_s2: [0.0; 3] }
         })
     }
 
@@ -120,11 +105,7 @@ mod tests {
             let settings = (ProcessingSettings::default(), StiffnessSettings::default());
             let (stiffness, report) =
                 learn_stiffness(&press(n_per_mm * 1000.0), &settings.0, &settings.1).unwrap();
-            assert!(
-                (stiffness.n_per_mm() / n_per_mm - 1.0).abs() < 1e-3,
-                "{}",
-                stiffness.n_per_mm()
-            );
+            assert!((stiffness.n_per_mm() / n_per_mm - 1.0).abs() < 1e-3, "{}", stiffness.n_per_mm());
             assert!(report.line.r_squared > 0.9999 && report.curve.len() == 51);
         }
     }

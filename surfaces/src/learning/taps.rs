@@ -80,19 +80,11 @@ pub enum TapError {
     #[error(
         "no tap was found: the normal force never rises above {contact_n} N after {air_ms} ms in the air with {length_ms} ms recorded after it"
     )]
-    NoTaps {
-        contact_n: f64,
-        air_ms: f64,
-        length_ms: f64,
-    },
+    NoTaps { contact_n: f64, air_ms: f64, length_ms: f64 },
     #[error(
         "recording {recording} (from 0) has a rate of {rate_hz} Hz, but the first has {expected_hz} Hz; all rates must be equal"
     )]
-    Rates {
-        recording: usize,
-        rate_hz: f64,
-        expected_hz: f64,
-    },
+    Rates { recording: usize, rate_hz: f64, expected_hz: f64 },
     #[error(transparent)]
     Surface(#[from] SurfaceError),
 }
@@ -128,11 +120,8 @@ pub fn learn_taps(
         contact.used = contact.speed_m_s > slower;
         slower = slower.max(contact.speed_m_s);
     }
-    let used: Vec<Tap> = found
-        .iter()
-        .filter(|(contact, _)| contact.used)
-        .map(|(_, tap)| tap.clone())
-        .collect();
+    let used: Vec<Tap> =
+        found.iter().filter(|(contact, _)| contact.used).map(|(_, tap)| tap.clone()).collect();
     if used.is_empty() {
         return Err(TapError::NoTaps {
             contact_n: settings.contact_n,
@@ -142,10 +131,7 @@ pub fn learn_taps(
     }
     let taps = Taps::new(rate_hz, used)?;
     let contacts: Vec<Contact> = found.into_iter().map(|(contact, _)| contact).collect();
-    let report = TapReport {
-        contacts,
-        spectral_centroid_hz: tap_spectral_centroid_hz(&taps),
-    };
+    let report = TapReport { contacts, spectral_centroid_hz: tap_spectral_centroid_hz(&taps) };
     Ok((taps, report))
 }
 
@@ -163,14 +149,7 @@ fn processed_taps(
                 other => other,
             };
             let lowpass_hz = settings.force_lowpass_hz;
-            process(
-                raw,
-                &ProcessingSettings {
-                    normal,
-                    lowpass_hz,
-                    ..processing.clone()
-                },
-            )
+            process(raw, &ProcessingSettings { normal, lowpass_hz, ..processing.clone() })
         }
     }
 }
@@ -185,11 +164,7 @@ fn cut(
     let signals = processed.signals();
     let samples = |seconds: f64| (seconds * signals.rate_hz).round() as usize;
     let length = samples(settings.length_s).max(1);
-    let rises = rises(
-        &signals.force_normal_n,
-        samples(settings.air_s),
-        settings.contact_n,
-    );
+    let rises = rises(&signals.force_normal_n, samples(settings.air_s), settings.contact_n);
     let mut taps = vec![];
     for (i, &(rise, air)) in rises.iter().enumerate() {
         let begin = contact(signals, rise, settings.contact_n, settings.onset);
@@ -214,13 +189,7 @@ fn cut(
             peak_force_n: Some(peak_force_n).filter(|force| *force > 0.0),
         };
         let time_s = begin as f64 / signals.rate_hz;
-        let contact = Contact {
-            recording,
-            time_s,
-            speed_m_s,
-            peak_force_n,
-            used: false,
-        };
+        let contact = Contact { recording, time_s, speed_m_s, peak_force_n, used: false };
         taps.push((contact, tap));
     }
     taps
@@ -231,19 +200,13 @@ fn cut(
 fn approach_speed(raw: &Recording, time_s: f64, seconds: f64) -> f64 {
     let motion = raw.motion();
     // The processed recording starts where all sensors are on.
-    let start = motion
-        .start_s
-        .max(raw.wrench().start_s)
-        .max(raw.acceleration_v().start_s);
+    let start = motion.start_s.max(raw.wrench().start_s).max(raw.acceleration_v().start_s);
     let contact = start + time_s;
     let tips = tip_positions(raw);
     let before = |i: &usize| motion.time_s(*i) < contact && motion.time_s(*i) >= contact - seconds;
     let rows: Vec<usize> = (0..tips.len()).filter(before).collect();
     let slope = |axis: usize| {
-        let points: Vec<_> = rows
-            .iter()
-            .map(|&i| (motion.time_s(i) - contact, tips[i][axis]))
-            .collect();
+        let points: Vec<_> = rows.iter().map(|&i| (motion.time_s(i) - contact, tips[i][axis])).collect();
         Line::fit(&points).map_or(0.0, |line| line.slope)
     };
     (0..3).map(|axis| slope(axis).powi(2)).sum::<f64>().sqrt()
@@ -255,14 +218,12 @@ pub fn tap_spectral_centroid_hz(taps: &Taps) -> f64 {
     let fft = fft::forward(length);
     let centroid = |speed_mm_s: u32| {
         let mix = taps.mix(f64::from(speed_mm_s) / 1000.0);
-        let mut tap: Vec<Complex64> = (0..length)
-            .map(|i| Complex64::new(taps.sample(&mix, i), 0.0))
-            .collect();
+        let mut tap: Vec<Complex64> =
+            (0..length).map(|i| Complex64::new(taps.sample(&mix, i), 0.0)).collect();
         fft.process(&mut tap);
         let power: Vec<f64> = tap[..=length / 2].iter().map(|x| x.norm_sqr()).collect();
-        let frequency_hz: Vec<f64> = (0..power.len())
-            .map(|k| k as f64 * taps.rate_hz() / length as f64)
-            .collect();
+        let frequency_hz: Vec<f64> =
+            (0..power.len()).map(|k| k as f64 * taps.rate_hz() / length as f64).collect();
         spectral_centroid(&frequency_hz, &power)
     };
     mean(&(50..=100).step_by(10).map(centroid).collect::<Vec<_>>())
@@ -302,12 +263,7 @@ mod tests {
     }
 
     fn learned(recording: AnyRecording) -> (Taps, TapReport) {
-        learn_taps(
-            &[&recording],
-            &ProcessingSettings::default(),
-            &TapSettings::default(),
-        )
-        .unwrap()
+        learn_taps(&[&recording], &ProcessingSettings::default(), &TapSettings::default()).unwrap()
     }
 
     #[test]
@@ -318,26 +274,16 @@ mod tests {
         assert_eq!(taps.taps().len(), speeds.len());
         assert_eq!((taps.rate_hz(), taps.length()), (RATE_HZ, 1000));
         for (tap, speed) in taps.taps().iter().zip(speeds) {
-            assert!(
-                (tap.speed_m_s / speed - 1.0).abs() < 0.02,
-                "{} for {speed}",
-                tap.speed_m_s
-            );
+            assert!((tap.speed_m_s / speed - 1.0).abs() < 0.02, "{} for {speed}", tap.speed_m_s);
             // The ringing's first peak comes a quarter period after contact, less what the onset's threshold takes.
-            let peak = |a: &Vec<f64>| {
-                (0..a.len())
-                    .max_by(|&i, &j| a[i].abs().total_cmp(&a[j].abs()))
-                    .unwrap()
-            };
+            let peak =
+                |a: &Vec<f64>| (0..a.len()).max_by(|&i, &j| a[i].abs().total_cmp(&a[j].abs())).unwrap();
             let at_ms = peak(&tap.acceleration_m_s2) as f64 / 10.0;
             assert!((0.3..1.0).contains(&at_ms), "peak {at_ms} ms after the onset");
         }
         let times: Vec<f64> = report.contacts.iter().map(|c| c.time_s).collect();
         for (contact, time) in report.contacts.iter().zip(&times) {
-            let index = SPEEDS
-                .iter()
-                .position(|s| (s / contact.speed_m_s - 1.0).abs() < 0.1)
-                .unwrap();
+            let index = SPEEDS.iter().position(|s| (s / contact.speed_m_s - 1.0).abs() < 0.1).unwrap();
             assert!((time - (0.4 * index as f64 + 0.2)).abs() < 5e-4, "{time}");
         }
     }
@@ -366,10 +312,7 @@ mod tests {
     fn processed_recordings_will_do() {
         let processed = process(
             &tapping(),
-            &ProcessingSettings {
-                normal: SurfaceNormal::ForceDirection,
-                ..Default::default()
-            },
+            &ProcessingSettings { normal: SurfaceNormal::ForceDirection, ..Default::default() },
         );
         let (taps, _) = learned(AnyRecording::Processed(processed.unwrap()));
         assert_eq!(taps.taps().len(), SPEEDS.len());
@@ -382,11 +325,7 @@ mod tests {
             let since = t - 0.6 * (t / 0.6).floor() - 0.3;
             let touching = (0.0..0.03).contains(&since) || (t > 0.6 && (0.07..0.1).contains(&since));
             let falling = if since < 0.0 { -0.2 * since } else { 0.0 };
-            let ring = if touching {
-                20.0 * (TAU * RINGING_HZ * since).sin()
-            } else {
-                0.0
-            };
+            let ring = if touching { 20.0 * (TAU * RINGING_HZ * since).sin() } else { 0.0 };
             Moment {
                 place_m: [0.0, 0.0, if touching { 0.0 } else { falling.max(0.001) }],
                 push_n: if touching { 2.0 } else { 0.0 },
@@ -395,26 +334,15 @@ mod tests {
             }
         });
         let (taps, report) = learned(AnyRecording::Raw(bouncing));
-        assert_eq!(
-            (taps.taps().len(), report.contacts.len()),
-            (1, 1),
-            "{:?}",
-            report.contacts
-        );
-        assert!(
-            (report.contacts[0].time_s - 0.3).abs() < 2e-3,
-            "only the first did not bounce"
-        );
+        assert_eq!((taps.taps().len(), report.contacts.len()), (1, 1), "{:?}", report.contacts);
+        assert!((report.contacts[0].time_s - 0.3).abs() < 2e-3, "only the first did not bounce");
     }
 
     #[test]
     fn no_taps_no_surface() {
         let still = synthetic::circle(1.0, 0.03, 1.0, 1.0, 0.3);
-        let error = learn_taps(
-            &[&AnyRecording::Raw(still)],
-            &ProcessingSettings::default(),
-            &TapSettings::default(),
-        );
+        let error =
+            learn_taps(&[&AnyRecording::Raw(still)], &ProcessingSettings::default(), &TapSettings::default());
         assert!(matches!(error, Err(TapError::NoTaps { .. })));
     }
 }

@@ -59,13 +59,7 @@ pub enum CoefficientFit {
 }
 
 /// The five criteria by which models are compared, in the order of [`SegmentReport::features`].
-pub const CRITERIA: [&str; 5] = [
-    "residual variance",
-    "power",
-    "spectral centroid",
-    "skewness",
-    "kurtosis",
-];
+pub const CRITERIA: [&str; 5] = ["residual variance", "power", "spectral centroid", "skewness", "kurtosis"];
 
 /// The report of learning a texture.
 #[derive(Debug, Clone, PartialEq)]
@@ -131,28 +125,15 @@ pub enum LearnTextureError {
     #[error(
         "recording {recording} (from 0) has a rate of {rate_hz} Hz, but the first has {expected_hz} Hz; all rates must be equal"
     )]
-    Rates {
-        recording: usize,
-        rate_hz: f64,
-        expected_hz: f64,
-    },
+    Rates { recording: usize, rate_hz: f64, expected_hz: f64 },
     #[error("recording {recording} (from 0) cannot be segmented: {source}")]
-    Segmentation {
-        recording: usize,
-        source: SegmentationError,
-    },
+    Segmentation { recording: usize, source: SegmentationError },
     #[error(
         "no segment is a drag (normal force above {min_force_n} N, speed above {min_speed_mm_s} mm/s): the medians of \
          {segments} segments are {force_n:.3} N and {speed_mm_s:.1} mm/s; check {}",
         suspect([*force_n, *min_force_n])
     )]
-    NothingDragged {
-        segments: usize,
-        force_n: f64,
-        speed_mm_s: f64,
-        min_force_n: f64,
-        min_speed_mm_s: f64,
-    },
+    NothingDragged { segments: usize, force_n: f64, speed_mm_s: f64, min_force_n: f64, min_speed_mm_s: f64 },
     #[error("the order is {order}; it must be from 1 to {MAX_ORDER}")]
     Order { order: usize },
     #[error("no segment gave a usable model; the error of the first is: {reason}")]
@@ -183,12 +164,8 @@ pub fn learn_texture(
     let mut segments = vec![];
     for (index, recording) in recordings.iter().enumerate() {
         let signals = recording.signals();
-        let found = segment(&signals.acceleration_m_s2, &settings.segmentation).map_err(|source| {
-            LearnTextureError::Segmentation {
-                recording: index,
-                source,
-            }
-        })?;
+        let found = segment(&signals.acceleration_m_s2, &settings.segmentation)
+            .map_err(|source| LearnTextureError::Segmentation { recording: index, source })?;
         for (samples, &order) in found.segments(recording.samples()).zip(&found.orders) {
             segments.push(describe(index, recording, samples, order, settings));
         }
@@ -205,12 +182,7 @@ pub fn learn_texture(
         .filter(|(segment, _)| segment.fate == Fate::Kept)
         .filter_map(|(segment, model)| {
             let (speed_m_s, force_n) = (segment.speed_m_s, segment.force_n);
-            Some(ModelAt {
-                speed_m_s,
-                force_n,
-                model: model?,
-                kind: VertexKind::Measured,
-            })
+            Some(ModelAt { speed_m_s, force_n, model: model?, kind: VertexKind::Measured })
         })
         .collect();
     if measured.is_empty() {
@@ -219,31 +191,15 @@ pub fn learn_texture(
     }
     let texture = TextureModel::from_measured(rate_hz, measured, &settings.hull)?;
     progress(1.0);
-    Ok((
-        texture,
-        TextureReport {
-            order,
-            segmentations,
-            segments,
-            residual_bound,
-        },
-    ))
+    Ok((texture, TextureReport { order, segmentations, segments, residual_bound }))
 }
 
 pub(super) fn common_rate(recordings: &[ProcessedRecording]) -> Result<f64, LearnTextureError> {
-    let expected_hz = recordings
-        .first()
-        .ok_or(LearnTextureError::NoRecordings)?
-        .rate_hz();
-    match recordings
-        .iter()
-        .position(|recording| recording.rate_hz() != expected_hz)
-    {
-        Some(recording) => Err(LearnTextureError::Rates {
-            recording,
-            rate_hz: recordings[recording].rate_hz(),
-            expected_hz,
-        }),
+    let expected_hz = recordings.first().ok_or(LearnTextureError::NoRecordings)?.rate_hz();
+    match recordings.iter().position(|recording| recording.rate_hz() != expected_hz) {
+        Some(recording) => {
+            Err(LearnTextureError::Rates { recording, rate_hz: recordings[recording].rate_hz(), expected_hz })
+        }
         None => Ok(expected_hz),
     }
 }
@@ -280,11 +236,7 @@ pub(super) fn features(signal: &[f64], rate_hz: f64) -> [f64; 5] {
         |power: i32| signal.iter().map(|x| (x - mean).powi(power)).sum::<f64>() / signal.len() as f64;
     let variance = moment(2);
     let shape = |power: i32| {
-        if variance > 0.0 {
-            moment(power) / variance.powf(f64::from(power) / 2.0)
-        } else {
-            0.0
-        }
+        if variance > 0.0 { moment(power) / variance.powf(f64::from(power) / 2.0) } else { 0.0 }
     };
     let power = signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64;
     let window = signal.len().min(256);
@@ -294,24 +246,13 @@ pub(super) fn features(signal: &[f64], rate_hz: f64) -> [f64; 5] {
 }
 
 fn common_order(segments: &[SegmentReport], settings: &TextureSettings) -> Result<usize, LearnTextureError> {
-    let dragged: Vec<f64> = segments
-        .iter()
-        .filter(|s| s.fate == Fate::Kept)
-        .map(|segment| segment.order as f64)
-        .collect();
+    let dragged: Vec<f64> =
+        segments.iter().filter(|s| s.fate == Fate::Kept).map(|segment| segment.order as f64).collect();
     if dragged.is_empty() {
-        return Err(nothing_dragged(
-            segments,
-            settings.min_force_n,
-            settings.min_speed_m_s,
-        ));
+        return Err(nothing_dragged(segments, settings.min_force_n, settings.min_speed_m_s));
     }
     let order = settings.order.unwrap_or(median(&dragged).round() as usize);
-    if (1..=MAX_ORDER).contains(&order) {
-        Ok(order)
-    } else {
-        Err(LearnTextureError::Order { order })
-    }
+    if (1..=MAX_ORDER).contains(&order) { Ok(order) } else { Err(LearnTextureError::Order { order }) }
 }
 
 /// Why the first segment without a usable model has none.
@@ -407,12 +348,7 @@ fn judge(segments: &mut [SegmentReport], settings: Option<OutlierSettings>) -> f
         }
     }
     for segment in kept {
-        let failed = segment
-            .residuals
-            .iter()
-            .flatten()
-            .filter(|residual| residual.abs() > bound)
-            .count();
+        let failed = segment.residuals.iter().flatten().filter(|residual| residual.abs() > bound).count();
         if failed >= settings.criteria.max(1) {
             segment.fate = Fate::Outlier { criteria: failed };
         }
@@ -427,23 +363,12 @@ mod tests {
 
     /// Three speeds at each of three forces, half a second each; louder and brighter the faster and harder.
     fn nine() -> Vec<(f64, f64, f64)> {
-        (0..9)
-            .map(|i| {
-                (
-                    0.5,
-                    0.05 + 0.05 * ((i * 2) % 3) as f64,
-                    0.5 + 0.5 * (i / 3) as f64,
-                )
-            })
-            .collect()
+        (0..9).map(|i| (0.5, 0.05 + 0.05 * ((i * 2) % 3) as f64, 0.5 + 0.5 * (i / 3) as f64)).collect()
     }
 
     fn model(speed: f64, force: f64) -> (Vec<f64>, f64) {
         let (radius, angle) = (0.93_f64, 0.4 + 3.0 * speed);
-        (
-            vec![-2.0 * radius * angle.cos(), radius * radius],
-            1.0 + 10.0 * speed * force,
-        )
+        (vec![-2.0 * radius * angle.cos(), radius * radius], 1.0 + 10.0 * speed * force)
     }
 
     fn learned(settings: &TextureSettings) -> (TextureModel, TextureReport) {
@@ -452,23 +377,13 @@ mod tests {
 
     #[test]
     fn every_step_of_a_drag_becomes_a_model_at_its_speed_and_force() {
-        let (texture, report) = learned(&TextureSettings {
-            outliers: None,
-            ..Default::default()
-        });
+        let (texture, report) = learned(&TextureSettings { outliers: None, ..Default::default() });
         assert_eq!((report.order, report.segments.len()), (2, 9));
         for (i, (segment, (_, speed, force))) in report.segments.iter().zip(nine()).enumerate() {
-            assert!(
-                segment.samples.start.abs_diff(5000 * i) < 60,
-                "{:?}",
-                segment.samples
-            );
+            assert!(segment.samples.start.abs_diff(5000 * i) < 60, "{:?}", segment.samples);
             assert!((segment.speed_m_s - speed).abs() < 1e-3 && (segment.force_n - force).abs() < 1e-2);
         }
-        let measured = texture
-            .models()
-            .iter()
-            .filter(|at| at.kind == VertexKind::Measured);
+        let measured = texture.models().iter().filter(|at| at.kind == VertexKind::Measured);
         for (at, (_, speed, force)) in measured.zip(nine()) {
             let (a, variance) = model(speed, force);
             for (found, true_value) in at.model.ar().iter().zip(&a) {
@@ -485,23 +400,10 @@ mod tests {
 
     #[test]
     fn burg_and_yule_walker_agree_on_long_segments() {
-        let by = |fit| {
-            learned(&TextureSettings {
-                fit,
-                outliers: None,
-                ..Default::default()
-            })
-            .0
-        };
+        let by = |fit| learned(&TextureSettings { fit, outliers: None, ..Default::default() }).0;
         let (yule_walker, burg) = (by(CoefficientFit::YuleWalker), by(CoefficientFit::Burg));
         for (a, b) in yule_walker.models().iter().zip(burg.models()) {
-            assert!(
-                a.model
-                    .ar()
-                    .iter()
-                    .zip(b.model.ar())
-                    .all(|(a, b)| (a - b).abs() < 5e-3)
-            );
+            assert!(a.model.ar().iter().zip(b.model.ar()).all(|(a, b)| (a - b).abs() < 5e-3));
         }
     }
 
@@ -513,31 +415,16 @@ mod tests {
 
     #[test]
     fn a_slip_is_dropped_and_the_rest_stays() {
-        let steps: Vec<_> = (0..25)
-            .map(|i| {
-                (
-                    0.3,
-                    0.05 + 0.03 * ((i * 2) % 5) as f64,
-                    0.5 + 0.3 * (i / 5) as f64,
-                )
-            })
-            .collect();
+        let steps: Vec<_> =
+            (0..25).map(|i| (0.3, 0.05 + 0.03 * ((i * 2) % 5) as f64, 0.5 + 0.3 * (i / 5) as f64)).collect();
         let slip = steps[12];
         let with_slip = |speed: f64, force: f64| {
             let (a, variance) = model(speed, force);
             // The same step, but thirty times the energy.
-            if (speed, force) == (slip.1, slip.2) {
-                (a, 30.0 * variance)
-            } else {
-                (a, variance)
-            }
+            if (speed, force) == (slip.1, slip.2) { (a, 30.0 * variance) } else { (a, variance) }
         };
-        let (_, report) = learn_texture(
-            &[drag(&steps, 0.3, 2, with_slip)],
-            &TextureSettings::default(),
-            &|_| (),
-        )
-        .unwrap();
+        let (_, report) =
+            learn_texture(&[drag(&steps, 0.3, 2, with_slip)], &TextureSettings::default(), &|_| ()).unwrap();
         assert_eq!(report.segments.len(), 25);
         assert!(
             matches!(report.segments[12].fate, Fate::Outlier { criteria: 2.. }),
@@ -558,35 +445,15 @@ mod tests {
             (_, 0.01) => (vec![-0.2, 0.3], 0.3),
             _ => model(speed, force),
         };
-        let settings = TextureSettings {
-            outliers: None,
-            ..Default::default()
-        };
+        let settings = TextureSettings { outliers: None, ..Default::default() };
         let (texture, report) = learn_texture(&[drag(&steps, 0.3, 3, quiet)], &settings, &|_| ()).unwrap();
-        let idle = report
-            .segments
-            .iter()
-            .filter(|s| s.fate == Fate::NotDragged)
-            .count();
+        let idle = report.segments.iter().filter(|s| s.fate == Fate::NotDragged).count();
         assert_eq!(idle, 2);
-        assert_eq!(
-            texture
-                .models()
-                .iter()
-                .filter(|at| at.kind == VertexKind::Measured)
-                .count(),
-            9
-        );
+        assert_eq!(texture.models().iter().filter(|at| at.kind == VertexKind::Measured).count(), 9);
         let nothing = drag(&[(0.5, 0.1, 0.01)], 0.3, 4, model);
         let error = learn_texture(&[nothing], &settings, &|_| ()).unwrap_err();
-        assert!(
-            matches!(error, LearnTextureError::NothingDragged { .. }),
-            "{error}"
-        );
-        assert_eq!(
-            learn_texture(&[], &settings, &|_| ()),
-            Err(LearnTextureError::NoRecordings)
-        );
+        assert!(matches!(error, LearnTextureError::NothingDragged { .. }), "{error}");
+        assert_eq!(learn_texture(&[], &settings, &|_| ()), Err(LearnTextureError::NoRecordings));
     }
 
     #[test]
@@ -597,9 +464,6 @@ mod tests {
         // Sampled eight times a period it has harmonics 1 and 3, with powers as 1/sin² of their half angles.
         let harmonic = |k: f64| 1.0 / (std::f64::consts::PI * k / 8.0).sin().powi(2);
         let expected = 1000.0 * (harmonic(1.0) + 3.0 * harmonic(3.0)) / (harmonic(1.0) + harmonic(3.0));
-        assert!(
-            (centroid / expected - 1.0).abs() < 0.01,
-            "{centroid} for {expected}"
-        );
+        assert!((centroid / expected - 1.0).abs() < 0.01, "{centroid} for {expected}");
     }
 }

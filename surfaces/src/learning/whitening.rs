@@ -31,21 +31,14 @@ impl Whitened {
         let mut interpolator = Interpolator::new(texture);
         let mut filter = Coefficients::SILENCE;
         let mut chain = AllPasses::new(texture.warping());
-        let mut whitened = Self {
-            samples: vec![0.0; count],
-            dragged: vec![false; count],
-        };
+        let mut whitened = Self { samples: vec![0.0; count], dragged: vec![false; count] };
         for start in (0..count).step_by(update) {
             let samples = start..(start + update).min(count);
             let speed_m_s = crate::statistics::mean(&signals.speed_m_s[samples.clone()]);
             let force_n = crate::statistics::mean(&signals.force_normal_n[samples.clone()]);
             interpolator.interpolate(speed_m_s, force_n, &mut filter);
             let is_dragged = speed_m_s > min_speed_m_s && force_n > min_force_n && filter.variance > 0.0;
-            let scale = if is_dragged {
-                1.0 / (filter.variance.sqrt() * filter.gain)
-            } else {
-                0.0
-            };
+            let scale = if is_dragged { 1.0 / (filter.variance.sqrt() * filter.gain) } else { 0.0 };
             for n in samples {
                 whitened.samples[n] = scale * chain.next(signals.acceleration_m_s2[n], filter.ar());
                 whitened.dragged[n] = is_dragged;
@@ -69,10 +62,7 @@ struct AllPasses {
 
 impl AllPasses {
     fn new(warping: f64) -> Self {
-        Self {
-            warping,
-            taps: [0.0; MAX_ORDER + 1],
-        }
+        Self { warping, taps: [0.0; MAX_ORDER + 1] }
     }
 
     /// `input` plus the taps weighted by `ar`.

@@ -116,11 +116,7 @@ type Pair<const L: usize> = [[f64; L]; 2];
 #[inline(always)]
 fn multiply<const L: usize>(half: &mut [Pair<L>; MAX_FACTORS + 1], factors: usize, b: &Pair<L>) {
     // A palindrome's coefficient after the middle one is the one before it.
-    let beyond = if factors >= 1 {
-        half[factors - 1]
-    } else {
-        [[0.0; L]; 2]
-    };
+    let beyond = if factors >= 1 { half[factors - 1] } else { [[0.0; L]; 2] };
     let (lower, upper) = half.split_at_mut(factors + 1);
     let (middle, next) = (&lower[factors], &mut upper[0]);
     for i in 0..2 {
@@ -178,9 +174,7 @@ mod tests {
 
     #[test]
     fn the_cosine_is_the_librarys() {
-        let worst = (0..=100_000)
-            .map(|k| PI * f64::from(k) / 100_000.0)
-            .map(|x| (cos(x) - x.cos()).abs());
+        let worst = (0..=100_000).map(|k| PI * f64::from(k) / 100_000.0).map(|x| (cos(x) - x.cos()).abs());
         assert!(worst.fold(0.0, f64::max) <= 4.0 * f64::EPSILON / 2.0);
     }
 

@@ -80,11 +80,7 @@ mod tests {
         }
         ar.copy_from_slice(&product[1..]);
         for order in [7, 8] {
-            let ar = if order == 8 {
-                ar.clone()
-            } else {
-                vec![-0.9, 0.2, 0.1, -0.3, 0.05, 0.1, 0.02]
-            };
+            let ar = if order == 8 { ar.clone() } else { vec![-0.9, 0.2, 0.1, -0.3, 0.05, 0.1, 0.02] };
             let mut lsf = vec![0.0; order];
             ar_to_lsf(&ar, &mut lsf).unwrap();
             let mut back = vec![0.0; order];

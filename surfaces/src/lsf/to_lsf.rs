@@ -80,8 +80,7 @@ fn remainder(ar: &[f64], lsf: &[f64], left: &mut [f64]) -> f64 {
     for (left, a) in left.iter_mut().zip(ar) {
         *left = a - *left;
     }
-    left.iter()
-        .fold(0.0, |largest: f64, left| largest.max(left.abs()))
+    left.iter().fold(0.0, |largest: f64, left| largest.max(left.abs()))
 }
 
 /// Moves each zero by -value/slope, the value being the remainder's and the slope that of the product of the zeros.
@@ -136,10 +135,7 @@ fn series(leading: f64, ar: &[f64]) -> (Series, Series) {
             difference[k] = q + if k >= 2 { difference[k - 2] } else { 0.0 };
         }
     }
-    (
-        from_palindrome(&sum, order.div_ceil(2)),
-        from_palindrome(&difference, order / 2),
-    )
+    (from_palindrome(&sum, order.div_ceil(2)), from_palindrome(&difference, order / 2))
 }
 
 /// f_0..f_m of a palindrome of degree 2m is f_m + 2 Σ f_(m-k) T_k(x), apart from a phase.
@@ -191,9 +187,7 @@ impl Series {
             values[CELLS - i] = even - odd;
         }
         // At x = 0 only the even terms remain, with alternate signs.
-        values[HALF] = (0..=self.degree / 2)
-            .map(|k| if k % 2 == 0 { c[2 * k] } else { -c[2 * k] })
-            .sum();
+        values[HALF] = (0..=self.degree / 2).map(|k| if k % 2 == 0 { c[2 * k] } else { -c[2 * k] }).sum();
         values
     }
 }
@@ -216,11 +210,7 @@ static GRID: LazyLock<Grid> = LazyLock::new(|| {
         let frequency = step * (i as f64 + 0.5);
         (frequency, frequency.cos(), frequency.sin())
     });
-    Grid {
-        x,
-        twice_second,
-        middle,
-    }
+    Grid { x, twice_second, middle }
 });
 
 /// Finds all zeros from the changes of sign on the grid. If one of the polynomials shows all of its own, they separate
@@ -311,11 +301,7 @@ fn refine<const N: usize>(
     }
     for i in 0..series.degree {
         let settled = next[i] >= low[i] && next[i] <= high[i] && step[i].abs() < SETTLED * (high[i] - low[i]);
-        let settled = if settled {
-            Some(frequency(grid.middle[cell[i]], next[i]))
-        } else {
-            None
-        };
+        let settled = if settled { Some(frequency(grid.middle[cell[i]], next[i])) } else { None };
         let step = PI / CELLS as f64;
         let slowly = || within(series, cell[i] as f64 * step, (cell[i] + 1) as f64 * step);
         // Neither fails if the sign changes; the caller checks the order of the values.
@@ -389,12 +375,7 @@ fn frequency((middle, cos, sin): (f64, f64, f64), x: f64) -> f64 {
 /// the lattice and so without ambiguity, has fallen to -number π. It falls strictly, through any cluster.
 fn by_phase(reflection: &[f64], number: usize) -> f64 {
     let target = -(number as f64) * PI;
-    ridders(
-        |frequency| all_pass_phase(reflection, frequency) - target,
-        0.0,
-        PI,
-    )
-    .unwrap_or(0.0)
+    ridders(|frequency| all_pass_phase(reflection, frequency) - target, 0.0, PI).unwrap_or(0.0)
 }
 
 fn all_pass_phase(reflection: &[f64], frequency: f64) -> f64 {
@@ -443,9 +424,8 @@ mod tests {
         for _ in 0..2000 {
             let order = random.random_range(1..=24_usize);
             let step = PI / (order as f64 + 1.0);
-            let lsf: Vec<f64> = (0..order)
-                .map(|k| step * (k as f64 + 1.0 + random.random_range(-0.35..0.35)))
-                .collect();
+            let lsf: Vec<f64> =
+                (0..order).map(|k| step * (k as f64 + 1.0 + random.random_range(-0.35..0.35))).collect();
             let (mut ar, mut back) = (vec![0.0; order], vec![0.0; order]);
             lsf_into_ar(&lsf, &mut ar);
             ar_to_lsf(&ar, &mut back).unwrap();
@@ -456,20 +436,11 @@ mod tests {
     #[test]
     fn any_stable_polynomial_comes_back() {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
-        for (pairs, radius) in [
-            (5, 0.8..0.97),
-            (10, 0.8..0.97),
-            (10, 0.9..0.9995),
-            (10, 0.999..0.9995),
-            (16, 0.8..0.97),
-        ] {
+        for (pairs, radius) in
+            [(5, 0.8..0.97), (10, 0.8..0.97), (10, 0.9..0.9995), (10, 0.999..0.9995), (16, 0.8..0.97)]
+        {
             for _ in 0..200 {
-                let mut pole = || {
-                    (
-                        random.random_range(radius.clone()),
-                        random.random_range(0.05..3.1),
-                    )
-                };
+                let mut pole = || (random.random_range(radius.clone()), random.random_range(0.05..3.1));
                 let ar = from_poles(&(0..pairs).map(|_| pole()).collect::<Vec<_>>());
                 // The product of that many poles that close may round to an unstable polynomial.
                 if ar_to_reflection(&ar).is_ok() {

@@ -123,10 +123,7 @@ impl Bands {
     }
 
     fn powers(&self, powers: Vec<f64>) -> BandPowers {
-        BandPowers {
-            bands: self.clone(),
-            powers,
-        }
+        BandPowers { bands: self.clone(), powers }
     }
 
     /// Number of sine tapers for a piece that keeps the resolution within the narrowest band.
@@ -134,9 +131,7 @@ impl Bands {
         let width = |band: &Band| band.high_hz - band.low_hz;
         let narrowest = self.bands.iter().map(width).fold(f64::INFINITY, f64::min);
         // K tapers spread a line over K + 1 inverse durations.
-        ((narrowest * seconds) as usize)
-            .saturating_sub(1)
-            .clamp(1, MAX_TAPERS)
+        ((narrowest * seconds) as usize).saturating_sub(1).clamp(1, MAX_TAPERS)
     }
 
     /// Multitaper estimate of the power in each band.
@@ -157,21 +152,14 @@ impl Bands {
             let bin = (place as usize).min(spectrum.len() - 1);
             sums[bin] + (place - bin as f64) * spectrum[bin]
         };
-        self.bands
-            .iter()
-            .map(|band| below(band.high_hz) - below(band.low_hz))
-            .collect()
+        self.bands.iter().map(|band| below(band.high_hz) - below(band.low_hz)).collect()
     }
 }
 
 impl Band {
     /// The band from a frequency up by `decades`.
     fn between(low_hz: f64, decades: f64) -> Self {
-        Self {
-            centre_hz: low_hz * 10f64.powf(0.5 * decades),
-            low_hz,
-            high_hz: low_hz * 10f64.powf(decades),
-        }
+        Self { centre_hz: low_hz * 10f64.powf(0.5 * decades), low_hz, high_hz: low_hz * 10f64.powf(decades) }
     }
 }
 
@@ -192,11 +180,7 @@ fn multitaper(signal: &[f64], tapers: usize) -> Vec<f64> {
     for first in (0..tapers).step_by(2) {
         buffer.fill(Complex64::default());
         for (n, (value, x)) in buffer.iter_mut().zip(signal).enumerate() {
-            let second = if first + 1 < tapers {
-                x * taper(first + 1, n)
-            } else {
-                0.0
-            };
+            let second = if first + 1 < tapers { x * taper(first + 1, n) } else { 0.0 };
             *value = Complex64::new(x * taper(first, n), second);
         }
         transform.process_with_scratch(&mut buffer, &mut scratch);
@@ -251,10 +235,7 @@ impl BandPowers {
         let edges: Vec<f64> = (0..9).map(edge).collect();
         let mut shares = vec![0.0; 9];
         for (band, power) in self.bands.as_slice().iter().zip(&self.powers) {
-            let nine = edges
-                .iter()
-                .rposition(|edge| band.centre_hz >= *edge)
-                .unwrap_or(0);
+            let nine = edges.iter().rposition(|edge| band.centre_hz >= *edge).unwrap_or(0);
             shares[nine] += if total > 0.0 { power / total } else { 0.0 };
         }
         shares
@@ -322,11 +303,7 @@ fn differences_db(a: &[f64], b: &[f64]) -> Vec<f64> {
 }
 
 fn difference_db(a: f64, b: f64) -> f64 {
-    if a == b {
-        0.0
-    } else {
-        (10.0 * (a.max(0.0) / b.max(0.0)).log10()).clamp(-MAX_DB, MAX_DB)
-    }
+    if a == b { 0.0 } else { (10.0 * (a.max(0.0) / b.max(0.0)).log10()).clamp(-MAX_DB, MAX_DB) }
 }
 
 fn mean_within(values: &[f64], inside: &dyn Fn(usize) -> bool) -> Option<f64> {
@@ -346,9 +323,7 @@ pub fn pieces<'a>(
     signal: &'a [f64],
     ranges: &'a [Range<usize>],
 ) -> impl Iterator<Item = &'a [f64]> + Clone + 'a {
-    ranges
-        .iter()
-        .map(|range| &signal[range.start.min(signal.len())..range.end.min(signal.len())])
+    ranges.iter().map(|range| &signal[range.start.min(signal.len())..range.end.min(signal.len())])
 }
 
 #[cfg(test)]
@@ -398,9 +373,8 @@ mod tests {
 
     #[test]
     fn a_tone_lies_in_its_own_band_and_has_half_its_amplitude_squared() {
-        let tone: Vec<f64> = (0..100_000)
-            .map(|n| 3.0 * (2.0 * PI * 25.0 * n as f64 / RATE_HZ).sin())
-            .collect();
+        let tone: Vec<f64> =
+            (0..100_000).map(|n| 3.0 * (2.0 * PI * 25.0 * n as f64 / RATE_HZ).sin()).collect();
         let powers = Bands::counted(10.0, RATE_HZ).of_signal([&*tone], RATE_HZ);
         assert!((powers.powers()[1] / 4.5 - 1.0).abs() < 0.01, "{powers:?}");
         assert!((powers.total() / 4.5 - 1.0).abs() < 0.01);
@@ -420,10 +394,7 @@ mod tests {
                 log_spectral_distance(powers[0].powers(), powers[1].powers())
             });
             let mean = pairs.sum::<f64>() / 12.0;
-            assert!(
-                (mean / wanted_db - 1.0).abs() < 0.45,
-                "{samples}: {mean} for {wanted_db}"
-            );
+            assert!((mean / wanted_db - 1.0).abs() < 0.45, "{samples}: {mean} for {wanted_db}");
         }
     }
 

@@ -23,9 +23,7 @@ fn perceived_db(block: &[f64]) -> Vec<f64> {
         sum * (if k == 0 { 1.0 / n } else { 2.0 / n }).sqrt()
     };
     let threshold = thresholds_db();
-    (0..block.len())
-        .map(|k| 20.0 * coefficient(k).abs().log10() - threshold[k])
-        .collect()
+    (0..block.len()).map(|k| 20.0 * coefficient(k).abs().log10() - threshold[k]).collect()
 }
 
 /// A parabola over the logarithm of frequency, clipped at zero.
@@ -76,9 +74,7 @@ fn st_sim(distorted: &[f64], reference: &[f64]) -> f64 {
 fn noise(seed: u64) -> Vec<f64> {
     let mut state = seed;
     let mut next = || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5) * 300.0
     };
     (0..16_000).map(|_| next()).collect()
@@ -87,12 +83,9 @@ fn noise(seed: u64) -> Vec<f64> {
 #[test]
 fn the_definitions_give_vibromafs_figures() {
     let tone = |i: usize, hz: f64| TAU * i as f64 * hz / RATE_HZ;
-    let reference: Vec<f64> = (0..4096)
-        .map(|i| 100.0 * tone(i, 150.0).sin() + 10.0 * tone(i, 60.0).sin())
-        .collect();
-    let distorted: Vec<f64> = (0..4096)
-        .map(|i| reference[i] + 20.0 * tone(i, 310.0).cos())
-        .collect();
+    let reference: Vec<f64> =
+        (0..4096).map(|i| 100.0 * tone(i, 150.0).sin() + 10.0 * tone(i, 60.0).sin()).collect();
+    let distorted: Vec<f64> = (0..4096).map(|i| reference[i] + 20.0 * tone(i, 310.0).cos()).collect();
     let (one, other) = (noise(1), noise(2));
     let half: Vec<f64> = one.iter().map(|x| x / 2.0).collect();
     for (distorted, reference, figures) in [
@@ -115,11 +108,6 @@ fn they_find_two_recordings_of_one_noise_as_unlike_as_can_be() {
     let powers = |x: &[f64]| -> BandPowers { bands.of_signal([x], RATE_HZ) };
     let lsd = |x: &[f64]| log_spectral_distance(powers(x).powers(), powers(&one).powers());
     // A recording of the same process against a copy with a quarter of the power.
-    assert!(
-        lsd(&other) < 1.5 && lsd(&half) > 6.0,
-        "{} {}",
-        lsd(&other),
-        lsd(&half)
-    );
+    assert!(lsd(&other) < 1.5 && lsd(&half) > 6.0, "{} {}", lsd(&other), lsd(&half));
     assert!(spqi(&other, &one) < spqi(&half, &one) && st_sim(&other, &one) < 0.05);
 }

@@ -19,11 +19,7 @@ pub enum ImageError {
     #[error(
         "{values} gray values do not form an image of {width} by {height} pixels; both dimensions must be at least 2"
     )]
-    Size {
-        width: usize,
-        height: usize,
-        values: usize,
-    },
+    Size { width: usize, height: usize, values: usize },
     #[error("the scale is {pixels_per_mm} pixels per mm; it must be a finite number above 0")]
     Scale { pixels_per_mm: f64 },
     #[error("gray value {index} (from 0) is not a finite number")]
@@ -39,11 +35,7 @@ impl GrayImage {
         pixels: Vec<f64>,
     ) -> Result<Self, ImageError> {
         if width < 2 || height < 2 || width.checked_mul(height) != Some(pixels.len()) {
-            return Err(ImageError::Size {
-                width,
-                height,
-                values: pixels.len(),
-            });
+            return Err(ImageError::Size { width, height, values: pixels.len() });
         }
         if !(pixels_per_mm.is_finite() && pixels_per_mm > 0.0) {
             return Err(ImageError::Scale { pixels_per_mm });
@@ -51,12 +43,7 @@ impl GrayImage {
         if let Some(index) = pixels.iter().position(|x| !x.is_finite()) {
             return Err(ImageError::NotFinite { index });
         }
-        Ok(Self {
-            width,
-            height,
-            pixels_per_mm,
-            pixels,
-        })
+        Ok(Self { width, height, pixels_per_mm, pixels })
     }
 
     /// Differences up to this are rounding.
@@ -113,16 +100,9 @@ fn rough_component(image: &GrayImage) -> Vec<f64> {
     let sigma = WAVINESS_MM * image.pixels_per_mm;
     // No weight is read from beyond the border.
     let reach = ((4.0 * sigma).ceil() as usize).min(image.width.max(image.height));
-    let weights: Vec<f64> = (0..=reach)
-        .map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp())
-        .collect();
+    let weights: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
     let smooth = smoothed_rows(&smoothed_rows(image, &weights).transposed(), &weights).transposed();
-    image
-        .pixels
-        .iter()
-        .zip(&smooth.pixels)
-        .map(|(x, s)| x - s)
-        .collect()
+    image.pixels.iter().zip(&smooth.pixels).map(|(x, s)| x - s).collect()
 }
 
 /// Each row convolved with a symmetric kernel; beyond the border the kernel is renormalised.
@@ -150,11 +130,7 @@ fn gray_levels(values: &[f64], rounding: f64) -> Vec<usize> {
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let range = most - least;
     let level = |v: &f64| {
-        if range <= rounding {
-            0
-        } else {
-            (((v - least) / range * LEVELS as f64) as usize).min(LEVELS - 1)
-        }
+        if range <= rounding { 0 } else { (((v - least) / range * LEVELS as f64) as usize).min(LEVELS - 1) }
     };
     values.iter().map(level).collect()
 }
@@ -170,19 +146,11 @@ pub fn fineness_per_mm(image: &GrayImage) -> f64 {
     let sums = |spectrum: &[f64], length: usize| {
         let power = |a: &f64| a * a;
         let total: f64 = spectrum.iter().map(power).sum();
-        let first: f64 = spectrum
-            .iter()
-            .enumerate()
-            .map(|(k, a)| frequency(k, length) * power(a))
-            .sum();
+        let first: f64 = spectrum.iter().enumerate().map(|(k, a)| frequency(k, length) * power(a)).sum();
         (first, total)
     };
     let ((a, b), (c, d)) = (sums(&rows, image.width), sums(&columns, image.height));
-    if (b + d).sqrt() > image.rounding() {
-        (a + c) / (b + d)
-    } else {
-        0.0
-    }
+    if (b + d).sqrt() > image.rounding() { (a + c) / (b + d) } else { 0.0 }
 }
 
 /// Mean amplitude spectrum of the rows.
@@ -194,10 +162,7 @@ fn row_spectrum(image: &GrayImage) -> Vec<f64> {
         let mut spectrum: Vec<Complex64> = row.iter().map(|x| Complex64::new(x - mean, 0.0)).collect();
         fft.process(&mut spectrum);
         let scale = 1.0 / (image.width * image.height) as f64;
-        sum.iter_mut()
-            .zip(&spectrum)
-            .skip(1)
-            .for_each(|(sum, x)| *sum += x.norm() * scale);
+        sum.iter_mut().zip(&spectrum).skip(1).for_each(|(sum, x)| *sum += x.norm() * scale);
     }
     sum
 }
@@ -209,12 +174,8 @@ mod tests {
     use std::f64::consts::TAU;
 
     fn image(size: usize, pixels_per_mm: f64, mut gray: impl FnMut(f64, f64) -> f64) -> GrayImage {
-        let pixels = (0..size * size).map(|i| {
-            gray(
-                (i % size) as f64 / pixels_per_mm,
-                (i / size) as f64 / pixels_per_mm,
-            )
-        });
+        let pixels = (0..size * size)
+            .map(|i| gray((i % size) as f64 / pixels_per_mm, (i / size) as f64 / pixels_per_mm));
         GrayImage::new(size, size, pixels_per_mm, pixels.collect()).unwrap()
     }
 
@@ -248,9 +209,7 @@ mod tests {
     fn noise_looks_rougher_than_gentle_waves() {
         let mut noise = Gaussian::new(1);
         let rough = roughness(&image(128, 7.874, |_, _| noise.next_sample()));
-        let smooth = roughness(&image(128, 7.874, |x, y| {
-            (TAU * x / 4.0).sin() + (TAU * y / 4.0).sin()
-        }));
+        let smooth = roughness(&image(128, 7.874, |x, y| (TAU * x / 4.0).sin() + (TAU * y / 4.0).sin()));
         assert!(rough < 0.5 * smooth, "{rough} against {smooth}");
     }
 
@@ -268,23 +227,15 @@ mod tests {
     #[test]
     fn a_grating_is_as_fine_as_its_lines() {
         for per_mm in [0.5, 1.0, 2.0] {
-            let grating = image(400, 8.0, |x, y| {
-                3.0 + (TAU * per_mm * x).sin() * (TAU * per_mm * y).cos()
-            });
-            assert!(
-                (fineness_per_mm(&grating) / per_mm - 1.0).abs() < 0.02,
-                "{}",
-                fineness_per_mm(&grating)
-            );
+            let grating = image(400, 8.0, |x, y| 3.0 + (TAU * per_mm * x).sin() * (TAU * per_mm * y).cos());
+            assert!((fineness_per_mm(&grating) / per_mm - 1.0).abs() < 0.02, "{}", fineness_per_mm(&grating));
         }
     }
 
     #[test]
     fn two_gratings_weigh_by_their_squared_amplitudes() {
         // Along x: 0.5 lines per mm with twice the amplitude of 2 lines per mm.
-        let both = image(400, 8.0, |x, _| {
-            2.0 * (TAU * 0.5 * x).sin() + (TAU * 2.0 * x).sin()
-        });
+        let both = image(400, 8.0, |x, _| 2.0 * (TAU * 0.5 * x).sin() + (TAU * 2.0 * x).sin());
         let expected = (4.0 * 0.5 + 1.0 * 2.0) / 5.0;
         let found = fineness_per_mm(&both);
         assert!((found / expected - 1.0).abs() < 1e-9, "{found}, not {expected}");
@@ -292,18 +243,9 @@ mod tests {
 
     #[test]
     fn unsound_images_are_refused() {
-        assert!(matches!(
-            GrayImage::new(3, 2, 1.0, vec![0.0; 5]),
-            Err(ImageError::Size { .. })
-        ));
-        assert!(matches!(
-            GrayImage::new(1, 5, 1.0, vec![0.0; 5]),
-            Err(ImageError::Size { .. })
-        ));
-        assert!(matches!(
-            GrayImage::new(2, 2, 0.0, vec![0.0; 4]),
-            Err(ImageError::Scale { .. })
-        ));
+        assert!(matches!(GrayImage::new(3, 2, 1.0, vec![0.0; 5]), Err(ImageError::Size { .. })));
+        assert!(matches!(GrayImage::new(1, 5, 1.0, vec![0.0; 5]), Err(ImageError::Size { .. })));
+        assert!(matches!(GrayImage::new(2, 2, 0.0, vec![0.0; 4]), Err(ImageError::Scale { .. })));
         assert!(matches!(
             GrayImage::new(2, 2, 1.0, vec![f64::NAN; 4]),
             Err(ImageError::NotFinite { index: 0 })

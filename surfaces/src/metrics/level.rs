@@ -24,11 +24,7 @@ pub fn excess_kurtosis(signal: &[f64]) -> f64 {
         fourth += square * square;
     }
     let count = signal.len().max(1) as f64;
-    if second > 0.0 {
-        fourth * count / (second * second) - 3.0
-    } else {
-        0.0
-    }
+    if second > 0.0 { fourth * count / (second * second) - 3.0 } else { 0.0 }
 }
 
 /// RMS of each whole interval of 50 ms, dB relative to the signal's unit, bounded to 80 dB below the loudest.
@@ -37,10 +33,7 @@ pub fn levels_db(signal: &[f64], rate_hz: f64) -> Vec<f64> {
     let powers: Vec<f64> = stretches(signal, rate_hz).map(power).collect();
     let loudest = powers.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let least = loudest * 10f64.powf(-0.1 * FLOOR_DB);
-    powers
-        .iter()
-        .map(|power| 10.0 * power.max(least).log10())
-        .collect()
+    powers.iter().map(|power| 10.0 * power.max(least).log10()).collect()
 }
 
 /// RMS difference between two sequences of levels, dB, over the time that both cover.
@@ -86,16 +79,11 @@ pub fn unexplained_level_db(signal: &[f64], speed_m_s: &[f64], force_n: &[f64], 
         return None;
     }
     let logs = |values: &[f64], least: f64| -> Vec<f64> {
-        stretches(values, rate_hz)
-            .map(|stretch| mean(stretch).max(least).ln())
-            .collect()
+        stretches(values, rate_hz).map(|stretch| mean(stretch).max(least).ln()).collect()
     };
     let (speed, force) = (logs(speed_m_s, LEAST[0]), logs(force_n, LEAST[1]));
-    let places: Vec<Vector3<f64>> = speed
-        .iter()
-        .zip(&force)
-        .map(|(v, f)| Vector3::new(1.0, *v, *f))
-        .collect();
+    let places: Vec<Vector3<f64>> =
+        speed.iter().zip(&force).map(|(v, f)| Vector3::new(1.0, *v, *f)).collect();
     let (mut normal, mut right) = (Matrix3::identity() * 1e-9, Vector3::zeros());
     for (place, level) in places.iter().zip(&levels) {
         normal += place * place.transpose();
@@ -128,28 +116,17 @@ mod tests {
     #[test]
     fn speed_and_force_explain_a_level_that_follows_them_and_no_other() {
         let mut noise = Gaussian::new(2);
-        let speed: Vec<f64> = (0..50_000)
-            .map(|n| 0.1 + 0.05 * (n as f64 / 2000.0).sin())
-            .collect();
-        let force: Vec<f64> = (0..50_000)
-            .map(|n| 1.0 + 0.5 * (n as f64 / 3100.0).sin())
-            .collect();
-        let follows: Vec<f64> = speed
-            .iter()
-            .zip(&force)
-            .map(|(v, f)| v * f.sqrt() * noise.next_sample())
-            .collect();
-        let strays: Vec<f64> = (0..50_000)
-            .map(|n| (1.0 + 0.9 * (n as f64 / 900.0).sin()) * noise.next_sample())
-            .collect();
+        let speed: Vec<f64> = (0..50_000).map(|n| 0.1 + 0.05 * (n as f64 / 2000.0).sin()).collect();
+        let force: Vec<f64> = (0..50_000).map(|n| 1.0 + 0.5 * (n as f64 / 3100.0).sin()).collect();
+        let follows: Vec<f64> =
+            speed.iter().zip(&force).map(|(v, f)| v * f.sqrt() * noise.next_sample()).collect();
+        let strays: Vec<f64> =
+            (0..50_000).map(|n| (1.0 + 0.9 * (n as f64 / 900.0).sin()) * noise.next_sample()).collect();
         let left = |signal: &[f64]| unexplained_level_db(signal, &speed, &force, 10_000.0).unwrap();
         // The standard error of a level of 500 Gaussian samples is 10 / ln 10 sqrt(2 / 500) = 0.27 dB.
         assert!((left(&follows) - 0.27).abs() < 0.12, "{}", left(&follows));
         assert!(left(&strays) > 3.0);
-        assert_eq!(
-            unexplained_level_db(&strays[..1500], &speed, &force, 10_000.0),
-            None
-        );
+        assert_eq!(unexplained_level_db(&strays[..1500], &speed, &force, 10_000.0), None);
     }
 
     #[test]

@@ -11,9 +11,8 @@ pub fn all_pairs(
     signals: &[WindowedSpectra],
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Vec<ErrorStatistics>, MetricError> {
-    let pairs: Vec<(usize, usize)> = (0..signals.len())
-        .flat_map(|a| (a + 1..signals.len()).map(move |b| (a, b)))
-        .collect();
+    let pairs: Vec<(usize, usize)> =
+        (0..signals.len()).flat_map(|a| (a + 1..signals.len()).map(move |b| (a, b))).collect();
     let mut work = vec![];
     for &(a, b) in &pairs {
         work.push(Pair {
@@ -33,13 +32,7 @@ pub fn all_pairs(
                     progress(part)
                 }
             };
-            scope.spawn(move || {
-                pulp::Arch::new().dispatch(Compare {
-                    signals,
-                    pairs,
-                    report,
-                })
-            });
+            scope.spawn(move || pulp::Arch::new().dispatch(Compare { signals, pairs, report }));
         }
     });
     progress(1.0);
@@ -75,8 +68,7 @@ impl<R: Fn(f64)> pulp::WithSimd for Compare<'_, R> {
             for pair in &mut *self.pairs {
                 let (a, b) = (&self.signals[pair.a], &self.signals[pair.b]);
                 for window in first..(first + BLOCK).min(pair.windows) {
-                    pair.errors
-                        .add(a.spectral_error(b, window), a.power_error(b, window));
+                    pair.errors.add(a.spectral_error(b, window), a.power_error(b, window));
                 }
             }
             (self.report)(first as f64 / longest as f64);
@@ -109,9 +101,7 @@ mod tests {
         for a in 0..7 {
             for b in 0..7 {
                 if a != b {
-                    let alone = PairErrors::new(&signals[a.min(b)], &signals[a.max(b)])
-                        .unwrap()
-                        .statistics();
+                    let alone = PairErrors::new(&signals[a.min(b)], &signals[a.max(b)]).unwrap().statistics();
                     assert_eq!(all[pair_index(7, a, b)], alone);
                 }
             }

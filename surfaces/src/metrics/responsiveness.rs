@@ -40,10 +40,7 @@ pub fn responsiveness_differences(losses: &[VariationLoss]) -> Vec<f64> {
         |value: fn(&VariationLoss) -> f64| standard_deviation(&losses.iter().map(value).collect::<Vec<_>>());
     let (power, centroid) = (deviation(|loss| loss.power), deviation(|loss| loss.centroid_hz));
     let term = |value: f64, deviation: f64| if deviation > 0.0 { value / deviation } else { 0.0 };
-    losses
-        .iter()
-        .map(|loss| term(loss.power, power) + term(loss.centroid_hz, centroid))
-        .collect()
+    losses.iter().map(|loss| term(loss.power, power) + term(loss.centroid_hz, centroid)).collect()
 }
 
 #[cfg(test)]
@@ -55,22 +52,12 @@ mod tests {
     fn a_signal_of_constant_loudness_loses_the_controls_variation() {
         let mut noise = Gaussian::new(1);
         let steady: Vec<f64> = (0..3200).map(|_| noise.next_sample()).collect();
-        let swelling: Vec<f64> = steady
-            .iter()
-            .enumerate()
-            .map(|(i, x)| x * (i as f64 / 800.0))
-            .collect();
+        let swelling: Vec<f64> = steady.iter().enumerate().map(|(i, x)| x * (i as f64 / 800.0)).collect();
         let settings = WindowSettings::RESPONSIVENESS;
         let loss = variation_loss(&swelling, &steady, 1000.0, &settings).unwrap();
         assert!(loss.power > 3.0, "{loss:?}");
         let none = variation_loss(&steady, &steady, 1000.0, &settings).unwrap();
-        assert_eq!(
-            none,
-            VariationLoss {
-                power: 0.0,
-                centroid_hz: 0.0
-            }
-        );
+        assert_eq!(none, VariationLoss { power: 0.0, centroid_hz: 0.0 });
     }
 
     #[test]

@@ -36,27 +36,15 @@ const COMPARISON_S: f64 = 0.0256;
 impl WindowSettings {
     /// Section 2.5.1: 256 samples (25.6 ms at 10 kHz), half of them shared, Hamming. Ten seconds have 780
     /// windows.
-    pub const COMPARISON: Self = Self {
-        samples: 256,
-        overlap: 128,
-        window: Window::Hamming,
-    };
+    pub const COMPARISON: Self = Self { samples: 256, overlap: 128, window: Window::Hamming };
     /// The windows of section 2.5.1 in seconds: 25.6 ms at any rate, half of them shared, at least 8 samples.
     pub fn comparison_at(rate_hz: f64) -> Self {
         let samples = ((COMPARISON_S * rate_hz).round() as usize).max(8);
-        Self {
-            samples,
-            overlap: samples / 2,
-            ..Self::COMPARISON
-        }
+        Self { samples, overlap: samples / 2, ..Self::COMPARISON }
     }
 
     /// Section 4.5.3: 32 samples at 1 kHz, none shared; the thesis mentions no taper.
-    pub const RESPONSIVENESS: Self = Self {
-        samples: 32,
-        overlap: 0,
-        window: Window::Rectangular,
-    };
+    pub const RESPONSIVENESS: Self = Self { samples: 32, overlap: 0, window: Window::Rectangular };
 }
 
 impl Default for WindowSettings {
@@ -82,10 +70,7 @@ pub enum MetricError {
     )]
     Magnitude { magnitude: f64 },
     #[error("the windows of the signals differ: rates {rates_hz:?} Hz, windows {windows:?}")]
-    Different {
-        rates_hz: (f64, f64),
-        windows: (usize, usize),
-    },
+    Different { rates_hz: (f64, f64), windows: (usize, usize) },
     #[error("the rate is {rate_hz} Hz; it must be a finite number above 0")]
     Rate { rate_hz: f64 },
     #[error("the signals share {windows} windows; a deviation needs at least two")]
@@ -111,11 +96,7 @@ pub(super) const LANES: usize = 8;
 impl WindowedSpectra {
     /// Cuts `signal` (any unit) into windows; a remainder at the end is not used.
     pub fn new(signal: &[f64], rate_hz: f64, settings: &WindowSettings) -> Result<Self, MetricError> {
-        let WindowSettings {
-            samples,
-            overlap,
-            window,
-        } = *settings;
+        let WindowSettings { samples, overlap, window } = *settings;
         if samples < 2 || overlap >= samples {
             return Err(MetricError::Windows { samples, overlap });
         }
@@ -123,10 +104,7 @@ impl WindowedSpectra {
             return Err(MetricError::Rate { rate_hz });
         }
         if signal.len() < samples {
-            return Err(MetricError::TooShort {
-                samples: signal.len(),
-                window: samples,
-            });
+            return Err(MetricError::TooShort { samples: signal.len(), window: samples });
         }
         if let Some(sample) = signal.iter().position(|x| !x.is_finite()) {
             return Err(MetricError::NotFinite { sample });
@@ -157,14 +135,7 @@ impl WindowedSpectra {
             shapes.extend(buffer[..bins].iter().map(|y| y.norm() * scale));
             shapes.resize(shapes.len() + stride - bins, 0.0);
         }
-        Ok(Self {
-            rate_hz,
-            settings: *settings,
-            bins,
-            stride,
-            shapes,
-            power,
-        })
+        Ok(Self { rate_hz, settings: *settings, bins, stride, shapes, power })
     }
 
     /// Number of windows.
@@ -188,9 +159,8 @@ impl WindowedSpectra {
 
     /// Spectral centroid of each window in Hz, 0 in silence. Eq. 2.5.4, Eq. 4.5.2.
     pub fn spectral_centroids_hz(&self) -> Vec<f64> {
-        let frequency_hz: Vec<f64> = (0..self.bins)
-            .map(|k| k as f64 * self.rate_hz / self.settings.samples as f64)
-            .collect();
+        let frequency_hz: Vec<f64> =
+            (0..self.bins).map(|k| k as f64 * self.rate_hz / self.settings.samples as f64).collect();
         let centroid = |window| {
             let power: Vec<f64> = self.shape(window).iter().map(|a| a * a).collect();
             spectral_centroid(&frequency_hz, &power)
@@ -254,10 +224,7 @@ impl PairErrors {
     /// Means and squared deviations of the errors.
     pub fn statistics(&self) -> ErrorStatistics {
         let mut statistics = ErrorStatistics::default();
-        self.nse
-            .iter()
-            .zip(&self.pe)
-            .for_each(|(&nse, &pe)| statistics.add(nse, pe));
+        self.nse.iter().zip(&self.pe).for_each(|(&nse, &pe)| statistics.add(nse, pe));
         statistics
     }
 }
@@ -319,16 +286,9 @@ impl ErrorStatistics {
     /// The standard deviations of the errors.
     pub fn deviations(&self) -> Deviations {
         let deviation = |squares: f64| {
-            if self.windows < 2 {
-                0.0
-            } else {
-                (squares / (self.windows - 1) as f64).sqrt()
-            }
+            if self.windows < 2 { 0.0 } else { (squares / (self.windows - 1) as f64).sqrt() }
         };
-        Deviations {
-            nse: deviation(self.nse_squares),
-            pe: deviation(self.pe_squares),
-        }
+        Deviations { nse: deviation(self.nse_squares), pe: deviation(self.pe_squares) }
     }
 
     /// The spectral difference in units of these deviations. Eq. 2.5.3.
@@ -394,15 +354,10 @@ pub fn compare(
     rate_hz: f64,
     settings: &WindowSettings,
 ) -> Result<Comparison, MetricError> {
-    let (a, b) = (
-        WindowedSpectra::new(a, rate_hz, settings)?,
-        WindowedSpectra::new(b, rate_hz, settings)?,
-    );
+    let (a, b) = (WindowedSpectra::new(a, rate_hz, settings)?, WindowedSpectra::new(b, rate_hz, settings)?);
     let statistics = PairErrors::new(&a, &b)?.statistics();
     if statistics.windows < 2 {
-        return Err(MetricError::TooFewWindows {
-            windows: statistics.windows,
-        });
+        return Err(MetricError::TooFewWindows { windows: statistics.windows });
     }
     let deviations = statistics.deviations();
     Ok(Comparison {

@@ -41,15 +41,8 @@ struct Head {
 
 #[derive(Debug, Serialize, Deserialize)]
 enum Kind {
-    Raw {
-        motion: Timing,
-        wrench: Timing,
-        acceleration: Timing,
-        calibration: CalibrationHead,
-    },
-    Processed {
-        rate_hz: f64,
-    },
+    Raw { motion: Timing, wrench: Timing, acceleration: Timing, calibration: CalibrationHead },
+    Processed { rate_hz: f64 },
 }
 
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
@@ -61,18 +54,11 @@ struct Timing {
 
 impl Timing {
     fn of<T>(series: &Series<T>) -> Self {
-        Self {
-            rate_hz: series.rate_hz,
-            start_s: series.start_s,
-        }
+        Self { rate_hz: series.rate_hz, start_s: series.start_s }
     }
 
     fn series<T>(self, samples: Vec<T>) -> Series<T> {
-        Series {
-            rate_hz: self.rate_hz,
-            start_s: self.start_s,
-            samples,
-        }
+        Series { rate_hz: self.rate_hz, start_s: self.start_s, samples }
     }
 }
 
@@ -103,60 +89,20 @@ pub fn write_archive(recording: &AnyRecording) -> std::io::Result<Vec<u8>> {
     match recording {
         AnyRecording::Raw(raw) => {
             let motion = &raw.motion().samples;
-            put(
-                &mut archive,
-                "position_m",
-                &[3],
-                motion.iter().flat_map(|pose| pose.position_m),
-            )?;
-            put(
-                &mut archive,
-                "orientation",
-                &[4],
-                motion.iter().flat_map(|pose| pose.orientation),
-            )?;
+            put(&mut archive, "position_m", &[3], motion.iter().flat_map(|pose| pose.position_m))?;
+            put(&mut archive, "orientation", &[4], motion.iter().flat_map(|pose| pose.orientation))?;
             let wrench = &raw.wrench().samples;
-            put(
-                &mut archive,
-                "force_n",
-                &[3],
-                wrench.iter().flat_map(|w| w.force_n),
-            )?;
-            put(
-                &mut archive,
-                "torque_n_m",
-                &[3],
-                wrench.iter().flat_map(|w| w.torque_n_m),
-            )?;
+            put(&mut archive, "force_n", &[3], wrench.iter().flat_map(|w| w.force_n))?;
+            put(&mut archive, "torque_n_m", &[3], wrench.iter().flat_map(|w| w.torque_n_m))?;
             let acceleration = &raw.acceleration_v().samples;
-            put(
-                &mut archive,
-                "acceleration_v",
-                &[3],
-                acceleration.iter().copied().flatten(),
-            )?;
+            put(&mut archive, "acceleration_v", &[3], acceleration.iter().copied().flatten())?;
         }
         AnyRecording::Processed(processed) => {
             let signals = processed.signals();
-            put(
-                &mut archive,
-                "acceleration_m_s2",
-                &[],
-                signals.acceleration_m_s2.iter().copied(),
-            )?;
-            put(
-                &mut archive,
-                "force_normal_n",
-                &[],
-                signals.force_normal_n.iter().copied(),
-            )?;
+            put(&mut archive, "acceleration_m_s2", &[], signals.acceleration_m_s2.iter().copied())?;
+            put(&mut archive, "force_normal_n", &[], signals.force_normal_n.iter().copied())?;
             if let Some(tangential) = &signals.force_tangential_n {
-                put(
-                    &mut archive,
-                    "force_tangential_n",
-                    &[],
-                    tangential.iter().copied(),
-                )?;
+                put(&mut archive, "force_tangential_n", &[], tangential.iter().copied())?;
             }
             put(&mut archive, "speed_m_s", &[], signals.speed_m_s.iter().copied())?;
             if let Some(axes) = &signals.axes_m_s2 {
@@ -181,9 +127,7 @@ fn head_of(recording: &AnyRecording) -> Head {
             acceleration: Timing::of(raw.acceleration_v()),
             calibration: CalibrationHead::of(raw.calibration()),
         },
-        AnyRecording::Processed(processed) => Kind::Processed {
-            rate_hz: processed.rate_hz(),
-        },
+        AnyRecording::Processed(processed) => Kind::Processed { rate_hz: processed.rate_hz() },
     };
     Head::new(kind, recording.gesture(), recording.provenance())
 }
@@ -217,10 +161,7 @@ impl CalibrationHead {
 
 /// The text of that head.
 pub(super) fn raw_head(head: &RawHead<'_>) -> std::io::Result<String> {
-    let timing = |rate_hz| Timing {
-        rate_hz,
-        start_s: 0.0,
-    };
+    let timing = |rate_hz| Timing { rate_hz, start_s: 0.0 };
     let kind = Kind::Raw {
         motion: timing(head.motion_hz),
         wrench: timing(head.wrench_hz),
@@ -250,10 +191,7 @@ fn put<W: Write + Seek>(
 /// Reads a recording from the bytes of an archive.
 pub fn read_archive(bytes: &[u8]) -> Result<AnyRecording, ReadError> {
     let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|_| ReadError::CutArchive)?;
-    let mut archive = Archive {
-        archive,
-        bytes: bytes.len() as u64,
-    };
+    let mut archive = Archive { archive, bytes: bytes.len() as u64 };
     let head = archive.member("head.ron", MAX_NOTE_BYTES)?;
     let head =
         std::str::from_utf8(&head).map_err(|_| ReadError::member("head.ron", "it is not UTF-8 text"))?;
@@ -281,27 +219,11 @@ pub fn read_archive(bytes: &[u8]) -> Result<AnyRecording, ReadError> {
             let processed = ProcessedRecording::new(signals, gesture, provenance)?;
             AnyRecording::Processed(processed.with_world(world)?)
         }
-        Kind::Raw {
-            motion,
-            wrench,
-            acceleration,
-            calibration,
-        } => {
-            let poses = zip_rows(
-                "orientation",
-                archive.rows("position_m")?,
-                archive.rows("orientation")?,
-            )?
-            .map(|(position_m, orientation)| Pose {
-                position_m,
-                orientation,
-            });
-            let wrenches = zip_rows(
-                "torque_n_m",
-                archive.rows("force_n")?,
-                archive.rows("torque_n_m")?,
-            )?
-            .map(|(force_n, torque_n_m)| Wrench { force_n, torque_n_m });
+        Kind::Raw { motion, wrench, acceleration, calibration } => {
+            let poses = zip_rows("orientation", archive.rows("position_m")?, archive.rows("orientation")?)?
+                .map(|(position_m, orientation)| Pose { position_m, orientation });
+            let wrenches = zip_rows("torque_n_m", archive.rows("force_n")?, archive.rows("torque_n_m")?)?
+                .map(|(force_n, torque_n_m)| Wrench { force_n, torque_n_m });
             let calibration = Calibration {
                 acceleration_m_s2_per_v: calibration.acceleration_m_s2_per_v,
                 acceleration_zero_v: calibration.acceleration_zero_v,
@@ -322,12 +244,7 @@ pub fn read_archive(bytes: &[u8]) -> Result<AnyRecording, ReadError> {
 
 fn provenance_of(head: ProvenanceHead) -> Result<Provenance, ReadError> {
     let origin = (head.origin.parse::<Origin>()).map_err(|error| ReadError::member("head.ron", error))?;
-    Ok(Provenance {
-        origin,
-        source: head.source,
-        settings: head.settings,
-        version: head.made_by,
-    })
+    Ok(Provenance { origin, source: head.source, settings: head.settings, version: head.made_by })
 }
 
 /// Pairs the rows of two arrays, of which the second is called `name`.
@@ -339,10 +256,7 @@ fn zip_rows<const A: usize, const B: usize>(
     if a.len() == b.len() {
         Ok(a.into_iter().zip(b))
     } else {
-        Err(ReadError::member(
-            name,
-            format!("it has {} rows where {} are expected", b.len(), a.len()),
-        ))
+        Err(ReadError::member(name, format!("it has {} rows where {} are expected", b.len(), a.len())))
     }
 }
 
@@ -362,10 +276,7 @@ impl Archive<'_> {
                 _ => "it is missing",
             }))?;
         // Reads the raw size first: a compressed member can be much larger than the file.
-        let raw = self
-            .archive
-            .by_index_raw(index)
-            .map_err(|e| ReadError::member(name, e))?;
+        let raw = self.archive.by_index_raw(index).map_err(|e| ReadError::member(name, e))?;
         let (method, size) = (raw.compression(), raw.size());
         drop(raw);
         if method != CompressionMethod::Stored {
@@ -374,21 +285,12 @@ impl Archive<'_> {
             return Err(ReadError::member(name, advice));
         }
         if size > most.min(self.bytes) {
-            return Err(ReadError::member(
-                name,
-                format!("it claims to be {size} bytes long"),
-            ));
+            return Err(ReadError::member(name, format!("it claims to be {size} bytes long")));
         }
-        let member = self
-            .archive
-            .by_index(index)
-            .map_err(|e| ReadError::member(name, e))?;
+        let member = self.archive.by_index(index).map_err(|e| ReadError::member(name, e))?;
         let mut bytes = Vec::with_capacity(size as usize);
         // Requests one more byte, because the checksum is compared at the end.
-        member
-            .take(size + 1)
-            .read_to_end(&mut bytes)
-            .map_err(|e| ReadError::member(name, e))?;
+        member.take(size + 1).read_to_end(&mut bytes).map_err(|e| ReadError::member(name, e))?;
         Ok(bytes)
     }
 

@@ -106,15 +106,11 @@ pub(super) fn recording(
     import: &ImportSettings,
 ) -> Result<(AnyRecording, Vec<(usize, Finding)>), Fault> {
     let gesture = match noted(tables, "gesture") {
-        Some((table, text)) => text
-            .parse::<Gesture>()
-            .map_err(|message| table.fault(1, message))?,
+        Some((table, text)) => text.parse::<Gesture>().map_err(|message| table.fault(1, message))?,
         None => Gesture::Drag,
     };
     let origin = match noted(tables, "origin") {
-        Some((table, text)) => text
-            .parse::<Origin>()
-            .map_err(|message| table.fault(1, message))?,
+        Some((table, text)) => text.parse::<Origin>().map_err(|message| table.fault(1, message))?,
         None => Origin::Imported,
     };
     let source = noted(tables, "source").map_or(source, |(_, text)| text.as_str());
@@ -126,11 +122,7 @@ pub(super) fn recording(
         }
     }
     let mut findings = vec![];
-    if import
-        .units
-        .iter()
-        .any(|(quantity, unit)| quantity.starts_with("accel") && unit == "1")
-    {
+    if import.units.iter().any(|(quantity, unit)| quantity.starts_with("accel") && unit == "1") {
         findings.push((0, Finding::UnknownUnit));
         provenance = provenance.with_setting(VIBRATION_UNIT, "not known; not m/s2");
     }
@@ -142,11 +134,7 @@ pub(super) fn recording(
         false => join::processed(tables, import, gesture, provenance).map(AnyRecording::Processed)?,
     };
     for table in tables.iter_mut() {
-        findings.extend(
-            std::mem::take(&mut table.findings)
-                .into_iter()
-                .map(|finding| (table.file, finding)),
-        );
+        findings.extend(std::mem::take(&mut table.findings).into_iter().map(|finding| (table.file, finding)));
     }
     if let AnyRecording::Processed(processed) = &recording {
         let signals = processed.signals();
@@ -176,9 +164,7 @@ fn is_raw(tables: &[Table], import: &ImportSettings) -> bool {
 
 /// The first table with such a note, and the note.
 fn noted<'a>(tables: &'a [Table], key: &str) -> Option<(&'a Table, &'a String)> {
-    tables
-        .iter()
-        .find_map(|table| table.notes.get(key).map(|note| (table, note)))
+    tables.iter().find_map(|table| table.notes.get(key).map(|note| (table, note)))
 }
 
 /// A constant in SI by its name with unit, such as `speed_mm_s`.
@@ -201,9 +187,7 @@ pub(super) fn constant(name: &str, value: &str) -> Result<(String, f64), String>
 fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result<Recording, Fault> {
     // If no table has it, the error comes from the first.
     let place = |tables: &[Table], name: &str| tables.iter().position(|table| table.has(name)).unwrap_or(0);
-    let all = ["accel", "position"]
-        .iter()
-        .flat_map(|quantity| AXES.map(|axis| format!("{quantity}_{axis}")));
+    let all = ["accel", "position"].iter().flat_map(|quantity| AXES.map(|axis| format!("{quantity}_{axis}")));
     let all = all.chain(["w", "x", "y", "z"].map(|part| format!("orientation_{part}")));
     let all = all.chain(AXES.map(|axis| format!("force_{axis}")));
     refuse_missing(tables, all.collect())?;
@@ -228,14 +212,9 @@ fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result
     }
     let load = tables[forces].sensor(&load)?;
     let three = |row: &[f64], from: usize| std::array::from_fn(|i| row.get(from + i).copied().unwrap_or(0.0));
-    let pose = |row: &Vec<f64>| Pose {
-        position_m: three(row, 0),
-        orientation: std::array::from_fn(|i| row[3 + i]),
-    };
-    let wrench = |row: &Vec<f64>| Wrench {
-        force_n: three(row, 0),
-        torque_n_m: three(row, 3),
-    };
+    let pose =
+        |row: &Vec<f64>| Pose { position_m: three(row, 0), orientation: std::array::from_fn(|i| row[3 + i]) };
+    let wrench = |row: &Vec<f64>| Wrench { force_n: three(row, 0), torque_n_m: three(row, 3) };
     Ok(Recording::new(
         series(&poses, pose),
         series(&load, wrench),
@@ -252,10 +231,8 @@ pub(super) fn refuse_missing(tables: &[Table], wanted: Vec<String>) -> Result<()
     let used: Vec<&Table> = tables.iter().filter(is_used).collect();
     let lacks_rate = used.is_empty() && tables.iter().all(Table::lacks_rate)
         || used.iter().any(|table| table.lacks_rate());
-    let mut missing: Vec<String> = { wanted.iter() }
-        .filter(|name| !tables.iter().any(|table| table.has(name)))
-        .cloned()
-        .collect();
+    let mut missing: Vec<String> =
+        { wanted.iter() }.filter(|name| !tables.iter().any(|table| table.has(name))).cloned().collect();
     if lacks_rate {
         missing.push("time".to_owned());
     }
@@ -266,11 +243,7 @@ pub(super) fn refuse_missing(tables: &[Table], wanted: Vec<String>) -> Result<()
 }
 
 fn series<T>(rows: &Series<Vec<f64>>, make: impl Fn(&Vec<f64>) -> T) -> Series<T> {
-    Series {
-        rate_hz: rows.rate_hz,
-        start_s: rows.start_s,
-        samples: rows.samples.iter().map(make).collect(),
-    }
+    Series { rate_hz: rows.rate_hz, start_s: rows.start_s, samples: rows.samples.iter().map(make).collect() }
 }
 
 impl ReadError {

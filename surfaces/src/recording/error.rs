@@ -22,11 +22,7 @@ pub enum ReadError {
     #[error("line {line}: {message}")]
     Csv { line: u64, message: String },
     #[error("line {line}, column {column}: {message}")]
-    CsvCell {
-        line: u64,
-        column: usize,
-        message: String,
-    },
+    CsvCell { line: u64, column: usize, message: String },
     #[error("sheet `{sheet}`{}: {message}", last_read(*after))]
     Sheet {
         sheet: String,
@@ -51,11 +47,7 @@ pub enum ReadError {
     )]
     NotATriple,
     #[error("{file}, byte {byte}: {message}")]
-    Xml {
-        file: &'static str,
-        byte: u64,
-        message: String,
-    },
+    Xml { file: &'static str, byte: u64, message: String },
     #[error(transparent)]
     Recording(#[from] RecordingError),
 }
@@ -65,32 +57,21 @@ impl From<CsvError> for ReadError {
         match error {
             CsvError::Io(message) => Self::Io(message),
             CsvError::Row { line, message } => Self::Csv { line, message },
-            CsvError::Cell {
-                line,
-                column,
-                message,
-            } => Self::CsvCell {
-                line,
-                column,
-                message,
-            },
+            CsvError::Cell { line, column, message } => Self::CsvCell { line, column, message },
         }
     }
 }
 
 fn last_read(after: Option<(u64, u64)>) -> String {
-    after.map_or_else(String::new, |(row, column)| {
-        format!(", after row {row}, column {column}")
-    })
+    after.map_or_else(String::new, |(row, column)| format!(", after row {row}, column {column}"))
 }
 
 /// Advice on how to name missing columns.
 fn advice(missing: &[String], hints: &[String]) -> String {
     match missing {
-        [time] if time == "time" => format!(
-            "Name the column of the time, {}, or put a number fs into a MATLAB file",
-            hints.join(" ")
-        ),
+        [time] if time == "time" => {
+            format!("Name the column of the time, {}, or put a number fs into a MATLAB file", hints.join(" "))
+        }
         _ => format!("Name the columns: {}", hints.join(" ")),
     }
 }
@@ -125,9 +106,6 @@ impl ReadError {
 #[cfg(not(target_family = "wasm"))]
 impl ReadError {
     pub(super) fn member(name: &str, message: impl ToString) -> Self {
-        ReadError::Member {
-            name: name.to_owned(),
-            message: message.to_string(),
-        }
+        ReadError::Member { name: name.to_owned(), message: message.to_string() }
     }
 }

@@ -67,9 +67,7 @@ fn read(
         }
         (error, _) => read_error(&paths[fault.file], error),
     })?;
-    let of_files = findings
-        .into_iter()
-        .map(|(file, finding)| (paths[file].clone(), finding));
+    let of_files = findings.into_iter().map(|(file, finding)| (paths[file].clone(), finding));
     Ok((recording, of_files.collect()))
 }
 
@@ -109,9 +107,7 @@ pub fn load_sweep(path: &Path, import: &ImportSettings) -> Result<(Sweep, Vec<Fi
     csv::check_mapping(std::slice::from_ref(&table), import).map_err(wrong)?;
     let wanted = ["current", "accel"].map(str::to_owned).to_vec();
     csv::refuse_missing(std::slice::from_ref(&table), wanted).map_err(wrong)?;
-    let even = table
-        .take(&["current", "accel"])
-        .map_err(|fault| wrong(fault.error))?;
+    let even = table.take(&["current", "accel"]).map_err(|fault| wrong(fault.error))?;
     let mut columns = even.columns.into_iter();
     let sweep = Sweep {
         current_a: columns.next().unwrap_or_default(),
@@ -126,10 +122,7 @@ fn is_wav(path: &Path) -> bool {
 }
 
 fn name_of(path: &Path) -> String {
-    path.file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned()
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// The files of a take: a single WAV file is joined with the table beside it.
@@ -158,10 +151,7 @@ enum Kind {
 fn kind(path: &Path) -> Result<Kind, LoadError> {
     let mut file = open(path)?;
     let start = file.fill_buf().map_err(|source| io_error(path, source))?;
-    let text = start
-        .strip_prefix(b"\xef\xbb\xbf")
-        .unwrap_or(start)
-        .trim_ascii_start();
+    let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
     if start.is_empty() {
         return Err(read_error(path, ReadError::Empty));
     }
@@ -217,9 +207,7 @@ fn table(path: &Path, import: &ImportSettings, wanted: ColumnSelection<'_>) -> R
 
 fn all(path: &Path) -> Result<Vec<u8>, LoadError> {
     let mut bytes = vec![];
-    open(path)?
-        .read_to_end(&mut bytes)
-        .map_err(|source| io_error(path, source))?;
+    open(path)?.read_to_end(&mut bytes).map_err(|source| io_error(path, source))?;
     Ok(bytes)
 }
 
@@ -298,17 +286,11 @@ fn open(path: &Path) -> Result<BufReader<Bounded>, LoadError> {
 }
 
 fn io_error(path: &Path, source: std::io::Error) -> LoadError {
-    LoadError::Io {
-        path: path.to_owned(),
-        source,
-    }
+    LoadError::Io { path: path.to_owned(), source }
 }
 
 fn read_error(path: &Path, source: ReadError) -> LoadError {
-    LoadError::Read {
-        path: path.to_owned(),
-        source,
-    }
+    LoadError::Read { path: path.to_owned(), source }
 }
 
 /// An error of reading a recording's file.

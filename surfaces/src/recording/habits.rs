@@ -12,19 +12,14 @@ fn high_passed(findings: &[Finding]) -> Option<f64> {
 
 fn with_offset(offset: f64) -> String {
     let lines = rows(2000).map(|(t, a, f, v)| format!("{t},{},{f},{v}\n", a + offset));
-    format!(
-        "time_s,accel_m_s2,force_normal_n,speed_mm_s\n{}",
-        lines.collect::<String>()
-    )
+    format!("time_s,accel_m_s2,force_normal_n,speed_mm_s\n{}", lines.collect::<String>())
 }
 
 #[test]
 fn gravity_in_a_processed_column_is_high_passed_and_said() {
     let folder = Folder::new();
-    let (clean, heavy) = (
-        folder.with("clean.csv", with_offset(0.0)),
-        folder.with("heavy.csv", with_offset(9.81)),
-    );
+    let (clean, heavy) =
+        (folder.with("clean.csv", with_offset(0.0)), folder.with("heavy.csv", with_offset(9.81)));
     let usual = ImportSettings::default();
     let (kept, findings) = read(&[clean], &usual).expect("a recording");
     assert_eq!(high_passed(&findings), None);
@@ -54,10 +49,7 @@ fn dates_are_times_from_the_first_second_on_and_show_their_gaps() {
         let (second, fraction) = ((t + 59.5) as u64, (t + 59.5).fract());
         let (minute, second) = (3 + second / 60, second % 60);
         let decimals = format!("{fraction:.6}");
-        format!(
-            "2026-11-12T14:{minute:02}:{second:02}{}+01:00\t{a}\t{f}\t{v}\n",
-            &decimals[1..]
-        )
+        format!("2026-11-12T14:{minute:02}:{second:02}{}+01:00\t{a}\t{f}\t{v}\n", &decimals[1..])
     };
     let head = "Timestamp\tAcc [m/s^2]\tForce [N]\tSpeed [mm/s]\n";
     let lines: Vec<String> = rows(2000).map(line).collect();
@@ -68,33 +60,21 @@ fn dates_are_times_from_the_first_second_on_and_show_their_gaps() {
         column: column.to_owned(),
         quantity: quantity.to_owned(),
     };
-    let expected = [
-        taken("Timestamp", "time"),
-        taken("Acc [m/s^2]", "accel"),
-        taken("Force [N]", "force_normal"),
-    ];
+    let expected =
+        [taken("Timestamp", "time"), taken("Acc [m/s^2]", "accel"), taken("Force [N]", "force_normal")];
     assert_eq!(findings, expected);
     let cut = [&lines[..700], &lines[1000..]].concat().concat();
     let gap = folder.with("gap.tsv", format!("{head}{cut}"));
     let error = read(std::slice::from_ref(&gap), &ImportSettings::default()).expect_err("a gap");
     assert_eq!(line_of(error), (702, 0));
     // A rate that is given needs no unit of times, and hides the gap.
-    let import = ImportSettings {
-        rate_hz: Some(1000.0),
-        ..import(&[("time", "Timestamp")], &[])
-    };
+    let import = ImportSettings { rate_hz: Some(1000.0), ..import(&[("time", "Timestamp")], &[]) };
     let (recording, findings) = read(&[gap], &import).expect("a recording");
     assert_eq!(recording.samples(), 1700);
     let column = "Timestamp".to_owned();
-    assert!(
-        findings.contains(&Finding::TimesNotUsed { column }),
-        "{findings:?}"
-    );
+    assert!(findings.contains(&Finding::TimesNotUsed { column }), "{findings:?}");
     // Times that are numbers still need one.
-    let numbers = folder.with(
-        "n.csv",
-        "t,accel_m_s2,force_normal_n,speed_mm_s\n0,1,1,1\n1,2,1,1\n",
-    );
+    let numbers = folder.with("n.csv", "t,accel_m_s2,force_normal_n,speed_mm_s\n0,1,1,1\n1,2,1,1\n");
     let mapped = super::loggers::import(&[("time", "t")], &[]);
     assert_eq!(line_of(read(&[numbers], &mapped).expect_err("no unit")), (1, 1));
 }
@@ -109,9 +89,7 @@ fn times_since_an_epoch_lose_no_sample() {
             format!("{second}.{micros:06},{a},{f},{v}\n")
         };
         // Two rows are missing, so that all are resampled.
-        let kept = rows(3000)
-            .enumerate()
-            .filter(|(row, _)| ![1200, 1201].contains(row));
+        let kept = rows(3000).enumerate().filter(|(row, _)| ![1200, 1201].contains(row));
         kept.map(|(_, row)| line(row)).collect()
     };
     let head = "time_s,accel_m_s2,force_normal_n,speed_mm_s\n";
@@ -123,27 +101,15 @@ fn times_since_an_epoch_lose_no_sample() {
     let both = [&near, &far].map(|read| &read.0.signals().acceleration_m_s2);
     assert!(both[0].iter().zip(both[1]).all(|(a, b)| (a - b).abs() < 1e-9));
     // The rows that are there do not jitter.
-    let [jitter] = &far.1[..] else {
-        panic!("{:?}", far.1)
-    };
+    let [jitter] = &far.1[..] else { panic!("{:?}", far.1) };
     assert!(matches!(jitter, Finding::Jitter { missing_rows: 2, .. }));
     assert_eq!(jitter.to_string(), "2 rows are missing; resampled to 1000 Hz");
     // Files that share the epoch's clock are joined, though each begins in another second.
-    let motion: String = (0..150)
-        .map(|i| format!("{}.{:02},1,50\n", 1_794_492_203 + i / 100, i % 100))
-        .collect();
-    let motion = folder.with(
-        "motion.csv",
-        format!("time_s,force_normal_n,speed_mm_s\n{motion}"),
-    );
+    let motion: String =
+        (0..150).map(|i| format!("{}.{:02},1,50\n", 1_794_492_203 + i / 100, i % 100)).collect();
+    let motion = folder.with("motion.csv", format!("time_s,force_normal_n,speed_mm_s\n{motion}"));
     let accel: String = rows(3000)
-        .map(|(t, a, ..)| {
-            format!(
-                "{}.{:03},{a}\n",
-                1_794_492_202 + t as u64,
-                (t.fract() * 1000.0).round()
-            )
-        })
+        .map(|(t, a, ..)| format!("{}.{:03},{a}\n", 1_794_492_202 + t as u64, (t.fract() * 1000.0).round()))
         .collect();
     let accel = folder.with("accel.csv", format!("time_s,accel_m_s2\n{accel}"));
     let (joined, _) = read(&[motion, accel], &ImportSettings::default()).expect("a recording");
@@ -178,16 +144,10 @@ fn a_position_stands_in_for_the_speed() {
         Finding::SpeedOfPosition { columns, .. } if columns == &["pos_x_mm", "pos_y_mm"]
     )));
     // A speed that is known counts, and the position does not.
-    let known = ImportSettings::default()
-        .with_constant("speed_mm_s", "50")
-        .expect("a quantity");
+    let known = ImportSettings::default().with_constant("speed_mm_s", "50").expect("a quantity");
     let (recording, findings) = read(&both, &known).expect("a recording");
     assert!(recording.signals().speed_m_s.iter().all(|v| *v == 0.05));
-    assert!(
-        !findings
-            .iter()
-            .any(|f| matches!(f, Finding::SpeedOfPosition { .. }))
-    );
+    assert!(!findings.iter().any(|f| matches!(f, Finding::SpeedOfPosition { .. })));
 }
 
 #[test]
@@ -195,24 +155,16 @@ fn constants_and_the_order_of_files_are_independent() {
     let folder = Folder::new();
     let accel: String = rows(2000).map(|(t, a, ..)| format!("{t},{a}\n")).collect();
     let accel = folder.with("accel.csv", format!("time_s,accel_m_s2\n{accel}"));
-    let motion: String = (0..150)
-        .map(|i| format!("{},50\n", 0.1 + f64::from(i) / 100.0))
-        .collect();
+    let motion: String = (0..150).map(|i| format!("{},50\n", 0.1 + f64::from(i) / 100.0)).collect();
     let motion = folder.with("motion.csv", format!("time_s,speed_mm_s\n{motion}"));
     // Without a time of its own: nothing of it is used.
     let notes = folder.with("notes.csv", "sample,room\n1,23\n2,23\n");
-    let constant = ImportSettings::default()
-        .with_constant("force_normal_n", "1.5")
-        .expect("a quantity");
-    let joined = [
-        [&accel, &motion, &notes],
-        [&motion, &notes, &accel],
-        [&notes, &accel, &motion],
-    ]
-    .map(|paths| {
-        let paths = paths.map(Clone::clone);
-        read(&paths, &constant).expect("a recording").0
-    });
+    let constant = ImportSettings::default().with_constant("force_normal_n", "1.5").expect("a quantity");
+    let joined =
+        [[&accel, &motion, &notes], [&motion, &notes, &accel], [&notes, &accel, &motion]].map(|paths| {
+            let paths = paths.map(Clone::clone);
+            read(&paths, &constant).expect("a recording").0
+        });
     for other in &joined {
         assert_eq!(other.signals(), joined[0].signals());
         assert_eq!((other.samples(), other.signals().force_normal_n[0]), (1491, 1.5));
@@ -223,9 +175,7 @@ fn constants_and_the_order_of_files_are_independent() {
 fn names_that_leave_no_doubt_are_taken_and_others_are_not() {
     let folder = Folder::new();
     let taken = |head: &str| {
-        let lines: String = rows(30)
-            .map(|(t, a, f, v)| format!("{t},{a},{f},{v}\n"))
-            .collect();
+        let lines: String = rows(30).map(|(t, a, f, v)| format!("{t},{a},{f},{v}\n")).collect();
         let path = folder.with("x.csv", format!("{head}\n{lines}"));
         read(&[path], &ImportSettings::default()).map(|(_, findings)| findings)
     };
@@ -238,22 +188,13 @@ fn names_that_leave_no_doubt_are_taken_and_others_are_not() {
         .collect();
     assert_eq!(quantities, ["accel", "force_normal"]);
     let missing = |head: &str| match taken(head) {
-        Err(LoadError::Read {
-            source: ReadError::Missing { missing, hints, .. },
-            ..
-        }) => (missing, hints),
+        Err(LoadError::Read { source: ReadError::Missing { missing, hints, .. }, .. }) => (missing, hints),
         other => panic!("{other:?}"),
     };
-    let path = folder.with(
-        "y.csv",
-        "Timestamp,Acc [g],x\n2026-11-12 14:00:00,1,0\n2026-11-12 14:00:00.05,2,0\n",
-    );
+    let path =
+        folder.with("y.csv", "Timestamp,Acc [g],x\n2026-11-12 14:00:00,1,0\n2026-11-12 14:00:00.05,2,0\n");
     let (signal, findings) = load_signal(&path, None, &ImportSettings::default()).expect("a signal");
-    assert_eq!(
-        (signal.values[0], signal.rate_hz, findings.len()),
-        (9.80665, Some(20.0), 2),
-        "{findings:?}"
-    );
+    assert_eq!((signal.values[0], signal.rate_hz, findings.len()), (9.80665, Some(20.0), 2), "{findings:?}");
     // Without a unit, or where two could be it, nothing is taken; the hint asks for a unit only where there is none.
     let (lacks, hints) = missing("time_s,accel_m_s2,Force,speed_mm_s");
     assert_eq!(lacks, ["force_normal"]);
@@ -261,8 +202,5 @@ fn names_that_leave_no_doubt_are_taken_and_others_are_not() {
     let (lacks, hints) = missing("time_s,Acc [g],Acceleration [g],Kraft [N]");
     assert_eq!(lacks, ["accel", "force_normal", "speed"]);
     assert_eq!(hints[1], "--column force_normal=\"Kraft [N]\"");
-    assert!(
-        hints[2].contains("position_x") && hints[2].contains("--constant speed_mm_s"),
-        "{hints:?}"
-    );
+    assert!(hints[2].contains("position_x") && hints[2].contains("--constant speed_mm_s"), "{hints:?}");
 }

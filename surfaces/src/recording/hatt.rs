@@ -18,37 +18,15 @@ pub fn read_hatt(
     force: impl BufRead,
     source: &str,
 ) -> Result<ProcessedRecording, ReadError> {
-    let names = [
-        "AccelUnits",
-        "SampleRate",
-        "Accel",
-        "Accel_X",
-        "Accel_Y",
-        "Accel_Z",
-    ];
+    let names = ["AccelUnits", "SampleRate", "Accel", "Accel_X", "Accel_Y", "Accel_Z"];
     let mut accel = Fields::read("the Accel file", accel, &names)?;
     let mut position = Fields::read(
         "the Position file",
         position,
-        &[
-            "SpeedUnits",
-            "PositionUnits",
-            "SampleRate",
-            "Speed",
-            "Position_X",
-            "Position_Y",
-            "Position_Z",
-        ],
+        &["SpeedUnits", "PositionUnits", "SampleRate", "Speed", "Position_X", "Position_Y", "Position_Z"],
     )?;
-    let names = [
-        "ForceUnits",
-        "SampleRate",
-        "ForceNormal",
-        "ForceTangential",
-        "Force_X",
-        "Force_Y",
-        "Force_Z",
-    ];
+    let names =
+        ["ForceUnits", "SampleRate", "ForceNormal", "ForceTangential", "Force_X", "Force_Y", "Force_Z"];
     let mut force = Fields::read("the Force file", force, &names)?;
 
     accel.expect_unit("AccelUnits", &["m/s^2", "m/s2", "m/s²"])?;
@@ -58,9 +36,9 @@ pub fn read_hatt(
     for other in [&position, &force] {
         let rate = other.rate_hz()?;
         if rate != rate_hz {
-            return Err(other.error(format!(
-                "its rate is {rate} Hz, but the rate of the Accel file is {rate_hz} Hz"
-            )));
+            return Err(
+                other.error(format!("its rate is {rate} Hz, but the rate of the Accel file is {rate_hz} Hz"))
+            );
         }
     }
     let axes = accel.axes(["Accel_X", "Accel_Y", "Accel_Z"]);
@@ -164,20 +142,8 @@ struct Field {
 
 impl Fields {
     fn read(file: &'static str, source: impl BufRead, names: &[&'static str]) -> Result<Self, ReadError> {
-        let fields = names
-            .iter()
-            .map(|&name| Field {
-                name,
-                text: String::new(),
-                values: vec![],
-            })
-            .collect();
-        let mut this = Self {
-            file,
-            byte: 0,
-            fields,
-            label: None,
-        };
+        let fields = names.iter().map(|&name| Field { name, text: String::new(), values: vec![] }).collect();
+        let mut this = Self { file, byte: 0, fields, label: None };
         let mut reader = Reader::from_reader(source);
         let mut buffer = Vec::new();
         // The requested field that is open, and the depth in it and in the document.
@@ -190,10 +156,7 @@ impl Fields {
                     depth += 1;
                     if open.is_none() {
                         let name = tag.local_name();
-                        let found = this
-                            .fields
-                            .iter()
-                            .position(|f| f.name.as_bytes() == name.as_ref());
+                        let found = this.fields.iter().position(|f| f.name.as_bytes() == name.as_ref());
                         open = found.map(|field| (field, depth));
                     }
                 }
@@ -231,16 +194,11 @@ impl Fields {
                 break;
             }
             let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
-            let is_by_axis = ["Position_", "Force_"]
-                .iter()
-                .any(|of| self.fields[field].name.starts_with(of));
+            let is_by_axis = ["Position_", "Force_"].iter().any(|of| self.fields[field].name.starts_with(of));
             // Those are left out as a whole.
             let value = value.or(is_by_axis.then_some(f64::NAN)).ok_or_else(|| {
                 let start: String = word.chars().take(20).collect();
-                self.error(format!(
-                    "{start:?} in {} is not a finite number",
-                    self.fields[field].name
-                ))
+                self.error(format!("{start:?} in {} is not a finite number", self.fields[field].name))
             })?;
             self.fields[field].values.push(value);
         }
@@ -248,11 +206,7 @@ impl Fields {
     }
 
     fn error(&self, message: impl ToString) -> ReadError {
-        ReadError::Xml {
-            file: self.file,
-            byte: self.byte,
-            message: message.to_string(),
-        }
+        ReadError::Xml { file: self.file, byte: self.byte, message: message.to_string() }
     }
 
     fn field(&mut self, name: &'static str) -> Option<&mut Field> {
@@ -261,10 +215,7 @@ impl Fields {
 
     /// Refuses any unit except these; a missing unit counts as the toolkit's.
     fn expect_unit(&mut self, name: &'static str, known: &[&str]) -> Result<(), ReadError> {
-        let text = self
-            .field(name)
-            .map(|field| field.text.clone())
-            .unwrap_or_default();
+        let text = self.field(name).map(|field| field.text.clone()).unwrap_or_default();
         if text.is_empty() || known.contains(&text.as_str()) {
             return Ok(());
         }
@@ -272,11 +223,8 @@ impl Fields {
     }
 
     fn rate_hz(&self) -> Result<f64, ReadError> {
-        let values = self
-            .fields
-            .iter()
-            .find(|field| field.name == "SampleRate")
-            .map(|field| &field.values[..]);
+        let values =
+            self.fields.iter().find(|field| field.name == "SampleRate").map(|field| &field.values[..]);
         match values {
             Some(&[rate_hz]) if rate_hz > 0.0 => Ok(rate_hz),
             _ => Err(self.error("it has no `SampleRate` above 0")),
@@ -292,15 +240,8 @@ impl Fields {
 
     /// Removes and returns an array.
     fn array(&mut self, name: &'static str) -> Result<Vec<f64>, ReadError> {
-        let values = self
-            .field(name)
-            .map(|field| std::mem::take(&mut field.values))
-            .unwrap_or_default();
-        if values.is_empty() {
-            Err(self.error(format!("it has no values in {name}")))
-        } else {
-            Ok(values)
-        }
+        let values = self.field(name).map(|field| std::mem::take(&mut field.values)).unwrap_or_default();
+        if values.is_empty() { Err(self.error(format!("it has no values in {name}"))) } else { Ok(values) }
     }
 }
 
@@ -310,10 +251,7 @@ mod tests {
 
     /// An array as the toolkit writes it.
     fn array(name: &str, values: &[f64]) -> String {
-        let values: String = values
-            .iter()
-            .map(|v| format!("    <value>{v}</value>\n"))
-            .collect();
+        let values: String = values.iter().map(|v| format!("    <value>{v}</value>\n")).collect();
         format!("  <{name} type=\"array\">\n{values}  </{name}>\n")
     }
 
@@ -332,9 +270,7 @@ mod tests {
             file(format!(
                 "  <SpeedUnits>mm/s</SpeedUnits>\n  <PositionUnits>mm</PositionUnits>\n{rate}{}{}",
                 array("Speed", &[100.0, 110.0, 120.5]),
-                ["X", "Y", "Z"]
-                    .map(|axis| array(&format!("Position_{axis}"), &[1.0, 2.5, -4.0]))
-                    .concat(),
+                ["X", "Y", "Z"].map(|axis| array(&format!("Position_{axis}"), &[1.0, 2.5, -4.0])).concat(),
             )),
             file(format!(
                 "  <ForceUnits>N</ForceUnits>\n{rate}{}{}",
@@ -372,10 +308,7 @@ mod tests {
             let mut triple = triple();
             triple[1] = triple[1].replace("<value>2.5</value>", &format!("<value>{wrong}</value>"));
             let recording = read(&triple).unwrap();
-            assert!(
-                recording.world().position_m.is_none() && recording.world().force_n.is_some(),
-                "{wrong}"
-            );
+            assert!(recording.world().position_m.is_none() && recording.world().force_n.is_some(), "{wrong}");
         }
     }
 
@@ -388,26 +321,13 @@ mod tests {
         for (file, names) in written.iter().zip([
             &["AccelUnits", "SampleRate", "Accel", "Accel_X", "Accel_Z"][..],
             &["SpeedUnits", "PositionUnits", "Speed", "Position_X", "Position_Z"],
-            &[
-                "ForceUnits",
-                "ForceNormal",
-                "ForceTangential",
-                "Force_X",
-                "Force_Z",
-            ],
+            &["ForceUnits", "ForceNormal", "ForceTangential", "Force_X", "Force_Z"],
         ]) {
-            assert!(
-                names.iter().all(|name| file.contains(&format!("<{name}"))),
-                "{file}"
-            );
+            assert!(names.iter().all(|name| file.contains(&format!("<{name}"))), "{file}");
         }
         // Recordings without axes, and positions in an unknown unit.
         let plain = ProcessedRecording::new(
-            Signals {
-                axes_m_s2: None,
-                force_tangential_n: None,
-                ..recording.signals().clone()
-            },
+            Signals { axes_m_s2: None, force_tangential_n: None, ..recording.signals().clone() },
             Gesture::Drag,
             recording.provenance().clone(),
         );
@@ -416,10 +336,7 @@ mod tests {
         let mut other = written.clone();
         other[1] = other[1].replace("<PositionUnits>mm<", "<PositionUnits>cubits<");
         let other = read(&other).unwrap();
-        assert_eq!(
-            (&other.world().position_m, other.signals()),
-            (&None, recording.signals())
-        );
+        assert_eq!((&other.world().position_m, other.signals()), (&None, recording.signals()));
     }
 
     #[test]

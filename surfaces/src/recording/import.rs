@@ -42,10 +42,7 @@ pub struct ImportSettings {
 impl ImportSettings {
     /// Settings that repair nothing.
     pub fn strict() -> Self {
-        Self {
-            strict: true,
-            ..Self::default()
-        }
+        Self { strict: true, ..Self::default() }
     }
 
     /// Sets the unit of a quantity.
@@ -99,40 +96,19 @@ pub enum Finding {
     /// The given unit differs from the file's.
     OtherUnit { column: String, given: String },
     /// Rows that were not evenly spaced, and were resampled.
-    Jitter {
-        rms_s: f64,
-        interval_s: f64,
-        rate_hz: f64,
-        missing_rows: usize,
-    },
+    Jitter { rms_s: f64, interval_s: f64, rate_hz: f64, missing_rows: usize },
     /// Times have a coarser resolution than the spacing of rows; rows count as evenly spaced.
     CoarseTimes { resolution_s: f64, rate_hz: f64 },
     /// A rate at which vibrations are not recorded: the time unit is probably wrong.
     StrangeRate { column: String, rate_hz: f64 },
     /// Cells that were interpolated, and the first that could not be read.
-    Interpolated {
-        quantity: String,
-        unreadable: usize,
-        empty: usize,
-        of: usize,
-        first: Option<BadCell>,
-    },
+    Interpolated { quantity: String, unreadable: usize, empty: usize, of: usize, first: Option<BadCell> },
     /// Single outlying samples that were interpolated.
     Outliers { quantity: String, count: usize },
     /// Samples that stay at the largest or smallest value.
-    Clipped {
-        quantity: String,
-        count: usize,
-        of: usize,
-    },
+    Clipped { quantity: String, count: usize, of: usize },
     /// One file of a take begins later or ends earlier than another; the part outside it is not used.
-    Cut {
-        begins: bool,
-        short: String,
-        short_s: f64,
-        long: String,
-        long_s: f64,
-    },
+    Cut { begins: bool, short: String, short_s: f64, long: String, long_s: f64 },
     /// A magnitude outside what a hand can produce: the unit is probably wrong.
     Implausible {
         quantity: &'static str,

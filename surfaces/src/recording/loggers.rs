@@ -44,55 +44,35 @@ pub(super) fn read(
     import: &ImportSettings,
 ) -> Result<(ProcessedRecording, Vec<Finding>), LoadError> {
     load_with(paths, import).map(|(recording, findings)| match recording {
-        AnyRecording::Processed(processed) => (
-            processed,
-            findings.into_iter().map(|(_, finding)| finding).collect(),
-        ),
+        AnyRecording::Processed(processed) => {
+            (processed, findings.into_iter().map(|(_, finding)| finding).collect())
+        }
         AnyRecording::Raw(_) => panic!("a raw recording"),
     })
 }
 
 pub(super) fn line_of(error: LoadError) -> (u64, usize) {
     match error {
-        LoadError::Read {
-            source: ReadError::CsvCell { line, column, .. },
-            ..
-        } => (line, column),
-        LoadError::Read {
-            source: ReadError::Csv { line, .. },
-            ..
-        } => (line, 0),
+        LoadError::Read { source: ReadError::CsvCell { line, column, .. }, .. } => (line, column),
+        LoadError::Read { source: ReadError::Csv { line, .. }, .. } => (line, 0),
         error => panic!("{error}"),
     }
 }
 
 /// Rows of a drag at 1 kHz, as (time s, vibration m/s², force N, speed mm/s).
 pub(super) fn rows(count: usize) -> impl Iterator<Item = (f64, f64, f64, f64)> {
-    (0..count).map(|i| {
-        (
-            i as f64 / 1000.0,
-            (i as f64 * 0.7).sin(),
-            1.0 + (i as f64 * 0.01).sin() * 0.1,
-            80.0,
-        )
-    })
+    (0..count).map(|i| (i as f64 / 1000.0, (i as f64 * 0.7).sin(), 1.0 + (i as f64 * 0.01).sin() * 0.1, 80.0))
 }
 
 const HEAD: &str = "time_s,accel_m_s2,force_normal_n,speed_mm_s\n";
 
 fn table(count: usize) -> Vec<String> {
-    rows(count)
-        .map(|(t, a, f, v)| format!("{t:.4},{a},{f},{v}\n"))
-        .collect()
+    rows(count).map(|(t, a, f, v)| format!("{t:.4},{a},{f},{v}\n")).collect()
 }
 
 pub(super) fn import(columns: &[(&str, &str)], units: &[(&str, &str)]) -> ImportSettings {
-    let import = columns
-        .iter()
-        .fold(ImportSettings::default(), |import, (quantity, column)| {
-            import.with_column(quantity, column).expect("a quantity")
-        });
-    units.iter().fold(import, |import, (quantity, unit)| {
-        import.with_unit(quantity, unit).expect("a unit")
-    })
+    let import = columns.iter().fold(ImportSettings::default(), |import, (quantity, column)| {
+        import.with_column(quantity, column).expect("a quantity")
+    });
+    units.iter().fold(import, |import, (quantity, unit)| import.with_unit(quantity, unit).expect("a unit"))
 }

@@ -183,9 +183,7 @@ impl Recording {
         wrench.check("wrench", (bounds::MAX_FORCE_N, "N or N m"), |wrench| {
             magnitude(&wrench.force_n).max(magnitude(&wrench.torque_n_m))
         })?;
-        acceleration_v.check("acceleration", (bounds::MAX_ACCELERATION_M_S2, "V"), |a| {
-            magnitude(a)
-        })?;
+        acceleration_v.check("acceleration", (bounds::MAX_ACCELERATION_M_S2, "V"), |a| magnitude(a))?;
         calibration.check()?;
         for (sample, pose) in motion.samples.iter_mut().enumerate() {
             let length = pose.orientation.iter().map(|q| q * q).sum::<f64>().sqrt();
@@ -200,19 +198,9 @@ impl Recording {
         let begin = motion.start_s.max(wrench.start_s).max(acceleration_v.start_s);
         let end = motion.end_s().min(wrench.end_s()).min(acceleration_v.end_s());
         if begin >= end {
-            return Err(RecordingError::NoOverlap {
-                begin_s: begin,
-                end_s: end,
-            });
+            return Err(RecordingError::NoOverlap { begin_s: begin, end_s: end });
         }
-        Ok(Self {
-            motion,
-            wrench,
-            acceleration_v,
-            calibration,
-            gesture,
-            provenance,
-        })
+        Ok(Self { motion, wrench, acceleration_v, calibration, gesture, provenance })
     }
 
     /// Poses of the tracker's sensor.
@@ -313,17 +301,11 @@ impl ProcessedRecording {
     pub fn new(signals: Signals, gesture: Gesture, provenance: Provenance) -> Result<Self, RecordingError> {
         let Signals { rate_hz, .. } = signals;
         if !RATES_HZ.contains(&rate_hz) {
-            return Err(RecordingError::Rate {
-                quantity: "recording",
-                rate_hz,
-            });
+            return Err(RecordingError::Rate { quantity: "recording", rate_hz });
         }
         let expected = signals.acceleration_m_s2.len();
         if expected < 2 {
-            return Err(RecordingError::TooShort {
-                quantity: "acceleration",
-                samples: expected,
-            });
+            return Err(RecordingError::TooShort { quantity: "acceleration", samples: expected });
         }
         let columns = [
             ("acceleration", ACCELERATIONS, Some(&signals.acceleration_m_s2)),
@@ -334,32 +316,15 @@ impl ProcessedRecording {
         for (quantity, bound, column) in columns {
             let Some(column) = column else { continue };
             if column.len() != expected {
-                return Err(RecordingError::Lengths {
-                    quantity,
-                    samples: column.len(),
-                    expected,
-                });
+                return Err(RecordingError::Lengths { quantity, samples: column.len(), expected });
             }
             RecordingError::check(quantity, bound, column.iter().copied())?;
         }
-        check_axes(
-            "acceleration axes",
-            ACCELERATIONS,
-            signals.axes_m_s2.as_deref(),
-            expected,
-        )?;
+        check_axes("acceleration axes", ACCELERATIONS, signals.axes_m_s2.as_deref(), expected)?;
         if let Some(sample) = signals.speed_m_s.iter().position(|&v| v < 0.0) {
-            return Err(RecordingError::NegativeSpeed {
-                sample,
-                speed_m_s: signals.speed_m_s[sample],
-            });
+            return Err(RecordingError::NegativeSpeed { sample, speed_m_s: signals.speed_m_s[sample] });
         }
-        Ok(Self {
-            signals: Arc::new(signals),
-            world: Arc::default(),
-            gesture,
-            provenance,
-        })
+        Ok(Self { signals: Arc::new(signals), world: Arc::default(), gesture, provenance })
     }
 
     /// The same recording with axes in the world.
@@ -473,11 +438,7 @@ fn check_axes(
     let Some(axes) = axes else { return Ok(()) };
     let samples = axes.len();
     if samples != expected {
-        return Err(RecordingError::Lengths {
-            quantity,
-            samples,
-            expected,
-        });
+        return Err(RecordingError::Lengths { quantity, samples, expected });
     }
     RecordingError::check(quantity, bound, axes.iter().map(|a| magnitude(a)))
 }
@@ -497,21 +458,14 @@ fn magnitude(values: &[f64]) -> f64 {
 pub enum RecordingError {
     #[error("the rate of the {quantity} is {} Hz; it must be {RATES}", shown(*rate_hz))]
     Rate { quantity: &'static str, rate_hz: f64 },
-    #[error(
-        "the {quantity} starts at {start_s} s; that must be at most {} s from 0",
-        bounds::MAX_TIME_S
-    )]
+    #[error("the {quantity} starts at {start_s} s; that must be at most {} s from 0", bounds::MAX_TIME_S)]
     Start { quantity: &'static str, start_s: f64 },
     #[error("the {quantity} has {samples} samples; a recording needs at least two")]
     TooShort { quantity: &'static str, samples: usize },
     #[error(
         "the {quantity} has {samples} samples, but the acceleration has {expected}; all quantities must have the same number"
     )]
-    Lengths {
-        quantity: &'static str,
-        samples: usize,
-        expected: usize,
-    },
+    Lengths { quantity: &'static str, samples: usize, expected: usize },
     #[error(
         "sample {sample} (from 0) of the {quantity} is not a finite number: repair the recording or cut it there"
     )]
@@ -519,13 +473,7 @@ pub enum RecordingError {
     #[error(
         "sample {sample} (from 0) of the {quantity} has a magnitude of {} {unit}; at most {} {unit} is read: check the unit", shown(*value), shown(*most)
     )]
-    TooLarge {
-        quantity: &'static str,
-        sample: usize,
-        value: f64,
-        most: f64,
-        unit: &'static str,
-    },
+    TooLarge { quantity: &'static str, sample: usize, value: f64, most: f64, unit: &'static str },
     #[error(
         "the orientation of sample {sample} (from 0) is a quaternion of length {}; it must be a unit quaternion", shown(*length)
     )]
@@ -551,19 +499,11 @@ impl RecordingError {
         values: impl Iterator<Item = f64>,
     ) -> Result<(), Self> {
         // NaN is not within it.
-        match values
-            .map(f64::abs)
-            .enumerate()
-            .find(|(_, x)| !(0.0..=most).contains(x))
-        {
+        match values.map(f64::abs).enumerate().find(|(_, x)| !(0.0..=most).contains(x)) {
             None => Ok(()),
-            Some((sample, value)) if value.is_finite() => Err(Self::TooLarge {
-                quantity,
-                sample,
-                value,
-                most,
-                unit,
-            }),
+            Some((sample, value)) if value.is_finite() => {
+                Err(Self::TooLarge { quantity, sample, value, most, unit })
+            }
             Some((sample, _)) => Err(Self::NotFinite { quantity, sample }),
         }
     }

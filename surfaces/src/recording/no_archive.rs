@@ -6,10 +6,7 @@ use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
 
 fn none() -> Error {
-    Error::new(
-        ErrorKind::Unsupported,
-        "a web page cannot read or write recording archives; use CSV",
-    )
+    Error::new(ErrorKind::Unsupported, "a web page cannot read or write recording archives; use CSV")
 }
 
 /// Returns an error: a page has no archives.

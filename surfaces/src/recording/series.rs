@@ -17,11 +17,7 @@ pub struct Series<T> {
 impl<T> Series<T> {
     /// Samples that start at time zero.
     pub fn new(rate_hz: f64, samples: Vec<T>) -> Self {
-        Self {
-            rate_hz,
-            start_s: 0.0,
-            samples,
-        }
+        Self { rate_hz, start_s: 0.0, samples }
     }
 
     /// Time of sample `index`, s.
@@ -49,28 +45,15 @@ impl<T> Series<T> {
         (most, unit): (f64, &'static str),
         magnitude: impl Fn(&T) -> f64,
     ) -> Result<(), RecordingError> {
-        let Self {
-            rate_hz,
-            start_s,
-            samples,
-        } = self;
+        let Self { rate_hz, start_s, samples } = self;
         if !RATES_HZ.contains(rate_hz) {
-            return Err(RecordingError::Rate {
-                quantity,
-                rate_hz: *rate_hz,
-            });
+            return Err(RecordingError::Rate { quantity, rate_hz: *rate_hz });
         }
         if !(-MAX_TIME_S..=MAX_TIME_S).contains(start_s) {
-            return Err(RecordingError::Start {
-                quantity,
-                start_s: *start_s,
-            });
+            return Err(RecordingError::Start { quantity, start_s: *start_s });
         }
         if samples.len() < 2 {
-            return Err(RecordingError::TooShort {
-                quantity,
-                samples: samples.len(),
-            });
+            return Err(RecordingError::TooShort { quantity, samples: samples.len() });
         }
         RecordingError::check(quantity, (most, unit), samples.iter().map(magnitude))
     }
@@ -89,10 +72,7 @@ impl<const N: usize> Series<[f64; N]> {
     /// The value at a time: linear between samples, the first or last value outside.
     pub fn at(&self, time_s: f64) -> [f64; N] {
         let (before, part) = self.place(time_s);
-        let (a, b) = (
-            self.samples[before],
-            self.samples[(before + 1).min(self.samples.len() - 1)],
-        );
+        let (a, b) = (self.samples[before], self.samples[(before + 1).min(self.samples.len() - 1)]);
         std::array::from_fn(|i| a[i] + part * (b[i] - a[i]))
     }
 }
@@ -103,20 +83,10 @@ mod tests {
 
     #[test]
     fn values_between_samples_are_linear_and_constant_outside() {
-        let series = Series {
-            rate_hz: 10.0,
-            start_s: 1.0,
-            samples: vec![0.0, 2.0, 1.0],
-        };
-        for (time, value) in [
-            (0.0, 0.0),
-            (1.0, 0.0),
-            (1.05, 1.0),
-            (1.1, 2.0),
-            (1.15, 1.5),
-            (1.2, 1.0),
-            (7.0, 1.0),
-        ] {
+        let series = Series { rate_hz: 10.0, start_s: 1.0, samples: vec![0.0, 2.0, 1.0] };
+        for (time, value) in
+            [(0.0, 0.0), (1.0, 0.0), (1.05, 1.0), (1.1, 2.0), (1.15, 1.5), (1.2, 1.0), (7.0, 1.0)]
+        {
             assert!((series.at(time) - value).abs() < 1e-12, "{time}");
         }
         let single = Series::new(1.0, vec![[3.0]]);

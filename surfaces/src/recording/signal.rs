@@ -27,21 +27,12 @@ pub fn read_column(source: impl BufRead, name: &str) -> Result<Vec<f64>, ReadErr
 /// Reads the signal in the column called `name`. Without a name it reads the acceleration (three axes are high-passed and
 /// combined as in learning), or the only column that is not time. Nothing is repaired; see [`load_signal`](super::load_signal).
 pub fn read_signal(source: impl BufRead, name: Option<&str>) -> Result<Column, ReadError> {
-    signal(&mut Table::read(
-        source,
-        &ImportSettings::strict(),
-        ColumnSelection::Signal(name),
-    )?)
+    signal(&mut Table::read(source, &ImportSettings::strict(), ColumnSelection::Signal(name))?)
 }
 
 /// The signal of a table that was read with a `Signal` selection.
 pub(super) fn signal(table: &mut Table) -> Result<Column, ReadError> {
-    let SignalColumns {
-        name,
-        unit,
-        rate_hz,
-        values,
-    } = table.signal()?;
+    let SignalColumns { name, unit, rate_hz, values } = table.signal()?;
     let values = match <[Vec<f64>; 3]>::try_from(values) {
         Ok([x, y, z]) => {
             let axes: Vec<[f64; 3]> = x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect();
@@ -58,12 +49,7 @@ pub(super) fn signal(table: &mut Table) -> Result<Column, ReadError> {
             values
         }
     };
-    Ok(Column {
-        name,
-        values,
-        unit,
-        rate_hz,
-    })
+    Ok(Column { name, values, unit, rate_hz })
 }
 
 #[cfg(test)]
@@ -80,39 +66,22 @@ mod tests {
         assert_eq!(read_column(&b"a;b\n1;2\n"[..], "b").unwrap(), [2.0]);
         assert_eq!(
             read_signal(&text[..], Some("t")).unwrap(),
-            Column {
-                name: "t".into(),
-                values: vec![1.0, 3.0],
-                unit: None,
-                rate_hz: Some(500.0)
-            }
+            Column { name: "t".into(), values: vec![1.0, 3.0], unit: None, rate_hz: Some(500.0) }
         );
     }
 
     #[test]
     fn errors_name_line_and_column() {
         let error = |text: &[u8]| read_column(text, "b").unwrap_err().to_string();
-        assert_eq!(
-            error(b"a,b\n1,2\n3,x\n"),
-            "line 3, column 2: \"x\" in b is not a finite number"
-        );
+        assert_eq!(error(b"a,b\n1,2\n3,x\n"), "line 3, column 2: \"x\" in b is not a finite number");
         assert_eq!(error(b"a,b\n1,\n"), "line 2, column 2: the cell of b is empty");
-        assert_eq!(
-            error(b"a,b\n1,nan\n"),
-            "line 2, column 2: \"nan\" in b is not a finite number"
-        );
-        assert_eq!(
-            error(b"a,b\n1,2\n3\n"),
-            "line 3: the row has 1 cell where the header has 2"
-        );
+        assert_eq!(error(b"a,b\n1,nan\n"), "line 2, column 2: \"nan\" in b is not a finite number");
+        assert_eq!(error(b"a,b\n1,2\n3\n"), "line 3: the row has 1 cell where the header has 2");
         assert_eq!(
             error(b"# note\r\na,b\r\n\r\n1,2\r\n# note\r\n3,x\r\n"),
             "line 6, column 2: \"x\" in b is not a finite number"
         );
-        assert_eq!(
-            error(b"# note\na,c\n1,2\n"),
-            "line 2: there is no column \"b\"; the columns are a, c"
-        );
+        assert_eq!(error(b"# note\na,c\n1,2\n"), "line 2: there is no column \"b\"; the columns are a, c");
         for empty in [&b""[..], b"\n", b"# a note\n"] {
             let message = error(empty);
             assert!(message.contains("the file is empty"), "{message}");
@@ -138,11 +107,7 @@ mod tests {
         let (place, _) = error.place(&text[..]).unwrap();
         assert_eq!((place.line, place.column), (2, 6));
         assert!(read_signal(&text[..], Some("b")).is_err());
-        assert_eq!(
-            read_column(&b"a,,\n1,,\n"[..], "a").unwrap(),
-            [1.0],
-            "nameless columns are no pair"
-        );
+        assert_eq!(read_column(&b"a,,\n1,,\n"[..], "a").unwrap(), [1.0], "nameless columns are no pair");
     }
 
     #[test]
@@ -168,38 +133,22 @@ mod tests {
         let one = read_signal(&b"time_ms,level\n0,1\n1,2\n2,3\n"[..], None).unwrap();
         assert_eq!(
             one,
-            Column {
-                name: "level".into(),
-                values: vec![1.0, 2.0, 3.0],
-                unit: None,
-                rate_hz: Some(1000.0)
-            }
+            Column { name: "level".into(), values: vec![1.0, 2.0, 3.0], unit: None, rate_hz: Some(1000.0) }
         );
         let accel = read_signal(&b"force,accel_g,x\n1,1,1\n"[..], None).unwrap();
-        assert_eq!(
-            (accel.values, accel.rate_hz, accel.unit),
-            (vec![9.80665], None, Some("m/s2"))
-        );
+        assert_eq!((accel.values, accel.rate_hz, accel.unit), (vec![9.80665], None, Some("m/s2")));
         let error = read_signal(&b"a,b\n1,2\n"[..], None).unwrap_err().to_string();
-        assert_eq!(
-            error,
-            "line 1: cannot choose the signal; select a column with --column: a, b"
-        );
+        assert_eq!(error, "line 1: cannot choose the signal; select a column with --column: a, b");
     }
 
     #[test]
     fn three_axes_are_combined_where_their_rate_is_known() {
-        let rows: String = (0..400)
-            .map(|i| format!("{0},{0},{0}\n", (f64::from(i) * 0.7).sin()))
-            .collect();
+        let rows: String = (0..400).map(|i| format!("{0},{0},{0}\n", (f64::from(i) * 0.7).sin())).collect();
         let axes = format!("accel_x_m_s2,accel_y_m_s2,accel_z_m_s2\n{rows}");
         let error = read_signal(axes.as_bytes(), None).unwrap_err().to_string();
         assert!(error.contains("rate"), "{error}");
         let combined = read_signal(format!("# rate_hz: 10000\n{axes}").as_bytes(), None).unwrap();
         let power = combined.values.iter().map(|a| a * a).sum::<f64>() / 400.0;
-        assert!(
-            (power - 1.5).abs() < 0.05,
-            "the power of all axes together: {power}"
-        );
+        assert!((power - 1.5).abs() < 0.05, "the power of all axes together: {power}");
     }
 }

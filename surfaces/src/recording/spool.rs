@@ -131,10 +131,7 @@ fn write_archive(folder: &Path, head: &[u8], rows: [u64; 3], to: &mut File) -> i
                 return Ok(number);
             }
             let sample = place / array.row;
-            let message = format!(
-                "sample {sample} of {} is {number}, not a finite number",
-                array.name
-            );
+            let message = format!("sample {sample} of {} is {number}, not a finite number", array.name);
             Err(io::Error::other(message))
         });
         put_rows(&mut archive, array.name, &[array.row], rows, numbers)?;

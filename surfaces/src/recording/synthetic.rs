@@ -59,10 +59,7 @@ pub fn raw(
             let [a, b, c] = moment(t).place_m;
             let position = world(a, b, c) - orientation(t) * to_tip;
             let q = orientation(t);
-            Pose {
-                position_m: position.into(),
-                orientation: [q.w, q.i, q.j, q.k],
-            }
+            Pose { position_m: position.into(), orientation: [q.w, q.i, q.j, q.k] }
         })
         .collect();
     let (mut wrenches, mut volts) = (vec![], vec![]);
@@ -81,15 +78,8 @@ pub fn raw(
         }));
     }
     let (wrenches, volts) = (Series::new(RATE_HZ, wrenches), Series::new(RATE_HZ, volts));
-    Recording::new(
-        Series::new(tracker_hz, poses),
-        wrenches,
-        volts,
-        calibration,
-        gesture,
-        provenance(),
-    )
-    .unwrap()
+    Recording::new(Series::new(tracker_hz, poses), wrenches, volts, calibration, gesture, provenance())
+        .unwrap()
 }
 
 /// A circle of radius `radius_m` at `turns_hz` turns per second under a constant push, with friction coefficient `mu`.
@@ -115,11 +105,7 @@ pub fn drag(
     model: impl Fn(f64, f64) -> (Vec<f64>, f64),
 ) -> ProcessedRecording {
     let mut noise = Gaussian::new(seed);
-    let mut signals = Signals {
-        rate_hz: RATE_HZ,
-        force_tangential_n: Some(vec![]),
-        ..Default::default()
-    };
+    let mut signals = Signals { rate_hz: RATE_HZ, force_tangential_n: Some(vec![]), ..Default::default() };
     for &(seconds, speed_m_s, force_n) in steps {
         let (a, variance) = model(speed_m_s, force_n);
         for _ in 0..(seconds * RATE_HZ) as usize {
@@ -127,9 +113,7 @@ pub fn drag(
             let past: f64 = a.iter().zip(y.iter().rev()).map(|(a, y)| a * y).sum();
             y.push(variance.sqrt() * noise.next_sample() - past);
             // Hands are never quite steady.
-            signals
-                .speed_m_s
-                .push(speed_m_s * (1.0 + 0.01 * noise.next_sample()));
+            signals.speed_m_s.push(speed_m_s * (1.0 + 0.01 * noise.next_sample()));
             let force_n = force_n * (1.0 + 0.01 * noise.next_sample());
             signals.force_normal_n.push(force_n);
             if let Some(tangential) = &mut signals.force_tangential_n {

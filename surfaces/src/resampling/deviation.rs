@@ -30,10 +30,7 @@ pub fn deviation_db(
     let density =
         |model: &ArmaModel, rate: f64, f: f64| model.variance() / rate * model.power_gain_at(TAU * f / rate);
     let (low, high) = (LOWEST_HZ, HIGHEST_OF_RATE * rate_hz);
-    let mut worst = Deviation {
-        db: 0.0,
-        frequency_hz: low,
-    };
+    let mut worst = Deviation { db: 0.0, frequency_hz: low };
     for i in 0..=POINTS {
         let frequency_hz = low + (high - low) * i as f64 / POINTS as f64;
         let ratio =

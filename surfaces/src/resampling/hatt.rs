@@ -31,10 +31,5 @@ pub(super) fn resample(model: &ArmaModel, ratio: usize) -> Result<ArmaModel, Fil
             gain *= (radius + 1.0) / 2.0;
         }
     }
-    Ok(ArmaModel::from_arma(
-        &ar,
-        &roots::monic(&zeros),
-        gain.abs(),
-        model.variance() / ratio as f64,
-    )?)
+    Ok(ArmaModel::from_arma(&ar, &roots::monic(&zeros), gain.abs(), model.variance() / ratio as f64)?)
 }

@@ -87,18 +87,12 @@ pub fn resample(texture: &TextureModel, rate_hz: f64, method: Method) -> Result<
         .map_err(|error| ResampleError::Model { vertex: 0, error })?;
     let vertex_of = |filter: usize| filter_of.iter().position(|&of| of == filter).unwrap_or(0);
     if texture.warping() != 0.0 && method != Method::Spectral {
-        return Err(ResampleError::Warped {
-            method: method.name(),
-        });
+        return Err(ResampleError::Warped { method: method.name() });
     }
     let resampled = match method {
         Method::Spectral => spectral::resample_all(&unit, old_rate_hz, rate_hz),
         Method::Zoh | Method::Hatt => {
-            let hold = if method == Method::Zoh {
-                zoh::resample
-            } else {
-                hatt::resample
-            };
+            let hold = if method == Method::Zoh { zoh::resample } else { hatt::resample };
             let ratio = whole_ratio(old_rate_hz, rate_hz, method)?;
             unit.iter()
                 .enumerate()
@@ -113,34 +107,17 @@ pub fn resample(texture: &TextureModel, rate_hz: f64, method: Method) -> Result<
         .map(|(old, new)| deviation_db(old, old_rate_hz, new, rate_hz))
         .enumerate()
         .max_by(|(_, a), (_, b)| a.db.abs().total_cmp(&b.db.abs()))
-        .unwrap_or((
-            0,
-            Deviation {
-                db: 0.0,
-                frequency_hz: 0.0,
-            },
-        ));
-    let models = texture
-        .models()
-        .iter()
-        .zip(&filter_of)
-        .enumerate()
-        .map(|(vertex, (at, &filter))| {
-            let model = resampled[filter].clone();
-            let variance = at.model.variance() * model.variance();
-            let model = model
-                .with_variance(variance)
-                .map_err(|error| ResampleError::Model { vertex, error })?;
-            Ok(ModelAt { model, ..at.clone() })
-        });
+        .unwrap_or((0, Deviation { db: 0.0, frequency_hz: 0.0 }));
+    let models = texture.models().iter().zip(&filter_of).enumerate().map(|(vertex, (at, &filter))| {
+        let model = resampled[filter].clone();
+        let variance = at.model.variance() * model.variance();
+        let model = model.with_variance(variance).map_err(|error| ResampleError::Model { vertex, error })?;
+        Ok(ModelAt { model, ..at.clone() })
+    });
     let models = models.collect::<Result<Vec<_>, ResampleError>>()?;
     let texture =
         TextureModel::new(rate_hz, models, texture.triangles().to_vec())?.with_extras_of(texture)?;
-    Ok(Resampled {
-        texture,
-        worst,
-        worst_vertex: vertex_of(worst_filter),
-    })
+    Ok(Resampled { texture, worst, worst_vertex: vertex_of(worst_filter) })
 }
 
 /// Resamples the texture of a surface and records it in the provenance.
@@ -152,16 +129,8 @@ pub fn resample_surface(
     let texture = surface.texture.as_ref().ok_or(ResampleError::NoTexture)?;
     let resampled = resample(texture, rate_hz, method)?;
     let mut surface = surface.clone();
-    let how = format!(
-        "from {} Hz to {rate_hz} Hz by {}",
-        texture.rate_hz(),
-        method.name()
-    );
-    let before = surface
-        .provenance
-        .settings
-        .get("resampled")
-        .map(|before| format!("{before}, then "));
+    let how = format!("from {} Hz to {rate_hz} Hz by {}", texture.rate_hz(), method.name());
+    let before = surface.provenance.settings.get("resampled").map(|before| format!("{before}, then "));
     let how = before.unwrap_or_default() + &how;
     surface.provenance = surface.provenance.with_setting("resampled", how);
     surface.texture = Some(resampled.texture.clone());

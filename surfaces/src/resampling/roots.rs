@@ -9,10 +9,7 @@ use nalgebra::linalg::Schur;
 /// do not.
 pub(crate) fn of_monic(coefficients: &[f64]) -> Option<Vec<Complex64>> {
     // Trailing zeros are roots at zero.
-    let degree = coefficients
-        .iter()
-        .rposition(|&c| c != 0.0)
-        .map_or(0, |last| last + 1);
+    let degree = coefficients.iter().rposition(|&c| c != 0.0).map_or(0, |last| last + 1);
     let mut roots = vec![Complex64::new(0.0, 0.0); coefficients.len() - degree];
     if degree > 0 {
         let companion = DMatrix::from_fn(degree, degree, |i, j| match i {
@@ -24,10 +21,7 @@ pub(crate) fn of_monic(coefficients: &[f64]) -> Option<Vec<Complex64>> {
     }
     let scale = coefficients.iter().fold(1.0_f64, |scale, c| scale.max(c.abs()));
     let back = monic(&roots);
-    let exact = back
-        .iter()
-        .zip(coefficients)
-        .all(|(back, c)| (back - c).abs() <= 1e-9 * scale);
+    let exact = back.iter().zip(coefficients).all(|(back, c)| (back - c).abs() <= 1e-9 * scale);
     exact.then_some(roots)
 }
 

@@ -21,10 +21,7 @@ pub(super) fn resample_all(
     rate_hz: f64,
 ) -> Result<Vec<ArmaModel>, (usize, FilterError)> {
     // Warped models stay warped.
-    let warping = models
-        .first()
-        .filter(|model| model.warping() != 0.0)
-        .map(|_| warping_for(rate_hz));
+    let warping = models.first().filter(|model| model.warping() != 0.0).map(|_| warping_for(rate_hz));
     let lags = |model| match warping {
         None => autocovariance(model, old_rate_hz, rate_hz),
         Some(warping) => warped_autocovariance(model, old_rate_hz / rate_hz, warping),
@@ -79,9 +76,8 @@ fn autocovariance(model: &ArmaModel, old_rate_hz: f64, rate_hz: f64) -> Vec<f64>
     let mut points = 1 << 11;
     // Twice the trapezoid sums over [0, π], with half weight at the ends.
     let mut sums = [0.0; MAX_ORDER + 1];
-    for (angle, weight) in [(0.0, 0.5), (PI, 0.5)]
-        .into_iter()
-        .chain((1..points).map(|i| (PI * i as f64 / points as f64, 1.0)))
+    for (angle, weight) in
+        [(0.0, 0.5), (PI, 0.5)].into_iter().chain((1..points).map(|i| (PI * i as f64 / points as f64, 1.0)))
     {
         add_lags(&mut sums, weight * density(angle), angle);
     }
@@ -93,11 +89,7 @@ fn autocovariance(model: &ArmaModel, old_rate_hz: f64, rate_hz: f64) -> Vec<f64>
         }
         points *= 2;
         let now = sums.map(|sum| sum / points as f64);
-        let moved = before
-            .iter()
-            .zip(&now)
-            .map(|(a, b)| (a - b).abs())
-            .fold(0.0, f64::max);
+        let moved = before.iter().zip(&now).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         if moved <= 1e-10 * now[0] || points >= 1 << 20 {
             return now.to_vec();
         }

@@ -30,25 +30,13 @@ fn texture(resonances: &[(f64, f64)]) -> TextureModel {
         }
         let model = ArmaModel::from_ar(&ar, 0.5 + f64::from(k)).unwrap();
         let (speed_m_s, force_n) = (0.03 + 0.02 * f64::from(k), 0.4 + 0.3 * f64::from((k * 2) % 5));
-        ModelAt {
-            speed_m_s,
-            force_n,
-            model,
-            kind: VertexKind::Measured,
-        }
+        ModelAt { speed_m_s, force_n, model, kind: VertexKind::Measured }
     });
     TextureModel::from_measured(10_000.0, measured.collect(), &Hull::default()).unwrap()
 }
 
 fn tame() -> TextureModel {
-    texture(&[
-        (180.0, 0.97),
-        (800.0, 0.95),
-        (1850.0, 0.93),
-        (2750.0, 0.92),
-        (3700.0, 0.92),
-        (4600.0, 0.92),
-    ])
+    texture(&[(180.0, 0.97), (800.0, 0.95), (1850.0, 0.93), (2750.0, 0.92), (3700.0, 0.92), (4600.0, 0.92)])
 }
 
 #[test]
@@ -56,10 +44,7 @@ fn the_spectral_refit_is_within_a_tenth_of_a_decibel_at_any_rate() {
     for rate_hz in [5000.0, 3333.3, 2000.0, 1000.0] {
         let resampled = resample(&tame(), rate_hz, Method::Spectral).unwrap();
         assert!(resampled.worst.db.abs() < 0.1, "{rate_hz}: {:?}", resampled.worst);
-        assert_eq!(
-            (resampled.texture.rate_hz(), resampled.texture.ma_order()),
-            (rate_hz, 0)
-        );
+        assert_eq!((resampled.texture.rate_hz(), resampled.texture.ma_order()), (rate_hz, 0));
     }
 }
 
@@ -86,18 +71,8 @@ fn the_hold_is_the_held_filter() {
         let (mut out, mut inputs) = (Vec::<f64>::new(), Vec::<f64>::new());
         for n in 0..length {
             inputs.push(input(n));
-            let ma = model
-                .ma()
-                .iter()
-                .zip(inputs[..n].iter().rev())
-                .map(|(b, e)| b * e)
-                .sum::<f64>();
-            let ar = model
-                .ar()
-                .iter()
-                .zip(out[..n].iter().rev())
-                .map(|(a, y)| a * y)
-                .sum::<f64>();
+            let ma = model.ma().iter().zip(inputs[..n].iter().rev()).map(|(b, e)| b * e).sum::<f64>();
+            let ar = model.ar().iter().zip(out[..n].iter().rev()).map(|(a, y)| a * y).sum::<f64>();
             out.push(model.gain() * (inputs[n] + ma) - ar);
         }
         out
@@ -106,10 +81,7 @@ fn the_hold_is_the_held_filter() {
     let fast_energy: f64 = held.iter().step_by(10).map(|y| y * y).sum();
     let direct = run(&slow, &mut |n| f64::from(n == 0), 400);
     let slow_energy: f64 = direct.iter().map(|y| y * y).sum();
-    assert!(
-        (slow_energy / fast_energy - 1.0).abs() < 1e-9,
-        "{slow_energy} {fast_energy}"
-    );
+    assert!((slow_energy / fast_energy - 1.0).abs() < 1e-9, "{slow_energy} {fast_energy}");
 }
 
 #[test]
@@ -124,21 +96,13 @@ fn the_toolkits_way_has_two_zeros_less_than_poles() {
         (4600.0, 0.92),
     ]);
     let resampled = resample(&wide, 1000.0, Method::Hatt).unwrap();
-    assert_eq!(
-        (resampled.texture.ar_order(), resampled.texture.ma_order()),
-        (14, 12)
-    );
+    assert_eq!((resampled.texture.ar_order(), resampled.texture.ma_order()), (14, 12));
     assert!(resampled.worst.db < -2.0, "{:?}", resampled.worst);
 }
 
 #[test]
 fn sharp_resonances_keep_their_power_when_refit() {
-    let resampled = resample(
-        &texture(&[(150.0, 0.9995), (330.0, 0.999)]),
-        1000.0,
-        Method::Spectral,
-    )
-    .unwrap();
+    let resampled = resample(&texture(&[(150.0, 0.9995), (330.0, 0.999)]), 1000.0, Method::Spectral).unwrap();
     assert!(resampled.worst.db.abs() < 0.1, "{:?}", resampled.worst);
 }
 
@@ -155,29 +119,14 @@ fn what_cannot_be_resampled_is_refused_with_a_way_out() {
         "10000 Hz is not a whole multiple of 3000 Hz, which `zoh` needs; use `spectral`, or a rate such as 2500 or \
          3333.3333333333335 Hz"
     );
-    assert!(matches!(
-        resample(&texture, 7000.0, Method::Hatt),
-        Err(ResampleError::NotWhole { .. })
-    ));
-    assert!(matches!(
-        resample(&texture, 10_000.0, Method::Spectral),
-        Err(ResampleError::NotLower { .. })
-    ));
-    assert!(matches!(
-        resample(&texture, f64::NAN, Method::Spectral),
-        Err(ResampleError::NotLower { .. })
-    ));
+    assert!(matches!(resample(&texture, 7000.0, Method::Hatt), Err(ResampleError::NotWhole { .. })));
+    assert!(matches!(resample(&texture, 10_000.0, Method::Spectral), Err(ResampleError::NotLower { .. })));
+    assert!(matches!(resample(&texture, f64::NAN, Method::Spectral), Err(ResampleError::NotLower { .. })));
     let held = resample(&texture, 1000.0, Method::Zoh).unwrap().texture;
-    assert!(matches!(
-        resample(&held, 500.0, Method::Hatt),
-        Err(ResampleError::HasMovingAverage { .. })
-    ));
+    assert!(matches!(resample(&held, 500.0, Method::Hatt), Err(ResampleError::HasMovingAverage { .. })));
     assert_eq!(resample(&held, 500.0, Method::Zoh).map(|_| ()), Ok(()));
     let empty = Surface::new("", Provenance::new(crate::Origin::Procedural, ""));
-    assert!(matches!(
-        resample_surface(&empty, 100.0, Method::Zoh),
-        Err(ResampleError::NoTexture)
-    ));
+    assert!(matches!(resample_surface(&empty, 100.0, Method::Zoh), Err(ResampleError::NoTexture)));
 }
 
 #[test]
@@ -196,9 +145,7 @@ fn the_toolkits_own_1_khz_files_come_out() {
     let (mut ar, mut ma, mut gain, mut variance) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
     let mut count = 0;
     for (fast, slow) in hatt_files(AT_10_KHZ).iter().zip(hatt_files(AT_1_KHZ)) {
-        let made = resample(&load(fast).unwrap().texture.unwrap(), 1000.0, Method::Hatt)
-            .unwrap()
-            .texture;
+        let made = resample(&load(fast).unwrap().texture.unwrap(), 1000.0, Method::Hatt).unwrap().texture;
         let shipped = load(&slow).unwrap().texture.unwrap();
         assert_eq!(made.ma_order(), shipped.ma_order());
         for (made, shipped) in made.models().iter().zip(shipped.models()) {
@@ -225,19 +172,11 @@ fn how_close_each_method_comes_on_the_toolkits_files() {
     for method in Method::ALL {
         let mut worst: Vec<f64> = hatt_files(AT_10_KHZ)
             .iter()
-            .map(|file| {
-                resample(&load(file).unwrap().texture.unwrap(), 1000.0, method)
-                    .unwrap()
-                    .worst
-                    .db
-            })
+            .map(|file| resample(&load(file).unwrap().texture.unwrap(), 1000.0, method).unwrap().worst.db)
             .collect();
         worst.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
         if let (Some(median), Some(last)) = (worst.get(worst.len() / 2), worst.last()) {
-            eprintln!(
-                "{}: median of the worst {median:.3} dB, worst {last:.3} dB",
-                method.name()
-            );
+            eprintln!("{}: median of the worst {median:.3} dB, worst {last:.3} dB", method.name());
             assert!(method != Method::Spectral || last.abs() < 0.1);
         }
     }

@@ -14,23 +14,15 @@ pub(super) fn resample(model: &ArmaModel, ratio: usize) -> Result<ArmaModel, Fil
     let (poles_count, zeros_count) = (model.ar().len(), model.ma().len());
     let ar = roots::monic(&poles(model, ratio)?);
     // If the hold is not longer than the delay between the orders, the last coefficient is zero.
-    let order = if ratio + zeros_count <= poles_count {
-        poles_count - 1
-    } else {
-        poles_count.max(zeros_count)
-    };
+    let order =
+        if ratio + zeros_count <= poles_count { poles_count - 1 } else { poles_count.max(zeros_count) };
     // h2[0] = h1[0], h2[m] = sum of h1[k], k = R(m-1)+1 .. Rm.
     let fast = impulse_response(model, ratio * order + 1);
     let slow: Vec<f64> = std::iter::once(fast[0])
         .chain((1..=order).map(|m| fast[ratio * (m - 1) + 1..=ratio * m].iter().sum()))
         .collect();
     let (ma, gain) = minimum_phase(&numerator(&ar, &slow))?;
-    Ok(ArmaModel::from_arma(
-        &ar,
-        &ma,
-        gain,
-        model.variance() / ratio as f64,
-    )?)
+    Ok(ArmaModel::from_arma(&ar, &ma, gain, model.variance() / ratio as f64)?)
 }
 
 /// The polynomial with the same spectrum and all zeros inside the unit circle, as a monic polynomial and a
@@ -69,17 +61,8 @@ pub(super) fn poles(model: &ArmaModel, ratio: usize) -> Result<Vec<Complex64>, F
 pub(super) fn impulse_response(model: &ArmaModel, length: usize) -> Vec<f64> {
     let mut response = vec![0.0; length];
     for n in 0..length {
-        let input = if n == 0 {
-            1.0
-        } else {
-            model.ma().get(n - 1).copied().unwrap_or(0.0)
-        };
-        let past: f64 = model
-            .ar()
-            .iter()
-            .zip(response[..n].iter().rev())
-            .map(|(a, y)| a * y)
-            .sum();
+        let input = if n == 0 { 1.0 } else { model.ma().get(n - 1).copied().unwrap_or(0.0) };
+        let past: f64 = model.ar().iter().zip(response[..n].iter().rev()).map(|(a, y)| a * y).sum();
         response[n] = model.gain() * input - past;
     }
     response
@@ -88,12 +71,6 @@ pub(super) fn impulse_response(model: &ArmaModel, length: usize) -> Vec<f64> {
 /// The product of the denominator 1 + Σ a_k z⁻ᵏ and a response, to the response's length.
 pub(super) fn numerator(ar: &[f64], response: &[f64]) -> Vec<f64> {
     (0..response.len())
-        .map(|m| {
-            response[m]
-                + ar.iter()
-                    .zip(response[..m].iter().rev())
-                    .map(|(a, h)| a * h)
-                    .sum::<f64>()
-        })
+        .map(|m| response[m] + ar.iter().zip(response[..m].iter().rev()).map(|(a, h)| a * h).sum::<f64>())
         .collect()
 }

@@ -7,22 +7,14 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 fn random_points(inner: usize, seed: u64) -> Vec<(f64, f64)> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let (max_speed, max_force) = (0.2422, 3.17);
-    let mut points = vec![
-        (0.0, 0.0),
-        (max_speed, 0.0),
-        (0.0, max_force),
-        (max_speed, max_force),
-    ];
+    let mut points = vec![(0.0, 0.0), (max_speed, 0.0), (0.0, max_force), (max_speed, max_force)];
     for k in 1..5 {
         let part = k as f64 / 5.0;
         points.extend([(part * max_speed, 0.0), (part * max_speed, max_force)]);
         points.extend([(0.0, part * max_force), (max_speed, part * max_force)]);
     }
     points.extend((0..inner).map(|_| {
-        (
-            random.random_range(0.001..0.999) * max_speed,
-            random.random_range(0.001..0.999) * max_force,
-        )
+        (random.random_range(0.001..0.999) * max_speed, random.random_range(0.001..0.999) * max_force)
     }));
     points
 }
@@ -42,10 +34,7 @@ fn place(points: &[(f64, f64)], map: &Triangulation, location: &Location) -> (f6
 #[test]
 fn delaunay_circles_are_empty_among_z_scores() {
     let points = random_points(30, 5);
-    let (x, y) = (
-        z_scores(points.iter().map(|p| p.0)),
-        z_scores(points.iter().map(|p| p.1)),
-    );
+    let (x, y) = (z_scores(points.iter().map(|p| p.0)), z_scores(points.iter().map(|p| p.1)));
     for triangle in delaunay(&points).unwrap() {
         let [a, b, c] = triangle.map(|v| nalgebra::Vector2::new(x[v as usize], y[v as usize]));
         let (ab, ac) = (b - a, c - a);
@@ -56,10 +45,7 @@ fn delaunay_circles_are_empty_among_z_scores() {
         ) / (2.0 * twice_area);
         for v in 0..points.len() {
             let distance = (nalgebra::Vector2::new(x[v], y[v]) - a - centre).norm();
-            assert!(
-                distance >= centre.norm() * (1.0 - 1e-9),
-                "vertex {v} inside the circle of {triangle:?}"
-            );
+            assert!(distance >= centre.norm() * (1.0 - 1e-9), "vertex {v} inside the circle of {triangle:?}");
         }
     }
 }
@@ -69,10 +55,8 @@ fn a_walk_ends_where_trying_all_ends_whatever_its_start() {
     let (_, map) = random_map(25, 1);
     let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
     for _ in 0..2000 {
-        let point = (
-            random.random::<f64>() * map.max_speed_m_s(),
-            random.random::<f64>() * map.max_force_n(),
-        );
+        let point =
+            (random.random::<f64>() * map.max_speed_m_s(), random.random::<f64>() * map.max_force_n());
         let expected = map.locate_by_trying_all(point.0, point.1);
         let start = random.random_range(0..map.triangles().len() as u32);
         assert_eq!(map.locate_from(start, point.0, point.1), expected);
@@ -151,33 +135,18 @@ fn a_map_with_a_hole_a_fold_or_a_missing_vertex_is_refused() {
     let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5)];
     let good = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
     assert!(Triangulation::new(&square, good.clone()).is_ok());
-    assert!(matches!(
-        Triangulation::new(&square, good[..3].to_vec()),
-        Err(TriangulationError::Gap { .. })
-    ));
+    assert!(matches!(Triangulation::new(&square, good[..3].to_vec()), Err(TriangulationError::Gap { .. })));
     let twice = [&good[..], &good[..]].concat();
-    assert!(matches!(
-        Triangulation::new(&square, twice),
-        Err(TriangulationError::Overlap { .. })
-    ));
+    assert!(matches!(Triangulation::new(&square, twice), Err(TriangulationError::Overlap { .. })));
     let beyond = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 5]];
     assert!(matches!(
         Triangulation::new(&square, beyond),
         Err(TriangulationError::NoSuchVertex { vertex: 5, .. })
     ));
     let without_centre = vec![[0, 1, 2], [0, 2, 3]];
-    assert_eq!(
-        Triangulation::new(&square, without_centre),
-        Err(TriangulationError::Unused { vertex: 4 })
-    );
-    assert!(matches!(
-        Triangulation::new(&square, vec![]),
-        Err(TriangulationError::Cover { .. })
-    ));
-    assert!(matches!(
-        Triangulation::new(&[], vec![]),
-        Err(TriangulationError::Flat)
-    ));
+    assert_eq!(Triangulation::new(&square, without_centre), Err(TriangulationError::Unused { vertex: 4 }));
+    assert!(matches!(Triangulation::new(&square, vec![]), Err(TriangulationError::Cover { .. })));
+    assert!(matches!(Triangulation::new(&[], vec![]), Err(TriangulationError::Flat)));
     assert!(matches!(
         Triangulation::new(&square, vec![[0, 0, 4]]),
         Err(TriangulationError::Degenerate { triangle: 0 })

@@ -98,9 +98,7 @@ pub unsafe extern "C" fn haptograph_input_set_at(
     guard_realtime(|| {
         // SAFETY: what the header asks of it.
         let values = unsafe { memory::values(values, length)? };
-        table::input(input.id, |input| {
-            channels::write(input, FrameTime::At(seconds), values).1
-        })
+        table::input(input.id, |input| channels::write(input, FrameTime::At(seconds), values).1)
     })
 }
 
@@ -168,9 +166,8 @@ pub unsafe extern "C" fn haptograph_input_about(
     guard_realtime(|| {
         // SAFETY: what the header asks of each pointer.
         let info = unsafe { ChannelInfo::to(components, rate_hz, waiting)? };
-        let found = table::input(input.id, |input| {
-            Ok((input.kind().width(), input.rate().hz(), input.waiting()))
-        })?;
+        let found =
+            table::input(input.id, |input| Ok((input.kind().width(), input.rate().hz(), input.waiting())))?;
         info.write(found);
         Ok(())
     })

@@ -34,9 +34,7 @@ pub extern "C" fn haptograph_status_text(status: i32) -> *const c_char {
         Status::Panic,
     ];
     let known = all.into_iter().find(|known| *known as i32 == status);
-    known
-        .map_or(c"not a status of haptograph", failure::text)
-        .as_ptr()
+    known.map_or(c"not a status of haptograph", failure::text).as_ptr()
 }
 
 /// Returns the code of the first error in the graph that this thread last failed to open, such as "E0204" (see

@@ -126,10 +126,7 @@ pub unsafe extern "C" fn haptograph_graph_warnings(
             return Ok(());
         }
         let cut = boundary(&found, capacity - 1);
-        let bytes: Vec<c_char> = found.as_bytes()[..cut]
-            .iter()
-            .map(|byte| *byte as c_char)
-            .collect();
+        let bytes: Vec<c_char> = found.as_bytes()[..cut].iter().map(|byte| *byte as c_char).collect();
         let ended: Vec<c_char> = bytes.into_iter().chain([0]).collect();
         // SAFETY: as above. The number is not needed.
         let discarded = unsafe { OutPointer::optional(std::ptr::null_mut())? };
@@ -179,9 +176,7 @@ unsafe fn list(
 ) -> Result<(), Failure> {
     // SAFETY: the condition of this function; so it is below.
     let out = unsafe { OutPointer::optional(count)? };
-    let found = table::graph(graph.id, |graph| {
-        Ok::<_, Failure>(graphs::channels(graph, direction))
-    })?;
+    let found = table::graph(graph.id, |graph| Ok::<_, Failure>(graphs::channels(graph, direction)))?;
     let shown = |(name, channel): &(String, haptograph_engine::device::Channel)| Channel {
         name: fixed(name),
         unit: fixed(&channel.quantity.unit()),
@@ -194,19 +189,13 @@ unsafe fn list(
 
 /// The number of bytes of whole characters that fit into `room`.
 fn boundary(text: &str, room: usize) -> usize {
-    (0..=room.min(text.len()))
-        .rev()
-        .find(|at| text.is_char_boundary(*at))
-        .unwrap_or(0)
+    (0..=room.min(text.len())).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0)
 }
 
 /// As much of a text as fits, with a final 0.
 fn fixed<const ROOM: usize>(text: &str) -> [c_char; ROOM] {
     let mut fixed = [0; ROOM];
     let cut = boundary(text, ROOM - 1);
-    fixed
-        .iter_mut()
-        .zip(&text.as_bytes()[..cut])
-        .for_each(|(to, byte)| *to = *byte as c_char);
+    fixed.iter_mut().zip(&text.as_bytes()[..cut]).for_each(|(to, byte)| *to = *byte as c_char);
     fixed
 }

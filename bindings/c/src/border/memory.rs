@@ -42,9 +42,7 @@ pub unsafe fn text<'a>(what: &str, pointer: *const c_char) -> Result<&'a str, Fa
 /// As of [`bytes`].
 pub unsafe fn optional_text<'a>(what: &str, pointer: *const c_char) -> Result<Option<&'a str>, Failure> {
     // SAFETY: this function's own condition.
-    (!pointer.is_null())
-        .then(|| unsafe { text(what, pointer) })
-        .transpose()
+    (!pointer.is_null()).then(|| unsafe { text(what, pointer) }).transpose()
 }
 
 /// Reads a path: any bytes on Unix, UTF-8 elsewhere.

@@ -39,9 +39,8 @@ impl Fault {
         let thread = *self.thread.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(thread) = thread {
             // Where that fails, the node goes on to the end of its block.
-            let _ = py
-                .import("haptograph._node")
-                .and_then(|module| module.call_method1("interrupt", (thread,)));
+            let _ =
+                py.import("haptograph._node").and_then(|module| module.call_method1("interrupt", (thread,)));
         }
     }
 
@@ -70,10 +69,7 @@ struct Running {
 
 impl Clone for Running {
     fn clone(&self) -> Self {
-        Self {
-            making: Arc::clone(&self.making),
-            object: None,
-        }
+        Self { making: Arc::clone(&self.making), object: None }
     }
 }
 
@@ -98,10 +94,7 @@ impl Making {
     pub fn processor(self, py: Python<'_>) -> PyResult<Built<Scripted>> {
         let first = self.object(py)?;
         Ok(Built::new(Running {
-            making: Arc::new(Self {
-                first: Mutex::new(Some(first)),
-                ..self
-            }),
+            making: Arc::new(Self { first: Mutex::new(Some(first)), ..self }),
             object: None,
         }))
     }

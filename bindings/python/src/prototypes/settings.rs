@@ -28,13 +28,7 @@ pub struct Declared {
 
 impl Declared {
     pub fn of((name, value, is_required, range, doc): GivenSetting) -> Self {
-        Self {
-            name: name.leak(),
-            value,
-            is_required,
-            range,
-            doc,
-        }
+        Self { name: name.leak(), value, is_required, range, doc }
     }
 
     pub fn spec(&self) -> SettingSpec {

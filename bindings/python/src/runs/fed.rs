@@ -62,15 +62,10 @@ impl<'a> Fed<'a> {
 fn all_fed(graph: &Graph, feeds: &[Feed]) -> Result<(), Failure> {
     let is_fed = |name: &str| {
         let endpoint = name.split('.').next();
-        feeds
-            .iter()
-            .any(|feed| feed.name == name || Some(feed.name.as_str()) == endpoint)
+        feeds.iter().any(|feed| feed.name == name || Some(feed.name.as_str()) == endpoint)
     };
-    let missing: Vec<String> = graph
-        .host_inputs()
-        .map(|(name, _)| name)
-        .filter(|name| !is_fed(name))
-        .collect();
+    let missing: Vec<String> =
+        graph.host_inputs().map(|(name, _)| name).filter(|name| !is_fed(name)).collect();
     match missing.is_empty() {
         true => Ok(()),
         false => Err(Failure::Message(format!(
@@ -107,10 +102,7 @@ pub fn fed(
     progress: &Progress,
     goes_on: &dyn Fn() -> bool,
 ) -> Result<Done, Failure> {
-    let mut fed = feeds
-        .iter()
-        .map(|feed| Fed::of(graph, feed))
-        .collect::<Result<Vec<_>, _>>()?;
+    let mut fed = feeds.iter().map(|feed| Fed::of(graph, feed)).collect::<Result<Vec<_>, _>>()?;
     all_fed(graph, feeds)?;
     let seconds = lasting(&fed, wanted)?;
     let probes = probes(graph, wanted, false)?;
@@ -132,16 +124,12 @@ pub fn fed(
     while player.frames() < total && goes_on() {
         fed.iter_mut().try_for_each(Fed::fill)?;
         player.process(part.min(total - player.frames()) as usize);
-        kept.iter_mut()
-            .for_each(|(output, signal)| drain(output, &mut signal.frames));
+        kept.iter_mut().for_each(|(output, signal)| drain(output, &mut signal.frames));
         progress.at(player.frames() as f64 / total as f64);
     }
     let done = player.finish(session);
     if let Some(failed) = done.failed.first() {
         return Err(Failure::of(failed));
     }
-    Ok(Done {
-        signals: kept.into_iter().map(|(_, signal)| signal).collect(),
-        outcome: done.outcome,
-    })
+    Ok(Done { signals: kept.into_iter().map(|(_, signal)| signal).collect(), outcome: done.outcome })
 }

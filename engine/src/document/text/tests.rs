@@ -21,42 +21,25 @@ fn errors(text: &str) -> Vec<String> {
 fn values_know_their_place_behind_comments_and_beside_many_byte_letters() {
     let text = "#![enable(implicit_some)]\n/* µ /* nested */ */ G(é: [1.5, -2_000, 0x10], // x\n m: {\"ü\": Some(true)},)";
     let value = parsed(text);
-    let Shape::Tagged(Tagged {
-        name: Some(name),
-        body: Body::Fields(fields),
-    }) = &value.shape
-    else {
+    let Shape::Tagged(Tagged { name: Some(name), body: Body::Fields(fields) }) = &value.shape else {
         panic!("{value:?}");
     };
     assert_eq!(&text[name.span.start..name.span.end], "G");
     assert_eq!(&text[fields[0].0.span.start..fields[0].0.span.end], "é");
-    let Shape::List(items) = &fields[0].1.shape else {
-        panic!()
-    };
+    let Shape::List(items) = &fields[0].1.shape else { panic!() };
     let written: Vec<&str> = items.iter().map(|v| &text[v.span.start..v.span.end]).collect();
     assert_eq!(written, ["1.5", "-2_000", "0x10"]);
     assert_eq!(items[1].shape, Shape::Number(-2000.0, "-2000".into()));
     assert_eq!(items[2].shape, Shape::Number(16.0, "16".into()));
-    let Shape::Map(pairs) = &fields[1].1.shape else {
-        panic!()
-    };
+    let Shape::Map(pairs) = &fields[1].1.shape else { panic!() };
     assert_eq!(&text[pairs[0].1.span.start..pairs[0].1.span.end], "Some(true)");
     assert_eq!(value.span.end, text.len());
 }
 
 #[test]
 fn strings_are_read_as_ron_reads_them() {
-    for text in [
-        r#""plain""#,
-        r#""a\n\"b\" \u{3bc}""#,
-        r##"r#"raw "quoted" \n"#"##,
-        "\"two\nlines\"",
-    ] {
-        assert_eq!(
-            parsed(text).shape,
-            Shape::String(ron::from_str(text).unwrap()),
-            "{text}"
-        );
+    for text in [r#""plain""#, r#""a\n\"b\" \u{3bc}""#, r##"r#"raw "quoted" \n"#"##, "\"two\nlines\""] {
+        assert_eq!(parsed(text).shape, Shape::String(ron::from_str(text).unwrap()), "{text}");
     }
     assert_eq!(errors(r#""\q""#).len(), 1);
 }
@@ -105,19 +88,13 @@ fn ron_text() -> impl Strategy<Value = String> {
             list.clone().prop_map(|v| format!("[{}]", v.join(", "))),
             list.clone().prop_map(|v| format!("Tag({})", v.join(", "))),
             list.clone().prop_map(|v| {
-                let pairs: Vec<String> = v
-                    .iter()
-                    .enumerate()
-                    .map(|(i, v)| format!("\"k{i}\": {v}"))
-                    .collect();
+                let pairs: Vec<String> =
+                    v.iter().enumerate().map(|(i, v)| format!("\"k{i}\": {v}")).collect();
                 format!("{{{}}}", pairs.join(", "))
             }),
             list.prop_map(|v| {
-                let fields: Vec<String> = v
-                    .iter()
-                    .enumerate()
-                    .map(|(i, v)| format!("f{i}: {v}, // x\n"))
-                    .collect();
+                let fields: Vec<String> =
+                    v.iter().enumerate().map(|(i, v)| format!("f{i}: {v}, // x\n")).collect();
                 format!("S({})", fields.concat())
             }),
         ]
@@ -151,16 +128,7 @@ proptest! {
 
 #[test]
 fn the_sign_of_a_number_is_no_arithmetic() {
-    for text in [
-        "[-1,-2]",
-        "(-1.2, 0.6)",
-        "[+1]",
-        "[-.5]",
-        "[-inf,-NaN]",
-        "{-1:-2}",
-        "(a:-3)",
-        "[1, -2]",
-    ] {
+    for text in ["[-1,-2]", "(-1.2, 0.6)", "[+1]", "[-.5]", "[-inf,-NaN]", "{-1:-2}", "(a:-3)", "[1, -2]"] {
         let mut found = Vec::new();
         assert!(read(SourceId(0), text, &mut found).is_some(), "{text}");
         assert!(found.is_empty(), "{text}: {found:?}");

@@ -5,9 +5,8 @@ use crate::formula::{Formula, names};
 use unicode_ident::{is_xid_continue, is_xid_start};
 
 /// Characters that are white space in RON.
-const WHITE: [char; 11] = [
-    ' ', '\t', '\n', '\r', '\u{b}', '\u{c}', '\u{85}', '\u{200e}', '\u{200f}', '\u{2028}', '\u{2029}',
-];
+const WHITE: [char; 11] =
+    [' ', '\t', '\n', '\r', '\u{b}', '\u{c}', '\u{85}', '\u{200e}', '\u{200f}', '\u{2028}', '\u{2029}'];
 
 /// Kind of a token. Its text is a slice of the source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,11 +63,7 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
                     continue;
                 }
                 None => {
-                    let span = Span {
-                        source,
-                        start,
-                        end: start + 2,
-                    };
+                    let span = Span { source, start, end: start + 2 };
                     diagnostics.push(
                         Diagnostic::error("E0103", span, "this comment is never closed")
                             .label("opened here")
@@ -101,14 +96,7 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
             }
             '#' | '%' if begins_comment(c, text, &lexemes, start) => {
                 at += rest.find('\n').unwrap_or(rest.len());
-                refuse_comment(
-                    Span {
-                        source,
-                        start,
-                        end: at,
-                    },
-                    diagnostics,
-                );
+                refuse_comment(Span { source, start, end: at }, diagnostics);
                 continue;
             }
             c if is_xid_start(c) || c == '_' => {
@@ -124,11 +112,7 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
             None => at += c.len_utf8(),
             Some((token, length)) => {
                 at += length;
-                lexemes.push(Lexeme {
-                    token,
-                    start,
-                    end: at,
-                });
+                lexemes.push(Lexeme { token, start, end: at });
             }
         }
     }
@@ -267,37 +251,23 @@ fn mistaken(
     let until = |close: char| {
         let line = &rest[..rest.find('\n').unwrap_or(rest.len())];
         let inner = &line[c.len_utf8()..];
-        inner
-            .find(close)
-            .map_or(c.len_utf8(), |i| c.len_utf8() + i + close.len_utf8())
+        inner.find(close).map_or(c.len_utf8(), |i| c.len_utf8() + i + close.len_utf8())
     };
     let (token, length, help) = match c {
-        '\'' => (
-            Token::Mistaken,
-            until('\''),
-            "strings are written in double quotes: \"...\"",
-        ),
+        '\'' => (Token::Mistaken, until('\''), "strings are written in double quotes: \"...\""),
         '\u{201c}' | '\u{201d}' => (Token::Mistaken, until('\u{201d}'), "use straight quotes: \"...\""),
         '=' => (Token::Colon, 1, "a field is written `name: value`"),
         ';' => (Token::Comma, 1, "separate with `,`"),
         '-' | '+' => (Token::Mistaken, 1, "a sign stands right before its number: `-2`"),
-        '\u{2212}' | '\u{2013}' => (
-            Token::Mistaken,
-            c.len_utf8(),
-            "write the minus sign of the keyboard: `-2`",
-        ),
+        '\u{2212}' | '\u{2013}' => {
+            (Token::Mistaken, c.len_utf8(), "write the minus sign of the keyboard: `-2`")
+        }
         _ => (Token::Mistaken, c.len_utf8(), "remove it"),
     };
-    let span = Span {
-        source,
-        start,
-        end: start + length,
-    };
+    let span = Span { source, start, end: start + length };
     let help = output_of(text, start).unwrap_or_else(|| help.to_owned());
     diagnostics.push(
-        Diagnostic::error("E0101", span, format!("unexpected `{c}`"))
-            .label("not part of RON")
-            .help(help),
+        Diagnostic::error("E0101", span, format!("unexpected `{c}`")).label("not part of RON").help(help),
     );
     (token, length)
 }
@@ -307,9 +277,9 @@ fn output_of(text: &str, start: usize) -> Option<String> {
     let port = text[start..].strip_prefix('.')?;
     let port = &port[..port.find(|c| !is_xid_continue(c)).unwrap_or(port.len())];
     let before = &text[..start];
-    let node = before.rfind(|c| !is_xid_continue(c)).map_or(before, |at| {
-        &before[at + before[at..].chars().next().map_or(0, char::len_utf8)..]
-    });
+    let node = before
+        .rfind(|c| !is_xid_continue(c))
+        .map_or(before, |at| &before[at + before[at..].chars().next().map_or(0, char::len_utf8)..]);
     let is_name = |name: &str| name.starts_with(|c| is_xid_start(c) || c == '_');
     (is_name(node) && is_name(port))
         .then(|| format!("a connection is written in quotes: `\"{node}.{port}\"`"))
@@ -419,18 +389,10 @@ impl Arithmetic {
         let from = digit.map_or(start, |digit| {
             let first = start + digit;
             let length = number_length(&text[first..end]);
-            lexemes.push(Lexeme {
-                token: Token::Number,
-                start: first,
-                end: first + length,
-            });
+            lexemes.push(Lexeme { token: Token::Number, start: first, end: first + length });
             first + length
         });
-        lexemes.push(Lexeme {
-            token: Token::Mistaken,
-            start: from,
-            end,
-        });
+        lexemes.push(Lexeme { token: Token::Mistaken, start: from, end });
     }
 }
 
@@ -441,11 +403,7 @@ pub(super) fn match_brackets(
     lexemes: &[Lexeme],
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<Vec<usize>> {
-    let span = |lexeme: &Lexeme| Span {
-        source,
-        start: lexeme.start,
-        end: lexeme.end,
-    };
+    let span = |lexeme: &Lexeme| Span { source, start: lexeme.start, end: lexeme.end };
     let slice = |lexeme: &Lexeme| &text[lexeme.start..lexeme.end];
     let mut partners = vec![0; lexemes.len()];
     let mut open: Vec<usize> = Vec::new();
@@ -492,14 +450,7 @@ pub(super) fn match_brackets(
     diagnostics.push(
         Diagnostic::error("E0102", span(&lexemes[innermost]), message)
             .label("opened here")
-            .also(
-                Span {
-                    source,
-                    start: end,
-                    end,
-                },
-                "the file ends here",
-            )
+            .also(Span { source, start: end, end }, "the file ends here")
             .help(format!("close it with `{}`", closing(slice(&lexemes[innermost])))),
     );
     None

@@ -23,12 +23,7 @@ pub(in crate::graph) fn assemble(
     seed: u64,
 ) -> Option<Graph> {
     let mut nodes = DiGraph::with_capacity(draft.nodes.len(), draft.nodes.len());
-    let Built {
-        works,
-        files,
-        devices: bodies,
-        simulated,
-    } = built;
+    let Built { works, files, devices: bodies, simulated } = built;
     // Only devices that nodes are bound to are part of the graph.
     let mut kept: Vec<Option<usize>> = Vec::new();
     let mut graph_devices = Vec::new();
@@ -102,20 +97,11 @@ pub(in crate::graph) fn assemble(
 
 /// Lowers the limit of a sink to the largest output of its device, so that `delivered` is right; returns a warning.
 fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice]) -> Option<Diagnostic> {
-    let Work::Actuator {
-        device,
-        channel,
-        limit,
-        ..
-    } = work
-    else {
+    let Work::Actuator { device, channel, limit, .. } = work else {
         return None;
     };
     let device = devices.get(*device)?;
-    let most = device
-        .device
-        .max_output_bound(*channel)
-        .filter(|most| *most < limit.peak)?;
+    let most = device.device.max_output_bound(*channel).filter(|most| *most < limit.peak)?;
     let message = format!(
         "the peak limit of `{}` is {}, but `{}` can give at most {most}; the limit is lowered to {most}",
         node.path, limit.peak, device.name
@@ -126,11 +112,7 @@ fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice])
     let written = written.and_then(|limit| node.fields.given(limit.name));
     let span = written.map_or(node.fields.span, |value| value.span);
     let warning = Diagnostic::warning("W0108", span, message);
-    Some(
-        warning
-            .also(device.span, "the device")
-            .help("lower the limit, or correct what the device states"),
-    )
+    Some(warning.also(device.span, "the device").help("lower the limit, or correct what the device states"))
 }
 
 /// The live settings of a node with their values or defaults, each number of a list by itself.
@@ -162,11 +144,8 @@ fn written(node: &DraftNode) -> Vec<(String, String)> {
 
 fn input(draft: &Draft, node: &DraftNode, slot: &Slot) -> Input {
     let port = &node.entry.spec.inputs[slot.port];
-    let carried = slot
-        .wire
-        .as_ref()
-        .map(|wire| draft.nodes[wire.from].outputs[wire.output])
-        .unwrap_or_default();
+    let carried =
+        slot.wire.as_ref().map(|wire| draft.nodes[wire.from].outputs[wire.output]).unwrap_or_default();
     Input {
         name: port.name,
         label: slot.name.as_ref().map(|name| name.text.clone()),
@@ -190,11 +169,7 @@ fn outputs(node: &DraftNode) -> Option<Vec<Output>> {
             true => node.port_name(place)?.to_owned().into(),
             false => node.entry.spec.output(place)?.name.into(),
         };
-        Some(Output {
-            name,
-            kind: carried.kind?,
-            quantity: carried.quantity?,
-        })
+        Some(Output { name, kind: carried.kind?, quantity: carried.quantity? })
     };
     node.outputs.iter().enumerate().map(output).collect()
 }

@@ -50,9 +50,7 @@ fn structures(field: &Name, value: &Value) -> Vec<Structure> {
 
 fn spans(fields: &[(Name, Value)]) -> Vec<(String, Span)> {
     let fields = fields.iter();
-    fields
-        .map(|(name, value)| (name.text.clone(), value.span))
-        .collect()
+    fields.map(|(name, value)| (name.text.clone(), value.span)).collect()
 }
 
 impl Places {
@@ -117,16 +115,12 @@ impl Places {
             let mut structures = self.structures.iter();
             structures.find(|structure| structure.field == field && structure.place == place)
         });
-        let (owner, fields) = structure.map_or((self.owner, &self.fields), |structure| {
-            (structure.span, &structure.fields)
-        });
+        let (owner, fields) =
+            structure.map_or((self.owner, &self.fields), |structure| (structure.span, &structure.fields));
         let written = fields.iter().find(|(name, _)| Some(name.as_str()) == error.field);
         let span = written.map_or(owner, |(_, span)| *span);
         let connection = error.connection.and_then(|connection| {
-            let of_input = self
-                .connections
-                .iter()
-                .filter(|(input, _)| Some(*input) == error.field);
+            let of_input = self.connections.iter().filter(|(input, _)| Some(*input) == error.field);
             of_input.map(|(_, span)| *span).nth(connection as usize)
         });
         let part = error.part.and_then(|part| part_of_text(sources, span, part));
@@ -168,9 +162,7 @@ fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
         true => format!("; there is {}", beside.display()),
         false => String::new(),
     };
-    Some(format!(
-        "a path in the value given for a parameter is relative to the working directory{found}"
-    ))
+    Some(format!("a path in the value given for a parameter is relative to the working directory{found}"))
 }
 
 /// The place of some characters of a text that is written in plain quotes, without escapes.
@@ -184,11 +176,7 @@ pub(in crate::graph) fn part_of_text(
     if text.contains('\\') {
         return None;
     }
-    let byte = |characters: usize| {
-        text.char_indices()
-            .nth(characters)
-            .map_or(text.len(), |(at, _)| at)
-    };
+    let byte = |characters: usize| text.char_indices().nth(characters).map_or(text.len(), |(at, _)| at);
     let (start, end) = (span.start + 1 + byte(first), span.start + 1 + byte(end));
     (start < end).then_some(Span { start, end, ..span })
 }

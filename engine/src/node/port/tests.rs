@@ -9,10 +9,7 @@ use crate::settings::NoSettings;
 use crate::testing::Bench;
 use haptograph_signal::quantity::Quantity;
 
-const TERMS: InputSpec = InputSpec {
-    presence: Presence::Many,
-    ..any_input("terms", "What is added.")
-};
+const TERMS: InputSpec = InputSpec { presence: Presence::Many, ..any_input("terms", "What is added.") };
 
 /// A frame of a kind that the engine does not have.
 #[derive(Debug, Clone, Copy)]
@@ -36,10 +33,7 @@ impl OneKind for Patch {
 
 impl Record for Patch {
     fn from_components([face, gain]: &Self::Array) -> Self {
-        Self {
-            face: *face as u32,
-            gain: *gain,
-        }
+        Self { face: *face as u32, gain: *gain }
     }
 
     fn to_components(&self) -> Self::Array {
@@ -63,9 +57,7 @@ impl NodeKind for Every {
             input("patch", Patch::KIND, Quantity::NUMBER, "A record."),
             input("held", Patch::KIND, Quantity::NUMBER, "Runs.").held(),
             input("extra", Kind::SCALAR, Quantity::FORCE, "A number, perhaps.").optional(),
-            input("extra_held", Kind::VECTOR, Quantity::FORCE, "Runs, perhaps.")
-                .optional()
-                .held(),
+            input("extra_held", Kind::VECTOR, Quantity::FORCE, "Runs, perhaps.").optional().held(),
             TERMS,
         ],
         outputs: &[
@@ -132,10 +124,7 @@ impl Processor<Every> for Reader {
         let total = io.write(TOTAL);
         total.fill(0.0);
         for term in terms.iter() {
-            total
-                .iter_mut()
-                .zip(term)
-                .for_each(|(total, term)| *total += term);
+            total.iter_mut().zip(term).for_each(|(total, term)| *total += term);
         }
         for event in io.write(EVENT) {
             *event = Event::default().to_components();
@@ -174,9 +163,7 @@ fn run(with_extra: bool, blocks: &[usize]) -> Vec<Vec<f64>> {
 #[test]
 fn ports_of_every_form_are_read_and_written_by_their_handles() {
     for blocks in [&[3][..], &[1], &[2, 1]] {
-        let [sum, turned, total, event] = &run(false, blocks)[..] else {
-            panic!("four outputs")
-        };
+        let [sum, turned, total, event] = &run(false, blocks)[..] else { panic!("four outputs") };
         assert_eq!(sum, &[34.0, 74.0, 57.0]);
         assert_eq!(turned, &[3.0, 1.0, 2.0, 6.0, 4.0, 5.0, 9.0, 7.0, 8.0]);
         assert_eq!((&total[..], &event[..]), (&[3.0; 9][..], &[0.0; 6][..]));
@@ -188,16 +175,9 @@ fn ports_of_every_form_are_read_and_written_by_their_handles() {
 fn a_kind_has_a_neutral_frame_as_wide_as_it_is() {
     assert_eq!(Patch::KIND.neutral().collect::<Vec<_>>(), [0.0, 1.0]);
     for kind in Kind::ENGINE {
-        assert_eq!(
-            kind.neutral().collect::<Vec<_>>(),
-            vec![0.0; kind.width()],
-            "{kind}"
-        );
+        assert_eq!(kind.neutral().collect::<Vec<_>>(), vec![0.0; kind.width()], "{kind}");
     }
-    const EMPTY: KindSpec = KindSpec {
-        components: &[],
-        ..*Kind::SCALAR.spec()
-    };
+    const EMPTY: KindSpec = KindSpec { components: &[], ..*Kind::SCALAR.spec() };
     let message = refused(|| Kind::new(&EMPTY));
     assert_eq!(message, "a frame has at least one component");
 }
@@ -213,9 +193,7 @@ fn scripts_find_every_sampled_port() {
 
 /// The message of the panic that is a compile error in a constant.
 fn refused<T>(look_up: impl FnOnce() -> T + std::panic::UnwindSafe) -> String {
-    let Err(panic) = std::panic::catch_unwind(look_up) else {
-        panic!("it was found")
-    };
+    let Err(panic) = std::panic::catch_unwind(look_up) else { panic!("it was found") };
     (*panic.downcast::<&str>().expect("a message")).to_owned()
 }
 
@@ -297,23 +275,14 @@ impl NodeKind for Each {
         source: "",
         inputs: &[any_input("terms", "What is added and multiplied.").named()],
         outputs: &[
-            output(
-                "count",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "How many products there are.",
-            ),
+            output("count", Kind::SCALAR, Quantity::NUMBER, "How many products there are."),
             output_like("products", "terms", "A product.").named_by("factors"),
         ],
         example: "",
     };
 
     fn members(settings: &EachSettings) -> Result<Vec<String>, BuildError> {
-        Ok(settings
-            .factors
-            .iter()
-            .map(|factor| format!("by {factor}"))
-            .collect())
+        Ok(settings.factors.iter().map(|factor| format!("by {factor}")).collect())
     }
 
     fn build(settings: EachSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
@@ -349,9 +318,7 @@ impl Processor<Each> for Factors {
 #[test]
 fn a_family_of_outputs_is_as_large_as_the_settings_say() {
     let bench = |factors: &[f64]| {
-        let settings = EachSettings {
-            factors: factors.to_vec(),
-        };
+        let settings = EachSettings { factors: factors.to_vec() };
         Bench::with_names::<Each>(settings, 10.0, &[Kind::VECTOR; 2], &["a", "b"]).unwrap()
     };
     let (x, y) = ([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [10.0; 6]);

@@ -67,10 +67,7 @@ impl Builder<'_> {
                 latency_s,
                 max_to: self.most_frames(to_clock),
             };
-            let plan = RingPlan {
-                edge: edge.id(),
-                ring,
-            };
+            let plan = RingPlan { edge: edge.id(), ring };
             rings.push((edge.weight().input, plan.edge, plan));
         }
         rings.sort_by(|a, b| (&a.2.ring.name, a.0).cmp(&(&b.2.ring.name, b.0)));

@@ -154,8 +154,7 @@ impl InputWriter {
 
 impl FrameWriter for InputWriter {
     fn write(&mut self, _: usize, rows: &[f64]) -> std::io::Result<()> {
-        rows.chunks(self.columns)
-            .try_for_each(|row| super::write_row(&mut self.file, row))
+        rows.chunks(self.columns).try_for_each(|row| super::write_row(&mut self.file, row))
     }
 
     fn finish(mut self: Box<Self>) -> std::io::Result<()> {
@@ -214,17 +213,12 @@ impl InputScript {
         };
         let (tick, cells) = text.split_once(',').unwrap_or((&text, ""));
         let values: Vec<f64> = cells.split(',').flat_map(str::parse).collect();
-        let tick = tick
-            .parse::<u64>()
-            .ok()
-            .filter(|_| values.len() == self.limits.len());
+        let tick = tick.parse::<u64>().ok().filter(|_| values.len() == self.limits.len());
         let Some(tick) = tick.filter(|_| cells.split(',').count() == self.limits.len()) else {
             return Err(self.lines.malformed(1 + self.limits.len()));
         };
         if before.is_some_and(|before| tick <= before) {
-            return Err(self
-                .lines
-                .implausible("its tick is not after that of the previous line"));
+            return Err(self.lines.implausible("its tick is not after that of the previous line"));
         }
         if tick as f64 > self.most_ticks {
             return Err(self.lines.implausible("its tick is after the end of the run"));

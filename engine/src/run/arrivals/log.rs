@@ -51,10 +51,7 @@ impl ArrivalLog {
             lost: 0,
             is_over: false,
         };
-        let kept = Kept {
-            callbacks: far_callbacks,
-            settings: far_settings,
-        };
+        let kept = Kept { callbacks: far_callbacks, settings: far_settings };
         (log, kept)
     }
 
@@ -79,21 +76,14 @@ impl ArrivalLog {
             *before = arrived;
         }
         for writer in &run.state.ring_ends.writers {
-            self.row
-                .push(writer.as_ref().map_or(0.0, |writer| writer.accepted() as f64));
+            self.row.push(writer.as_ref().map_or(0.0, |writer| writer.accepted() as f64));
         }
         self.keep_row();
     }
 
     /// Logs a ramp of a setting that starts before frame `frame`.
     pub fn set(&mut self, frame: u64, ramp: &ParamRamp) {
-        let ParamRamp {
-            place,
-            from,
-            to,
-            frames,
-            ..
-        } = *ramp;
+        let ParamRamp { place, from, to, frames, .. } = *ramp;
         let row: [f64; SETTING] = [frame as f64, from, to, frames as f64, place as f64];
         if !self.is_over && self.settings.push_entire_slice(&row).is_err() {
             // The log is invalid from there on.
@@ -150,8 +140,7 @@ impl ArrivalWriter {
 
 impl FrameWriter for ArrivalWriter {
     fn write(&mut self, _: usize, rows: &[f64]) -> std::io::Result<()> {
-        rows.chunks(self.columns)
-            .try_for_each(|row| write_row(&mut self.file, row))
+        rows.chunks(self.columns).try_for_each(|row| write_row(&mut self.file, row))
     }
 
     fn finish(mut self: Box<Self>) -> std::io::Result<()> {

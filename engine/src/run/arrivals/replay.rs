@@ -289,10 +289,7 @@ impl Arrivals {
 /// True if the frames that a callback read have arrived and those that it sent fit.
 fn has_arrived(run: &Run, (before, arrived): (&[u64], &[u32]), sent: &[u32]) -> bool {
     let ring_ends = &run.state.ring_ends;
-    let seen = before
-        .iter()
-        .zip(arrived)
-        .map(|(before, more)| before + u64::from(*more));
+    let seen = before.iter().zip(arrived).map(|(before, more)| before + u64::from(*more));
     let sees = ring_ends.readers.iter().zip(seen).all(|(reader, seen)| {
         let there = |reader: &AsyncResamplerReader| reader.arrivals() >= seen;
         reader.as_ref().is_none_or(there)
@@ -323,15 +320,8 @@ fn apply(run: &mut Run, (before, arrived): (&mut [u64], &[u32]), sent: &[u32]) {
 impl Run {
     /// Returns the first error of the input scripts.
     fn check_inputs(&mut self) -> Result<(), ReplayError> {
-        let scripts = self
-            .state
-            .devices
-            .iter_mut()
-            .filter_map(|device| device.script.as_mut());
-        scripts
-            .filter_map(|script| script.failure())
-            .next()
-            .map_or(Ok(()), Err)
+        let scripts = self.state.devices.iter_mut().filter_map(|device| device.script.as_mut());
+        scripts.filter_map(|script| script.failure()).next().map_or(Ok(()), Err)
     }
 }
 

@@ -25,11 +25,7 @@ impl Lines {
             Err(error) => return Err(ReplayError::Read { path, error }),
         };
         let lines = Box::new(files::lines(BufReader::new(file), MAX_LINE_BYTES));
-        let mut log = Self {
-            path,
-            lines,
-            number: 0,
-        };
+        let mut log = Self { path, lines, number: 0 };
         let found = log.next()?.unwrap_or_default();
         if found != wanted {
             const SHOWN: usize = 200;
@@ -68,11 +64,7 @@ impl Lines {
     /// Error: a run cannot have written the last line read.
     pub fn implausible(&self, why: impl ToString) -> ReplayError {
         let (path, line) = self.place();
-        ReplayError::Implausible {
-            path,
-            line,
-            why: why.to_string(),
-        }
+        ReplayError::Implausible { path, line, why: why.to_string() }
     }
 
     /// Error: the last line read does not have this many numbers.

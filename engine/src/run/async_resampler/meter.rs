@@ -88,8 +88,7 @@ impl RingMeter {
     pub(super) fn record(&self, fill_s: f64, correction_ppm: f64) {
         let float = |value: &AtomicU64| f64::from_bits(value.load(Relaxed));
         self.fill.store(fill_s.to_bits(), Relaxed);
-        self.least
-            .store(float(&self.least).min(fill_s).to_bits(), Relaxed);
+        self.least.store(float(&self.least).min(fill_s).to_bits(), Relaxed);
         self.most.store(float(&self.most).max(fill_s).to_bits(), Relaxed);
         self.correction.store(correction_ppm.to_bits(), Relaxed);
     }

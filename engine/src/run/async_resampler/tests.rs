@@ -22,14 +22,7 @@ struct World {
 impl World {
     fn new(from_hz: u64, to_hz: u64, latency_s: f64, drift_ppm: (f64, f64)) -> Self {
         let (from, to) = (Rate::from_hz(from_hz).unwrap(), Rate::from_hz(to_hz).unwrap());
-        let plan = RingSpec {
-            name: String::new(),
-            kind: Kind::SCALAR,
-            from,
-            to,
-            latency_s,
-            max_to: 1024,
-        };
+        let plan = RingSpec { name: String::new(), kind: Kind::SCALAR, from, to, latency_s, max_to: 1024 };
         let (writer, reader) = async_resampler(&plan);
         Self {
             plan,
@@ -91,11 +84,7 @@ fn drifts_for(mut world: World, hours: f64) -> (f64, f64) {
         }
     }
     let counts = world.counts();
-    assert_eq!(
-        (counts.underruns, counts.overruns, counts.lost_frames),
-        (0, 0, 0),
-        "{counts:?}"
-    );
+    assert_eq!((counts.underruns, counts.overruns, counts.lost_frames), (0, 0, 0), "{counts:?}");
     let drift_ppm = (world.drift.0 - world.drift.1) * 1e6;
     assert!((counts.correction_ppm - drift_ppm).abs() < 60.0, "{counts:?}");
     (least, most)
@@ -103,17 +92,12 @@ fn drifts_for(mut world: World, hours: f64) -> (f64, f64) {
 
 #[test]
 fn an_hour_of_drift_neither_empties_nor_fills_a_ring() {
-    for (from_hz, to_hz, drift_ppm) in [
-        (1000, 1000, (100.0, 0.0)),
-        (2000, 1000, (0.0, 100.0)),
-        (1000, 2000, (50.0, -50.0)),
-    ] {
+    for (from_hz, to_hz, drift_ppm) in
+        [(1000, 1000, (100.0, 0.0)), (2000, 1000, (0.0, 100.0)), (1000, 2000, (50.0, -50.0))]
+    {
         let (least, most) = drifts_for(World::new(from_hz, to_hz, 0.020, drift_ppm), 1.0);
         // The fill is seen in whole frames and rounds; the loop itself stays within a period.
-        assert!(
-            least > 0.0185 && most < 0.0215,
-            "{from_hz} Hz to {to_hz} Hz: {least} to {most}"
-        );
+        assert!(least > 0.0185 && most < 0.0215, "{from_hz} Hz to {to_hz} Hz: {least} to {most}");
     }
 }
 
@@ -177,10 +161,7 @@ fn hear_sine(mut world: World, frequency_hz: f64, settle_s: f64) -> Heard {
     let ideal = |t: f64| (TAU * frequency_hz * t + phase).sin();
     Heard {
         off_s: -phase / (TAU * frequency_hz),
-        error: heard
-            .iter()
-            .map(|(t, y)| (y - ideal(*t)).abs())
-            .fold(0.0, f64::max),
+        error: heard.iter().map(|(t, y)| (y - ideal(*t)).abs()).fold(0.0, f64::max),
         jump_ppm,
     }
 }
@@ -214,10 +195,7 @@ fn a_stalled_producer_is_counted_once_fades_to_silence_and_comes_back() {
     let after: Vec<f64> = (0..200).flat_map(|_| world.round(one, true)).collect();
     let back = after.iter().position(|y| *y != 0.0).unwrap();
     assert!(back < 40, "{back}");
-    assert!(
-        after.windows(2).all(|pair| pair[1] - pair[0] < 0.21),
-        "a jump: {after:?}"
-    );
+    assert!(after.windows(2).all(|pair| pair[1] - pair[0] < 0.21), "a jump: {after:?}");
     assert!((after[199] - 1.0).abs() < 1e-4);
     let counts = world.counts();
     assert_eq!((counts.underruns, counts.overruns), (1, 0), "{counts:?}");

@@ -109,8 +109,7 @@ impl Session {
         graph: impl Into<Planner<'g>>,
         folder: &Path,
     ) -> Result<Changed, ChangeError> {
-        self.change_with(graph.into(), Some(folder), None)
-            .map(|(changed, _)| changed)
+        self.change_with(graph.into(), Some(folder), None).map(|(changed, _)| changed)
     }
 
     /// As [`change`](Self::change), of a run without files.
@@ -121,8 +120,7 @@ impl Session {
         &mut self,
         graph: impl Into<Planner<'g>>,
     ) -> Result<Changed, ChangeError> {
-        self.change_with(graph.into(), None, None)
-            .map(|(changed, _)| changed)
+        self.change_with(graph.into(), None, None).map(|(changed, _)| changed)
     }
 
     /// As [`change`](Self::change). If `probes` are given, the caller reads those outputs from now on.
@@ -137,17 +135,13 @@ impl Session {
         let mut sinks = FileSinks::new(planner);
         let kept_streams = self.keep_streams(&mut sinks, probes);
         let left_out = match folder {
-            Some(folder) => self
-                .open_new(&mut sinks, &kept_streams.ended, folder)
-                .map_err(ChangeError::from),
+            Some(folder) => self.open_new(&mut sinks, &kept_streams.ended, folder).map_err(ChangeError::from),
             None => Ok(Vec::new()),
         };
         let more = probes.unwrap_or_default().iter().copied();
         let more: Vec<Port> = more.filter(|port| !kept_streams.probed.contains(port)).collect();
-        let begun_probes: Vec<(Port, Stream)> = more
-            .into_iter()
-            .map(|port| (port, sinks.hand_over(port.0, port.1)))
-            .collect();
+        let begun_probes: Vec<(Port, Stream)> =
+            more.into_iter().map(|port| (port, sinks.hand_over(port.0, port.1))).collect();
         let ready = left_out.and_then(|left_out| Ok((left_out, self.prepare(&sinks, &kept_streams.kept)?)));
         let (left_out, ready) = match ready {
             Ok(ready) => ready,
@@ -172,12 +166,7 @@ impl Session {
             entry.running = false;
             ended.extend((!entry.is_handed).then(|| entry.what.clone()));
         }
-        let changed = Changed {
-            change,
-            begun,
-            ended,
-            left_out,
-        };
+        let changed = Changed { change, begun, ended, left_out };
         Ok((changed, begun_probes))
     }
 
@@ -203,9 +192,7 @@ impl Session {
                 kept_streams.probed.extend(&ports);
             }
             for (stream, port) in ports.into_iter().enumerate() {
-                kept_streams
-                    .kept
-                    .extend(old(stream).map(|old| (old, sinks.taps.len())));
+                kept_streams.kept.extend(old(stream).map(|old| (old, sinks.taps.len())));
                 sinks.taps.push(port);
                 kept_streams.places.push((number, stream));
             }
@@ -246,10 +233,7 @@ impl Session {
 
     /// Plans a new graph for all drivers, with the rings between them and to the files.
     fn prepare(&self, sinks: &FileSinks<'_>, kept: &[(usize, usize)]) -> Result<Ready, ChangeError> {
-        let options = PlanOptions {
-            block: self.block,
-            taps: sinks.taps.clone(),
-        };
+        let options = PlanOptions { block: self.block, taps: sinks.taps.clone() };
         let mut outs: Vec<_> = sinks.taps.iter().map(|_| None).collect();
         let mut plans = Vec::new();
         let all = self.by_driver(sinks.planner.plans(&options))?;
@@ -268,11 +252,7 @@ impl Session {
             }
             plans.push(prepared);
         }
-        let before: Vec<Arc<Plan>> = self
-            .controls
-            .iter()
-            .map(|control| Arc::clone(control.plan()))
-            .collect();
+        let before: Vec<Arc<Plan>> = self.controls.iter().map(|control| Arc::clone(control.plan())).collect();
         let mut next: Vec<&mut PlanSwap> = plans.iter_mut().map(|plan| &mut *plan.next).collect();
         let rings = reconnect(&before, &self.rings, &mut next);
         Ok(Ready { plans, rings, outs })
@@ -280,10 +260,7 @@ impl Session {
 
     /// Refuses a plan that uses a device of another driver.
     fn check_devices(&self, control: &Control, plan: &Plan) -> Result<(), ChangeError> {
-        let others = self
-            .controls
-            .iter()
-            .filter(|other| !std::ptr::eq(*other, control));
+        let others = self.controls.iter().filter(|other| !std::ptr::eq(*other, control));
         for theirs in others.flat_map(Control::plans) {
             let mut shared = theirs.used_devices();
             if let Some(device) = shared.find(|device| plan.used_devices().any(|own| own == *device)) {
@@ -365,10 +342,7 @@ impl Entry {
             let (node, _) = sinks.find(|(_, sink)| sink.file_name() == file)?;
             let ports = planner.read_by(node);
             let same = ports.len() == self.streams.len()
-                && ports
-                    .iter()
-                    .zip(&self.streams)
-                    .all(|(port, known)| carries(planner, *port, known));
+                && ports.iter().zip(&self.streams).all(|(port, known)| carries(planner, *port, known));
             return same.then_some(ports);
         }
         let find = |known| planner.outputs().find(|port| carries(planner, *port, known));

@@ -230,26 +230,14 @@ mod tests {
             // An equal graph neither runs twice nor is copied.
             (|f| (f.same_graph, f.has_time) = (true, false), SwapMode::InPlace),
             (|f| (f.same_graph, f.has_rings) = (true, true), SwapMode::InPlace),
-            (
-                |f| (f.same_graph, f.gets_rings) = (true, true),
-                through_zero(NoCrossFade::Drivers),
-            ),
+            (|f| (f.same_graph, f.gets_rings) = (true, true), through_zero(NoCrossFade::Drivers)),
             (|f| f.has_rings = true, through_zero(NoCrossFade::Drivers)),
-            (
-                |f| f.actuators_go_on = false,
-                through_zero(NoCrossFade::Actuators),
-            ),
-            (
-                |f| f.has_fast_device = true,
-                through_zero(NoCrossFade::FastDevice),
-            ),
+            (|f| f.actuators_go_on = false, through_zero(NoCrossFade::Actuators)),
+            (|f| f.has_fast_device = true, through_zero(NoCrossFade::FastDevice)),
             (|f| f.delayed += 1, through_zero(NoCrossFade::Delays)),
             (|f| f.has_time = false, through_zero(NoCrossFade::Load)),
             // Reasons that do not depend on the load come first.
-            (
-                |f| (f.actuators_go_on, f.has_time) = (false, false),
-                through_zero(NoCrossFade::Actuators),
-            ),
+            (|f| (f.actuators_go_on, f.has_time) = (false, false), through_zero(NoCrossFade::Actuators)),
         ];
         for (row, (change, expected)) in table.into_iter().enumerate() {
             let mut facts = OTHER;

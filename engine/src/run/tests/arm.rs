@@ -23,12 +23,7 @@ fn graph_of(edit: u64, coil: &Coil, real: bool, slew_per_s: Option<f64>) -> Grap
     let (mut graph, node, sink) = with_processor(Asks(5.0));
     graph.nodes[node].fingerprint = edit;
     if let Work::Actuator { limit, .. } = &mut graph.nodes[sink].work {
-        *limit = Limit {
-            peak: 1.0,
-            continuous: 1.0,
-            window_s: 1.0,
-            slew_per_s,
-        };
+        *limit = Limit { peak: 1.0, continuous: 1.0, window_s: 1.0, slew_per_s };
     }
     graph.devices[0].device = Box::new(coil.clone());
     if real {
@@ -48,18 +43,9 @@ impl Rig {
     fn new(real: bool, slew_per_s: Option<f64>) -> Self {
         let (coil, switch) = (Coil::default(), Arc::new(ArmSwitch::default()));
         let graph = graph(&coil, real, slew_per_s);
-        let options = LiveOptions {
-            rested: true,
-            arm: Some(Arc::clone(&switch)),
-            ..LiveOptions::default()
-        };
+        let options = LiveOptions { rested: true, arm: Some(Arc::clone(&switch)), ..LiveOptions::default() };
         let (live, session) = Session::open(FileSinks::new(&graph), &options).unwrap();
-        Self {
-            coil,
-            switch,
-            live,
-            session,
-        }
+        Self { coil, switch, live, session }
     }
 
     /// What the coil gets in so many ticks, while somebody holds it armed or not.
@@ -114,10 +100,7 @@ fn disarming_takes_it_to_zero_in_the_stated_time_and_holding_does_not_end_that()
         // NaN and what is not above zero arm nothing.
         rig.switch.arm(gain);
         let fall = rig.given(ARM_FALL_S, true);
-        assert!(
-            steepest(&fall) < 0.5 / (ARM_FALL_S * RATE_HZ) * 1.01 && fall[0] > 0.4,
-            "{fall:?}"
-        );
+        assert!(steepest(&fall) < 0.5 / (ARM_FALL_S * RATE_HZ) * 1.01 && fall[0] > 0.4, "{fall:?}");
         rig.switch.set_gain(1.0);
         assert!(is_zero(&rig.given(1.0, true)) && !rig.switch.is_armed());
     }
@@ -155,8 +138,7 @@ fn a_panic_while_it_is_armed_ends_at_zero() {
     let mut rig = Rig::new(true, None);
     rig.switch.arm(1.0);
     rig.given(ARM_RISE_S + 0.01, true);
-    rig.live
-        .callback(1, |_, _| std::panic::resume_unwind(Box::new("as asked")));
+    rig.live.callback(1, |_, _| std::panic::resume_unwind(Box::new("as asked")));
     let given = rig.given(0.1, true);
     assert!(given.ends_with(&[0.0]) && steepest(&given) < 0.06, "{given:?}");
 }
@@ -186,10 +168,7 @@ fn an_edit_goes_on_with_the_gate_of_a_device_and_begins_that_of_a_new_one_at_zer
             false => {
                 let most = |tick: usize| 0.5 * (tick + 1) as f64 / (ARM_RISE_S * RATE_HZ);
                 let within = |(tick, x): (usize, &f64)| *x < most(tick) * 1.01;
-                assert!(
-                    given.iter().enumerate().all(within) && given[49] > 0.0,
-                    "{given:?}"
-                );
+                assert!(given.iter().enumerate().all(within) && given[49] > 0.0, "{given:?}");
             }
         }
     }
@@ -223,10 +202,7 @@ fn hardware_that_was_given_zeros_rises_from_zero_where_nothing_is_armed_too() {
     for real in [true, false] {
         let coil = Coil::default();
         let graph = graph(&coil, real, None);
-        let options = LiveOptions {
-            rested: true,
-            ..LiveOptions::default()
-        };
+        let options = LiveOptions { rested: true, ..LiveOptions::default() };
         let (mut live, session) = Session::open(FileSinks::new(&graph), &options).unwrap();
         let given = |live: &mut Live| -> Vec<f64> {
             let tick = |_| {
@@ -239,10 +215,7 @@ fn hardware_that_was_given_zeros_rises_from_zero_where_nothing_is_armed_too() {
         coil.interrupt();
         let given = given(&mut live);
         assert!(given[0] < 0.1, "{given:?}");
-        assert!(
-            steepest(&given) <= 0.5 / (FADE_S * RATE_HZ) * 1.001 && given[49] == 0.5,
-            "{given:?}"
-        );
+        assert!(steepest(&given) <= 0.5 / (FADE_S * RATE_HZ) * 1.001 && given[49] == 0.5, "{given:?}");
         session.finish(live);
     }
 }

@@ -44,11 +44,7 @@ fn settable(mut graph: Graph) -> Graph {
 /// over.
 fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
     let (file_sinks, heard) = listening(graph);
-    let options = LiveOptions {
-        block: 32,
-        rested: true,
-        ..LiveOptions::default()
-    };
+    let options = LiveOptions { block: 32, rested: true, ..LiveOptions::default() };
     let (mut lives, mut session) = Session::open_all(file_sinks, &options, Some(folder)).unwrap();
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let rates: Vec<f64> = lives.iter().map(|live| live.run().rate_hz()).collect();
@@ -85,11 +81,7 @@ fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
     let ended = session.finish_all(lives);
     assert_eq!((ended.lost_numbers, ended.lost_arrivals), (0, 0));
     assert!(ended.failed.is_empty());
-    let troubles = ended
-        .outcome
-        .rings
-        .iter()
-        .map(|ring| ring.counts.underruns + ring.counts.overruns);
+    let troubles = ended.outcome.rings.iter().map(|ring| ring.counts.underruns + ring.counts.overruns);
     (all_bits(&heard), troubles.sum())
 }
 
@@ -111,10 +103,7 @@ fn a_replay_gives_the_bits_of_the_live_run() {
         let (heard, more) = live_run(&graph, seed, &folder.0);
         troubles += more;
         for block in [1, 64] {
-            assert!(
-                replay(&graph, block, &folder.0).unwrap() == heard,
-                "seed {seed}, block {block}"
-            );
+            assert!(replay(&graph, block, &folder.0).unwrap() == heard, "seed {seed}, block {block}");
         }
     }
     assert!(troubles > 0, "no ring ever ran dry or over: the easy case only");
@@ -128,10 +117,7 @@ fn what_was_set_while_it_ran_is_repeated_too() {
         let folder = Folder::new(&format!("set-{}-{seed}", graph.drivers().len()));
         let (heard, _) = live_run(&graph, seed, &folder.0);
         for block in [1, 7, 64] {
-            assert!(
-                replay(&graph, block, &folder.0).unwrap() == heard,
-                "seed {seed}, block {block}"
-            );
+            assert!(replay(&graph, block, &folder.0).unwrap() == heard, "seed {seed}, block {block}");
         }
         // It hangs on every line.
         for driver in 0..graph.drivers().len() {
@@ -141,11 +127,7 @@ fn what_was_set_while_it_ran_is_repeated_too() {
                 continue;
             };
             std::fs::write(&path, earlier).unwrap();
-            assert!(
-                replay(&graph, 64, &folder.0).unwrap() != heard,
-                "seed {seed}, {}",
-                path.display()
-            );
+            assert!(replay(&graph, 64, &folder.0).unwrap() != heard, "seed {seed}, {}", path.display());
             std::fs::write(&path, text).unwrap();
         }
     }
@@ -154,15 +136,10 @@ fn what_was_set_while_it_ran_is_repeated_too() {
 #[test]
 fn a_replay_ends_where_another_graph_took_over() {
     let alone = (0..4).map(|seed| (seed, [0, 1].map(|_| random_graph(seed, seed))));
-    let several = graphs()
-        .take(6)
-        .map(|(seed, graph)| (seed, [graph, random_graph_with_drivers(seed)]));
+    let several = graphs().take(6).map(|(seed, graph)| (seed, [graph, random_graph_with_drivers(seed)]));
     for (seed, [graph, other]) in alone.chain(several) {
         let (graph, mut other) = (settable(graph), settable(other));
-        other
-            .nodes
-            .node_weights_mut()
-            .for_each(|node| node.fingerprint += 1);
+        other.nodes.node_weights_mut().for_each(|node| node.fingerprint += 1);
         let folder = Folder::new(&format!("ends-{}-{seed}", graph.drivers().len()));
         let (file_sinks, heard) = listening(&graph);
         let (mut lives, mut session) =
@@ -205,40 +182,25 @@ fn a_replay_says_what_it_cannot_repeat() {
         replay(&graph, 64, &folder.0).unwrap_err()
     };
     let wrong = with(&right.replacen("frames", "shoes", 1));
-    assert!(
-        matches!(wrong, OfflineError::Replay(ReplayError::OtherGraph { .. })),
-        "{wrong}"
-    );
+    assert!(matches!(wrong, OfflineError::Replay(ReplayError::OtherGraph { .. })), "{wrong}");
     for line in ["1", "1,0,x", ""] {
         let wrong = with(&format!("{right}{line}\n"));
-        assert!(
-            matches!(wrong, OfflineError::Replay(ReplayError::Line { .. })),
-            "{wrong}"
-        );
+        assert!(matches!(wrong, OfflineError::Replay(ReplayError::Line { .. })), "{wrong}");
     }
     let columns = right.lines().next().unwrap().split(',').count();
     let impossible = vec!["4000000000"; columns - 2].join(",");
     let wrong = with(&format!("{right}1,1,{impossible}\n"));
-    assert!(
-        matches!(wrong, OfflineError::Replay(ReplayError::Contradiction { .. })),
-        "{wrong}"
-    );
+    assert!(matches!(wrong, OfflineError::Replay(ReplayError::Contradiction { .. })), "{wrong}");
     std::fs::write(&path, right).unwrap();
     let settings = folder.0.join("arrivals/0.settings.csv");
     for line in ["1,2,3", "1,0.5,0.7,20,nobody.gain", "x,0.5,0.7,20,n00.gain"] {
         std::fs::write(&settings, format!("frame,from,to,glide frames,setting\n{line}\n")).unwrap();
         let wrong = replay(&graph, 64, &folder.0).unwrap_err();
-        assert!(
-            matches!(wrong, OfflineError::Replay(ReplayError::Setting { line: 2, .. })),
-            "{wrong}"
-        );
+        assert!(matches!(wrong, OfflineError::Replay(ReplayError::Setting { line: 2, .. })), "{wrong}");
     }
     std::fs::remove_file(&path).unwrap();
     let wrong = replay(&graph, 64, &folder.0).unwrap_err();
-    assert!(
-        matches!(wrong, OfflineError::Replay(ReplayError::Read { .. })),
-        "{wrong}"
-    );
+    assert!(matches!(wrong, OfflineError::Replay(ReplayError::Read { .. })), "{wrong}");
 }
 
 /// Where a log of a run of this graph is refused, as not of the run or as no line at all.
@@ -264,14 +226,9 @@ fn damaged_and_forged_callbacks_are_refused_at_their_line() {
     let lines: Vec<&str> = right.lines().collect();
     let columns = lines[0].split(',').count();
     let zeros = ",0".repeat(columns - 2);
-    let total = lines[1..]
-        .iter()
-        .map(|line| line.split(',').next().unwrap().parse::<u64>().unwrap());
+    let total = lines[1..].iter().map(|line| line.split(',').next().unwrap().parse::<u64>().unwrap());
     let (total, end) = (total.sum::<u64>(), lines.len());
-    let whole = ReplayBounds {
-        longest_s: 2.0,
-        frames: Some((total, true)),
-    };
+    let whole = ReplayBounds { longest_s: 2.0, frames: Some((total, true)) };
     assert_eq!(refused_at(&graph, &folder.0, &whole), None);
     let with = |text: &[u8]| {
         std::fs::write(&path, text).unwrap();
@@ -302,17 +259,11 @@ fn damaged_and_forged_callbacks_are_refused_at_their_line() {
     assert_eq!(longer(b"\xff\xfe\n"), Some(end + 1));
     // It was faded out; another graph took over.
     assert_eq!(longer(format!("0,0{zeros}\n").as_bytes()), Some(end + 1));
-    assert_eq!(
-        longer(format!("0,2{zeros}\n0,2{zeros}\n").as_bytes()),
-        Some(end + 2)
-    );
+    assert_eq!(longer(format!("0,2{zeros}\n0,2{zeros}\n").as_bytes()), Some(end + 2));
     assert_eq!(longer(format!("1,1{zeros}\n").as_bytes()), Some(end + 1));
     let many = format!("0,1{zeros}\n").repeat(200_000);
     assert!(longer(many.as_bytes()).is_some_and(|line| line < 100_000));
-    assert_eq!(
-        with((lines[..end - 20].join("\n") + "\n").as_bytes()),
-        Some(end - 20)
-    );
+    assert_eq!(with((lines[..end - 20].join("\n") + "\n").as_bytes()), Some(end - 20));
 }
 
 #[test]
@@ -345,10 +296,7 @@ fn refused(change: impl Fn(&mut Graph)) -> String {
     assert!(replay(&changed, 64, &folder.0).is_ok());
     change(&mut changed);
     let wrong = replay(&changed, 64, &folder.0).unwrap_err();
-    assert!(
-        matches!(wrong, OfflineError::Replay(ReplayError::Changed { .. })),
-        "{wrong}"
-    );
+    assert!(matches!(wrong, OfflineError::Replay(ReplayError::Changed { .. })), "{wrong}");
     wrong.to_string()
 }
 
@@ -376,28 +324,19 @@ fn a_replay_refuses_fingerprints_of_another_version() {
 #[test]
 fn a_replay_refuses_a_graph_that_would_give_other_samples() {
     let told = refused(|graph| {
-        let rings = graph
-            .nodes
-            .edge_weights_mut()
-            .find_map(|edge| match &mut edge.bridge {
-                Bridge::Ring { latency_s } => Some(latency_s),
-                _ => None,
-            });
+        let rings = graph.nodes.edge_weights_mut().find_map(|edge| match &mut edge.bridge {
+            Bridge::Ring { latency_s } => Some(latency_s),
+            _ => None,
+        });
         *rings.unwrap() += 1e-3;
     });
-    assert!(
-        told.contains("`connection ") && told.contains("differs"),
-        "{told}"
-    );
+    assert!(told.contains("`connection ") && told.contains("differs"), "{told}");
     assert!(!told.contains("node ") && !told.contains("clock "), "{told}");
     let told = refused(|graph| graph.nodes[NodeIndex::new(0)].fingerprint += 1);
     assert!(told.contains("`node ") && !told.contains("connection "), "{told}");
     let told = refused(|graph| graph.nodes[NodeIndex::new(0)].live.push((SettingId::at(0), 0.3)));
     assert!(told.contains("`node "), "{told}");
     let told = refused(|graph| graph.nodes[NodeIndex::new(0)].path = "renamed".to_owned());
-    assert!(
-        told.contains("`node renamed` is new") && told.contains("is missing"),
-        "{told}"
-    );
+    assert!(told.contains("`node renamed` is new") && told.contains("is missing"), "{told}");
     assert!(refused(|graph| graph.seed += 1).contains("`seed` differs"));
 }

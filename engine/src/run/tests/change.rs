@@ -22,13 +22,7 @@ impl<'a> Driven<'a> {
     fn new(graph: &'a Graph) -> Self {
         let (file_sinks, heard) = listening(graph);
         let (lives, session) = Session::open_all(file_sinks, &LiveOptions::default(), None).unwrap();
-        Self {
-            graph,
-            lives,
-            session,
-            heard,
-            wakes: 0,
-        }
+        Self { graph, lives, session, heard, wakes: 0 }
     }
 
     fn run(&mut self, wakes: u64) {
@@ -43,9 +37,7 @@ impl<'a> Driven<'a> {
     }
 
     fn change(&mut self, graph: &Graph) -> Result<Change, ChangeError> {
-        self.session
-            .change(graph, Path::new("."))
-            .map(|changed| changed.change)
+        self.session.change(graph, Path::new(".")).map(|changed| changed.change)
     }
 
     /// Ends it: all that was heard of each node of the graph that it began with, by path, and its rings.
@@ -124,10 +116,7 @@ fn what_hangs_on_nothing_that_changed_goes_on_bit_for_bit_through_rings_too() {
         let ((plain, plain_rings), (changed, changed_rings)) = (plain.end(), changed.end());
         for ((node, (path, plain)), (_, changed)) in nodes.ids().zip(&plain).zip(&changed) {
             assert_eq!(plain.len(), changed.len(), "seed {seed}: {path}");
-            if changing
-                .iter()
-                .any(|from| *from == node || graph.reaches(*from, node))
-            {
+            if changing.iter().any(|from| *from == node || graph.reaches(*from, node)) {
                 other += usize::from(plain != changed);
             } else {
                 same += 1;
@@ -137,10 +126,7 @@ fn what_hangs_on_nothing_that_changed_goes_on_bit_for_bit_through_rings_too() {
         assert_eq!(plain_rings, changed_rings, "seed {seed}");
         rings += plain_rings.len();
     }
-    assert!(
-        same > 20 && other > 10 && rings > 15,
-        "{same} nodes stayed, {other} changed, {rings} rings"
-    );
+    assert!(same > 20 && other > 10 && rings > 15, "{same} nodes stayed, {other} changed, {rings} rings");
 }
 
 #[test]
@@ -163,10 +149,7 @@ fn rings_come_and_go_and_those_that_stay_are_not_disturbed() {
         for ring in &with_more {
             assert_eq!(troubles(ring), (0, 0, 0), "seed {seed}: {ring:?}");
             let (least_s, most_s) = ring.counts.range_s.unwrap();
-            assert!(
-                most_s < 2.0 * ring.latency_s && least_s > 0.0,
-                "seed {seed}: {ring:?}"
-            );
+            assert!(most_s < 2.0 * ring.latency_s && least_s > 0.0, "seed {seed}: {ring:?}");
         }
         changed.change(&random_graph_with_drivers(seed)).unwrap();
         changed.run(300);
@@ -182,10 +165,7 @@ fn rings_come_and_go_and_those_that_stay_are_not_disturbed() {
 fn a_node_that_comes_to_one_driver_interrupts_no_other() {
     let (mut driven_by_others, mut interrupted) = (0, 0);
     for (seed, graph) in graphs() {
-        let body = graph
-            .devices
-            .first()
-            .map(|device| graph.clocks[device.clock].driver);
+        let body = graph.devices.first().map(|device| graph.clocks[device.clock].driver);
         for driver in graph.drivers() {
             let mut plain = Driven::new(&graph);
             plain.run(300);
@@ -195,10 +175,7 @@ fn a_node_that_comes_to_one_driver_interrupts_no_other() {
             let change = changed.change(&more).unwrap();
             if body != Some(driver) {
                 // Of a driver without rings two plans can run together.
-                assert!(
-                    matches!(change, Change::AtOnce | Change::CrossFade),
-                    "seed {seed}"
-                );
+                assert!(matches!(change, Change::AtOnce | Change::CrossFade), "seed {seed}");
             }
             changed.run(150);
             let same = plain.end() == changed.end();
@@ -210,10 +187,7 @@ fn a_node_that_comes_to_one_driver_interrupts_no_other() {
             }
         }
     }
-    assert!(
-        driven_by_others > 5 && interrupted > 3,
-        "{driven_by_others}, {interrupted}"
-    );
+    assert!(driven_by_others > 5 && interrupted > 3, "{driven_by_others}, {interrupted}");
 }
 
 #[test]
@@ -241,19 +215,14 @@ fn what_is_refused_changes_nothing() {
     let mut driven = Driven::new(&graph);
     driven.run(100);
     let mut all = graphs();
-    let (_, stranger) = all
-        .find(|(_, other)| other.drivers().len() != graph.drivers().len())
-        .unwrap();
+    let (_, stranger) = all.find(|(_, other)| other.drivers().len() != graph.drivers().len()).unwrap();
     let refused = driven.change(&stranger).unwrap_err();
     assert!(matches!(refused, ChangeError::OtherDrivers { .. }), "{refused}");
     let mut renamed = random_graph_with_drivers(seed);
     let driver = renamed.drivers()[1];
     renamed.clocks[driver].name = "renamed".to_owned();
     let refused = driven.change(&renamed).unwrap_err().to_string();
-    assert!(
-        refused.contains("renamed at") && refused.contains("c0 at"),
-        "{refused}"
-    );
+    assert!(refused.contains("renamed at") && refused.contains("c0 at"), "{refused}");
     driven.run(100);
     assert!(plain.end() == driven.end());
 }
@@ -263,9 +232,7 @@ fn a_driver_that_does_not_listen_keeps_the_others_from_changing_too() {
     let (seed, mut graph) = quiet_graphs().next().unwrap();
     let driver = graph.drivers().last().copied();
     let mut nodes = graph.nodes.node_indices();
-    let last = nodes
-        .rfind(|node| graph.driver_of(id_of(*node)) == driver)
-        .unwrap();
+    let last = nodes.rfind(|node| graph.driver_of(id_of(*node)) == driver).unwrap();
     graph.nodes[last].live.push((SettingId::at(0), 0.7));
     let name = format!("{}.gain", graph.nodes[last].path);
     let everything: Vec<String> = graph.nodes.node_weights().map(|node| node.path.clone()).collect();
@@ -275,10 +242,7 @@ fn a_driver_that_does_not_listen_keeps_the_others_from_changing_too() {
         while driven.session.set_by_name(&name, 0.5).is_ok() {}
         if changes {
             let refused = driven.change(&with_other_weights(seed, &everything)).unwrap_err();
-            assert!(
-                matches!(refused, ChangeError::Control(ControlError::Full)),
-                "{refused}"
-            );
+            assert!(matches!(refused, ChangeError::Control(ControlError::Full)), "{refused}");
         }
         driven.run(100);
         driven.end()

@@ -152,11 +152,7 @@ impl Judge {
                 Some((driver, plan.actuators[*actuator].limit))
             });
             let drives: Vec<(usize, Limit)> = drives.collect();
-            assert!(
-                drives.len() < 2,
-                "tick {}: coil {coil} is driven twice",
-                self.tick
-            );
+            assert!(drives.len() < 2, "tick {}: coil {coil} is driven twice", self.tick);
             self.judge(coil, drives.first(), seen);
         }
     }
@@ -184,10 +180,7 @@ impl Judge {
             };
             let most = limit.continuous * limit.continuous;
             let allowed = keep * (before - most).max(0.0) + 1e-12 * most;
-            assert!(
-                *mean - most <= allowed,
-                "tick {tick}, coil {coil}: {limit:?}, {mean} of {most}"
-            );
+            assert!(*mean - most <= allowed, "tick {tick}, coil {coil}: {limit:?}, {mean} of {most}");
             seen.hot += usize::from(*mean > 0.9 * most);
             seen.in_debt += usize::from(*mean > most);
         }
@@ -216,12 +209,7 @@ impl Bout {
         let first = judge.graph(&wiring);
         let opened = Session::open_all(FileSinks::new(&first), &LiveOptions::default(), None);
         let (lives, session) = opened.unwrap();
-        Self {
-            lives,
-            session,
-            judge,
-            wiring,
-        }
+        Self { lives, session, judge, wiring }
     }
 
     /// Ticks of the faster driver.
@@ -260,9 +248,7 @@ fn attack(seed: u64, edits: usize, seen: &mut Seen) {
         if random.random_bool(0.2) {
             let gain = *[0.0, 1e308, -0.3].choose(&mut random).unwrap();
             // A setting of a sink that there is not is refused.
-            let _ = bout
-                .session
-                .set_by_name(&format!("{}.gain", SINKS[number % 3]), gain);
+            let _ = bout.session.set_by_name(&format!("{}.gain", SINKS[number % 3]), gain);
         }
         let new = edit(&bout.wiring, &mut random);
         bout.change(new, seen);
@@ -274,18 +260,8 @@ fn attack_all(seeds: std::ops::Range<u64>) {
     let runs = seeds.end - seeds.start;
     seeds.for_each(|seed| attack(seed, 60, &mut seen));
     let per_run = |count: usize| count as f64 / runs as f64;
-    assert!(
-        per_run(seen.hot) > 500.0 && per_run(seen.in_debt) > 50.0,
-        "{}, {}",
-        seen.hot,
-        seen.in_debt
-    );
-    assert!(
-        per_run(seen.slewing) > 20.0 && per_run(seen.moved) > 0.5,
-        "{}, {}",
-        seen.slewing,
-        seen.moved
-    );
+    assert!(per_run(seen.hot) > 500.0 && per_run(seen.in_debt) > 50.0, "{}, {}", seen.hot, seen.in_debt);
+    assert!(per_run(seen.slewing) > 20.0 && per_run(seen.moved) > 0.5, "{}, {}", seen.slewing, seen.moved);
     assert!(
         per_run(seen.changed) > 30.0 && per_run(seen.refused) > 1.0,
         "{}, {}",
@@ -322,12 +298,7 @@ fn window(wired: &mut Option<Wired>, window_s: f64) {
 
 /// How the coil is driven again after it was let go.
 fn drive(wired: &mut Option<Wired>, sink: usize, endpoint: usize, driver: usize) {
-    *wired = Some(Wired {
-        sink,
-        endpoint,
-        driver,
-        ..BY_HAND
-    });
+    *wired = Some(Wired { sink, endpoint, driver, ..BY_HAND });
 }
 
 /// Hard against the limits all the time.
@@ -335,12 +306,7 @@ const BY_HAND: Wired = Wired {
     driver: 0,
     sink: 0,
     endpoint: 0,
-    limit: Limit {
-        peak: 0.5,
-        continuous: 0.25,
-        window_s: 0.5,
-        slew_per_s: Some(100.0),
-    },
+    limit: Limit { peak: 0.5, continuous: 0.25, window_s: 0.5, slew_per_s: Some(100.0) },
     ask: 1.5,
 };
 
@@ -350,25 +316,15 @@ const SEQUENCES: [(&str, &[Step]); 9] = [
         "lower and raise the continuous limit",
         &[(120, |w| continuous(w, 0.02)), (600, |w| continuous(w, 0.25))],
     ),
-    (
-        "shorten and lengthen the window",
-        &[(120, |w| window(w, 0.01)), (600, |w| window(w, 0.5))],
-    ),
+    ("shorten and lengthen the window", &[(120, |w| window(w, 0.01)), (600, |w| window(w, 0.5))]),
     (
         "change window and limit at once",
         &[
-            (60, |w| {
-                limit(w, |limit| (limit.window_s, limit.continuous) = (0.01, 0.02))
-            }),
-            (400, |w| {
-                limit(w, |limit| (limit.window_s, limit.continuous) = (0.5, 0.25))
-            }),
+            (60, |w| limit(w, |limit| (limit.window_s, limit.continuous) = (0.01, 0.02))),
+            (400, |w| limit(w, |limit| (limit.window_s, limit.continuous) = (0.5, 0.25))),
         ],
     ),
-    (
-        "remove and add again",
-        &[(100, |w| *w = None), (500, |w| drive(w, 0, 0, 0))],
-    ),
+    ("remove and add again", &[(100, |w| *w = None), (500, |w| drive(w, 0, 0, 0))]),
     (
         "remove and add again under other names",
         &[
@@ -378,18 +334,9 @@ const SEQUENCES: [(&str, &[Step]); 9] = [
             (500, |w| drive(w, 0, 0, 0)),
         ],
     ),
-    (
-        "rename the sink",
-        &[(300, |w| drive(w, 2, 0, 0)), (300, |w| drive(w, 0, 0, 0))],
-    ),
-    (
-        "rename the endpoint",
-        &[(300, |w| drive(w, 0, 2, 0)), (300, |w| drive(w, 0, 0, 0))],
-    ),
-    (
-        "move to the other driver at once",
-        &[(300, |w| drive(w, 0, 0, 1)), (300, |w| drive(w, 0, 0, 0))],
-    ),
+    ("rename the sink", &[(300, |w| drive(w, 2, 0, 0)), (300, |w| drive(w, 0, 0, 0))]),
+    ("rename the endpoint", &[(300, |w| drive(w, 0, 2, 0)), (300, |w| drive(w, 0, 0, 0))]),
+    ("move to the other driver at once", &[(300, |w| drive(w, 0, 0, 1)), (300, |w| drive(w, 0, 0, 0))]),
     (
         "let go, and drive by the other driver",
         &[

@@ -88,10 +88,7 @@ impl Judge {
     fn watch(&mut self, live: &Live, limits: &[Limit], tick: usize) {
         let running = &live.run().plan;
         for (number, coil) in self.coils.iter().enumerate() {
-            let drives = running
-                .devices
-                .iter()
-                .any(|device| device.key.fingerprint == number as u64);
+            let drives = running.devices.iter().any(|device| device.key.fingerprint == number as u64);
             let given = if drives { coil.given() } else { 0.0 };
             for (window_s, mean) in self.windows_s.iter().zip(&mut self.means[number]) {
                 let keep = (-1.0 / (window_s * RATE_HZ)).exp();
@@ -101,16 +98,10 @@ impl Judge {
                 let Some(limit) = in_force.filter(|limit| drives && limit.window_s == *window_s) else {
                     continue;
                 };
-                assert!(
-                    limits.contains(&limit) && given.abs() <= limit.peak,
-                    "tick {tick}"
-                );
+                assert!(limits.contains(&limit) && given.abs() <= limit.peak, "tick {tick}");
                 let most = limit.continuous * limit.continuous;
                 let allowed = keep * (before - most).max(0.0) + 1e-12 * most;
-                assert!(
-                    *mean - most <= allowed,
-                    "tick {tick}: {limit:?}, {mean} of {most}"
-                );
+                assert!(*mean - most <= allowed, "tick {tick}: {limit:?}, {mean} of {most}");
                 self.hot += usize::from(*mean > 0.9 * most);
                 self.in_debt += usize::from(*mean > most);
             }
@@ -174,10 +165,7 @@ fn no_sequence_of_edits_lets_an_actuator_become_hotter_than_the_limit_in_force()
         hot += judge.hot;
         in_debt += judge.in_debt;
     }
-    assert!(
-        hot > 20_000 && in_debt > 2000 && faded > 30,
-        "{hot}, {in_debt}, {faded}"
-    );
+    assert!(hot > 20_000 && in_debt > 2000 && faded > 30, "{hot}, {in_debt}, {faded}");
 }
 
 /// An endpoint of a real device.
@@ -201,20 +189,12 @@ impl DeviceKind for RealCoil {
 /// The largest of what a run of half a second gives.
 fn largest_given(real: bool, rested: bool) -> (f64, Vec<String>) {
     let coils = [Coil::default()];
-    let limit = Limit {
-        peak: 1.0,
-        continuous: 0.25,
-        window_s: 0.3,
-        slew_per_s: None,
-    };
+    let limit = Limit { peak: 1.0, continuous: 0.25, window_s: 0.3, slew_per_s: None };
     let mut graph = driving(&coils, 0, (0, 0), limit, 0.8);
     if real {
         graph.devices[0].entry = DeviceEntry::of::<RealCoil>();
     }
-    let options = LiveOptions {
-        rested,
-        ..LiveOptions::default()
-    };
+    let options = LiveOptions { rested, ..LiveOptions::default() };
     let (mut live, session) = Session::open(FileSinks::new(&graph), &options).unwrap();
     let unrested = live.run().unrested().map(str::to_owned).collect();
     let mut largest = 0.0_f64;
@@ -239,21 +219,13 @@ fn a_real_actuator_begins_with_its_heat_spent_unless_it_is_known_to_be_cold() {
 #[test]
 fn a_replay_begins_as_warm_as_its_run_did() {
     let coils = [Coil::default()];
-    let limit = Limit {
-        peak: 1.0,
-        continuous: 0.25,
-        window_s: 0.3,
-        slew_per_s: None,
-    };
+    let limit = Limit { peak: 1.0, continuous: 0.25, window_s: 0.3, slew_per_s: None };
     let mut graph = driving(&coils, 0, (0, 0), limit, 0.8);
     graph.devices[0].entry = DeviceEntry::of::<RealCoil>();
     for rested in [false, true] {
         let folder = std::env::temp_dir().join(format!("haptograph-heat-{}-{rested}", std::process::id()));
         let _ = std::fs::remove_dir_all(&folder);
-        let options = LiveOptions {
-            rested,
-            ..LiveOptions::default()
-        };
+        let options = LiveOptions { rested, ..LiveOptions::default() };
         let (mut lives, session) =
             Session::open_all(FileSinks::new(&graph), &options, Some(&folder)).unwrap();
         lives[0].callback(20, |_, _| {});
@@ -262,9 +234,7 @@ fn a_replay_begins_as_warm_as_its_run_did() {
         coils[0].clone().write(0, &[0.0]);
         let stop = AtomicBool::new(false);
         let replay = Offline::new(FileSinks::new(&graph), 64);
-        replay
-            .replay((&folder, &ReplayBounds::default()), &stop, &mut |_| {})
-            .unwrap();
+        replay.replay((&folder, &ReplayBounds::default()), &stop, &mut |_| {}).unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
         assert_eq!(coils[0].given(), given);
         assert_eq!(given > 0.25, rested);

@@ -19,10 +19,7 @@ pub fn plan(graph: &Graph, block: usize) -> Arc<Plan> {
 }
 
 pub fn sink(graph: &Graph) -> Option<NodeIndex> {
-    graph
-        .nodes
-        .node_indices()
-        .find(|node| matches!(graph.nodes[*node].work, Work::Actuator { .. }))
+    graph.nodes.node_indices().find(|node| matches!(graph.nodes[*node].work, Work::Actuator { .. }))
 }
 
 /// Everything heard on all taps, frame by frame of the driver's blocks.
@@ -34,25 +31,17 @@ pub fn hear(run: &Run, taps: usize, heard: &mut [Vec<f64>]) {
 
 #[test]
 fn a_stop_fades_out_and_then_nothing_runs() {
-    let graph = (0..)
-        .map(|seed| random_graph(seed, 0))
-        .find(|graph| sink(graph).is_some())
-        .unwrap();
+    let graph = (0..).map(|seed| random_graph(seed, 0)).find(|graph| sink(graph).is_some()).unwrap();
     let sink = sink(&graph).unwrap().index();
     let (mut live, control) = live(plan(&graph, 4));
     live.callback(200, |_, _| {});
     control.stop();
     let mut last = f64::INFINITY;
-    live.callback(1000, |run, _| {
-        last = run.tap(sink).last().copied().unwrap_or(last)
-    });
+    live.callback(1000, |run, _| last = run.tap(sink).last().copied().unwrap_or(last));
     assert_eq!(live.state(), LiveState::Stopped);
     assert!(live.frames() <= 200 + 16);
     let most = LIMIT.peak / 10.0;
-    assert!(
-        last.abs() <= most,
-        "{last} is more than a tenth of the fade leaves"
-    );
+    assert!(last.abs() <= most, "{last} is more than a tenth of the fade leaves");
 }
 
 /// A panic that is meant to happen: it unwinds as any does, without the message.
@@ -74,11 +63,7 @@ impl Processor<Nothing> for Trouble {
             panic_quietly();
         }
         for (j, out) in io.ports.out(0).iter_mut().enumerate() {
-            *out = if tick.first + j as u64 >= self.from {
-                self.value
-            } else {
-                100.0
-            };
+            *out = if tick.first + j as u64 >= self.from { self.value } else { 100.0 };
         }
     }
 }
@@ -86,11 +71,7 @@ impl Processor<Nothing> for Trouble {
 #[test]
 fn what_is_not_a_number_becomes_zero_at_the_sink_and_is_traced_to_its_node() {
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let trouble = Trouble {
-            from: 50,
-            value,
-            panics: false,
-        };
+        let trouble = Trouble { from: 50, value, panics: false };
         let (graph, node, sink) = with_processor(trouble);
         let (mut live, _control) = live(plan(&graph, 8));
         let mut heard = vec![Vec::new(); 3];
@@ -105,11 +86,7 @@ fn what_is_not_a_number_becomes_zero_at_the_sink_and_is_traced_to_its_node() {
 
 #[test]
 fn a_panic_takes_the_actuators_to_zero_outside_the_plan() {
-    let trouble = Trouble {
-        from: 50,
-        value: 0.0,
-        panics: true,
-    };
+    let trouble = Trouble { from: 50, value: 0.0, panics: true };
     let (graph, _, _) = with_processor(trouble);
     let (mut live, _control) = live(plan(&graph, 1));
     live.callback(51, |_, _| {});
@@ -121,10 +98,7 @@ fn a_panic_takes_the_actuators_to_zero_outside_the_plan() {
         drives.push(drive_of(drive(live.run())));
     }
     assert!(drives[0] > 5.0 && drives[0] < 10.0, "{drives:?}");
-    assert!(
-        drives.windows(2).all(|pair| pair[1] < pair[0] || pair[1] == 0.0),
-        "{drives:?}"
-    );
+    assert!(drives.windows(2).all(|pair| pair[1] < pair[0] || pair[1] == 0.0), "{drives:?}");
     assert_eq!(drives[11], 0.0);
     // What is shown of it falls with it.
     let level = |run: &Run| run.plan.delivered[0].take_level();
@@ -143,11 +117,7 @@ fn what_is_not_a_number_is_traced_to_the_same_node_whatever_the_block() {
     impl Processor<Nothing> for Once {
         fn process(&mut self, tick: &Tick, io: &mut Io<'_, Nothing>) {
             for (j, out) in io.ports.out(0).iter_mut().enumerate() {
-                *out = if tick.first + j as u64 == 50 {
-                    f64::NAN
-                } else {
-                    1.0
-                };
+                *out = if tick.first + j as u64 == 50 { f64::NAN } else { 1.0 };
             }
         }
     }
@@ -162,11 +132,7 @@ fn what_is_not_a_number_is_traced_to_the_same_node_whatever_the_block() {
 
 /// A graph in which a processor that leads nowhere puts out no number long before the one that the sink reads.
 fn with_bystander() -> (Graph, NodeIndex) {
-    let trouble = |from| Trouble {
-        from,
-        value: f64::NAN,
-        panics: false,
-    };
+    let trouble = |from| Trouble { from, value: f64::NAN, panics: false };
     let (mut graph, node, _) = with_processor(trouble(50));
     let blamed = &graph.nodes[node];
     let bystander = Node {
@@ -193,11 +159,7 @@ fn a_node_that_leads_to_no_sink_is_not_blamed() {
     for block in [1, 64] {
         let offline = Offline::new(FileSinks::new(&graph), block);
         let outcome = offline.run(0.1, &AtomicBool::new(false), &mut |_| {}).unwrap();
-        assert_eq!(
-            outcome.faults.origin.as_deref(),
-            Some(&*graph.nodes[node].path),
-            "block {block}"
-        );
+        assert_eq!(outcome.faults.origin.as_deref(), Some(&*graph.nodes[node].path), "block {block}");
     }
 }
 
@@ -217,21 +179,14 @@ fn drive_of(mut device: Box<dyn crate::device::Device>) -> f64 {
     device.read(0, &mut before);
     device.advance();
     device.read(0, &mut after);
-    let _ = Body {
-        position: 0.0,
-        drive: 0.0,
-    };
+    let _ = Body { position: 0.0, drive: 0.0 };
     let drive = after[0] - 0.9 * before[0] - 1.0;
     if drive.abs() < 1e-12 { 0.0 } else { drive }
 }
 
 #[test]
 fn gain_is_set_while_running() {
-    let (graph, _, sink) = with_processor(Trouble {
-        from: u64::MAX,
-        value: 0.0,
-        panics: false,
-    });
+    let (graph, _, sink) = with_processor(Trouble { from: u64::MAX, value: 0.0, panics: false });
     let (mut live, mut control) = live(plan(&graph, 8));
     live.callback(40, |_, _| {});
     control.set(id_of(sink), SettingId::at(0), 0.05).unwrap();
@@ -242,10 +197,7 @@ fn gain_is_set_while_running() {
     let steps = heard.windows(2).map(|pair| pair[0] - pair[1]);
     assert!(steps.clone().all(|step| (0.0..5.0).contains(&step)), "{heard:?}");
     assert!(heard[19] > 5.0 && heard[20] == 5.0, "{heard:?}");
-    assert_eq!(
-        control.set(id_of(sink), SettingId::at(1), 0.1),
-        Err(ControlError::NotLive)
-    );
+    assert_eq!(control.set(id_of(sink), SettingId::at(1), 0.1), Err(ControlError::NotLive));
 }
 
 #[test]
@@ -270,11 +222,7 @@ impl Device for Heard {
     fn read(&mut self, _: usize, _: &mut [f64]) {}
     fn write(&mut self, _: usize, _: &[f64]) {}
     fn live_input(&self) -> Option<LiveInput> {
-        Some(LiveInput {
-            cell: Arc::clone(&self.cell),
-            holds: false,
-            timeout_s: 0.1,
-        })
+        Some(LiveInput { cell: Arc::clone(&self.cell), holds: false, timeout_s: 0.1 })
     }
 }
 
@@ -286,9 +234,7 @@ fn what_is_heard_stays_heard_and_what_falls_silent_is_silent_in_every_plan_that_
     let plans = cells.iter().zip([1.0, 1.0, 2.0]).map(|(cell, asks)| {
         let (mut graph, node, _) = with_processor(Asks(asks));
         graph.nodes[node].fingerprint = f64::to_bits(asks);
-        graph.devices[0].device = Box::new(Heard {
-            cell: Arc::clone(cell),
-        });
+        graph.devices[0].device = Box::new(Heard { cell: Arc::clone(cell) });
         plan(&graph, 1)
     });
     let plans: Vec<Arc<Plan>> = plans.collect();
@@ -332,10 +278,7 @@ fn a_live_run_whose_costs_are_sampled_gives_the_same_bits_and_sees_its_nodes() {
         assert!(bits(&plain) == bits(&sampled), "seed {seed}");
         assert!(nothing.is_empty());
         // A clock of a graph may be too slow to tick in the few blocks that are timed.
-        assert!(
-            costs.len() * 2 > graph.nodes.node_count(),
-            "seed {seed}: {costs:?}"
-        );
+        assert!(costs.len() * 2 > graph.nodes.node_count(), "seed {seed}: {costs:?}");
         assert!(costs.iter().all(|(_, ns)| *ns >= 0.0), "seed {seed}: {costs:?}");
     }
 }

@@ -37,10 +37,7 @@ pub fn cross_fade(old: &Graph, new: &Graph, at: u64, fade: u64, frames: u64) -> 
             former.value(node, time);
         }
     }
-    let mut naive = Naive {
-        graph: new,
-        ..former.clone()
-    };
+    let mut naive = Naive { graph: new, ..former.clone() };
     for (node, leaky) in naive.nodes.iter_mut().enumerate() {
         if let (Some(leaky), Some(other)) = (leaky, weight(new, NodeIndex::new(node))) {
             leaky.weight = other;
@@ -92,18 +89,13 @@ impl<'a> Naive<'a> {
                 held: graph.nodes[i].inputs.iter().map(|input| input.held).collect(),
             })
         });
-        let limiter = graph
-            .devices
-            .first()
-            .map(|device| Limiter::new(&LIMIT, graph.clocks[device.clock].rate.hz()));
+        let limiter =
+            graph.devices.first().map(|device| Limiter::new(&LIMIT, graph.clocks[device.clock].rate.hz()));
         Self {
             graph,
             history: vec![Vec::new(); graph.nodes.node_count()],
             nodes: nodes.collect(),
-            body: Body {
-                position: 0.0,
-                drive: 0.0,
-            },
+            body: Body { position: 0.0, drive: 0.0 },
             limiter: limiter.map(Result::unwrap),
         }
     }
@@ -139,10 +131,7 @@ impl<'a> Naive<'a> {
             return self.limiter.as_mut().unwrap().apply([asked])[0];
         }
         let inputs = self.inputs(node, tick);
-        self.nodes[node.index()]
-            .as_mut()
-            .unwrap()
-            .next(tick, inputs.into_iter())
+        self.nodes[node.index()].as_mut().unwrap().next(tick, inputs.into_iter())
     }
 
     /// What a sink asks for.
@@ -154,17 +143,10 @@ impl<'a> Naive<'a> {
     }
 
     fn inputs(&mut self, node: NodeIndex, tick: u64) -> Vec<f64> {
-        let mut edges: Vec<_> = self
-            .graph
-            .nodes
-            .edges_directed(node, petgraph::Incoming)
-            .collect();
+        let mut edges: Vec<_> = self.graph.nodes.edges_directed(node, petgraph::Incoming).collect();
         edges.sort_by_key(|edge| edge.weight().input);
         let period = self.period(node);
-        edges
-            .iter()
-            .map(|edge| self.input(edge.source(), edge.weight().bridge, tick, period))
-            .collect()
+        edges.iter().map(|edge| self.input(edge.source(), edge.weight().bridge, tick, period)).collect()
     }
 
     /// The body at tick k has been moved under the drive of every tick before k.
@@ -204,16 +186,12 @@ impl<'a> Naive<'a> {
             average if average == AVERAGE => {
                 // Everything since the reader's previous tick that had anything new.
                 let before = |t: u64| (t / from_period) as usize + 1;
-                let mut begin = tick
-                    .checked_sub(1)
-                    .map_or(0, |previous| before(previous * period));
+                let mut begin = tick.checked_sub(1).map_or(0, |previous| before(previous * period));
                 let end = latest + 1;
                 let mut back = tick;
                 while begin == end && back > 0 {
                     back -= 1;
-                    begin = back
-                        .checked_sub(1)
-                        .map_or(0, |previous| before(previous * period));
+                    begin = back.checked_sub(1).map_or(0, |previous| before(previous * period));
                     if begin < end {
                         break;
                     }

@@ -11,15 +11,9 @@ use std::sync::atomic::AtomicBool;
 
 /// A graph that has rings in it, of one to three drivers.
 pub fn graphs() -> impl Iterator<Item = (u64, Graph)> {
-    let ringed = |graph: &Graph| {
-        graph
-            .nodes
-            .edge_weights()
-            .any(|edge| matches!(edge.bridge, Bridge::Ring { .. }))
-    };
-    (0..40_u64)
-        .map(|seed| (seed, random_graph_with_drivers(seed)))
-        .filter(move |(_, graph)| ringed(graph))
+    let ringed =
+        |graph: &Graph| graph.nodes.edge_weights().any(|edge| matches!(edge.bridge, Bridge::Ring { .. }));
+    (0..40_u64).map(|seed| (seed, random_graph_with_drivers(seed))).filter(move |(_, graph)| ringed(graph))
 }
 
 pub fn bits(heard: &[f64]) -> Vec<u64> {
@@ -46,9 +40,7 @@ pub fn all_bits(heard: &[Heard]) -> Vec<Vec<u64>> {
 /// All outputs over a second and a half.
 fn play(graph: &Graph, block: usize) -> (Vec<Vec<u64>>, Outcome) {
     let (file_sinks, heard) = listening(graph);
-    let outcome = Offline::new(file_sinks, block)
-        .run(1.5, &AtomicBool::new(false), &mut |_| {})
-        .unwrap();
+    let outcome = Offline::new(file_sinks, block).run(1.5, &AtomicBool::new(false), &mut |_| {}).unwrap();
     (all_bits(&heard), outcome)
 }
 
@@ -61,11 +53,7 @@ fn any_block_gives_the_same_bits() {
         rings += outcome.rings.len();
         for ring in &outcome.rings {
             let counts = ring.counts;
-            assert_eq!(
-                (counts.underruns, counts.overruns),
-                (0, 0),
-                "seed {seed}: {ring:?}"
-            );
+            assert_eq!((counts.underruns, counts.overruns), (0, 0), "seed {seed}: {ring:?}");
         }
         for (node, heard) in graph.nodes.node_weights().zip(&definition) {
             let rate_hz = graph.clocks[node.clock.unwrap()].rate.hz();
@@ -88,10 +76,8 @@ fn drifting_clocks_give_the_same_bits_for_any_block_and_other_ones_than_true_clo
     for (seed, graph) in graphs().take(12) {
         let play = |block: usize, ppm: &[f64]| {
             let taps = graph.nodes().ids().map(|node| (node, 0)).collect();
-            let plans: Vec<Arc<Plan>> = Plan::of(&graph, &PlanOptions { block, taps })
-                .into_iter()
-                .map(Arc::new)
-                .collect();
+            let plans: Vec<Arc<Plan>> =
+                Plan::of(&graph, &PlanOptions { block, taps }).into_iter().map(Arc::new).collect();
             let mut heard = vec![Vec::new(); graph.nodes.node_count()];
             let mut runner = Runner::new(&plans).drifting(ppm);
             for _ in 0..1500 {
@@ -102,10 +88,7 @@ fn drifting_clocks_give_the_same_bits_for_any_block_and_other_ones_than_true_clo
                     Ok::<(), Infallible>(())
                 });
             }
-            assert!(
-                runner.rings().iter().all(|ring| ring.counts().underruns == 0),
-                "seed {seed}"
-            );
+            assert!(runner.rings().iter().all(|ring| ring.counts().underruns == 0), "seed {seed}");
             heard
         };
         let drifting = [300.0, -200.0, 0.0];
@@ -120,32 +103,18 @@ fn a_plan_of_each_driver_has_its_own_nodes_and_the_ends_of_the_rings() {
     for (seed, graph) in graphs() {
         let plans = Plan::of(&graph, &PlanOptions::default());
         assert_eq!(plans.len(), graph.drivers().len(), "seed {seed}");
-        let processors: usize = plans
-            .iter()
-            .map(|plan| plan.processors.len() + plan.actuators.len())
-            .sum();
-        let sources = graph
-            .nodes
-            .node_weights()
-            .filter(|node| matches!(node.work, crate::graph::Work::Source { .. }));
-        assert_eq!(
-            processors + sources.count(),
-            graph.nodes.node_count(),
-            "seed {seed}"
-        );
+        let processors: usize = plans.iter().map(|plan| plan.processors.len() + plan.actuators.len()).sum();
+        let sources =
+            graph.nodes.node_weights().filter(|node| matches!(node.work, crate::graph::Work::Source { .. }));
+        assert_eq!(processors + sources.count(), graph.nodes.node_count(), "seed {seed}");
         let ends = |of: fn(&Plan) -> usize| plans.iter().map(of).sum::<usize>();
-        let rings = graph
-            .nodes
-            .edge_weights()
-            .filter(|edge| matches!(edge.bridge, Bridge::Ring { .. }))
-            .count();
+        let rings =
+            graph.nodes.edge_weights().filter(|edge| matches!(edge.bridge, Bridge::Ring { .. })).count();
         assert_eq!(ends(|plan| plan.ring_reads.len()), rings, "seed {seed}");
         assert_eq!(ends(|plan| plan.ring_writes.len()), rings, "seed {seed}");
         for plan in &plans {
             assert!(
-                plan.steps
-                    .iter()
-                    .all(|step| { graph.clocks[step.clock as usize].driver == plan.driver })
+                plan.steps.iter().all(|step| { graph.clocks[step.clock as usize].driver == plan.driver })
             );
         }
     }

@@ -29,10 +29,7 @@ fn a_swap_to_the_same_graph_changes_no_bit() {
             assert_eq!(control.freed(), if swapping == 1 { 14 } else { 0 });
         }
         for (a, b) in all[0].iter().zip(&all[1]) {
-            assert!(
-                a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits())),
-                "seed {seed}"
-            );
+            assert!(a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits())), "seed {seed}");
         }
     }
 }
@@ -83,18 +80,11 @@ fn another_graph_rises_over_the_one_that_runs_as_the_definition_says() {
             assert_eq!(a.len(), b.len(), "seed {seed}, {}", node.path);
             for (tick, (a, b)) in a.iter().zip(b).enumerate() {
                 let close = (a - b).abs() <= 1e-9 * b.abs().max(1.0);
-                assert!(
-                    close,
-                    "seed {seed}, {} at tick {tick}: {a} against {b}",
-                    node.path
-                );
+                assert!(close, "seed {seed}, {} at tick {tick}: {a} against {b}", node.path);
             }
         }
     }
-    assert!(
-        faded >= 30 && through_bodies >= 15,
-        "{faded}, {through_bodies} through bodies"
-    );
+    assert!(faded >= 30 && through_bodies >= 15, "{faded}, {through_bodies} through bodies");
 }
 
 #[test]
@@ -102,17 +92,13 @@ fn a_graph_that_computes_the_same_takes_over_unheard() {
     let mut faded = 0;
     for seed in 0..80 {
         let (old, mut new) = (random_graph(seed, seed), random_graph(seed, seed));
-        new.nodes
-            .node_weights_mut()
-            .for_each(|node| node.fingerprint += 1);
+        new.nodes.node_weights_mut().for_each(|node| node.fingerprint += 1);
         let (change, heard) = swapped(&old, &new, 203, 400);
         faded += usize::from(change == Change::CrossFade);
         if change == Change::CrossFade {
             for (a, b) in heard.iter().zip(naive::evaluate(&old, 400)) {
                 assert!(
-                    a.iter()
-                        .zip(&b)
-                        .all(|(a, b)| (a - b).abs() <= 1e-9 * b.abs().max(1.0)),
+                    a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= 1e-9 * b.abs().max(1.0)),
                     "seed {seed}"
                 );
             }
@@ -127,9 +113,7 @@ fn where_they_cannot_run_together_the_new_one_begins_at_the_zero_of_a_fade() {
     for seed in 0..40 {
         // These have nothing but the driver's clock in common.
         let (old, mut new) = (random_graph(seed, seed), random_graph(seed + 500, 0));
-        new.nodes
-            .node_weights_mut()
-            .for_each(|node| node.path.insert_str(0, "new "));
+        new.nodes.node_weights_mut().for_each(|node| node.path.insert_str(0, "new "));
         let (mut live, mut control) = live(plan(&old, 8));
         live.callback(100, |_, _| {});
         if control.swap(plan(&new, 8)) != Ok(Change::FadeThroughZero(NoCrossFade::Actuators)) {
@@ -155,11 +139,7 @@ fn where_they_cannot_run_together_the_new_one_begins_at_the_zero_of_a_fade() {
         for (node, (a, b)) in new.nodes.node_weights().zip(heard[0].iter().zip(&heard[1])) {
             // The new one's actuator begins with its heat spent, which takes a billionth of a limit that is the peak.
             let close = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-8 * b.abs().max(1.0);
-            assert!(
-                a.len() == b.len() && a.iter().zip(b).all(close),
-                "seed {seed}, {}",
-                node.path
-            );
+            assert!(a.len() == b.len() && a.iter().zip(b).all(close), "seed {seed}, {}", node.path);
         }
     }
     assert!(seen >= 15, "{seen}");
@@ -167,19 +147,11 @@ fn where_they_cannot_run_together_the_new_one_begins_at_the_zero_of_a_fade() {
 
 /// Puts out a number from the beginning.
 fn constant(value: f64) -> Trouble {
-    Trouble {
-        from: 0,
-        value,
-        panics: false,
-    }
+    Trouble { from: 0, value, panics: false }
 }
 
 /// Puts out 100 and panics at 25 ms.
-const PANIC: Trouble = Trouble {
-    from: 25,
-    value: 0.0,
-    panics: true,
-};
+const PANIC: Trouble = Trouble { from: 25, value: 0.0, panics: true };
 
 /// What the body is given, frame by frame, where one graph fades into another after 20 ms; at frame `at` something is
 /// done. The gain is a tenth.
@@ -206,10 +178,7 @@ fn one_constant_becomes_another_in_a_straight_line() {
     let (_, given) = faded(constant(100.0), constant(-50.0), 0, |_| {});
     for (frame, given) in given.iter().enumerate() {
         let share = (frame as f64 - 20.0).clamp(0.0, 10.0) / 10.0;
-        assert!(
-            (given - (10.0 - 15.0 * share)).abs() < 1e-12,
-            "{given} at {frame}"
-        );
+        assert!((given - (10.0 - 15.0 * share)).abs() < 1e-12, "{given} at {frame}");
     }
 }
 
@@ -218,10 +187,7 @@ fn from_what_is_no_number_the_new_graph_rises_from_zero() {
     let (_, given) = faded(constant(f64::NAN), constant(100.0), 0, |_| {});
     assert!(given[..21].iter().all(|x| *x == 0.0), "{given:?}");
     let mut pairs = given.windows(2);
-    assert!(
-        pairs.all(|pair| (0.0..1.0 + 1e-12).contains(&(pair[1] - pair[0]))),
-        "{given:?}"
-    );
+    assert!(pairs.all(|pair| (0.0..1.0 + 1e-12).contains(&(pair[1] - pair[0]))), "{given:?}");
     assert_eq!(given[30], 10.0);
 }
 
@@ -229,10 +195,7 @@ fn from_what_is_no_number_the_new_graph_rises_from_zero() {
 fn a_stop_in_the_middle_of_a_cross_fade_is_a_stop() {
     let (live, given) = faded(constant(100.0), constant(90.0), 25, |control| control.stop());
     assert_eq!((live.state(), given.len()), (LiveState::Stopped, 36));
-    assert!(
-        given.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= 1.1),
-        "{given:?}"
-    );
+    assert!(given.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= 1.1), "{given:?}");
     assert_eq!(given[35], 0.0);
 }
 
@@ -270,12 +233,7 @@ fn swaps_in_a_row_wait_for_each_other() {
 fn where_an_actuator_changes_the_outputs_fall_to_zero_and_rise_again() {
     // One driven at the driver's clock.
     let seed = (0..)
-        .find(|seed| {
-            random_graph(*seed, 0)
-                .devices
-                .first()
-                .is_some_and(|device| device.clock == 0)
-        })
+        .find(|seed| random_graph(*seed, 0).devices.first().is_some_and(|device| device.clock == 0))
         .unwrap();
     let (old, mut new) = (random_graph(seed, 0), random_graph(seed, 0));
     let at = sink(&new).unwrap();
@@ -290,11 +248,7 @@ fn where_an_actuator_changes_the_outputs_fall_to_zero_and_rise_again() {
     // To the end of the block in which the fade is over.
     let zero = (200..200 + fade + 8).position(|tick| drive[tick] == 0.0);
     assert!(zero.is_some(), "{:?}", &drive[195..240]);
-    assert!(
-        drive[200 + 2 * fade + 8..]
-            .iter()
-            .all(|x| x.abs() <= LIMIT.peak / 2.0)
-    );
+    assert!(drive[200 + 2 * fade + 8..].iter().all(|x| x.abs() <= LIMIT.peak / 2.0));
     assert!(drive[200 + 2 * fade + 8..].iter().any(|x| *x != 0.0));
 }
 
@@ -306,10 +260,7 @@ fn an_actuator_that_the_new_graph_does_not_drive_comes_to_rest_first() {
     };
     let (with, without) = (find(true), find(false));
     let reason = |old: &Graph, new: &Graph| swapped(old, new, 50, 100).0;
-    assert_eq!(
-        reason(&with, &without),
-        Change::FadeThroughZero(NoCrossFade::Actuators)
-    );
+    assert_eq!(reason(&with, &without), Change::FadeThroughZero(NoCrossFade::Actuators));
     assert_eq!(reason(&without, &with), Change::CrossFade);
 }
 
@@ -323,15 +274,11 @@ fn a_device_that_ticks_faster_than_the_driver_is_not_shared() {
     };
     let seed = (0..).find(fast).unwrap();
     let mut new = random_graph(seed, 0);
-    new.nodes
-        .node_weights_mut()
-        .for_each(|node| node.fingerprint += 1);
+    new.nodes.node_weights_mut().for_each(|node| node.fingerprint += 1);
     let (change, _) = swapped(&random_graph(seed, 0), &new, 50, 100);
     assert_eq!(change, Change::FadeThroughZero(NoCrossFade::FastDevice));
     // Nor does it begin beside a graph that drives nothing.
-    let nothing = (0..)
-        .map(|seed| random_graph(seed, 0))
-        .find(|graph| sink(graph).is_none());
+    let nothing = (0..).map(|seed| random_graph(seed, 0)).find(|graph| sink(graph).is_none());
     let (change, _) = swapped(&nothing.unwrap(), &new, 50, 100);
     assert_eq!(change, Change::FadeThroughZero(NoCrossFade::FastDevice));
 }
@@ -350,10 +297,7 @@ fn limited(peak: f64) -> (Arc<Plan>, NodeIndex) {
 /// No frame differs from the one before by more than a fade's.
 fn assert_no_step(given: &[f64]) {
     let mut pairs = given.windows(2);
-    assert!(
-        pairs.all(|pair| (pair[1] - pair[0]).abs() <= 1.0 + 1e-9),
-        "{given:?}"
-    );
+    assert!(pairs.all(|pair| (pair[1] - pair[0]).abs() <= 1.0 + 1e-9), "{given:?}");
 }
 
 #[test]
@@ -370,9 +314,7 @@ fn a_fall_begins_where_a_rise_has_come_to() {
                     );
                 }
             }
-            live.callback(1, |run, _| {
-                given.extend_from_slice(run.tap(limited(50.0).1.index()))
-            });
+            live.callback(1, |run, _| given.extend_from_slice(run.tap(limited(50.0).1.index())));
         }
         assert_no_step(&given);
         assert!(given.contains(&0.0) && given[119] == 10.0, "{given:?}");
@@ -394,9 +336,7 @@ fn after_a_pause_of_the_driver_nothing_begins_at_once() {
                 given.clear();
                 given.push(0.0);
             }
-            live.callback(1, |run, _| {
-                given.extend_from_slice(run.tap(limited(50.0).1.index()))
-            });
+            live.callback(1, |run, _| given.extend_from_slice(run.tap(limited(50.0).1.index())));
         }
         assert_no_step(&given);
         assert_eq!(given.last(), Some(&10.0));
@@ -406,20 +346,13 @@ fn after_a_pause_of_the_driver_nothing_begins_at_once() {
 #[test]
 fn where_there_is_no_time_for_both_one_waits_for_the_other() {
     let (old, mut new) = (random_graph(3, 3), random_graph(3, 3));
-    new.nodes
-        .node_weights_mut()
-        .for_each(|node| node.fingerprint += 1);
+    new.nodes.node_weights_mut().for_each(|node| node.fingerprint += 1);
     // A millisecond for each frame.
-    for (work_ns, wanted) in [
-        (50_000, Change::CrossFade),
-        (100_000, Change::FadeThroughZero(NoCrossFade::Load)),
-    ] {
+    for (work_ns, wanted) in
+        [(50_000, Change::CrossFade), (100_000, Change::FadeThroughZero(NoCrossFade::Load))]
+    {
         let (mut live, mut control) = live(plan(&old, 8));
-        live.report(Wake {
-            work_ns,
-            frames: 1,
-            ..Wake::default()
-        });
+        live.report(Wake { work_ns, frames: 1, ..Wake::default() });
         control.poll();
         assert_eq!(control.swap(plan(&new, 8)), Ok(wanted));
     }
@@ -441,10 +374,7 @@ fn delayed(frames: u64, fingerprint: u64) -> (Graph, NodeIndex) {
     let (mut graph, node, sink) = with_processor(Counts);
     graph.nodes[node].fingerprint += fingerprint;
     let edge = graph.nodes.find_edge(node, sink).unwrap();
-    graph.nodes[edge].bridge = Bridge::Delay {
-        frames,
-        initial: None,
-    };
+    graph.nodes[edge].bridge = Bridge::Delay { frames, initial: None };
     (graph, sink)
 }
 
@@ -488,13 +418,7 @@ fn of_several_delays_that_go_on_as_one_each_has_what_it_held() {
         live.callback(1, |_, _| {});
     }
     let delays = &live.run().state.delays;
-    assert_eq!(
-        delays
-            .iter()
-            .filter(|delay| delay.ring.as_ptr() == address)
-            .count(),
-        1
-    );
+    assert_eq!(delays.iter().filter(|delay| delay.ring.as_ptr() == address).count(), 1);
     for delay in delays {
         assert_eq!(delay.ring[..500], held[..500]);
         assert!(delay.ring[500..600].iter().any(|x| *x != 0.0));
@@ -503,9 +427,7 @@ fn of_several_delays_that_go_on_as_one_each_has_what_it_held() {
 
 #[test]
 fn a_sink_by_another_name_is_as_warm_as_the_one_it_replaces() {
-    let seed = (0..)
-        .find(|seed| sink(&random_graph(*seed, 0)).is_some())
-        .unwrap();
+    let seed = (0..).find(|seed| sink(&random_graph(*seed, 0)).is_some()).unwrap();
     let (old, mut new) = (random_graph(seed, 0), random_graph(seed, 0));
     let at = sink(&new).unwrap();
     new.nodes[at].path = String::from("renamed");

@@ -147,12 +147,7 @@ impl crate::device::DeviceKind for NoBody {
     }
 }
 
-pub const LIMIT: Limit = Limit {
-    peak: 50.0,
-    continuous: 50.0,
-    window_s: 1.0,
-    slew_per_s: None,
-};
+pub const LIMIT: Limit = Limit { peak: 50.0, continuous: 50.0, window_s: 1.0, slew_per_s: None };
 
 struct World {
     random: Xoshiro256PlusPlus,
@@ -184,11 +179,7 @@ pub fn random_graph_with_drivers(seed: u64) -> Graph {
 pub fn with_a_node_more(seed: u64, driver: usize) -> Graph {
     let (mut world, device_clock) = random_world(seed, 3);
     let mut order = world.order(seed);
-    let work = process(Leaky {
-        kept: 0.0,
-        weight: 0.7,
-        held: Vec::new(),
-    });
+    let work = process(Leaky { kept: 0.0, weight: 0.7, held: Vec::new() });
     order.insert(0, world.node(driver, work));
     world.finish(&order, device_clock)
 }
@@ -208,11 +199,7 @@ pub fn with_rings_more(seed: u64) -> Option<Graph> {
             let driver = world.drivers[*clock];
             driver != own && used(driver)
         })?;
-        let work = process(Leaky {
-            kept: 0.0,
-            weight: 0.7,
-            held: Vec::new(),
-        });
+        let work = process(Leaky { kept: 0.0, weight: 0.7, held: Vec::new() });
         let node = world.node(to, work);
         let ring = world.ring(world.nodes[from].clock?, to);
         world.connect(from, node, ring, false);
@@ -225,16 +212,7 @@ pub fn with_rings_more(seed: u64) -> Option<Graph> {
 fn random_world(seed: u64, most_drivers: usize) -> (World, Option<usize>) {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut rates: Vec<Rate> = vec![Rate::from_hz(1000).unwrap()];
-    let choices = [
-        (1000, 3),
-        (240, 1),
-        (125, 1),
-        (10_000, 1),
-        (1000, 1),
-        (48, 1),
-        (2500, 7),
-        (441, 1),
-    ];
+    let choices = [(1000, 3), (240, 1), (125, 1), (10_000, 1), (1000, 1), (48, 1), (2500, 7), (441, 1)];
     for _ in 0..random.random_range(0..4) {
         let (n, d) = *choices.choose(&mut random).unwrap();
         rates.push(Rate::new(n, d).unwrap());
@@ -251,15 +229,8 @@ fn random_world(seed: u64, most_drivers: usize) -> (World, Option<usize>) {
             _ => drivers[random.random_range(0..clock)],
         });
     }
-    let mut world = World {
-        fingerprint: seed,
-        drivers,
-        random,
-        rates,
-        base,
-        nodes: Vec::new(),
-        edges: Vec::new(),
-    };
+    let mut world =
+        World { fingerprint: seed, drivers, random, rates, base, nodes: Vec::new(), edges: Vec::new() };
     for _ in 0..world.random.random_range(2..14) {
         world.leaky();
     }
@@ -282,11 +253,7 @@ impl World {
     }
 
     fn node(&mut self, clock: usize, work: Work) -> usize {
-        let output = Output {
-            name: "out".into(),
-            kind: Kind::SCALAR,
-            quantity: Quantity::NUMBER,
-        };
+        let output = Output { name: "out".into(), kind: Kind::SCALAR, quantity: Quantity::NUMBER };
         self.nodes.push(Node {
             // Not alphabetical in the order of creation.
             path: format!("n{:02}", (self.nodes.len() * 37) % 100),
@@ -307,16 +274,7 @@ impl World {
 
     fn connect(&mut self, from: usize, to: usize, bridge: Bridge, held: bool) {
         let input = self.nodes[to].inputs.len();
-        self.edges.push((
-            from,
-            to,
-            Edge {
-                output: 0,
-                input,
-                bridge,
-                span: Span::default(),
-            },
-        ));
+        self.edges.push((from, to, Edge { output: 0, input, bridge, span: Span::default() }));
         let quantity = Quantity::NUMBER;
         self.nodes[to].inputs.push(Input {
             name: "in",
@@ -328,22 +286,14 @@ impl World {
         });
         if let Work::Process(_) = self.nodes[to].work {
             let held = self.nodes[to].inputs.iter().map(|input| input.held).collect();
-            self.nodes[to].work = process(Leaky {
-                kept: 0.0,
-                weight: 0.7,
-                held,
-            });
+            self.nodes[to].work = process(Leaky { kept: 0.0, weight: 0.7, held });
         }
     }
 
     fn leaky(&mut self) {
         let clock = self.random.random_range(0..self.rates.len());
         let earlier = self.nodes.len();
-        let work = process(Leaky {
-            kept: 0.0,
-            weight: 0.7,
-            held: Vec::new(),
-        });
+        let work = process(Leaky { kept: 0.0, weight: 0.7, held: Vec::new() });
         let node = self.node(clock, work);
         for _ in 0..self.random.random_range(0..4) {
             if earlier > 0 {
@@ -363,13 +313,8 @@ impl World {
         let (slow, fast) = (self.base.period(from_clock), self.base.period(clock));
         if from_clock == clock {
             let frames = self.random.random_range(1..200);
-            let delay = Bridge::Delay {
-                frames,
-                initial: Some(0.5),
-            };
-            return *[Bridge::Direct, Bridge::Direct, delay]
-                .choose(&mut self.random)
-                .unwrap();
+            let delay = Bridge::Delay { frames, initial: Some(0.5) };
+            return *[Bridge::Direct, Bridge::Direct, delay].choose(&mut self.random).unwrap();
         }
         let other = if slow > fast { LINEAR } else { AVERAGE };
         *[HOLD, other].choose(&mut self.random).unwrap()
@@ -385,53 +330,25 @@ impl World {
     fn loops(&mut self) -> Option<usize> {
         let count = self.nodes.len();
         for _ in 0..self.random.random_range(0..3) {
-            let (from, to) = (
-                self.random.random_range(0..count),
-                self.random.random_range(0..count),
-            );
+            let (from, to) = (self.random.random_range(0..count), self.random.random_range(0..count));
             let (a, b) = (self.nodes[from].clock.unwrap(), self.nodes[to].clock.unwrap());
             if self.drivers[a] != self.drivers[b] {
                 let bridge = self.ring(a, b);
                 self.connect(from, to, bridge, false);
             } else if a == b {
                 let frames = self.random.random_range(1..40);
-                self.connect(
-                    from,
-                    to,
-                    Bridge::Delay {
-                        frames,
-                        initial: Some(0.25),
-                    },
-                    false,
-                );
+                self.connect(from, to, Bridge::Delay { frames, initial: Some(0.25) }, false);
             }
         }
         if self.random.random_bool(0.4) {
             return None;
         }
-        let (from, to) = (
-            self.random.random_range(0..count),
-            self.random.random_range(0..count),
-        );
+        let (from, to) = (self.random.random_range(0..count), self.random.random_range(0..count));
         let (low, high) = (from.min(to), from.max(to));
         let clock = self.nodes[low].clock.unwrap();
-        let source = self.node(
-            clock,
-            Work::Source {
-                device: 0,
-                channels: vec![0],
-            },
-        );
+        let source = self.node(clock, Work::Source { device: 0, channels: vec![0] });
         self.connect(source, low, Bridge::Direct, false);
-        let sink = self.node(
-            clock,
-            Work::Actuator {
-                device: 0,
-                channel: 0,
-                gain: 0.1,
-                limit: LIMIT,
-            },
-        );
+        let sink = self.node(clock, Work::Actuator { device: 0, channel: 0, gain: 0.1, limit: LIMIT });
         let bridge = match self.nodes[high].clock.unwrap() {
             same if same == clock => Bridge::Direct,
             other if self.drivers[other] != self.drivers[clock] => self.ring(other, clock),
@@ -463,18 +380,12 @@ impl World {
             entry: DeviceEntry::of::<NoBody>(),
             clock,
             settings: Arc::new(()),
-            device: Box::new(Body {
-                position: 0.0,
-                drive: 0.0,
-            }),
+            device: Box::new(Body { position: 0.0, drive: 0.0 }),
             span: Span::default(),
             fingerprint: self.fingerprint,
         });
-        let clock = |(i, rate): (usize, &Rate)| Clock {
-            name: format!("c{i}"),
-            rate: *rate,
-            driver: self.drivers[i],
-        };
+        let clock =
+            |(i, rate): (usize, &Rate)| Clock { name: format!("c{i}"), rate: *rate, driver: self.drivers[i] };
         Graph {
             about: String::new(),
             seed: 0,
@@ -493,15 +404,7 @@ impl World {
 pub fn with_processor(processor: impl Processor<Nothing>) -> (Graph, NodeIndex, NodeIndex) {
     let mut world = World::at_1_khz();
     let node = world.node(0, process(processor));
-    let sink = world.node(
-        0,
-        Work::Actuator {
-            device: 0,
-            channel: 0,
-            gain: 0.1,
-            limit: LIMIT,
-        },
-    );
+    let sink = world.node(0, Work::Actuator { device: 0, channel: 0, gain: 0.1, limit: LIMIT });
     world.nodes[sink].live.push((SettingId::at(0), 0.1));
     let input = Input {
         name: "in",
@@ -515,23 +418,12 @@ pub fn with_processor(processor: impl Processor<Nothing>) -> (Graph, NodeIndex, 
     world.edges.push((
         node,
         sink,
-        Edge {
-            output: 0,
-            input: 0,
-            bridge: Bridge::Direct,
-            span: Span::default(),
-        },
+        Edge { output: 0, input: 0, bridge: Bridge::Direct, span: Span::default() },
     ));
     let paths: Vec<String> = world.nodes.iter().map(|node| node.path.clone()).collect();
     let order = world.order(0);
     let graph = world.finish(&order, Some(0));
-    let find = |path: &String| {
-        graph
-            .nodes
-            .node_indices()
-            .find(|i| graph.nodes[*i].path == *path)
-            .unwrap()
-    };
+    let find = |path: &String| graph.nodes.node_indices().find(|i| graph.nodes[*i].path == *path).unwrap();
     let (node, sink) = (find(&paths[node]), find(&paths[sink]));
     (graph, node, sink)
 }
@@ -543,15 +435,7 @@ pub fn with_delays(processor: impl Processor<Nothing>, readers: usize, frames: u
     for _ in 0..readers {
         let (kept, weight, held) = (0.0, 0.5, Vec::new());
         let reader = world.node(0, process(Leaky { kept, weight, held }));
-        world.connect(
-            node,
-            reader,
-            Bridge::Delay {
-                frames,
-                initial: None,
-            },
-            false,
-        );
+        world.connect(node, reader, Bridge::Delay { frames, initial: None }, false);
     }
     let order: Vec<usize> = (0..world.nodes.len()).collect();
     world.finish(&order, None)
@@ -593,15 +477,7 @@ pub fn with_drives(drives: Vec<TestDrive>) -> Graph {
         world.nodes[node].path = format!("asks of {}", drive.sink);
         world.nodes[node].fingerprint = drive.fingerprint;
         let (device, channel, gain, limit) = (devices.len(), 0, 0.1, drive.limit);
-        let sink = world.node(
-            drive.driver,
-            Work::Actuator {
-                device,
-                channel,
-                gain,
-                limit,
-            },
-        );
+        let sink = world.node(drive.driver, Work::Actuator { device, channel, gain, limit });
         world.nodes[sink].path = drive.sink;
         world.nodes[sink].live.push((SettingId::at(0), gain));
         world.connect(node, sink, Bridge::Direct, false);

@@ -97,14 +97,7 @@ impl Brake {
     /// A brake with zero current and a cold coil, for ticks at `rate_hz`.
     pub fn new(settings: BrakeSettings, rate_hz: f64) -> Self {
         let coil = CoilThermal::new(settings.coil);
-        Self {
-            settings,
-            period_s: 1.0 / rate_hz,
-            coil,
-            trim: 0.0,
-            dragged_n: [0.0; 2],
-            stuck: 0.0,
-        }
+        Self { settings, period_s: 1.0 / rate_hz, coil, trim: 0.0, dragged_n: [0.0; 2], stuck: 0.0 }
     }
 
     /// Takes over the state of another control.
@@ -125,12 +118,7 @@ impl Brake {
         let normal_n = if usable { dragging.normal_n.max(0.0) } else { 0.0 };
         let (current_a, reach) = self.drive(if usable { wanted } else { 0.0 }, normal_n);
         self.coil.advance(current_a, self.period_s);
-        BrakeCommand {
-            current_a,
-            reach,
-            measured,
-            trim: self.trim,
-        }
+        BrakeCommand { current_a, reach, measured, trim: self.trim }
     }
 
     /// The settings, which may change from tick to tick; those of the coil have no effect after the start.
@@ -205,21 +193,11 @@ mod tests {
     use super::*;
 
     fn open_loop() -> Brake {
-        Brake::new(
-            BrakeSettings {
-                trim_per_s: 0.0,
-                ..BrakeSettings::default()
-            },
-            1000.0,
-        )
+        Brake::new(BrakeSettings { trim_per_s: 0.0, ..BrakeSettings::default() }, 1000.0)
     }
 
     fn drag(normal_n: f64, friction_n: f64) -> Dragging {
-        Dragging {
-            normal_n,
-            friction_n,
-            speed_m_s: 0.05,
-        }
+        Dragging { normal_n, friction_n, speed_m_s: 0.05 }
     }
 
     #[test]
@@ -249,11 +227,7 @@ mod tests {
     #[test]
     fn a_correction_ends_with_its_settings() {
         let corrected = || {
-            let settings = BrakeSettings {
-                trim_per_s: 1.0,
-                most_trim: 0.2,
-                ..BrakeSettings::default()
-            };
+            let settings = BrakeSettings { trim_per_s: 1.0, most_trim: 0.2, ..BrakeSettings::default() };
             let mut brake = Brake::new(settings, 1000.0);
             (0..2000).for_each(|_| {
                 brake.update(0.4, &drag(1.0, 0.1));
@@ -262,10 +236,7 @@ mod tests {
             brake
         };
         // The pen rests: nothing is measured, and so nothing corrected.
-        let rest = Dragging {
-            speed_m_s: 0.0,
-            ..drag(1.0, 0.0)
-        };
+        let rest = Dragging { speed_m_s: 0.0, ..drag(1.0, 0.0) };
         let mut bounded = corrected();
         bounded.settings_mut().most_trim = 0.0;
         assert_eq!(bounded.update(0.4, &rest).trim, 0.0);
@@ -282,20 +253,10 @@ mod tests {
 
     #[test]
     fn a_hot_coil_rests() {
-        let coil = CoilSettings {
-            trip_c: 25.5,
-            ..CoilSettings::default()
-        };
-        let mut brake = Brake::new(
-            BrakeSettings {
-                coil,
-                ..BrakeSettings::default()
-            },
-            1000.0,
-        );
-        let rested = (0..10_000)
-            .map(|_| brake.update(0.5, &drag(2.0, 0.8)))
-            .find(|c| c.reach == Reach::TooHot);
+        let coil = CoilSettings { trip_c: 25.5, ..CoilSettings::default() };
+        let mut brake = Brake::new(BrakeSettings { coil, ..BrakeSettings::default() }, 1000.0);
+        let rested =
+            (0..10_000).map(|_| brake.update(0.5, &drag(2.0, 0.8))).find(|c| c.reach == Reach::TooHot);
         assert_eq!(rested.map(|c| c.current_a), Some(0.0));
     }
 
@@ -305,17 +266,10 @@ mod tests {
         (0..5000).for_each(|_| {
             brake.update(0.5, &drag(5.0, 1.0));
         });
-        assert!(
-            brake.trim < 0.01,
-            "no winding up at the current's limit: {}",
-            brake.trim
-        );
+        assert!(brake.trim < 0.01, "no winding up at the current's limit: {}", brake.trim);
         let mut brake = Brake::new(BrakeSettings::default(), 1000.0);
         (0..5000).for_each(|_| {
-            let still = Dragging {
-                speed_m_s: 0.001,
-                ..drag(1.0, 0.1)
-            };
+            let still = Dragging { speed_m_s: 0.001, ..drag(1.0, 0.1) };
             assert_eq!(brake.update(0.4, &still).measured, None);
         });
         assert_eq!(brake.trim, 0.0);
@@ -327,11 +281,6 @@ mod tests {
         brake.update(0.4, &drag(1.0, 0.3));
         let command = brake.update(0.4, &drag(f64::NAN, 0.3));
         assert_eq!((command.current_a, command.measured), (0.0, None));
-        assert!(
-            brake
-                .update(0.4, &drag(1.0, 0.3))
-                .measured
-                .is_some_and(f64::is_finite)
-        );
+        assert!(brake.update(0.4, &drag(1.0, 0.3)).measured.is_some_and(f64::is_finite));
     }
 }

@@ -23,20 +23,12 @@ pub struct Loads {
 pub fn loads(mu_b: f64, mu_s: f64, phi: f64) -> Loads {
     // The moments give F = mu_b (N_b1 + N_b2) + mu_s phi; it is put into the two force balances.
     let sin = 0.5 * SQRT_2;
-    let (a1, a2, a) = (
-        (1.0 - mu_b) * sin - mu_b,
-        -(1.0 + mu_b) * sin - mu_b,
-        2.0 * mu_s * phi,
-    );
+    let (a1, a2, a) = ((1.0 - mu_b) * sin - mu_b, -(1.0 + mu_b) * sin - mu_b, 2.0 * mu_s * phi);
     let (c1, c2, c) = ((1.0 + mu_b) * sin, (1.0 - mu_b) * sin, 1.0 - phi);
     let determinant = a1 * c2 - a2 * c1;
     let bearing_1 = (a * c2 - a2 * c) / determinant;
     let bearing_2 = (a1 * c - a * c1) / determinant;
-    Loads {
-        friction: mu_b * (bearing_1 + bearing_2) + mu_s * phi,
-        bearing_1,
-        bearing_2,
-    }
+    Loads { friction: mu_b * (bearing_1 + bearing_2) + mu_s * phi, bearing_1, bearing_2 }
 }
 
 /// Friction of the free pen: the smallest that can be rendered.
@@ -85,11 +77,7 @@ mod tests {
     #[test]
     fn the_loads_balance() {
         for (mu_b, mu_s, phi) in [(0.12, 0.6, 0.0), (0.1247, 0.6, 0.3), (0.2, 0.4, 0.9)] {
-            let Loads {
-                friction,
-                bearing_1,
-                bearing_2,
-            } = loads(mu_b, mu_s, phi);
+            let Loads { friction, bearing_1, bearing_2 } = loads(mu_b, mu_s, phi);
             let sin = 0.5_f64.sqrt();
             let x = -friction - mu_b * bearing_1 * sin + bearing_1 * sin
                 - mu_s * phi

@@ -24,12 +24,8 @@ pub struct Solenoid {
 
 impl Solenoid {
     /// The pen of the thesis.
-    pub const THESIS: Self = Self {
-        line_slope: 2.92,
-        line_offset: -0.56,
-        force_n_per_a2: 27.8,
-        plunger_n: 0.042,
-    };
+    pub const THESIS: Self =
+        Self { line_slope: 2.92, line_offset: -0.56, force_n_per_a2: 27.8, plunger_n: 0.042 };
 
     /// Plunger force by normal force for an effective friction, as measured on the pen. Eq. 5.5.12
     pub fn experimental_phi(&self, mu: f64) -> f64 {
@@ -56,11 +52,7 @@ impl Solenoid {
     /// current is needed.
     pub fn most_normal_force_n(&self, mu: f64, most_current_a: f64) -> f64 {
         let phi = self.experimental_phi(mu);
-        if phi > 0.0 {
-            self.plunger_n(most_current_a) / phi
-        } else {
-            f64::INFINITY
-        }
+        if phi > 0.0 { self.plunger_n(most_current_a) / phi } else { f64::INFINITY }
     }
 
     /// Largest friction that can be rendered at a normal force (Fig. 5.23), between the free pen's and the largest measured.
@@ -96,10 +88,7 @@ mod tests {
         for force_n in [0.05, 0.5, 1.73, 2.5] {
             close(PEN.plunger_n(PEN.current_a(force_n)), force_n, 1e-14);
         }
-        assert_eq!(
-            (PEN.current_a(0.042), PEN.current_a(0.01), PEN.current_a(-1.0)),
-            (0.0, 0.0, 0.0)
-        );
+        assert_eq!((PEN.current_a(0.042), PEN.current_a(0.01), PEN.current_a(-1.0)), (0.0, 0.0, 0.0));
         close(PEN.plunger_n(MAX_CURRENT_A), 2.544, 1e-12);
     }
 
@@ -107,11 +96,7 @@ mod tests {
     fn the_operating_range_is_that_of_figures_5_22_and_5_23() {
         for (mu, newtons) in [(0.40, 4.18), (0.45, 3.37), (0.50, 2.83), (0.52, 2.65)] {
             close(PEN.most_normal_force_n(mu, MAX_CURRENT_A), newtons, 0.01);
-            close(
-                PEN.most_friction_at(PEN.most_normal_force_n(mu, MAX_CURRENT_A), MAX_CURRENT_A),
-                mu,
-                1e-12,
-            );
+            close(PEN.most_friction_at(PEN.most_normal_force_n(mu, MAX_CURRENT_A), MAX_CURRENT_A), mu, 1e-12);
         }
         close(PEN.most_friction_at(5.0, MAX_CURRENT_A), 0.366, 5e-4);
         assert_eq!(PEN.most_normal_force_n(0.19, MAX_CURRENT_A), f64::INFINITY);

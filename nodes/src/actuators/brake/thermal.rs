@@ -58,12 +58,7 @@ pub struct CoilThermal {
 impl CoilThermal {
     /// A cold coil.
     pub fn new(settings: CoilSettings) -> Self {
-        Self {
-            settings,
-            coil_k: 0.0,
-            sink_k: 0.0,
-            tripped: false,
-        }
+        Self { settings, coil_k: 0.0, sink_k: 0.0, tripped: false }
     }
 
     /// Takes over the temperatures of another coil.
@@ -78,10 +73,7 @@ impl CoilThermal {
         let (to_sink, to_air) = (time_s / s.coil_to_sink_k_per_w, time_s / s.sink_to_air_k_per_w);
         // (C_c + g) T_c - g T_s = C_c T_c0 + P t;  -g T_c + (C_s + g + h) T_s = C_s T_s0
         let (coil, sink) = (s.coil_j_per_k + to_sink, s.sink_j_per_k + to_sink + to_air);
-        let (heat, kept) = (
-            s.coil_j_per_k * self.coil_k + power_w * time_s,
-            s.sink_j_per_k * self.sink_k,
-        );
+        let (heat, kept) = (s.coil_j_per_k * self.coil_k + power_w * time_s, s.sink_j_per_k * self.sink_k);
         let determinant = coil * sink - to_sink * to_sink;
         self.coil_k = (heat * sink + to_sink * kept) / determinant;
         self.sink_k = (coil * kept + to_sink * heat) / determinant;
@@ -121,21 +113,15 @@ mod tests {
     use super::*;
 
     fn after(current_a: f64, seconds: u32) -> CoilThermal {
-        let mut coil = CoilThermal::new(CoilSettings {
-            trip_c: 1e3,
-            ..CoilSettings::default()
-        });
+        let mut coil = CoilThermal::new(CoilSettings { trip_c: 1e3, ..CoilSettings::default() });
         (0..seconds * 100).for_each(|_| coil.advance(current_a, 0.01));
         coil
     }
 
     #[test]
     fn a_lasting_4_w_end_at_the_rated_120_degrees() {
-        let mut coil = CoilThermal::new(CoilSettings {
-            rise_per_k: 0.0,
-            trip_c: 1e3,
-            ..CoilSettings::default()
-        });
+        let mut coil =
+            CoilThermal::new(CoilSettings { rise_per_k: 0.0, trip_c: 1e3, ..CoilSettings::default() });
         (0..100_000).for_each(|_| coil.advance((4.0_f64 / 44.4).sqrt(), 0.1));
         assert!((coil.coil_c() - 120.0).abs() < 0.01, "{}", coil.coil_c());
         assert!((coil.sink_c() - 88.0).abs() < 0.01);
@@ -145,10 +131,7 @@ mod tests {
     fn the_resistance_tells_the_temperature_and_rises_by_38_6_percent_over_100_degrees() {
         let coil = after(0.25, 480);
         assert!((coil.coil_c_from(coil.resistance_ohm()) - coil.coil_c()).abs() < 1e-9);
-        let hot = CoilThermal {
-            coil_k: 100.0,
-            ..after(0.0, 1)
-        };
+        let hot = CoilThermal { coil_k: 100.0, ..after(0.0, 1) };
         assert!((hot.resistance_ohm() / 44.4 - 1.386).abs() < 1e-12);
         let watts = 0.09 * hot.resistance_ohm();
         assert!((watts - 5.54).abs() < 0.01, "0.3 A is {watts} W when hot");
@@ -164,10 +147,7 @@ mod tests {
 
     #[test]
     fn what_is_put_in_is_stored_or_given_to_the_air() {
-        let settings = CoilSettings {
-            trip_c: 1e3,
-            ..CoilSettings::default()
-        };
+        let settings = CoilSettings { trip_c: 1e3, ..CoilSettings::default() };
         let mut coil = CoilThermal::new(settings);
         let (mut put_in_j, mut given_j) = (0.0, 0.0);
         for _ in 0..200_000 {
@@ -188,10 +168,7 @@ mod tests {
             coil.advance(0.3, 1.0);
             seconds += 1;
         }
-        assert!(
-            coil.is_tripped(),
-            "0.3 A for ever is too much once the coil is warm"
-        );
+        assert!(coil.is_tripped(), "0.3 A for ever is too much once the coil is warm");
         coil.advance(0.0, 1.0);
         assert!(coil.is_tripped(), "it does not chatter");
         (0..3600).for_each(|_| coil.advance(0.0, 1.0));

@@ -80,10 +80,7 @@ impl Part {
                 polygon.push(add_scaled(from, sub(to, from), rise / (rise - next)));
             }
         }
-        Self {
-            polygon,
-            triangle: self.triangle,
-        }
+        Self { polygon, triangle: self.triangle }
     }
 
     fn of_triangles(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Self> {
@@ -142,9 +139,7 @@ impl Index {
             centre: std::array::from_fn(|i| 0.5 * (aabb.min[i] + aabb.max[i])),
             half: std::array::from_fn(|i| 0.5 * (aabb.max[i] - aabb.min[i])),
             exit,
-            triangle: shapes
-                .get(shape as usize)
-                .map_or(super::NONE, |shape| shape.triangle),
+            triangle: shapes.get(shape as usize).map_or(super::NONE, |shape| shape.triangle),
         });
         Self { nodes }
     }
@@ -217,13 +212,7 @@ impl Index {
 /// Square of the distance from a point to a box.
 #[inline]
 fn gap_square(node: &Node, point: Vec3) -> f64 {
-    (0..3)
-        .map(|i| {
-            ((point[i] - node.centre[i]).abs() - node.half[i])
-                .max(0.0)
-                .powi(2)
-        })
-        .sum()
+    (0..3).map(|i| ((point[i] - node.centre[i]).abs() - node.half[i]).max(0.0).powi(2)).sum()
 }
 
 /// Lower bound of the distance from a box to the line through `foot` along a unit vector: the distance by which a plane

@@ -55,15 +55,8 @@ impl TriangleMesh {
     pub fn meet_line(&self, foot_m: Vec3, along: Vec3) -> LineMeeting {
         // Relative to the line's point nearest to the mesh's middle, numbers are smallest.
         let foot_m = add_scaled(foot_m, along, dot(sub(self.centre_m, foot_m), along));
-        let mut line = Line {
-            foot_m,
-            along,
-            slack_m: 1e-9 * self.diagonal_m,
-            visits: 0,
-        };
-        let hit = self
-            .hit_by_hierarchy(&mut line)
-            .unwrap_or_else(|| self.clip(&mut line));
+        let mut line = Line { foot_m, along, slack_m: 1e-9 * self.diagonal_m, visits: 0 };
+        let hit = self.hit_by_hierarchy(&mut line).unwrap_or_else(|| self.clip(&mut line));
         if let Some(place) = hit {
             return line.meeting(&Place { gap_m: 0.0, ..place });
         }
@@ -184,9 +177,7 @@ impl TriangleMesh {
             return;
         }
         let [a, b, c] = self.corners(triangle);
-        let edges = [(a, b), (b, c), (c, a)]
-            .into_iter()
-            .zip(self.neighbours(triangle));
+        let edges = [(a, b), (b, c), (c, a)].into_iter().zip(self.neighbours(triangle));
         for ((from_m, to_m), other) in edges {
             if other != NONE && self.facing(line, other) < 0.0 {
                 continue;
@@ -240,10 +231,8 @@ impl Line {
 
     /// The point of an edge that is nearest to the line, the earlier end where they are parallel.
     fn nearest_of(&self, from_m: Vec3, to_m: Vec3) -> Vec3 {
-        let (start, way) = (
-            reject(sub(from_m, self.foot_m), self.along),
-            reject(sub(to_m, from_m), self.along),
-        );
+        let (start, way) =
+            (reject(sub(from_m, self.foot_m), self.along), reject(sub(to_m, from_m), self.along));
         let square = dot(way, way);
         if square <= self.slack_m * self.slack_m {
             let is_forward = dot(sub(to_m, from_m), self.along) >= 0.0;

@@ -56,18 +56,13 @@ fn stl(bytes: &[u8]) -> Result<Soup, MeshError> {
     let format = MeshFormat::Stl;
     let problem = |error: std::io::Error| match error.kind() {
         ErrorKind::UnexpectedEof => MeshError::Incomplete { format },
-        _ => MeshError::Unreadable {
-            format,
-            problem: error.to_string(),
-        },
+        _ => MeshError::Unreadable { format, problem: error.to_string() },
     };
     let mut source = Cursor::new(bytes);
     let (mut corners, mut triangles) = (Vec::new(), Vec::new());
     for triangle in stl_io::create_stl_reader(&mut source).map_err(problem)? {
-        let first = u32::try_from(corners.len())
-            .ok()
-            .filter(|n| *n < u32::MAX - 3)
-            .ok_or(MeshError::TooLarge)?;
+        let first =
+            u32::try_from(corners.len()).ok().filter(|n| *n < u32::MAX - 3).ok_or(MeshError::TooLarge)?;
         for vertex in triangle.map_err(problem)?.vertices {
             corners.push([0, 1, 2].map(|i| f64::from(vertex[i])));
         }
@@ -79,17 +74,13 @@ fn stl(bytes: &[u8]) -> Result<Soup, MeshError> {
 fn obj(bytes: &[u8]) -> Result<Soup, MeshError> {
     // Normals and places in pictures are ignored, and the reader's sums of their numbers overflow.
     let is_ignored = |line: &[u8]| {
-        let first = std::str::from_utf8(line)
-            .ok()
-            .and_then(|line| line.split_whitespace().next());
+        let first = std::str::from_utf8(line).ok().and_then(|line| line.split_whitespace().next());
         matches!(first, Some("vn" | "vt"))
     };
     let lines = || bytes.split_inclusive(|byte| *byte == b'\n');
     // A face is three bytes a corner, and much more in memory.
     let triangles = |line: &[u8]| {
-        let words = line
-            .split(u8::is_ascii_whitespace)
-            .filter(|word| !word.is_empty());
+        let words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         match line.trim_ascii_start() {
             [b'f', b' ' | b'\t', ..] => words.count().saturating_sub(3),
             _ => 0,
@@ -99,9 +90,7 @@ fn obj(bytes: &[u8]) -> Result<Soup, MeshError> {
         return Err(MeshError::TooLarge);
     }
     let mut read = Vec::with_capacity(bytes.len());
-    lines()
-        .filter(|line| !is_ignored(line))
-        .for_each(|line| read.extend_from_slice(line));
+    lines().filter(|line| !is_ignored(line)).for_each(|line| read.extend_from_slice(line));
     let options = tobj::LoadOptions {
         triangulate: true,
         ignore_points: true,
@@ -110,20 +99,11 @@ fn obj(bytes: &[u8]) -> Result<Soup, MeshError> {
     };
     // Materials are ignored: every material file is taken as empty.
     let (models, _) = tobj::load_obj_buf(&mut &read[..], &options, |_| Ok((Vec::new(), Default::default())))
-        .map_err(|error| MeshError::Unreadable {
-            format: MeshFormat::Obj,
-            problem: error.to_string(),
-        })?;
+        .map_err(|error| MeshError::Unreadable { format: MeshFormat::Obj, problem: error.to_string() })?;
     let (mut corners, mut triangles) = (Vec::new(), Vec::new());
     for model in models {
         let first = u32::try_from(corners.len()).map_err(|_| MeshError::TooLarge)?;
-        corners.extend(
-            model
-                .mesh
-                .positions
-                .chunks_exact(3)
-                .map(|c| [0, 1, 2].map(|i| f64::from(c[i]))),
-        );
+        corners.extend(model.mesh.positions.chunks_exact(3).map(|c| [0, 1, 2].map(|i| f64::from(c[i]))));
         for t in model.mesh.indices.chunks_exact(3) {
             let named = |i: u32| first.checked_add(i).ok_or(MeshError::TooLarge);
             triangles.push([named(t[0])?, named(t[1])?, named(t[2])?]);

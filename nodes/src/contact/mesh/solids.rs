@@ -9,27 +9,17 @@ impl TriangleMesh {
     /// A box with its edges along the axes.
     pub fn cuboid(size_m: Vec3) -> Result<Self, MeshError> {
         let corner = |i: u32| -> Vec3 {
-            std::array::from_fn(|axis| {
-                if i >> axis & 1 == 1 {
-                    0.5 * size_m[axis]
-                } else {
-                    -0.5 * size_m[axis]
-                }
-            })
+            std::array::from_fn(
+                |axis| {
+                    if i >> axis & 1 == 1 { 0.5 * size_m[axis] } else { -0.5 * size_m[axis] }
+                },
+            )
         };
         let corners: Vec<Vec3> = (0..8).map(corner).collect();
-        let sides: [[u32; 4]; 6] = [
-            [0, 4, 6, 2],
-            [1, 3, 7, 5],
-            [0, 1, 5, 4],
-            [2, 6, 7, 3],
-            [0, 2, 3, 1],
-            [4, 5, 7, 6],
-        ];
-        let triangles: Vec<[u32; 3]> = sides
-            .iter()
-            .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]])
-            .collect();
+        let sides: [[u32; 4]; 6] =
+            [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let triangles: Vec<[u32; 3]> =
+            sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
         Self::new(&corners, &triangles)
     }
 
@@ -73,11 +63,8 @@ impl TriangleMesh {
                 })
             };
             let split = triangles.iter().flat_map(|&[a, b, c]| {
-                let (ab, bc, ca) = (
-                    middle(a, b, &mut corners),
-                    middle(b, c, &mut corners),
-                    middle(c, a, &mut corners),
-                );
+                let (ab, bc, ca) =
+                    (middle(a, b, &mut corners), middle(b, c, &mut corners), middle(c, a, &mut corners));
                 [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
             });
             triangles = split.collect();
@@ -90,10 +77,7 @@ impl TriangleMesh {
 fn icosahedron() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
     let corners = (0..12).map(|k| {
-        let (one, other) = (
-            if k & 1 == 1 { 1.0 } else { -1.0 },
-            if k & 2 == 2 { golden } else { -golden },
-        );
+        let (one, other) = (if k & 1 == 1 { 1.0 } else { -1.0 }, if k & 2 == 2 { golden } else { -golden });
         let point = match k / 4 {
             0 => [one, other, 0.0],
             1 => [0.0, one, other],

@@ -72,10 +72,7 @@ fn a_binary_stl_is_read_and_welded() {
     bytes.extend(12_u32.to_le_bytes());
     for t in 0..12 {
         bytes.extend([0_u8; 12]);
-        cube.corners(t)
-            .iter()
-            .flatten()
-            .for_each(|x| bytes.extend((*x as f32 * 1e3).to_le_bytes()));
+        cube.corners(t).iter().flatten().for_each(|x| bytes.extend((*x as f32 * 1e3).to_le_bytes()));
         bytes.extend([0_u8; 2]);
     }
     let read = TriangleMesh::from_bytes(&bytes, MeshFormat::Stl, 1e-3).unwrap();
@@ -85,13 +82,7 @@ fn a_binary_stl_is_read_and_welded() {
 
 #[test]
 fn triangles_without_area_are_left_out_and_inside_out_is_turned() {
-    let corners = [
-        [0.0; 3],
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [0.0, 0.0, 1.0],
-        [0.5, 0.0, 0.0],
-    ];
+    let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.5, 0.0, 0.0]];
     let inside_out = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0], [0, 1, 4], [2, 2, 1]];
     let mesh = TriangleMesh::new(&corners, &inside_out).unwrap();
     assert_eq!(mesh.removed(), 2);
@@ -103,32 +94,15 @@ fn a_concave_solid_names_its_edge() {
     // A cube whose top is pushed in at the middle.
     let mut corners = TriangleMesh::cuboid([0.02; 3]).unwrap().vertices().to_vec();
     corners.push([0.0, 0.0, 0.006]);
-    let sides: [[u32; 4]; 5] = [
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 2, 3, 1],
-    ];
-    let mut triangles: Vec<[u32; 3]> = sides
-        .iter()
-        .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]])
-        .collect();
+    let sides: [[u32; 4]; 5] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1]];
+    let mut triangles: Vec<[u32; 3]> =
+        sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
     triangles.extend([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]]);
-    let error = TriangleMesh::new(&corners, &triangles)
-        .unwrap()
-        .check_convex()
-        .unwrap_err();
-    assert!(
-        matches!(error.fault, EdgeFault::Concave { degrees } if degrees > 10.0),
-        "{error}"
-    );
+    let error = TriangleMesh::new(&corners, &triangles).unwrap().check_convex().unwrap_err();
+    assert!(matches!(error.fault, EdgeFault::Concave { degrees } if degrees > 10.0), "{error}");
     assert!(error.to_string().contains("mm the faces bend inwards"), "{error}");
     triangles.pop();
-    let error = TriangleMesh::new(&corners, &triangles)
-        .unwrap()
-        .check_convex()
-        .unwrap_err();
+    let error = TriangleMesh::new(&corners, &triangles).unwrap().check_convex().unwrap_err();
     assert!(matches!(error.fault, EdgeFault::Open), "{error}");
 }
 
@@ -139,20 +113,13 @@ fn two_bodies_are_no_convex_solid() {
     corners.extend(cube.vertices().iter().map(|v| add(*v, [0.05, 0.0, 0.0])));
     let mut triangles = cube.triangles().to_vec();
     triangles.extend(cube.triangles().iter().map(|t| t.map(|i| i + 8)));
-    let error = TriangleMesh::new(&corners, &triangles)
-        .unwrap()
-        .check_convex()
-        .unwrap_err();
+    let error = TriangleMesh::new(&corners, &triangles).unwrap().check_convex().unwrap_err();
     assert_eq!(error.fault, EdgeFault::Apart);
 }
 
 #[test]
 fn files_that_are_no_mesh_say_so() {
-    let read = |bytes: &[u8], format| {
-        TriangleMesh::from_bytes(bytes, format, 1e-3)
-            .unwrap_err()
-            .to_string()
-    };
+    let read = |bytes: &[u8], format| TriangleMesh::from_bytes(bytes, format, 1e-3).unwrap_err().to_string();
     assert!(read(b"solid x\n facet\n", MeshFormat::Stl).starts_with("the STL file"));
     assert!(read(&[0; 20], MeshFormat::Stl).starts_with("the STL file"));
     let mut huge = vec![0_u8; 80];
@@ -172,10 +139,7 @@ fn ways_through_edges_and_corners_never_slip_through() {
         let [a, b, c] = ball.corners(t);
         for target in [a, scale(add(a, b), 0.5), scale(add(add(a, b), c), 1.0 / 3.0)] {
             assert!(ball.first_hit(scale(target, 1.5), [0.0; 3]).is_some());
-            assert!(
-                ball.first_hit(scale(target, 1.001), scale(target, 0.999))
-                    .is_some()
-            );
+            assert!(ball.first_hit(scale(target, 1.001), scale(target, 0.999)).is_some());
         }
     }
 }
@@ -189,10 +153,7 @@ fn first_of_all(mesh: &TriangleMesh, a: Vec3, b: Vec3) -> Option<f64> {
 
 /// A ball, and a cylinder of many strips, whose triangles are long and thin.
 static BODIES: LazyLock<[TriangleMesh; 2]> = LazyLock::new(|| {
-    [
-        TriangleMesh::sphere(0.05, 2).unwrap(),
-        TriangleMesh::cylinder(0.04, 0.05, 300).unwrap(),
-    ]
+    [TriangleMesh::sphere(0.05, 2).unwrap(), TriangleMesh::cylinder(0.04, 0.05, 300).unwrap()]
 });
 
 proptest! {
@@ -225,11 +186,7 @@ proptest! {
 /// Mean number of triangles, or parts of them, at which the search for a first hit looks, for strokes of 20 um just above
 /// the top.
 fn looked_at(mesh: &TriangleMesh) -> f64 {
-    let top_m = mesh
-        .vertices()
-        .iter()
-        .map(|v| v[2])
-        .fold(f64::NEG_INFINITY, f64::max);
+    let top_m = mesh.vertices().iter().map(|v| v[2]).fold(f64::NEG_INFINITY, f64::max);
     let strokes = (0..1000).map(|k| {
         let (sin, cos) = (2.4 * f64::from(k)).sin_cos();
         let radius_m = 0.009 * f64::from(k) / 1000.0;
@@ -245,15 +202,11 @@ fn looked_at(mesh: &TriangleMesh) -> f64 {
 
 #[test]
 fn long_thin_triangles_are_found_about_as_fast_as_others() {
-    let (ball, cube) = (
-        TriangleMesh::sphere(0.0127, 5).unwrap(),
-        TriangleMesh::cuboid([0.0254; 3]).unwrap(),
-    );
+    let (ball, cube) = (TriangleMesh::sphere(0.0127, 5).unwrap(), TriangleMesh::cuboid([0.0254; 3]).unwrap());
     let cylinder = TriangleMesh::cylinder(0.0127, 0.0254, 1000).unwrap();
     let parts = |mesh: &TriangleMesh| {
         let mut parts = 0;
-        mesh.index
-            .walk(&mut parts, |_, _| Some(true), |parts, _| *parts += 1);
+        mesh.index.walk(&mut parts, |_, _| Some(true), |parts, _| *parts += 1);
         parts
     };
     // Well-shaped triangles are indexed whole.
@@ -261,10 +214,7 @@ fn long_thin_triangles_are_found_about_as_fast_as_others() {
     assert!(parts(&cylinder) < 20 * 4000, "{}", parts(&cylinder));
     let (on_ball, on_cylinder) = (looked_at(&ball), looked_at(&cylinder));
     // By every triangle it would be 4000, by whole boxes 178.
-    assert!(
-        on_cylinder < 8.0 * on_ball,
-        "{on_cylinder} on the cylinder, {on_ball} on the ball"
-    );
+    assert!(on_cylinder < 8.0 * on_ball, "{on_cylinder} on the cylinder, {on_ball} on the ball");
 }
 
 #[test]
@@ -272,10 +222,7 @@ fn meshes_that_cannot_be_computed_with_are_refused() {
     let corners = |scale: f64, at: f64| [[at, 0.0, 0.0], [at + scale, 0.0, 0.0], [at, scale, 0.0]];
     for (scale, at) in [(1e30, 0.0), (1e-30, 0.0), (1e-3, 1e30), (1.0, -1e9)] {
         let refused = TriangleMesh::new(&corners(scale, at), &[[0, 1, 2]]).unwrap_err();
-        assert!(
-            matches!(refused, MeshError::OutOfScale { .. }),
-            "{scale} at {at}: {refused}"
-        );
+        assert!(matches!(refused, MeshError::OutOfScale { .. }), "{scale} at {at}: {refused}");
     }
     assert!(TriangleMesh::new(&corners(0.01, 100.0), &[[0, 1, 2]]).is_ok());
 }

@@ -83,18 +83,12 @@ fn in_a_dihedral_groove_the_proxy_finds_the_edge_and_in_a_pit_the_corner() {
     let mut proxy = MeshProxy::new(mesh, [0.02, 0.02, 0.02]);
     let skin_m = proxy.skin_m;
     let contact = glide(&mut proxy, [0.02, 0.02, 0.02], [-0.003, -0.004, 0.02]);
-    assert!(
-        distance(contact.ihip_m, [0.0, 0.0, 0.02]) < 3.0 * skin_m,
-        "{contact:?}"
-    );
+    assert!(distance(contact.ihip_m, [0.0, 0.0, 0.02]) < 3.0 * skin_m, "{contact:?}");
     assert!(distance(contact.normal, [0.6, 0.8, 0.0]) < 1e-3);
     let contact = glide(&mut proxy, [-0.003, -0.004, 0.02], [-0.003, -0.004, -0.005]);
     assert!(norm(contact.ihip_m) < 4.0 * skin_m, "{contact:?}");
     let contact = glide(&mut proxy, [-0.003, -0.004, -0.005], [0.01, -0.004, -0.005]);
-    assert!(
-        distance(contact.ihip_m, [0.01, 0.0, 0.0]) < 4.0 * skin_m,
-        "{contact:?}"
-    );
+    assert!(distance(contact.ihip_m, [0.01, 0.0, 0.0]) < 4.0 * skin_m, "{contact:?}");
 }
 
 #[test]
@@ -103,23 +97,12 @@ fn on_a_fine_sphere_the_proxy_is_the_radial_projection() {
     let mut hip_m = [0.0, 0.0, 0.06];
     for k in 0..4000 {
         let angle = f64::from(k) * 5e-4;
-        let next_m = scale(
-            [angle.sin() * angle.cos(), angle.sin() * angle.sin(), angle.cos()],
-            0.046,
-        );
-        let contact = if k == 0 {
-            glide(&mut proxy, hip_m, next_m)
-        } else {
-            proxy.update(next_m)
-        };
+        let next_m = scale([angle.sin() * angle.cos(), angle.sin() * angle.sin(), angle.cos()], 0.046);
+        let contact = if k == 0 { glide(&mut proxy, hip_m, next_m) } else { proxy.update(next_m) };
         hip_m = next_m;
         let expected = scale(next_m, 0.05 / 0.046);
         // Facets of 1.7 mm: the foot of the perpendicular moves by up to depth times facet angle.
-        assert!(
-            distance(contact.ihip_m, expected) < 2.5e-4,
-            "{} at {k}",
-            distance(contact.ihip_m, expected)
-        );
+        assert!(distance(contact.ihip_m, expected) < 2.5e-4, "{} at {k}", distance(contact.ihip_m, expected));
         assert!((contact.penetration_m - 0.004).abs() < 2e-5);
     }
 }
@@ -163,11 +146,7 @@ struct Walk {
 
 impl Walk {
     fn new(seed: u64) -> Self {
-        Self {
-            rng: Xoshiro256PlusPlus::seed_from_u64(seed),
-            hip_m: [0.0, 0.0, 0.08],
-            velocity: [0.0; 3],
-        }
+        Self { rng: Xoshiro256PlusPlus::seed_from_u64(seed), hip_m: [0.0, 0.0, 0.08], velocity: [0.0; 3] }
     }
 
     fn step(&mut self) -> Vec3 {
@@ -197,10 +176,7 @@ fn walk(mesh: TriangleMesh, steps: usize, looks: usize) -> (Vec<f64>, usize) {
         touching += usize::from(contact.touching);
         assert!(contact.touching || contact.ihip_m == hip_m);
         if k % (steps / looks) == 0 {
-            assert!(
-                !inside(proxy.mesh(), contact.ihip_m),
-                "popped through before step {k}"
-            );
+            assert!(!inside(proxy.mesh(), contact.ihip_m), "popped through before step {k}");
         }
     }
     times_s.sort_by(f64::total_cmp);
@@ -224,12 +200,7 @@ fn a_million_steps_over_a_hundred_thousand_triangles_never_pop_through() {
         let mut triangles = body.triangles().to_vec();
         let other = bumpy(5);
         let shift = corners.len() as u32;
-        corners.extend(
-            other
-                .vertices()
-                .iter()
-                .map(|v| add(scale(*v, 0.4), [0.06, 0.0, 0.0])),
-        );
+        corners.extend(other.vertices().iter().map(|v| add(scale(*v, 0.4), [0.06, 0.0, 0.0])));
         triangles.extend(other.triangles().iter().map(|t| t.map(|i| i + shift)));
         TriangleMesh::new(&corners, &triangles).unwrap()
     };

@@ -9,10 +9,7 @@ fn touch(shape: Shape) -> Touch {
 
 #[test]
 fn the_sphere_of_the_toolkit_is_felt_at_51_6_mm() {
-    let sphere = Shape::Sphere {
-        centre_m: [0.0; 3],
-        diameter_m: 0.1,
-    };
+    let sphere = Shape::Sphere { centre_m: [0.0; 3], diameter_m: 0.1 };
     let mut touch = Touch::new(&sphere, 0.0032).unwrap();
     assert!(!touch.update([0.0, 0.0, 0.0517]).touching);
     let contact = touch.update([0.0, 0.03, 0.04]);
@@ -23,26 +20,17 @@ fn the_sphere_of_the_toolkit_is_felt_at_51_6_mm() {
 
 #[test]
 fn a_plane_pushes_along_its_normal() {
-    let mut touch = touch(Shape::Plane {
-        origin_m: [0.0, 0.0, 0.1],
-        normal: [0.0, 0.0, 2.0],
-    });
+    let mut touch = touch(Shape::Plane { origin_m: [0.0, 0.0, 0.1], normal: [0.0, 0.0, 2.0] });
     assert!(!touch.update([1.0, 1.0, 0.1]).touching);
     let contact = touch.update([0.2, 0.3, 0.097]);
     assert!((contact.penetration_m - 0.003).abs() < 1e-15);
-    assert_eq!(
-        (contact.normal, contact.ihip_m),
-        ([0.0, 0.0, 1.0], [0.2, 0.3, 0.1])
-    );
+    assert_eq!((contact.normal, contact.ihip_m), ([0.0, 0.0, 1.0], [0.2, 0.3, 0.1]));
 }
 
 #[test]
 fn a_box_in_closed_form_and_as_a_mesh_feel_the_same() {
     let size_m = [0.02, 0.03, 0.025];
-    let mut closed = touch(Shape::Box {
-        centre_m: [0.0; 3],
-        size_m,
-    });
+    let mut closed = touch(Shape::Box { centre_m: [0.0; 3], size_m });
     let mesh = Arc::new(TriangleMesh::cuboid(size_m).unwrap());
     let mut meshed = touch(Shape::Mesh { mesh, start_m: None });
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
@@ -64,10 +52,7 @@ fn a_box_in_closed_form_and_as_a_mesh_feel_the_same() {
 
 #[test]
 fn a_box_cannot_be_passed_in_one_step() {
-    let mut touch = touch(Shape::Box {
-        centre_m: [0.0; 3],
-        size_m: [0.1, 0.1, 0.001],
-    });
+    let mut touch = touch(Shape::Box { centre_m: [0.0; 3], size_m: [0.1, 0.1, 0.001] });
     touch.update([0.0, 0.0, 0.05]);
     let contact = touch.update([0.0, 0.0, -0.05]);
     assert!(contact.touching && contact.face == 5);
@@ -76,14 +61,7 @@ fn a_box_cannot_be_passed_in_one_step() {
 
 #[test]
 fn a_room_holds_the_tool_in_its_corners() {
-    let mut touch = Touch::new(
-        &Shape::Room {
-            centre_m: [0.0; 3],
-            size_m: [0.1; 3],
-        },
-        0.01,
-    )
-    .unwrap();
+    let mut touch = Touch::new(&Shape::Room { centre_m: [0.0; 3], size_m: [0.1; 3] }, 0.01).unwrap();
     assert!(!touch.update([0.0449, 0.0, 0.0]).touching);
     let wall = touch.update([0.046, 0.0, 0.01]);
     assert_eq!(wall.face, 1);
@@ -97,18 +75,9 @@ fn a_room_holds_the_tool_in_its_corners() {
 #[test]
 fn of_a_scene_the_deepest_contact_counts() {
     let shapes = [
-        Shape::Room {
-            centre_m: [0.0; 3],
-            size_m: [0.16; 3],
-        },
-        Shape::Sphere {
-            centre_m: [-0.04, 0.0, 0.0],
-            diameter_m: 0.05,
-        },
-        Shape::Box {
-            centre_m: [0.04, 0.0, 0.0],
-            size_m: [0.04; 3],
-        },
+        Shape::Room { centre_m: [0.0; 3], size_m: [0.16; 3] },
+        Shape::Sphere { centre_m: [-0.04, 0.0, 0.0], diameter_m: 0.05 },
+        Shape::Box { centre_m: [0.04, 0.0, 0.0], size_m: [0.04; 3] },
     ];
     let mut scene = Scene::new(&shapes, 0.0032).unwrap();
     assert!(!scene.update([0.0, 0.05, 0.0]).0.touching);
@@ -121,25 +90,9 @@ fn of_a_scene_the_deepest_contact_counts() {
 #[test]
 fn shapes_without_extent_are_refused() {
     let refused = |shape: Shape| Touch::new(&shape, 0.002).unwrap_err().to_string();
+    assert!(refused(Shape::Sphere { centre_m: [0.0; 3], diameter_m: -1.0 }).contains("diameter_m is -1"));
     assert!(
-        refused(Shape::Sphere {
-            centre_m: [0.0; 3],
-            diameter_m: -1.0
-        })
-        .contains("diameter_m is -1")
+        refused(Shape::Room { centre_m: [0.0; 3], size_m: [0.1, 0.001, 0.1] }).contains("size_m is 0.001")
     );
-    assert!(
-        refused(Shape::Room {
-            centre_m: [0.0; 3],
-            size_m: [0.1, 0.001, 0.1]
-        })
-        .contains("size_m is 0.001")
-    );
-    assert!(
-        refused(Shape::Plane {
-            origin_m: [0.0; 3],
-            normal: [0.0; 3]
-        })
-        .contains("normal")
-    );
+    assert!(refused(Shape::Plane { origin_m: [0.0; 3], normal: [0.0; 3] }).contains("normal"));
 }

@@ -102,12 +102,7 @@ impl SurfacePath {
         at.frame = carried(at.frame, at.normal, normal);
         let pulled: [f64; 2] = std::array::from_fn(|i| at.ahead_m[i] + dot(step, at.frame[i]));
         let (length_m, leash_m) = (norm(pulled), self.leash * contact.point_uncertainty_m);
-        let kept = (1.0 - self.drift)
-            * if length_m > leash_m {
-                leash_m / length_m
-            } else {
-                1.0
-            };
+        let kept = (1.0 - self.drift) * if length_m > leash_m { leash_m / length_m } else { 1.0 };
         at.ahead_m = scale(pulled, kept);
         let followed = scale(pulled, 1.0 - kept);
         at.sheet_m = add_scaled(at.sheet_m, followed, 1.0);
@@ -152,11 +147,7 @@ fn along_surface(from_m: Vec3, from_normal: Vec3, to_m: Vec3, to_normal: Vec3) -
     let straight = add_scaled(scale(edge, dot(chord, edge)), into_to, d_from + d_to);
     // Only where the edge lies between the points does the way lead over it; else the planes are only nearly one.
     let between = d_from * d_to >= -1e-6 * dot(chord, chord);
-    if between {
-        straight
-    } else {
-        reject(chord, to_normal)
-    }
+    if between { straight } else { reject(chord, to_normal) }
 }
 
 /// A tangent frame carried over an edge: turned with the normal by the smallest rotation.
@@ -165,11 +156,8 @@ fn carried(frame: [Vec3; 2], from_normal: Vec3, to_normal: Vec3) -> [Vec3; 2] {
     if cos < -0.999 {
         return tangents(to_normal);
     }
-    let turned = add_scaled(
-        add_scaled(cross(axis, frame[0]), frame[0], cos),
-        axis,
-        dot(axis, frame[0]) / (1.0 + cos),
-    );
+    let turned =
+        add_scaled(add_scaled(cross(axis, frame[0]), frame[0], cos), axis, dot(axis, frame[0]) / (1.0 + cos));
     let first = direction(reject(turned, to_normal)).unwrap_or(tangents(to_normal)[0]);
     [first, cross(to_normal, first)]
 }
@@ -178,10 +166,7 @@ fn carried(frame: [Vec3; 2], from_normal: Vec3, to_normal: Vec3) -> [Vec3; 2] {
 mod tests {
     use super::*;
 
-    const FILTER: SpeedFilter = SpeedFilter::Butterworth {
-        order: 2,
-        cutoff_hz: 20.0,
-    };
+    const FILTER: SpeedFilter = SpeedFilter::Butterworth { order: 2, cutoff_hz: 20.0 };
 
     fn contact(position_m: Vec3, normal: Vec3) -> WrenchContact {
         WrenchContact {
@@ -215,11 +200,7 @@ mod tests {
         for k in 0..500 {
             let velocity = path.update(&over_the_edge(f64::from(k) * 5e-5));
             if k > 150 {
-                assert!(
-                    (path.speed_m_s() - 0.05).abs() < 2e-4,
-                    "tick {k}: {} m/s",
-                    path.speed_m_s()
-                );
+                assert!((path.speed_m_s() - 0.05).abs() < 2e-4, "tick {k}: {} m/s", path.speed_m_s());
                 assert!((norm(velocity) - path.speed_m_s()).abs() < 1e-12);
             }
         }
@@ -242,11 +223,7 @@ mod tests {
             ));
         }
         let perimeter_m = 2.0 * sides * apothem_m * (std::f64::consts::PI / sides).tan();
-        assert!(
-            (path.way_m() / perimeter_m - 1.0).abs() < 1e-6,
-            "{} of {perimeter_m}",
-            path.way_m()
-        );
+        assert!((path.way_m() / perimeter_m - 1.0).abs() < 1e-6, "{} of {perimeter_m}", path.way_m());
     }
 
     #[test]
@@ -276,10 +253,7 @@ mod tests {
         let before_m_s = rests(&mut path, 300);
         path.set_leash(0.5);
         let after_m_s = (0..50).map(|_| rests(&mut path, 1)).fold(0.0, f64::max);
-        assert!(
-            after_m_s <= before_m_s,
-            "{after_m_s} m/s, {before_m_s} m/s before"
-        );
+        assert!(after_m_s <= before_m_s, "{after_m_s} m/s, {before_m_s} m/s before");
     }
 
     #[test]
@@ -288,10 +262,7 @@ mod tests {
         (0..100).for_each(|k| {
             path.update(&over_the_edge(f64::from(k) * 5e-5));
         });
-        let free = WrenchContact {
-            touching: false,
-            ..over_the_edge(0.0)
-        };
+        let free = WrenchContact { touching: false, ..over_the_edge(0.0) };
         assert_eq!(path.update(&free), ZERO);
         assert_eq!(path.update(&over_the_edge(0.02)), ZERO, "put down elsewhere");
     }

@@ -24,16 +24,9 @@ fn locator(object: &Arc<TriangleMesh>) -> WrenchLocator {
 fn any_point(mesh: &TriangleMesh, rng: &mut Xoshiro256PlusPlus) -> (Vec3, Vec3, u32) {
     let face = rng.random_range(0..mesh.triangles().len() as u32);
     let [a, b, c] = mesh.corners(face);
-    let (u, v) = (
-        0.97 * rng.random::<f64>() + 0.01,
-        0.97 * rng.random::<f64>() + 0.01,
-    );
+    let (u, v) = (0.97 * rng.random::<f64>() + 0.01, 0.97 * rng.random::<f64>() + 0.01);
     let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-    (
-        add_scaled(add_scaled(a, sub(b, a), u), sub(c, a), v),
-        mesh.normal(face),
-        face,
-    )
+    (add_scaled(add_scaled(a, sub(b, a), u), sub(c, a), v), mesh.normal(face), face)
 }
 
 #[test]
@@ -64,10 +57,7 @@ fn of_the_two_points_on_the_line_the_compressed_one_is_taken() {
     let down = locator.update([0.0, 0.0, -1.0], cross([0.003, 0.004, 0.0], [0.0, 0.0, -1.0]));
     assert!(distance(down.position_m, [0.003, 0.004, 0.0334]) < 1e-12);
     let up = locator.update([0.0, 0.0, 1.0], cross([0.003, 0.004, 0.0], [0.0, 0.0, 1.0]));
-    assert!(
-        distance(up.position_m, [0.003, 0.004, 0.008]) < 1e-12,
-        "from below the bottom is pressed"
-    );
+    assert!(distance(up.position_m, [0.003, 0.004, 0.008]) < 1e-12, "from below the bottom is pressed");
     assert!((up.normal_force_n - 1.0).abs() < 1e-12);
 }
 
@@ -84,11 +74,7 @@ fn below_the_threshold_nothing_touches_and_the_point_stays() {
     assert!(!after.touching && after.normal_force_n == 0.0);
     assert!(distance(after.position_m, point_m) < 1e-12);
     assert!(!locator.update([f64::NAN, 0.0, -1.0], [0.0; 3]).touching);
-    assert!(
-        !locator
-            .update([0.0, 0.0, -1.0], [f64::INFINITY, 0.0, 0.0])
-            .touching
-    );
+    assert!(!locator.update([0.0, 0.0, -1.0], [f64::INFINITY, 0.0, 0.0]).touching);
 }
 
 #[test]
@@ -105,10 +91,7 @@ fn uncertainty_is_that_of_eq_5_2_4() {
     // The checklist's figures for a lever of 10 mm.
     for (force_n, expected_mm) in [(0.08, 0.87), (0.25, 0.28), (0.5, 0.14), (1.0, 0.07)] {
         let found_mm = locator.uncertainty_m(force_n, 0.01 * force_n) * 1e3;
-        assert!(
-            (found_mm - expected_mm).abs() < 0.006,
-            "{found_mm} mm at {force_n} N"
-        );
+        assert!((found_mm - expected_mm).abs() < 0.006, "{found_mm} mm at {force_n} N");
     }
     assert!((locator.uncertainty_m(1.0, 0.0) - 1e-3 / 32.0).abs() < 1e-15);
 }
@@ -124,13 +107,8 @@ fn a_line_that_misses_gives_the_nearest_point_of_the_rim() {
 
 #[test]
 fn a_concave_object_is_refused_by_its_edge() {
-    let corners = [
-        [0.0, 0.0, 0.0],
-        [0.02, 0.0, 0.0],
-        [0.0, 0.02, 0.0],
-        [0.004, 0.004, 0.004],
-        [0.0, 0.0, 0.02],
-    ];
+    let corners =
+        [[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.02, 0.0], [0.004, 0.004, 0.004], [0.0, 0.0, 0.02]];
     let dart = [[0, 2, 1], [0, 1, 4], [2, 0, 4], [1, 2, 3], [1, 3, 4], [3, 2, 4]];
     let mesh = Arc::new(TriangleMesh::new(&corners, &dart).unwrap());
     let refused = WrenchLocator::new(mesh, WrenchSettings::default()).unwrap_err();

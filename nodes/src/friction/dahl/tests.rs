@@ -8,19 +8,11 @@ use std::sync::Arc;
 const MU: f64 = 0.4;
 /// z_max
 const MAX_M: f64 = 0.004 * MU;
-const PRINTED: DahlSettings = DahlSettings {
-    stretch_m: 0.004,
-    under_load: UnderLoad::AsPrinted,
-};
+const PRINTED: DahlSettings = DahlSettings { stretch_m: 0.004, under_load: UnderLoad::AsPrinted };
 
 fn on_plane(x: f64, y: f64) -> Contact {
     let ihip_m = [x, y, 0.0];
-    Contact {
-        touching: true,
-        ihip_m,
-        normal: [0.0, 0.0, 1.0],
-        ..Contact::free(ihip_m)
-    }
+    Contact { touching: true, ihip_m, normal: [0.0, 0.0, 1.0], ..Contact::free(ihip_m) }
 }
 
 fn laws() -> [Dahl; 2] {
@@ -89,11 +81,7 @@ fn under_constant_load_no_closed_path_gives_energy() {
         let path = (0..=4000).map(|k| {
             let turn = std::f64::consts::TAU * f64::from(k) / 4000.0;
             let at = |size: usize, phase: usize| -> f64 {
-                waves
-                    .iter()
-                    .zip(1..)
-                    .map(|(w, n)| w[size] * (f64::from(n) * turn + w[phase]).sin())
-                    .sum()
+                waves.iter().zip(1..).map(|(w, n)| w[size] * (f64::from(n) * turn + w[phase]).sin()).sum()
             };
             (at(0, 1), at(2, 3), 1.2)
         });
@@ -110,10 +98,7 @@ fn stretch_and_release(law: &mut Dahl) -> (f64, f64) {
     let way = |k: i32| MAX_M * f64::from(k) / f64::from(steps);
     let put_in = -work_on_tool(law, (0..=steps).map(|k| (way(k), 0.0, 0.3)));
     let press = (0..=steps).map(|k| (MAX_M, 0.0, 0.3 + 2.45 * f64::from(k) / f64::from(steps)));
-    assert!(
-        work_on_tool(law, press).abs() < 1e-15,
-        "pressing moves nothing along the surface"
-    );
+    assert!(work_on_tool(law, press).abs() < 1e-15, "pressing moves nothing along the surface");
     let given_back = work_on_tool(law, (0..=steps).rev().map(|k| (way(k), 0.0, 2.75)));
     (put_in, given_back)
 }
@@ -123,10 +108,7 @@ fn stretched_at_a_low_load_and_released_at_a_high_one_only_the_printed_law_gives
     let [mut passive, mut printed] = laws();
     let (put_in, given_back) = stretch_and_release(&mut printed);
     assert!((put_in - 0.5 * MU * 0.3 * MAX_M).abs() < 1e-9);
-    assert!(
-        (given_back / put_in - 2.75 / 0.3).abs() < 0.01,
-        "{given_back} J for {put_in} J"
-    );
+    assert!((given_back / put_in - 2.75 / 0.3).abs() < 0.01, "{given_back} J for {put_in} J");
     let (put_in, given_back) = stretch_and_release(&mut passive);
     assert!(given_back <= put_in * 1.001, "{given_back} J for {put_in} J");
 }
@@ -145,9 +127,7 @@ fn under_any_load_the_passive_law_gives_no_energy_and_the_printed_one_does() {
         });
         work_on_tool(&mut law, path)
     };
-    let printed: f64 = (0..8)
-        .map(|seed| gained(Dahl::new(PRINTED), seed))
-        .fold(f64::MIN, f64::max);
+    let printed: f64 = (0..8).map(|seed| gained(Dahl::new(PRINTED), seed)).fold(f64::MIN, f64::max);
     assert!(printed > 1e-4, "the printed law gains {printed} J at its worst");
     for seed in 0..8 {
         let passive = gained(Dahl::new(DahlSettings::default()), seed);
@@ -180,10 +160,7 @@ fn the_force_does_not_jump_at_onset_at_stops_or_when_it_turns() {
             let load_n = 0.5 + 0.2 * (2.0 * t).sin();
             let force = law.update(&on_plane(x, 0.0), load_n, MU);
             // At most the spring's rate times the step, and the load's own change.
-            assert!(
-                norm(sub(force, last)) < 1e-3 * (0.7 / 0.004 * 0.045 + 0.4 * MU * 2.0),
-                "at {t}"
-            );
+            assert!(norm(sub(force, last)) < 1e-3 * (0.7 / 0.004 * 0.045 + 0.4 * MU * 2.0), "at {t}");
             last = force;
         }
     }
@@ -194,14 +171,7 @@ fn the_magnitude_does_not_jump_across_the_edges_of_a_mesh() {
     // Round a prism of eight sides from outside and from inside: edges of 45 degrees, convex and concave.
     let mesh = Arc::new(TriangleMesh::cylinder(0.012, 0.04, 8).unwrap());
     for (start_m, radius_m) in [(None, 0.0107), (Some([0.0; 3]), 0.0123)] {
-        let mut touch = Touch::new(
-            &Shape::Mesh {
-                mesh: mesh.clone(),
-                start_m,
-            },
-            0.0,
-        )
-        .unwrap();
+        let mut touch = Touch::new(&Shape::Mesh { mesh: mesh.clone(), start_m }, 0.0).unwrap();
         let mut law = Dahl::new(DahlSettings::default());
         let mut faces = std::collections::BTreeSet::new();
         let mut last: Option<(f64, Contact)> = None;
@@ -213,10 +183,7 @@ fn the_magnitude_does_not_jump_across_the_edges_of_a_mesh() {
             let size = norm(law.update(&contact, 1.0, MU));
             if let Some((before, previous)) = last {
                 let step_m = norm(sub(contact.ihip_m, previous.ihip_m));
-                assert!(
-                    (size - before).abs() <= step_m / 0.004 + 1e-9,
-                    "tick {k}: {before} to {size}"
-                );
+                assert!((size - before).abs() <= step_m / 0.004 + 1e-9, "tick {k}: {before} to {size}");
             }
             faces.insert(contact.face);
             last = Some((size, contact));
@@ -228,12 +195,7 @@ fn the_magnitude_does_not_jump_across_the_edges_of_a_mesh() {
 
 #[test]
 fn a_turned_stretch_keeps_its_length_and_stays_tangent() {
-    let normals = [
-        [0.0, 0.0, 1.0],
-        [1.0, 0.0, 0.0],
-        [0.6, 0.0, 0.8],
-        [0.0, 0.0, -1.0],
-    ];
+    let normals = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.6, 0.0, 0.8], [0.0, 0.0, -1.0]];
     for from in normals {
         for to in normals {
             let v = reject([0.3, -0.2, 0.5], from);
@@ -252,10 +214,6 @@ fn without_friction_or_contact_there_is_no_force() {
     law.update(&on_plane(0.02, 0.0), 1.0, MU);
     assert!(norm(law.update(&on_plane(0.03, 0.0), 1.0, MU)) > 0.3);
     assert_eq!(law.update(&Contact::free([0.03, 0.0, 0.01]), 0.0, MU), ZERO);
-    assert_eq!(
-        norm(law.update(&on_plane(0.0, 0.0), 1.0, MU)),
-        0.0,
-        "a new touch starts loose"
-    );
+    assert_eq!(norm(law.update(&on_plane(0.0, 0.0), 1.0, MU)), 0.0, "a new touch starts loose");
     assert_eq!(law.update(&on_plane(0.01, 0.0), f64::NAN, MU), ZERO);
 }

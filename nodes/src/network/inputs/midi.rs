@@ -79,11 +79,6 @@ impl DeviceKind for MidiInput {
             );
         }
         let mapping = Mapping::new([0.0, 1.0], settings.to)?;
-        Ok(Box::new(NumberInput::new(
-            mapping,
-            TIMEOUT,
-            settings.on_silence,
-            cx,
-        )))
+        Ok(Box::new(NumberInput::new(mapping, TIMEOUT, settings.on_silence, cx)))
     }
 }

@@ -57,19 +57,12 @@ impl DeviceKind for OscInput {
         }
         let listen = settings.listen()?;
         if listen.port() == 0 {
-            return Err(
-                BuildError::at("listen", "port 0 is not a port that a sender can know")
-                    .help("choose one: \"127.0.0.1:9752\""),
-            );
+            return Err(BuildError::at("listen", "port 0 is not a port that a sender can know")
+                .help("choose one: \"127.0.0.1:9752\""));
         }
         let mapping = Mapping::new(settings.from, settings.to)?;
         let timeout = Duration::from_secs_f64(settings.timeout_ms.si());
-        Ok(Box::new(NumberInput::new(
-            mapping,
-            timeout,
-            settings.on_silence,
-            cx,
-        )))
+        Ok(Box::new(NumberInput::new(mapping, timeout, settings.on_silence, cx)))
     }
 }
 

@@ -62,11 +62,6 @@ impl DeviceKind for SerialInput {
         }
         let mapping = Mapping::new(settings.from, settings.to)?;
         let timeout = Duration::from_secs_f64(settings.timeout_ms.si());
-        Ok(Box::new(NumberInput::new(
-            mapping,
-            timeout,
-            settings.on_silence,
-            cx,
-        )))
+        Ok(Box::new(NumberInput::new(mapping, timeout, settings.on_silence, cx)))
     }
 }

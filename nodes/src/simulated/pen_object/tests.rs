@@ -4,20 +4,14 @@ use crate::actuators::brake::{Brake, BrakeSettings, Dragging, Reach};
 use crate::contact::wrench::{LEASH, SurfacePath, WrenchContact, WrenchLocator, WrenchSettings};
 use crate::sensing::speed::SpeedFilter;
 
-const FILTER: SpeedFilter = SpeedFilter::Butterworth {
-    order: 2,
-    cutoff_hz: 20.0,
-};
+const FILTER: SpeedFilter = SpeedFilter::Butterworth { order: 2, cutoff_hz: 20.0 };
 
 fn cube() -> Arc<TriangleMesh> {
     Arc::new(TriangleMesh::cuboid([0.0254; 3]).unwrap())
 }
 
 fn draw(shape: StrokeShape, force_n: f64) -> Vec<Action> {
-    vec![Action::Draw {
-        stroke: StrokeSettings::natural(shape, force_n),
-        duration_s: 60.0,
-    }]
+    vec![Action::Draw { stroke: StrokeSettings::natural(shape, force_n), duration_s: 60.0 }]
 }
 
 struct Watch {
@@ -29,16 +23,9 @@ struct Watch {
 impl Watch {
     fn new(settings: &PenObjectSettings, threshold_n: f64, seed: u64) -> Self {
         let device = PenObject::new(settings, seed).unwrap();
-        let wrench = WrenchSettings {
-            threshold_n,
-            ..WrenchSettings::default()
-        };
+        let wrench = WrenchSettings { threshold_n, ..WrenchSettings::default() };
         let locator = WrenchLocator::new(device.object().clone(), wrench).unwrap();
-        Self {
-            device,
-            locator,
-            path: SurfacePath::new(FILTER, LEASH, 1000.0).unwrap(),
-        }
+        Self { device, locator, path: SurfacePath::new(FILTER, LEASH, 1000.0).unwrap() }
     }
 
     /// One tick: what is located, how fast, and the truth.
@@ -69,11 +56,7 @@ fn errors_m(actions: Vec<Action>, seed: u64, ticks: usize, late: usize) -> Vec<f
             errors.push(distance(located.position_m, then.position_m));
         }
     }
-    assert!(
-        errors.len() > ticks / 4,
-        "{} of {ticks} ticks count",
-        errors.len()
-    );
+    assert!(errors.len() > ticks / 4, "{} of {ticks} ticks count", errors.len());
     errors
 }
 
@@ -82,15 +65,8 @@ fn points_are_located_within_half_a_millimetre_in_95_of_100_ticks() {
     for (force_n, seed) in [(0.35, 1), (0.6, 2), (1.1, 3), (2.0, 4)] {
         let strokes = [
             StrokeShape::Still,
-            StrokeShape::Circles {
-                radius_m: 0.008,
-                period_s: 1.5,
-            },
-            StrokeShape::ZigZag {
-                width_m: 0.018,
-                height_m: 0.012,
-                period_s: 1.2,
-            },
+            StrokeShape::Circles { radius_m: 0.008, period_s: 1.5 },
+            StrokeShape::ZigZag { width_m: 0.018, height_m: 0.012, period_s: 1.2 },
         ];
         for shape in strokes {
             let mut errors = errors_m(draw(shape.clone(), force_n), seed, 12_000, 11);
@@ -113,10 +89,7 @@ fn knocks_touch_at_0_04_n_and_never_at_0_08_n() {
         (0..600_000).filter(|_| watch.tick(0.0, 0.0).0.touching).count()
     };
     let ticks = [0.04, 0.08].map(touches);
-    println!(
-        "ticks of false contact in ten minutes: {} at 0.04 N, {} at 0.08 N",
-        ticks[0], ticks[1]
-    );
+    println!("ticks of false contact in ten minutes: {} at 0.04 N, {} at 0.08 N", ticks[0], ticks[1]);
     assert!(ticks[0] > 20 && ticks[1] == 0);
 }
 
@@ -136,22 +109,11 @@ fn a_minute_of_knocks_touches_at_0_04_n_and_not_at_0_08_n() {
 
 #[test]
 fn a_still_pen_reports_less_than_1_mm_s() {
-    for (force_n, seed) in [
-        (0.35, 1),
-        (0.35, 7),
-        (0.6, 4),
-        (1.1, 2),
-        (1.1, 5),
-        (2.5, 3),
-        (2.5, 6),
-    ] {
+    for (force_n, seed) in [(0.35, 1), (0.35, 7), (0.6, 4), (1.1, 2), (1.1, 5), (2.5, 3), (2.5, 6)] {
         let mut settings = PenObjectSettings::new(cube(), draw(StrokeShape::Still, force_n));
         settings.grip.tremor_m = 0.0;
         let mut watch = Watch::new(&settings, 0.08, seed);
-        let fastest = (0..8000)
-            .map(|_| watch.tick(0.0, 0.0).1)
-            .skip(1500)
-            .fold(0.0, f64::max);
+        let fastest = (0..8000).map(|_| watch.tick(0.0, 0.0).1).skip(1500).fold(0.0, f64::max);
         assert!(fastest < 1e-3, "{fastest} m/s at {force_n} N");
     }
 }
@@ -159,11 +121,7 @@ fn a_still_pen_reports_less_than_1_mm_s() {
 #[test]
 fn the_speed_is_the_hands_over_edges_too() {
     // Wider than the cube's top: the stroke goes down its sides and back.
-    let wide = StrokeShape::ZigZag {
-        width_m: 0.04,
-        height_m: 0.004,
-        period_s: 2.0,
-    };
+    let wide = StrokeShape::ZigZag { width_m: 0.04, height_m: 0.004, period_s: 2.0 };
     let mut watch = Watch::new(&PenObjectSettings::new(cube(), draw(wide, 1.2)), 0.08, 5);
     let (mut faces, mut pairs) = (std::collections::BTreeSet::new(), Vec::new());
     let mut truths = Vec::new();
@@ -171,13 +129,7 @@ fn the_speed_is_the_hands_over_edges_too() {
         let (located, speed_m_s, truth) = watch.tick(0.0, 0.0);
         truths.push(norm(truth.velocity_m_s));
         if tick > 1500 && located.touching {
-            faces.insert(
-                watch
-                    .locator
-                    .object()
-                    .normal(located.face)
-                    .map(|x| x.round() as i32),
-            );
+            faces.insert(watch.locator.object().normal(located.face).map(|x| x.round() as i32));
             pairs.push((speed_m_s, truths[tick - 22]));
         }
     }
@@ -189,42 +141,26 @@ fn the_speed_is_the_hands_over_edges_too() {
 
 #[test]
 fn the_roughest_vibration_does_not_move_the_located_point() {
-    let circles = StrokeShape::Circles {
-        radius_m: 0.008,
-        period_s: 1.0,
-    };
+    let circles = StrokeShape::Circles { radius_m: 0.008, period_s: 1.0 };
     let settings = PenObjectSettings::new(cube(), draw(circles, 1.1));
     let located = |shaking: f64| {
         let mut watch = Watch::new(&settings, 0.08, 6);
         let mut noise = haptograph_signal::noise::Gaussian::new(9);
-        let way: Vec<Vec3> = (0..9000)
-            .map(|_| watch.tick(0.0, shaking * noise.next_sample()).0.position_m)
-            .collect();
+        let way: Vec<Vec3> =
+            (0..9000).map(|_| watch.tick(0.0, shaking * noise.next_sample()).0.position_m).collect();
         way
     };
     let (still, shaken) = (located(0.0), located(0.15));
-    let mut moved: Vec<f64> = still
-        .iter()
-        .zip(&shaken)
-        .skip(1500)
-        .map(|(a, b)| distance(*a, *b))
-        .collect();
+    let mut moved: Vec<f64> = still.iter().zip(&shaken).skip(1500).map(|(a, b)| distance(*a, *b)).collect();
     let p95_mm = 1e3 * percentile(&mut moved, 0.95);
     assert!(p95_mm < 0.3, "{p95_mm} mm");
 }
 
 #[test]
 fn the_brake_is_felt_and_its_friction_measured() {
-    let circles = StrokeShape::Circles {
-        radius_m: 0.008,
-        period_s: 1.2,
-    };
+    let circles = StrokeShape::Circles { radius_m: 0.008, period_s: 1.2 };
     for wanted in [0.25, 0.35, 0.45] {
-        let mut watch = Watch::new(
-            &PenObjectSettings::new(cube(), draw(circles.clone(), 1.5)),
-            0.08,
-            4,
-        );
+        let mut watch = Watch::new(&PenObjectSettings::new(cube(), draw(circles.clone(), 1.5)), 0.08, 4);
         let mut brake = Brake::new(BrakeSettings::default(), 1000.0);
         let (mut current_a, mut friction, mut normal) = (0.0, 0.0, 0.0);
         for tick in 0..14_000 {
@@ -242,20 +178,13 @@ fn the_brake_is_felt_and_its_friction_measured() {
                 assert_eq!(command.reach, Reach::Within);
             }
         }
-        assert!(
-            (friction / normal - wanted).abs() < 0.02,
-            "{} for {wanted}",
-            friction / normal
-        );
+        assert!((friction / normal - wanted).abs() < 0.02, "{} for {wanted}", friction / normal);
     }
 }
 
 #[test]
 fn two_runs_with_one_seed_are_the_same_bits() {
-    let circles = StrokeShape::Circles {
-        radius_m: 0.008,
-        period_s: 1.2,
-    };
+    let circles = StrokeShape::Circles { radius_m: 0.008, period_s: 1.2 };
     let run = |seed| {
         let settings = PenObjectSettings {
             knocks: Some(KnockSettings::default()),

@@ -30,10 +30,7 @@ fn readings(settings: SimulatedRecordingToolSettings, seed: u64, seconds: f64) -
         let (orientation, rest) = rest.split_at_mut(3);
         let (acceleration, wrench) = rest.split_at_mut(3);
         let channels: [&mut [f64]; 4] = [position, orientation, acceleration, wrench];
-        channels
-            .into_iter()
-            .enumerate()
-            .for_each(|(channel, lanes)| device.read(channel, lanes));
+        channels.into_iter().enumerate().for_each(|(channel, lanes)| device.read(channel, lanes));
         lanes
     };
     let ticks = (seconds * TOOL_RATE_HZ) as usize;
@@ -81,10 +78,7 @@ fn a_press_is_upright_and_reaches_its_force() {
     let hardest_n = press.iter().map(|lanes| lanes[11]).fold(0.0, f64::max);
     assert!((4.5..5.5).contains(&hardest_n), "{hardest_n} N");
     assert!(press.iter().all(|lanes| lanes[3..6] == [0.0; 3]));
-    let harder = SimulatedRecordingToolSettings {
-        press_n: 10.0,
-        ..settings("T2", Motion::Press, 1)
-    };
+    let harder = SimulatedRecordingToolSettings { press_n: 10.0, ..settings("T2", Motion::Press, 1) };
     let press = readings(harder, 1, 7.0);
     let hardest_n = press.iter().map(|lanes| lanes[11]).fold(0.0, f64::max);
     assert!((9.5..10.5).contains(&hardest_n), "{hardest_n} N");
@@ -93,9 +87,7 @@ fn a_press_is_upright_and_reaches_its_force() {
 #[test]
 fn unknown_materials_and_other_rates_are_refused() {
     let refused = |material: &str, rate: &str| {
-        SimulatedRecordingTool::build(settings(material, Motion::Drag, 1), &context(rate, 1))
-            .err()
-            .unwrap()
+        SimulatedRecordingTool::build(settings(material, Motion::Drag, 1), &context(rate, 1)).err().unwrap()
     };
     let unknown = refused("T7", "10000");
     assert_eq!(unknown.field, Some("material"));

@@ -7,23 +7,10 @@ fn shapes() -> Vec<StrokeShape> {
         .collect();
     vec![
         StrokeShape::Still,
-        StrokeShape::Circles {
-            radius_m: 0.03,
-            period_s: 1.2,
-        },
-        StrokeShape::ZigZag {
-            width_m: 0.06,
-            height_m: 0.03,
-            period_s: 1.0,
-        },
-        StrokeShape::Writing {
-            letter_m: 0.006,
-            line_m: 0.12,
-        },
-        StrokeShape::Wander {
-            side_m: 0.06,
-            fastest_hz: 1.5,
-        },
+        StrokeShape::Circles { radius_m: 0.03, period_s: 1.2 },
+        StrokeShape::ZigZag { width_m: 0.06, height_m: 0.03, period_s: 1.0 },
+        StrokeShape::Writing { letter_m: 0.006, line_m: 0.12 },
+        StrokeShape::Wander { side_m: 0.06, fastest_hz: 1.5 },
         StrokeShape::Recorded(Arc::new(Trajectory::new(&path).unwrap())),
     ]
 }
@@ -43,23 +30,15 @@ fn strokes_move_smoothly_and_stay_on_the_sheet() {
             way_m += step_m;
             previous = point;
         }
-        assert!(
-            way_m > 0.2 || shape == StrokeShape::Still,
-            "{shape:?}: {way_m} m in 10 s"
-        );
+        assert!(way_m > 0.2 || shape == StrokeShape::Still, "{shape:?}: {way_m} m in 10 s");
     }
 }
 
 #[test]
 fn two_people_draw_differently_and_one_person_always_the_same() {
     let at = |seed| {
-        let circles = StrokeShape::Circles {
-            radius_m: 0.03,
-            period_s: 1.2,
-        };
-        Stroke::new(StrokeSettings::natural(circles, 1.0), seed)
-            .unwrap()
-            .at(3.3)
+        let circles = StrokeShape::Circles { radius_m: 0.03, period_s: 1.2 };
+        Stroke::new(StrokeSettings::natural(circles, 1.0), seed).unwrap().at(3.3)
     };
     assert_eq!(at(1), at(1));
     assert_ne!(at(1), at(2));
@@ -67,10 +46,7 @@ fn two_people_draw_differently_and_one_person_always_the_same() {
 
 #[test]
 fn an_exact_circle_is_a_circle() {
-    let circles = StrokeShape::Circles {
-        radius_m: 0.03,
-        period_s: 1.2,
-    };
+    let circles = StrokeShape::Circles { radius_m: 0.03, period_s: 1.2 };
     let stroke = Stroke::new(StrokeSettings::exact(circles, 0.8), 9).unwrap();
     for k in 0..100 {
         let point = stroke.at(f64::from(k) * 0.1);
@@ -81,30 +57,19 @@ fn an_exact_circle_is_a_circle() {
 
 #[test]
 fn writing_lifts_the_pen_between_words() {
-    let writing = StrokeShape::Writing {
-        letter_m: 0.006,
-        line_m: 0.12,
-    };
+    let writing = StrokeShape::Writing { letter_m: 0.006, line_m: 0.12 };
     let stroke = Stroke::new(StrokeSettings::exact(writing, 1.0), 0).unwrap();
-    let lifted = (0..1000)
-        .filter(|&k| stroke.at(f64::from(k) * 0.01).force_n == 0.0)
-        .count();
+    let lifted = (0..1000).filter(|&k| stroke.at(f64::from(k) * 0.01).force_n == 0.0).count();
     assert!((190..220).contains(&lifted), "{lifted} of 1000");
 }
 
 #[test]
 fn settings_without_meaning_are_refused() {
-    let circles = |radius_m| StrokeShape::Circles {
-        radius_m,
-        period_s: 1.0,
-    };
+    let circles = |radius_m| StrokeShape::Circles { radius_m, period_s: 1.0 };
     let refused = |settings| Stroke::new(settings, 0).unwrap_err().to_string();
     assert!(refused(StrokeSettings::natural(circles(0.0), 1.0)).contains("radius_m is 0"));
     assert!(refused(StrokeSettings::natural(circles(0.01), f64::NAN)).contains("force_n is NaN"));
-    let hasty = StrokeSettings {
-        pace_variation: 0.5,
-        ..StrokeSettings::natural(circles(0.01), 1.0)
-    };
+    let hasty = StrokeSettings { pace_variation: 0.5, ..StrokeSettings::natural(circles(0.01), 1.0) };
     assert!(refused(hasty).contains("pace_variation is 0.5"));
 }
 
@@ -113,24 +78,10 @@ fn a_recorded_path_goes_through_its_points() {
     let table = "x_mm,time_s, force_n ,y_mm\n0,1.0,0.5,0\n10,1.5,1,5\n20,2.0,2,0\n";
     let path = Trajectory::from_csv(table.as_bytes()).unwrap();
     assert_eq!(path.duration_s(), 1.0);
-    assert_eq!(
-        path.at(0.5),
-        StrokePoint {
-            position_m: [0.01, 0.005],
-            force_n: 1.0,
-            lifted: 0.0
-        }
-    );
+    assert_eq!(path.at(0.5), StrokePoint { position_m: [0.01, 0.005], force_n: 1.0, lifted: 0.0 });
     assert!(path.at(0.25).position_m[0] > 0.0 && path.at(0.25).position_m[0] < 0.01);
     assert_eq!(path.at(-1.0).position_m, [0.0, 0.0]);
-    assert_eq!(
-        path.at(2.0),
-        StrokePoint {
-            position_m: [0.02, 0.0],
-            force_n: 0.0,
-            lifted: 1.0
-        }
-    );
+    assert_eq!(path.at(2.0), StrokePoint { position_m: [0.02, 0.0], force_n: 0.0, lifted: 1.0 });
 }
 
 #[test]

@@ -9,23 +9,12 @@ use haptograph_signal::spectrum::welch;
 use haptograph_signal::window::Window;
 
 fn script(actions: Vec<Action>) -> ScriptSettings {
-    ScriptSettings {
-        ground: Ground::TABLE,
-        actions,
-        hover_m: 0.01,
-        gives_n_per_m: f64::INFINITY,
-    }
+    ScriptSettings { ground: Ground::TABLE, actions, hover_m: 0.01, gives_n_per_m: f64::INFINITY }
 }
 
 fn circles(force_n: f64, period_s: f64) -> ScriptSettings {
-    let shape = StrokeShape::Circles {
-        radius_m: 0.02,
-        period_s,
-    };
-    script(vec![Action::Draw {
-        stroke: StrokeSettings::exact(shape, force_n),
-        duration_s: 100.0,
-    }])
+    let shape = StrokeShape::Circles { radius_m: 0.02, period_s };
+    script(vec![Action::Draw { stroke: StrokeSettings::exact(shape, force_n), duration_s: 100.0 }])
 }
 
 fn drag(name: MaterialName, script: &ScriptSettings, substeps: u32, seconds: f64) -> Vec<ToolReading> {
@@ -66,10 +55,7 @@ fn the_mean_forces_are_the_hands_and_the_materials() {
             })
             .sum();
         let friction = dragged / readings.iter().map(|r| r.force_n[2]).sum::<f64>();
-        assert!(
-            (friction - Material::of(name).friction).abs() < 0.03,
-            "{name:?}: {friction}"
-        );
+        assert!((friction - Material::of(name).friction).abs() < 0.03, "{name:?}: {friction}");
     }
 }
 
@@ -81,13 +67,7 @@ fn vibrations_grow_with_speed_and_with_force_and_with_roughness() {
     let (light, hard) = (at(MaterialName::T2, 0.5, 1.0), at(MaterialName::T2, 2.5, 1.0));
     assert!(hard > 1.1 * light, "{light} then {hard} m/s2");
     let canvas = Material::of(MaterialName::T2);
-    let rough = Material {
-        relief: Relief {
-            rms_m: 2.0 * canvas.relief.rms_m,
-            ..canvas.relief
-        },
-        ..canvas
-    };
+    let rough = Material { relief: Relief { rms_m: 2.0 * canvas.relief.rms_m, ..canvas.relief }, ..canvas };
     let (smooth, rough) = (&canvas, &rough);
     let [smooth, rough] =
         [smooth, rough].map(|material| power(&drag_over(material, &circles(1.0, 1.0), SUBSTEPS, 4.0)));
@@ -107,17 +87,9 @@ fn halving_the_step_changes_no_third_of_an_octave_by_half_a_decibel() {
             spectrum.third_octave_bands()
         };
         let (coarse, fine) = (bands(SUBSTEPS), bands(2 * SUBSTEPS));
-        for (a, b) in coarse
-            .iter()
-            .zip(&fine)
-            .filter(|(a, _)| a.low_hz > 19.0 && a.high_hz < 1100.0)
-        {
+        for (a, b) in coarse.iter().zip(&fine).filter(|(a, _)| a.low_hz > 19.0 && a.high_hz < 1100.0) {
             let change_db = 10.0 * (a.power / b.power).log10();
-            assert!(
-                change_db.abs() < 0.5,
-                "{name:?}: {change_db} dB at {} Hz",
-                a.centre_hz
-            );
+            assert!(change_db.abs() < 0.5, "{name:?}: {change_db} dB at {} Hz", a.centre_hz);
         }
     }
 }
@@ -128,11 +100,7 @@ fn a_lifted_tool_feels_gravity_only() {
     let readings = drag(MaterialName::T1, &hover, SUBSTEPS, 0.5);
     for r in &readings {
         assert_eq!(r.force_n, ZERO);
-        assert!(
-            (norm(r.specific_m_s2) - GRAVITY_M_S2).abs() < 1.5,
-            "{:?}",
-            r.specific_m_s2
-        );
+        assert!((norm(r.specific_m_s2) - GRAVITY_M_S2).abs() < 1.5, "{:?}", r.specific_m_s2);
         assert!((r.orientation.iter().map(|q| q * q).sum::<f64>() - 1.0).abs() < 1e-12);
     }
 }

@@ -188,11 +188,7 @@ impl WithSimd for SetAll<'_> {
         // Nothing is kept before all are found to be sound.
         let [mut sine, mut cosine] = [CacheLines([[0.0; LANES]; MAX_ORDER]); 2];
         let mut taps = CacheLines([[0.0; LANES]; MAX_ORDER + 1]);
-        let (sine, cosine, taps) = (
-            &mut sine.0[..order],
-            &mut cosine.0[..order],
-            &mut taps.0[..=order],
-        );
+        let (sine, cosine, taps) = (&mut sine.0[..order], &mut cosine.0[..order], &mut taps.0[..=order]);
         sine[..ar.len()].copy_from_slice(ar);
         taps[0] = [1.0; LANES];
         taps[1..=ma.len()].copy_from_slice(ma);

@@ -16,9 +16,7 @@ fn models(order: usize, turn: usize) -> [Vec<f64>; GROUP] {
 
 fn rows(models: &[Vec<f64>; GROUP]) -> Vec<[f64; GROUP]> {
     let order = models[0].len();
-    (0..order)
-        .map(|k| std::array::from_fn(|lane| models[lane][k]))
-        .collect()
+    (0..order).map(|k| std::array::from_fn(|lane| models[lane][k])).collect()
 }
 
 fn bits(values: &[f64]) -> Vec<u64> {
@@ -30,10 +28,7 @@ fn a_group_that_is_set_at_once_has_the_bits_of_its_voices_set_one_by_one() {
     for form in [Form::Lattice, Form::Direct] {
         let new = || VoiceBank::new(form, GROUP + 3);
         let (mut at_once, mut one_by_one) = (new(), new());
-        for (turn, (p, q)) in [(20, 0), (20, 3), (7, 9), (32, 0), (1, 0), (17, 1)]
-            .into_iter()
-            .enumerate()
-        {
+        for (turn, (p, q)) in [(20, 0), (20, 3), (7, 9), (32, 0), (1, 0), (17, 1)].into_iter().enumerate() {
             let (ar, ma) = (models(p, turn), models(q, turn + 1));
             let gain = std::array::from_fn(|lane| 0.5 + lane as f64);
             at_once.set_group(0, &rows(&ar), &rows(&ma), &gain).unwrap();
@@ -89,12 +84,8 @@ fn a_warped_group_gives_each_voice_what_it_gives_alone() {
         let (mut out, mut wanted) = (e.clone(), e.clone());
         for group in 0..3 {
             let models = models([20, 7, 32, 1, 17][(group + turn) % 5], turn);
-            let models = models.map(|ar| {
-                ar.iter()
-                    .zip(1..)
-                    .map(|(a, k)| a * 0.9_f64.powi(k))
-                    .collect::<Vec<_>>()
-            });
+            let models =
+                models.map(|ar| ar.iter().zip(1..).map(|(a, k)| a * 0.9_f64.powi(k)).collect::<Vec<_>>());
             let warping = [0.8, 0.0, 0.95][(group + turn / 2) % 3];
             let power = std::array::from_fn(|lane| lane as f64);
             bank.set_group(group, &rows(&models), warping, &power).unwrap();

@@ -47,12 +47,8 @@ struct Stage {
 }
 
 impl Stage {
-    const SILENT: Self = Self {
-        turned: [[0.0; LANES]],
-        share: [[0.0; LANES]],
-        state: [[0.0; LANES]],
-        below: [[0.0; LANES]],
-    };
+    const SILENT: Self =
+        Self { turned: [[0.0; LANES]], share: [[0.0; LANES]], state: [[0.0; LANES]], below: [[0.0; LANES]] };
 }
 
 impl Group for WarpedGroup {
@@ -136,12 +132,7 @@ impl WarpedGroup {
     /// See [`WarpedBank::set_group`](super::WarpedBank::set_group).
     pub fn set_all(&mut self, ar: &[Lanes], warping: f64, power: &Lanes) -> Result<(), (usize, ArmaError)> {
         let (arch, group) = (self.arch, self);
-        let is_set = arch.dispatch(SetAll {
-            group,
-            ar,
-            warping,
-            power,
-        });
+        let is_set = arch.dispatch(SetAll { group, ar, warping, power });
         let wrong = |lane: usize, ar: &[f64]| Stages::new(arch, ar, warping, power[lane]).map(drop);
         is_set.then_some(()).ok_or_else(|| first_error(ar, wrong))
     }

@@ -77,20 +77,12 @@ impl Stages {
         reflection.copy_from_slice(ar);
         step_down(reflection)?;
         let stages = Self::of_reflection(arch, reflection, warping, gain);
-        if stages.out_scale.is_finite() {
-            Ok(stages)
-        } else {
-            Err(PredictionError::NotFinite.into())
-        }
+        if stages.out_scale.is_finite() { Ok(stages) } else { Err(PredictionError::NotFinite.into()) }
     }
 
     /// Builds the step from up to [`MAX_ORDER`] reflection coefficients between -1 and 1.
     pub fn of_reflection(arch: Arch, reflection: &[f64], warping: f64, gain: f64) -> Self {
-        arch.dispatch(Solve {
-            reflection,
-            warping,
-            gain,
-        })
+        arch.dispatch(Solve { reflection, warping, gain })
     }
 }
 
@@ -119,11 +111,7 @@ impl Solve<'_> {
     /// quotient `above / below`, so that the chain of the stages has no division.
     #[inline(always)]
     fn solve<const PADDED: usize>(self) -> Stages {
-        let Self {
-            reflection,
-            warping,
-            gain,
-        } = self;
+        let Self { reflection, warping, gain } = self;
         let mut sine = [0.0; PADDED];
         for (sine, k) in sine.iter_mut().zip(reflection) {
             *sine = *k;

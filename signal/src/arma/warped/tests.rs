@@ -31,10 +31,7 @@ fn draw(seed: u64) -> Draw {
 /// The step stage by stage, as the formulas have it: the next states and the last backward signal.
 fn by_stages(reflection: &[f64], l: f64, x: &[f64], e: f64) -> (Vec<f64>, f64) {
     let (order, s) = (reflection.len(), (1.0 - l * l).sqrt());
-    let cosine: Vec<f64> = reflection
-        .iter()
-        .map(|k| ((1.0 - k) * (1.0 + k)).sqrt())
-        .collect();
+    let cosine: Vec<f64> = reflection.iter().map(|k| ((1.0 - k) * (1.0 + k)).sqrt()).collect();
     let (mut delta, mut alpha) = (vec![0.0; order], vec![1.0; order + 1]);
     let (mut q, mut beta) = (vec![0.0; order], vec![0.0; order + 1]);
     for (m, k) in reflection.iter().enumerate() {
@@ -98,10 +95,7 @@ fn the_matrix_is_the_step_of_the_stages_and_orthogonal() {
         for l in [0.0, 0.5, 0.8, 0.95] {
             for most in [0.9, 0.999, 0.9999] {
                 let (apart, askew) = distances(&draw.reflection(order, most), l);
-                assert!(
-                    apart < 1e-12 && askew < 1e-12,
-                    "{order} {l} {most}: {apart} {askew}"
-                );
+                assert!(apart < 1e-12 && askew < 1e-12, "{order} {l} {most}: {apart} {askew}");
             }
         }
     }
@@ -111,15 +105,8 @@ fn the_matrix_is_the_step_of_the_stages_and_orthogonal() {
 fn it_is_orthogonal_with_every_angle_nearly_a_right_one() {
     let mut draw = draw(8);
     for round in 0..400 {
-        let reflection: Vec<f64> = (0..20)
-            .map(|_| {
-                if draw.between(-1.0, 1.0) < 0.0 {
-                    -0.9999
-                } else {
-                    0.9999
-                }
-            })
-            .collect();
+        let reflection: Vec<f64> =
+            (0..20).map(|_| if draw.between(-1.0, 1.0) < 0.0 { -0.9999 } else { 0.9999 }).collect();
         let (_, askew) = distances(&reflection, [0.8, 0.95][round % 2]);
         assert!(askew < 1e-12, "{round}: {askew}");
     }
@@ -146,11 +133,7 @@ fn the_response_is_that_of_the_warped_polynomial() {
                 scale * (re * re + im * im)
             };
             let wanted = 4.0 * crate::warped::squared_response(&ar, l, w);
-            assert!(
-                (transform(1.0) / wanted - 1.0).abs() < 1e-6,
-                "{order} {l} {k} {}",
-                warp(w, l)
-            );
+            assert!((transform(1.0) / wanted - 1.0).abs() < 1e-6, "{order} {l} {k} {}", warp(w, l));
         }
     }
 }
@@ -338,9 +321,5 @@ fn unusable_coefficients_leave_the_old_ones_at_work() {
     }
     let mut y = [0.0; 4];
     lattice.process(&[1.0, 0.0, 0.0, 0.0], &mut y);
-    assert!(
-        y.iter()
-            .zip([1.0, 0.5, 0.25, 0.125])
-            .all(|(y, w)| (y - w).abs() < 1e-15)
-    );
+    assert!(y.iter().zip([1.0, 0.5, 0.25, 0.125]).all(|(y, w)| (y - w).abs() < 1e-15));
 }

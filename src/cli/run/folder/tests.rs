@@ -13,9 +13,8 @@ fn run(target: &Path, files: &[(&str, &str)]) -> Result<Placed, Failure> {
 
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();
-    let mut names: Vec<String> = entries
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     names
 }
@@ -29,23 +28,14 @@ fn a_live_run_of_real_devices_is_kept_and_others_are_replaced() {
     // A real stylus and a simulated actuator.
     let real = r#"{"live": true, "simulated_devices": true, "real_devices": true}"#;
     assert_eq!(run(r#"{"simulated_devices": false, "real_devices": true}"#), None);
-    assert_eq!(
-        run(r#"{"live": true, "simulated_devices": true, "real_devices": false}"#),
-        None
-    );
+    assert_eq!(run(r#"{"live": true, "simulated_devices": true, "real_devices": false}"#), None);
     // No device.
-    assert_eq!(
-        run(r#"{"live": true, "simulated_devices": false, "real_devices": false}"#),
-        None
-    );
+    assert_eq!(run(r#"{"live": true, "simulated_devices": false, "real_devices": false}"#), None);
     assert_eq!(run(real), None);
     assert_eq!(run(real), kept("out-1"));
     assert_eq!(run("{}"), kept("out-2"));
     assert_eq!(run("{}"), None);
-    assert_eq!(
-        fs::read_to_string(parent.path().join("out-2/run.json")).unwrap(),
-        real
-    );
+    assert_eq!(fs::read_to_string(parent.path().join("out-2/run.json")).unwrap(), real);
     assert_eq!(names(parent.path()), ["out", "out-1", "out-2"]);
 }
 
@@ -67,23 +57,11 @@ fn a_run_of_which_nothing_says_any_more_that_it_can_be_repeated_is_kept() {
 fn files_of_others_stay_and_changed_ones_are_kept_beside() {
     let parent = tempfile::tempdir().unwrap();
     let target = parent.path().join("out");
-    run(
-        &target,
-        &[
-            (MARK, "{}"),
-            ("a.csv", "1"),
-            ("gone.csv", "1"),
-            ("record/b.csv", "1"),
-        ],
-    )
-    .unwrap();
+    run(&target, &[(MARK, "{}"), ("a.csv", "1"), ("gone.csv", "1"), ("record/b.csv", "1")]).unwrap();
     fs::write(target.join("analysis.py"), "mine").unwrap();
     fs::write(target.join("a.csv"), "edited").unwrap();
     let placed = run(&target, &[(MARK, "{}"), ("a.csv", "2")]).unwrap();
-    assert_eq!(
-        names(&target),
-        ["a-1.csv", "a.csv", "analysis.py", MANIFEST, MARK]
-    );
+    assert_eq!(names(&target), ["a-1.csv", "a.csv", "analysis.py", MANIFEST, MARK]);
     assert_eq!(fs::read_to_string(target.join("a.csv")).unwrap(), "2");
     assert_eq!(fs::read_to_string(target.join("a-1.csv")).unwrap(), "edited");
     let place = target.canonicalize().unwrap();
@@ -172,23 +150,13 @@ fn tree(folder: &Path) -> Vec<(PathBuf, String)> {
 /// `steps` steps. Returns true if the kill happened.
 fn killed_after(steps: Option<u32>, facts: &str, parent: &Path) -> bool {
     let (target, probe) = (parent.join("out"), parent.join("probe.csv"));
-    let earlier = [
-        (MARK, facts),
-        ("a.csv", "1"),
-        ("gone.csv", "1"),
-        ("record/b.csv", "1"),
-    ];
+    let earlier = [(MARK, facts), ("a.csv", "1"), ("gone.csv", "1"), ("record/b.csv", "1")];
     run(&target, &earlier).unwrap();
     fs::write(target.join("analysis.py"), "mine").unwrap();
     fs::write(target.join("a.csv"), "edited").unwrap();
     let mut folder = RunFolder::beside(&target).unwrap();
     folder.begin();
-    for (name, text) in [
-        (MARK, "{}"),
-        ("a.csv", "2"),
-        ("c.csv", "2"),
-        ("record-b.csv", "2"),
-    ] {
+    for (name, text) in [(MARK, "{}"), ("a.csv", "2"), ("c.csv", "2"), ("record-b.csv", "2")] {
         folder.write(name, text).unwrap();
     }
     fs::write(folder.probe(0).unwrap().join("probe.csv"), "2").unwrap();

@@ -37,13 +37,8 @@ pub enum Contact {
 
 impl Contact {
     /// All quantities.
-    pub const ALL: [Self; 5] = [
-        Self::TapShape,
-        Self::TapLevel,
-        Self::CircleFriction,
-        Self::DragFriction,
-        Self::Stiffness,
-    ];
+    pub const ALL: [Self; 5] =
+        [Self::TapShape, Self::TapLevel, Self::CircleFriction, Self::DragFriction, Self::Stiffness];
 
     /// Name in files; it ends in the unit of the errors.
     pub fn as_str(self) -> &'static str {
@@ -70,17 +65,13 @@ impl Contact {
     /// Prediction methods; the first is the one used by `learn`.
     pub fn methods(self) -> &'static [&'static str] {
         match self {
-            Self::TapShape | Self::TapLevel => &[
-                "learned",
-                "plain: nearest tap, scaled by speed",
-                "plain: mean tap",
-            ],
+            Self::TapShape | Self::TapLevel => {
+                &["learned", "plain: nearest tap, scaled by speed", "plain: mean tap"]
+            }
             Self::CircleFriction => &["learned", "plain: mean ratio of forces"],
-            Self::DragFriction => &[
-                "learned",
-                "plain: mean ratio of forces",
-                "thesis's: line with an intercept",
-            ],
+            Self::DragFriction => {
+                &["learned", "plain: mean ratio of forces", "thesis's: line with an intercept"]
+            }
             Self::Stiffness => &["learned", "plain: one line through all"],
         }
     }
@@ -130,17 +121,10 @@ pub fn hold_out_contact(takes: &[Take], processing: &ProcessingSettings) -> Vec<
     for (material, name) in names.iter().enumerate() {
         let of = |gesture: Gesture| -> Vec<&AnyRecording> {
             let own = takes.iter().filter(|take| take.name.material == **name);
-            own.map(|take| &take.recording)
-                .filter(|recording| recording.gesture() == gesture)
-                .collect()
+            own.map(|take| &take.recording).filter(|recording| recording.gesture() == gesture).collect()
         };
         let mut add = |contact: Contact, split: &'static str, errors: Option<Vec<f64>>| {
-            folds.extend(errors.map(|errors| Fold {
-                material,
-                contact,
-                split,
-                errors,
-            }));
+            folds.extend(errors.map(|errors| Fold { material, contact, split, errors }));
         };
         taps(&of(Gesture::Tap), processing, &mut add);
         friction(&of(Gesture::Circle), processing, &mut |split, train, test| {
@@ -148,11 +132,8 @@ pub fn hold_out_contact(takes: &[Take], processing: &ProcessingSettings) -> Vec<
             add(Contact::CircleFriction, split, errors);
         });
         friction(&of(Gesture::Drag), processing, &mut |split, train, test| {
-            let errors = friction_errors(
-                train,
-                test,
-                &[FrictionFit::RobustThroughOrigin, FrictionFit::Robust],
-            );
+            let errors =
+                friction_errors(train, test, &[FrictionFit::RobustThroughOrigin, FrictionFit::Robust]);
             add(Contact::DragFriction, split, errors);
         });
         stiffness(&of(Gesture::Press), processing, &mut add);
@@ -169,10 +150,8 @@ fn summed_up(names: &[&String], folds: &[Fold]) -> Vec<ContactResult> {
     }
     kinds.sort_by_key(|(contact, _)| *contact);
     let result = |(contact, split): (Contact, &'static str)| {
-        let own: Vec<&Fold> = folds
-            .iter()
-            .filter(|fold| (fold.contact, fold.split) == (contact, split))
-            .collect();
+        let own: Vec<&Fold> =
+            folds.iter().filter(|fold| (fold.contact, fold.split) == (contact, split)).collect();
         let materials: BTreeSet<usize> = own.iter().map(|fold| fold.material).collect();
         let of = |method: usize, material: usize| {
             let folds = own.iter().filter(|fold| fold.material == material);
@@ -185,13 +164,8 @@ fn summed_up(names: &[&String], folds: &[Fold]) -> Vec<ContactResult> {
         ContactResult {
             contact,
             split,
-            materials: materials
-                .iter()
-                .map(|material| names[*material].clone())
-                .collect(),
-            loses: means[contact.plain()]
-                .iter()
-                .any(|plain| plain.mean < means[0].mean),
+            materials: materials.iter().map(|material| names[*material].clone()).collect(),
+            loses: means[contact.plain()].iter().any(|plain| plain.mean < means[0].mean),
             by_material,
             means,
         }
@@ -213,11 +187,8 @@ fn taps(
     // The slowest and the fastest tap always belong to the training data, so that all others lie between.
     let between = |rank: usize| rank % 2 == 1 && rank + 1 < all.len();
     let half = all.len() / 2;
-    let splits: [(&'static str, &dyn Fn(usize) -> bool); 3] = [
-        ("between", &between),
-        ("faster", &|rank| rank >= half),
-        ("slower", &|rank| rank < half),
-    ];
+    let splits: [(&'static str, &dyn Fn(usize) -> bool); 3] =
+        [("between", &between), ("faster", &|rank| rank >= half), ("slower", &|rank| rank < half)];
     for (split, tested) in splits {
         let part = |test: bool| -> Vec<Tap> {
             let ranks = (0..all.len()).filter(|rank| tested(*rank) == test);
@@ -257,15 +228,8 @@ fn tap_errors(train: &Taps, test: &[Tap]) -> (Vec<f64>, Vec<f64>) {
             })
         },
         &|_| {
-            let at = |i: usize| {
-                mean(
-                    &train
-                        .taps()
-                        .iter()
-                        .map(|t| t.acceleration_m_s2[i])
-                        .collect::<Vec<_>>(),
-                )
-            };
+            let at =
+                |i: usize| mean(&train.taps().iter().map(|t| t.acceleration_m_s2[i]).collect::<Vec<_>>());
             (0..train.length()).map(at).collect()
         },
     ];
@@ -291,10 +255,8 @@ fn friction(recordings: &[&AnyRecording], processing: &ProcessingSettings, fold:
         if moments.is_empty() {
             continue;
         }
-        let splits: [Split; 2] = [
-            ("harder", "lighter", |m| m.normal_n),
-            ("faster", "slower", |m| m.speed_m_s),
-        ];
+        let splits: [Split; 2] =
+            [("harder", "lighter", |m| m.normal_n), ("faster", "slower", |m| m.speed_m_s)];
         for (more, less, of) in splits {
             let middle = median(&moments.iter().map(of).collect::<Vec<_>>());
             let (above, below): (Vec<Sliding>, Vec<Sliding>) = moments.iter().partition(|m| of(m) > middle);
@@ -307,10 +269,7 @@ fn friction(recordings: &[&AnyRecording], processing: &ProcessingSettings, fold:
 /// Errors of the first fit, the mean ratio, and the other fits.
 fn friction_errors(train: &[Sliding], test: &[Sliding], fits: &[FrictionFit]) -> Option<Vec<f64>> {
     let points: Vec<(f64, f64)> = train.iter().map(|m| (m.normal_n, m.tangential_n)).collect();
-    let ratios: Vec<f64> = points
-        .iter()
-        .map(|(normal, tangential)| tangential / normal)
-        .collect();
+    let ratios: Vec<f64> = points.iter().map(|(normal, tangential)| tangential / normal).collect();
     let slope = |fit: &FrictionFit| Some(fit_friction(points.clone(), *fit)?.line.slope);
     let mut coefficients = fits.iter().map(slope).collect::<Option<Vec<f64>>>()?;
     coefficients.insert(1, mean(&ratios));
@@ -346,28 +305,12 @@ fn stiffness(
     for (number, curve) in curves.iter().enumerate() {
         let next = &curves[(number + 1) % curves.len()];
         for (split, train, test) in [
-            (
-                "harder",
-                between(curve, TOUCH_N, settings.to_n),
-                between(curve, settings.to_n, most),
-            ),
-            (
-                "lighter",
-                between(curve, settings.from_n, most),
-                between(curve, TOUCH_N, settings.from_n),
-            ),
-            (
-                "another",
-                between(curve, TOUCH_N, most),
-                between(next, TOUCH_N, most),
-            ),
+            ("harder", between(curve, TOUCH_N, settings.to_n), between(curve, settings.to_n, most)),
+            ("lighter", between(curve, settings.from_n, most), between(curve, TOUCH_N, settings.from_n)),
+            ("another", between(curve, TOUCH_N, most), between(next, TOUCH_N, most)),
         ] {
             if split != "another" || curves.len() > 1 {
-                add(
-                    Contact::Stiffness,
-                    split,
-                    stiffness_errors(train, &test, &settings),
-                );
+                add(Contact::Stiffness, split, stiffness_errors(train, &test, &settings));
             }
         }
     }

@@ -32,10 +32,7 @@ impl Split {
         let part = |take: usize, parts: &[usize], of: usize| {
             let length = takes[take].samples();
             let edge = |number: usize| number * length / of;
-            Part {
-                take: takes[take].clone(),
-                ranges: parts.iter().map(|n| edge(*n)..edge(n + 1)).collect(),
-            }
+            Part { take: takes[take].clone(), ranges: parts.iter().map(|n| edge(*n)..edge(n + 1)).collect() }
         };
         let both_ways = |first: &[usize], second: &[usize], of: usize| -> Vec<Fold> {
             (0..takes.len())

@@ -46,13 +46,7 @@ impl<'a> Target<'a> {
         let rate_hz = test.first().map_or(1.0, ProcessedRecording::rate_hz);
         let bands = Bands::counted(seconds(train).min(seconds(test)), rate_hz);
         let recorded = bands.of_signal(vibrations(test), rate_hz);
-        Self {
-            train,
-            test,
-            rate_hz,
-            bands,
-            recorded,
-        }
+        Self { train, test, rate_hz, bands, recorded }
     }
 
     pub fn bands(&self) -> &Bands {
@@ -85,16 +79,11 @@ impl<'a> Target<'a> {
     pub fn estimator_db(&self, seeds: u64) -> (f64, f64) {
         let white = |parts: &[ProcessedRecording], seed: u64| {
             let mut noise = Gaussian::new(0x5eed ^ seed);
-            let pieces: Vec<Vec<f64>> = parts
-                .iter()
-                .map(|part| (0..part.samples()).map(|_| noise.next_sample()).collect())
-                .collect();
-            self.bands
-                .of_signal(pieces.iter().map(Vec::as_slice), self.rate_hz)
+            let pieces: Vec<Vec<f64>> =
+                parts.iter().map(|part| (0..part.samples()).map(|_| noise.next_sample()).collect()).collect();
+            self.bands.of_signal(pieces.iter().map(Vec::as_slice), self.rate_hz)
         };
-        let tests: Vec<BandPowers> = (0..seeds.max(STATIONARY))
-            .map(|k| white(self.test, 2 * k))
-            .collect();
+        let tests: Vec<BandPowers> = (0..seeds.max(STATIONARY)).map(|k| white(self.test, 2 * k)).collect();
         let mean_of_seeds = BandPowers::mean(&tests);
         let distances = (0..STATIONARY).map(|k| {
             let trained = white(self.train, 2 * k + 1);
@@ -110,25 +99,17 @@ impl<'a> Target<'a> {
 }
 
 fn seconds(parts: &[ProcessedRecording]) -> f64 {
-    parts
-        .iter()
-        .map(|part| part.samples() as f64 / part.rate_hz())
-        .sum()
+    parts.iter().map(|part| part.samples() as f64 / part.rate_hz()).sum()
 }
 
 fn vibrations(parts: &[ProcessedRecording]) -> impl Iterator<Item = &[f64]> {
-    parts
-        .iter()
-        .map(|part| part.signals().acceleration_m_s2.as_slice())
+    parts.iter().map(|part| part.signals().acceleration_m_s2.as_slice())
 }
 
 /// Mean over the pieces, weighted by length.
 fn kurtosis<'a>(pieces: impl Iterator<Item = &'a [f64]>) -> f64 {
     let (sum, samples) = pieces.fold((0.0, 0), |(sum, samples), piece| {
-        (
-            sum + excess_kurtosis(piece) * piece.len() as f64,
-            samples + piece.len(),
-        )
+        (sum + excess_kurtosis(piece) * piece.len() as f64, samples + piece.len())
     });
     sum / samples.max(1) as f64
 }
@@ -160,9 +141,7 @@ pub fn measured(
     settings: &HoldoutSettings,
 ) -> Result<Measures, SynthesisError> {
     let trajectories: Vec<Trajectory> = target.test.iter().map(Trajectory::of).collect();
-    let recorded: Vec<Vec<f64>> = vibrations(target.test)
-        .map(|x| levels_db(x, target.rate_hz))
-        .collect();
+    let recorded: Vec<Vec<f64>> = vibrations(target.test).map(|x| levels_db(x, target.rate_hz)).collect();
     let (mut powers, mut kurtoses, mut envelopes, mut floors) = (vec![], vec![], vec![], vec![]);
     let mut last: Option<Vec<Vec<f64>>> = None;
     let mut nse_pe = None;
@@ -206,13 +185,10 @@ fn envelopes_apart(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
 /// Window errors, as means over the pieces.
 fn windowed(played: &[Vec<f64>], target: &Target<'_>) -> Option<(f64, f64)> {
     let windows = WindowSettings::comparison_at(target.rate_hz);
-    let found = played
-        .iter()
-        .zip(vibrations(target.test))
-        .map(|(played, recorded)| {
-            let found = compare(played, recorded, target.rate_hz, &windows).ok()?;
-            Some((found.nse, found.pe))
-        });
+    let found = played.iter().zip(vibrations(target.test)).map(|(played, recorded)| {
+        let found = compare(played, recorded, target.rate_hz, &windows).ok()?;
+        Some((found.nse, found.pe))
+    });
     let found: Vec<(f64, f64)> = found.collect::<Option<_>>()?;
     let (nse, pe): (Vec<f64>, Vec<f64>) = found.into_iter().unzip();
     Some((mean(&nse), mean(&pe)))

@@ -36,13 +36,7 @@ pub const BASELINES: [Method; 2] = [Method::OneModel, Method::Windows];
 
 impl Method {
     /// All methods, the floor first.
-    pub const ALL: [Self; 5] = [
-        Self::Floor,
-        Self::Default,
-        Self::Thesis,
-        Self::OneModel,
-        Self::Windows,
-    ];
+    pub const ALL: [Self; 5] = [Self::Floor, Self::Default, Self::Thesis, Self::OneModel, Self::Windows];
 
     /// Name in files.
     pub fn as_str(self) -> &'static str {
@@ -114,20 +108,13 @@ impl Player {
     /// # Errors
     /// [`SynthesisError`].
     pub fn play(&self, along: &[(&Trajectory, u64)]) -> Result<Vec<Vec<f64>>, SynthesisError> {
-        let settings = |seed: u64| SynthesisSettings {
-            seed,
-            lines_seed: seed,
-            ..SynthesisSettings::default()
-        };
+        let settings =
+            |seed: u64| SynthesisSettings { seed, lines_seed: seed, ..SynthesisSettings::default() };
         match self {
             Self::Texture(texture) => {
                 let voices: Vec<Voice<'_>> = along
                     .iter()
-                    .map(|(trajectory, seed)| Voice {
-                        texture,
-                        trajectory,
-                        settings: settings(*seed),
-                    })
+                    .map(|(trajectory, seed)| Voice { texture, trajectory, settings: settings(*seed) })
                     .collect();
                 synthesise_many(&voices, 1).map_err(|error| error.source)
             }
@@ -159,19 +146,13 @@ fn nearest(parts: &[ProcessedRecording], window: usize) -> Result<Player, LearnT
         }
     }
     if models.is_empty() {
-        return Err(LearnTextureError::NoModels {
-            reason: "no segment has a model of order 20".to_owned(),
-        });
+        return Err(LearnTextureError::NoModels { reason: "no segment has a model of order 20".to_owned() });
     }
     let scale = |axis: usize| {
         let values: Vec<f64> = models.iter().map(|(place, _)| place[axis]).collect();
         let spread = standard_deviation(&values);
         // With a single model the scale is arbitrary.
-        if spread > 0.0 {
-            1.0 / spread
-        } else {
-            1.0 / mean(&values).max(1e-6)
-        }
+        if spread > 0.0 { 1.0 / spread } else { 1.0 / mean(&values).max(1e-6) }
     };
     Ok(Player::Nearest {
         rate_hz: parts.first().map_or(0.0, ProcessedRecording::rate_hz),

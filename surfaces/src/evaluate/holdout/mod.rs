@@ -63,23 +63,11 @@ pub enum HoldoutError {
     #[error(transparent)]
     Study(#[from] StudyError),
     #[error("a part of {material} is not a recording: {source}")]
-    Part {
-        material: String,
-        source: RecordingError,
-    },
+    Part { material: String, source: RecordingError },
     #[error("{method} cannot learn from a part of {material} ({split}): {reason}")]
-    Learning {
-        material: String,
-        split: &'static str,
-        method: &'static str,
-        reason: String,
-    },
+    Learning { material: String, split: &'static str, method: &'static str, reason: String },
     #[error("cannot render what {method} learned from a part of {material}: {source}")]
-    Synthesis {
-        material: String,
-        method: &'static str,
-        source: SynthesisError,
-    },
+    Synthesis { material: String, method: &'static str, source: SynthesisError },
     #[error(
         "{material}: its parts have {samples} samples, too few to estimate the power of any third octave"
     )]
@@ -140,11 +128,7 @@ pub fn hold_out(
         result
     };
     let results = on_all_cores(&jobs, &work).into_iter().collect::<Result<_, _>>()?;
-    Ok(Holdout {
-        materials,
-        seeds: settings.seeds,
-        folds: results,
-    })
+    Ok(Holdout { materials, seeds: settings.seeds, folds: results })
 }
 
 /// Processed drags by material.
@@ -152,10 +136,8 @@ fn by_material(
     takes: &[super::Take],
     settings: &HoldoutSettings,
 ) -> Result<BTreeMap<String, Vec<ProcessedRecording>>, HoldoutError> {
-    let mut drags: Vec<&super::Take> = takes
-        .iter()
-        .filter(|take| take.recording.gesture() == Gesture::Drag)
-        .collect();
+    let mut drags: Vec<&super::Take> =
+        takes.iter().filter(|take| take.recording.gesture() == Gesture::Drag).collect();
     drags.sort_by(|a, b| a.name.cmp(&b.name));
     if drags.is_empty() {
         return Err(StudyError::NoRecordings.into());
@@ -163,11 +145,9 @@ fn by_material(
     let mut found: BTreeMap<String, Vec<ProcessedRecording>> = BTreeMap::new();
     for take in drags {
         let RecordingName { material, .. } = &take.name;
-        let recording =
-            processed(&take.recording, &settings.processing).map_err(|source| StudyError::Processing {
-                recording: take.name.to_string(),
-                source: Box::new(source),
-            })?;
+        let recording = processed(&take.recording, &settings.processing).map_err(|source| {
+            StudyError::Processing { recording: take.name.to_string(), source: Box::new(source) }
+        })?;
         found.entry(material.clone()).or_default().push(recording);
     }
     Ok(found)
@@ -180,10 +160,7 @@ fn one_fold(
     fold: &Fold,
     settings: &HoldoutSettings,
 ) -> Result<FoldResult, HoldoutError> {
-    let part = |source| HoldoutError::Part {
-        material: material.to_owned(),
-        source,
-    };
+    let part = |source| HoldoutError::Part { material: material.to_owned(), source };
     let train = fold.train.recordings().map_err(part)?;
     let test = fold.test.recordings().map_err(part)?;
     let target = Target::new(&train, &test);
@@ -220,9 +197,7 @@ fn one_fold(
 /// Runs the jobs on all cores; returns their results in order.
 fn on_all_cores<J: Sync, R: Send>(jobs: &[J], work: &(dyn Fn(&J) -> R + Sync)) -> Vec<R> {
     let next = AtomicUsize::new(0);
-    let threads = std::thread::available_parallelism()
-        .map_or(1, usize::from)
-        .min(jobs.len());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(jobs.len());
     let take = || {
         let mut finished = vec![];
         while let Some((number, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
@@ -234,11 +209,7 @@ fn on_all_cores<J: Sync, R: Send>(jobs: &[J], work: &(dyn Fn(&J) -> R + Sync)) -
     };
     let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {
         let workers: Vec<_> = (0..threads).map(|_| scope.spawn(take)).collect();
-        workers
-            .into_iter()
-            .filter_map(|worker| worker.join().ok())
-            .flatten()
-            .collect()
+        workers.into_iter().filter_map(|worker| worker.join().ok()).flatten().collect()
     });
     results.sort_by_key(|(number, _)| *number);
     results.into_iter().map(|(_, result)| result).collect()

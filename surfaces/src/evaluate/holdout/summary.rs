@@ -124,10 +124,7 @@ type Value = dyn Fn(&Measures) -> Option<f64>;
 impl Holdout {
     /// The results of all kinds of splits that have folds.
     pub fn splits(&self) -> Vec<SplitResult> {
-        Split::ALL
-            .into_iter()
-            .filter_map(|split| self.split(split))
-            .collect()
+        Split::ALL.into_iter().filter_map(|split| self.split(split)).collect()
     }
 
     fn split(&self, split: Split) -> Option<SplitResult> {
@@ -136,17 +133,9 @@ impl Holdout {
             return None;
         }
         let lsd = |method: Method| {
-            mean(
-                &self
-                    .over_materials(&folds, &|fold| Some(fold.of(method).bands.lsd_db))
-                    .unwrap_or_default(),
-            )
+            mean(&self.over_materials(&folds, &|fold| Some(fold.of(method).bands.lsd_db)).unwrap_or_default())
         };
-        let best_baseline = if lsd(BASELINES[1]) < lsd(BASELINES[0]) {
-            BASELINES[1]
-        } else {
-            BASELINES[0]
-        };
+        let best_baseline = if lsd(BASELINES[1]) < lsd(BASELINES[0]) { BASELINES[1] } else { BASELINES[0] };
         let part = |value: fn(&FoldResult) -> Option<f64>| self.over_materials(&folds, &value);
         let estimator = |value: fn(&FoldResult) -> Option<f64>| mean(&part(value).unwrap_or_default());
         Some(SplitResult {
@@ -175,24 +164,13 @@ impl Holdout {
             own.map(|fold| value(fold)).collect::<Option<Vec<f64>>>()
         };
         let values = (0..self.materials.len()).map(of).collect::<Option<Vec<_>>>()?;
-        Some(
-            values
-                .iter()
-                .filter(|values| !values.is_empty())
-                .map(|values| mean(values))
-                .collect(),
-        )
+        Some(values.iter().filter(|values| !values.is_empty()).map(|values| mean(values)).collect())
     }
 
     fn method(&self, folds: &[&FoldResult], method: Method, best: Method) -> MethodMean {
         let over = |value: &dyn Fn(&FoldResult) -> Option<f64>| self.over_materials(folds, value);
         let maybe = |value: &Value| over(&|fold| value(fold.of(method))).map(|values| Mean::of(&values));
-        let sure = |value: &Value| {
-            maybe(value).unwrap_or(Mean {
-                mean: 0.0,
-                error: None,
-            })
-        };
+        let sure = |value: &Value| maybe(value).unwrap_or(Mean { mean: 0.0, error: None });
         // Differences within the same fold.
         let above = |other: Method, value: &Value| {
             over(&|fold| Some(value(fold.of(method))? - value(fold.of(other))?))
@@ -203,10 +181,7 @@ impl Holdout {
         let low: &Value = &|m| m.bands.low_db;
         let total: &Value = &|m| Some(m.bands.total_db);
         let each = |value: &Value| over(&|fold| value(fold.of(method))).unwrap_or_default();
-        let none = Mean {
-            mean: 0.0,
-            error: None,
-        };
+        let none = Mean { mean: 0.0, error: None };
         let above_baseline_db = above(best, lsd).unwrap_or(none);
         MethodMean {
             method,

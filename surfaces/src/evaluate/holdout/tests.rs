@@ -5,30 +5,19 @@ use crate::recording::synthetic::drag;
 
 /// A material whose vibration is a resonance that grows with speed.
 fn take(material: &str, number: u64, angle: f64) -> Take {
-    let steps: Vec<_> = (0..10)
-        .map(|i| (0.4, 0.06 + 0.03 * f64::from(i % 4), 0.7 + 0.3 * f64::from(i % 3)))
-        .collect();
+    let steps: Vec<_> =
+        (0..10).map(|i| (0.4, 0.06 + 0.03 * f64::from(i % 4), 0.7 + 0.3 * f64::from(i % 3))).collect();
     let seed = number + (1000.0 * angle) as u64;
-    let recording = drag(&steps, 0.3, seed, |speed, _| {
-        (vec![-1.8 * angle.cos(), 0.81], 300.0 * speed * speed)
-    });
+    let recording =
+        drag(&steps, 0.3, seed, |speed, _| (vec![-1.8 * angle.cos(), 0.81], 300.0 * speed * speed));
     Take {
-        name: RecordingName {
-            material: material.into(),
-            person: "p".into(),
-            take: number.to_string(),
-        },
+        name: RecordingName { material: material.into(), person: "p".into(), take: number.to_string() },
         recording: AnyRecording::Processed(recording),
     }
 }
 
 fn takes() -> Vec<Take> {
-    vec![
-        take("b", 1, 0.2),
-        take("a", 1, 0.35),
-        take("a", 2, 0.35),
-        take("b", 2, 0.2),
-    ]
+    vec![take("b", 1, 0.2), take("a", 1, 0.35), take("a", 2, 0.35), take("b", 2, 0.2)]
 }
 
 fn settings() -> HoldoutSettings {
@@ -91,23 +80,10 @@ fn a_method_that_knows_the_process_comes_near_the_floor_and_a_plain_one_is_shown
         // The mean of sizes is at least the size of the mean, and over all bands it is the one of the table.
         let (bands, sizes): (Vec<_>, Vec<_>) =
             law.by_band.iter().map(|b| (b.signed_db, b.absolute_db)).unzip();
-        assert!(
-            bands
-                .iter()
-                .zip(&sizes)
-                .all(|(signed, size)| signed.abs() <= *size + 1e-12)
-        );
-        assert!(
-            bands
-                .iter()
-                .zip(&sizes)
-                .any(|(signed, size)| signed.abs() + 0.01 < *size)
-        );
+        assert!(bands.iter().zip(&sizes).all(|(signed, size)| signed.abs() <= *size + 1e-12));
+        assert!(bands.iter().zip(&sizes).any(|(signed, size)| signed.abs() + 0.01 < *size));
         let over_all = sizes.iter().sum::<f64>() / sizes.len() as f64;
-        assert!(
-            (over_all - law.absolute_db.mean).abs() < 1e-9,
-            "{over_all} {law:?}"
-        );
+        assert!((over_all - law.absolute_db.mean).abs() < 1e-9, "{over_all} {law:?}");
         assert!(law.total_db.mean.abs() < 1.0 && law.kurtosis.mean.abs() < 1.0);
         // Here levels follow force and speed, up to the estimation error of 500 samples.
         assert!(split.unexplained_level_db.unwrap().mean < 1.5);
@@ -141,16 +117,9 @@ fn a_method_that_is_worse_than_a_plain_one_loses() {
 
 #[test]
 fn holding_out_twice_gives_the_same_bits_and_nothing_gives_no_result() {
-    let settings = HoldoutSettings {
-        splits: vec![Split::Halves],
-        seeds: 2,
-        ..settings()
-    };
+    let settings = HoldoutSettings { splits: vec![Split::Halves], seeds: 2, ..settings() };
     let some = takes()[..2].to_vec();
     let twice = [(); 2].map(|()| hold_out(&some, &settings, &|_| ()).unwrap());
     assert_eq!(twice[0], twice[1]);
-    assert!(matches!(
-        hold_out(&[], &settings, &|_| ()),
-        Err(HoldoutError::Study(StudyError::NoRecordings))
-    ));
+    assert!(matches!(hold_out(&[], &settings, &|_| ()), Err(HoldoutError::Study(StudyError::NoRecordings))));
 }

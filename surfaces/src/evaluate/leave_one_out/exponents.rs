@@ -34,10 +34,7 @@ impl Moments {
             logs.into_iter().map(move |x| x - middle)
         };
         let places = centred(|at| at.speed_m_s).zip(centred(|at| at.force_n));
-        let mut moments = Self {
-            information: Matrix2::zeros(),
-            slopes: Vector2::zeros(),
-        };
+        let mut moments = Self { information: Matrix2::zeros(), slopes: Vector2::zeros() };
         for ((speed, force), power) in places.zip(centred(|at| at.power)) {
             let place = Vector2::new(speed, force);
             moments.information += place * place.transpose();
@@ -52,16 +49,11 @@ impl Moments {
         if self.information.determinant() < 1e-6 * scale * scale {
             return None;
         }
-        self.information
-            .cholesky()
-            .map(|factors| factors.solve(&self.slopes).into())
+        self.information.cholesky().map(|factors| factors.solve(&self.slopes).into())
     }
 
     fn sum<'m>(all: impl Iterator<Item = &'m Self>) -> Self {
-        let zero = Self {
-            information: Matrix2::zeros(),
-            slopes: Vector2::zeros(),
-        };
+        let zero = Self { information: Matrix2::zeros(), slopes: Vector2::zeros() };
         all.fold(zero, |sum, one| Self {
             information: sum.information + one.information,
             slopes: sum.slopes + one.slopes,
@@ -75,9 +67,7 @@ pub(super) fn without(textures: &[Moments], one: usize) -> [f64; 2] {
     if textures.len() <= LEAST_TEXTURES {
         return POWER_SLOPES;
     }
-    Moments::sum(others.map(|(_, moments)| moments))
-        .solved()
-        .unwrap_or(POWER_SLOPES)
+    Moments::sum(others.map(|(_, moments)| moments)).solved().unwrap_or(POWER_SLOPES)
 }
 
 impl PowerExponents {

@@ -65,9 +65,6 @@ impl Mean {
         let middle = mean(values);
         let squares: f64 = values.iter().map(|x| (x - middle).powi(2)).sum();
         let count = values.len() as f64;
-        Self {
-            mean: middle,
-            error: (values.len() > 1).then(|| (squares / (count - 1.0) / count).sqrt()),
-        }
+        Self { mean: middle, error: (values.len() > 1).then(|| (squares / (count - 1.0) / count).sqrt()) }
     }
 }

@@ -9,10 +9,7 @@ fn texture(speeds: usize, a: f64, b: f64, glide: f64) -> TextureModel {
     let places = (0..speeds * 3).map(|k| {
         let speed_m_s = 0.03 * 1.4_f64.powi((k / 3) as i32);
         // No two points share a line.
-        (
-            speed_m_s * (1.0 + 0.03 * (k % 3) as f64),
-            0.5 * 2.0_f64.powi((k % 3) as i32),
-        )
+        (speed_m_s * (1.0 + 0.03 * (k % 3) as f64), 0.5 * 2.0_f64.powi((k % 3) as i32))
     });
     let model = |(speed_m_s, force_n): (f64, f64)| {
         let angle = 0.1 * (1.0 + glide * (speed_m_s / 0.03).ln());
@@ -39,16 +36,10 @@ fn a_texture_that_follows_a_law_is_predicted_by_the_law_and_not_by_its_neighbour
     assert_eq!(found.left_out.len(), 21 * MapKind::ALL.len());
     let [triangulation, nearest, law, whole] = MapKind::ALL.map(|map| of(&found, map));
     assert_eq!((law.models, law.textures, law.lsd_db.error), (21, 1, None));
-    assert!(
-        whole.lsd_db.mean < 0.5 && whole.beyond_of_models == 0.0,
-        "{whole:?}"
-    );
+    assert!(whole.lsd_db.mean < 0.5 && whole.beyond_of_models == 0.0, "{whole:?}");
     assert!(nearest.lsd_db.mean > 2.0 && triangulation.lsd_db.mean > whole.lsd_db.mean);
     // The lightest force is always known, so that nothing fades, and the grid is fine.
-    assert!(
-        (law.lsd_db.mean - whole.lsd_db.mean).abs() < 0.1,
-        "{law:?} {whole:?}"
-    );
+    assert!((law.lsd_db.mean - whole.lsd_db.mean).abs() < 0.1, "{law:?} {whole:?}");
     let far = |map| {
         let far = Summary::of(&found.far, map, |_| true).expect("far ones");
         far.lsd_db.mean
@@ -64,11 +55,7 @@ fn left_out_models_do_not_help_to_predict_themselves() {
         let mut at = at.clone();
         if at.kind == VertexKind::Measured && at.force_n == 1.0 && (at.speed_m_s / 0.0588 - 1.0).abs() < 0.05
         {
-            at.model = at
-                .model
-                .clone()
-                .with_power(1e4 * at.model.power())
-                .expect("a power");
+            at.model = at.model.clone().with_power(1e4 * at.model.power()).expect("a power");
         }
         at
     });
@@ -79,10 +66,7 @@ fn left_out_models_do_not_help_to_predict_themselves() {
             let power = |k: &usize| changed.models()[*k].model.power();
             power(a).total_cmp(&power(b))
         });
-        let one = found
-            .left_out
-            .iter()
-            .find(|one| Some(one.vertex) == vertex && one.map == map);
+        let one = found.left_out.iter().find(|one| Some(one.vertex) == vertex && one.map == map);
         one.expect("its prediction").power_db
     };
     for map in MapKind::ALL {
@@ -103,10 +87,7 @@ fn places_between_models_are_inside_and_those_beyond_outside() {
         .collect();
     // Only the models of the middle force that are neither the slowest nor the fastest.
     assert!(inside.contains(&4) && inside.contains(&7), "{inside:?}");
-    assert!(
-        ![0, 2, 9, 11].iter().any(|corner| inside.contains(corner)),
-        "{inside:?}"
-    );
+    assert!(![0, 2, 9, 11].iter().any(|corner| inside.contains(corner)), "{inside:?}");
 }
 
 #[test]
@@ -129,15 +110,9 @@ fn exponents_are_those_of_the_textures_and_a_texture_has_no_part_in_its_own_prio
 #[test]
 fn textures_without_measured_models_are_refused() {
     let plain = texture(4, 2.0, 0.5, 0.0);
-    let models = plain.models().iter().map(|at| ModelAt {
-        kind: VertexKind::Edge,
-        ..at.clone()
-    });
+    let models = plain.models().iter().map(|at| ModelAt { kind: VertexKind::Edge, ..at.clone() });
     let fitted = TextureModel::new(10_000.0, models.collect(), plain.triangles().to_vec()).expect("a map");
-    assert_eq!(
-        leave_one_out(&[&fitted], &|_| ()),
-        Err(LeaveOneOutError::NoModels { textures: 1 })
-    );
+    assert_eq!(leave_one_out(&[&fitted], &|_| ()), Err(LeaveOneOutError::NoModels { textures: 1 }));
 }
 
 #[test]
@@ -146,14 +121,8 @@ fn on_the_toolkits_models_the_law_predicts_best() {
     if files.is_empty() {
         return;
     }
-    let surfaces: Vec<_> = files
-        .iter()
-        .map(|file| crate::files::load(file).expect("a surface"))
-        .collect();
-    let textures: Vec<_> = surfaces
-        .iter()
-        .filter_map(|surface| surface.texture.as_ref())
-        .collect();
+    let surfaces: Vec<_> = files.iter().map(|file| crate::files::load(file).expect("a surface")).collect();
+    let textures: Vec<_> = surfaces.iter().filter_map(|surface| surface.texture.as_ref()).collect();
     let found = leave_one_out(&textures, &|_| ()).expect("predictions");
     let far = |map| Summary::of(&found.far, map, |_| true).expect("far ones");
     let law = of(&found, MapKind::Law);

@@ -151,9 +151,7 @@ impl<'a> Group<'a> {
         let highpasses: Vec<_> = highpasses.collect();
         let mut textures: Vec<&TextureModel> = vec![];
         let lane = |voice: VoiceInto<'a>| {
-            let known = textures
-                .iter()
-                .position(|known| std::ptr::eq(*known, voice.texture));
+            let known = textures.iter().position(|known| std::ptr::eq(*known, voice.texture));
             let number = known.unwrap_or(textures.len());
             if known.is_none() {
                 textures.push(voice.texture);
@@ -185,9 +183,7 @@ impl<'a> Group<'a> {
     /// done, and returns whether to continue.
     pub fn play(mut self, advance: &dyn Fn(usize) -> ControlFlow<()>) -> Result<(), (usize, SynthesisError)> {
         let samples = self.lanes.iter().map(|lane| lane.out.len()).max().unwrap_or(0);
-        let UpdatePoints {
-            rate_hz, update_hz, ..
-        } = *self.lanes[0].points;
+        let UpdatePoints { rate_hz, update_hz, .. } = *self.lanes[0].points;
         let mut updates = updates(rate_hz, update_hz, samples).enumerate().peekable();
         let mut reported = 0;
         for (number, start) in (0..samples).step_by(BLOCK).enumerate() {
@@ -220,12 +216,7 @@ impl<'a> Group<'a> {
 
     /// Draws the excitation of a block, of deviation 1.
     fn excite(&mut self, block: &Range<usize>) {
-        let Buffers {
-            drawn,
-            excitation,
-            out,
-            ..
-        } = &mut *self.buffers;
+        let Buffers { drawn, excitation, out, .. } = &mut *self.buffers;
         for (number, lanes) in self.lanes.chunks_mut(DRAWN).enumerate() {
             for (lane, drawn) in lanes.iter_mut().zip(&mut *drawn) {
                 let own = lane.of(block).len();
@@ -241,18 +232,12 @@ impl<'a> Group<'a> {
             crackle.draw(first, drawn);
             put_side_by_side(drawn, first, out);
         }
-        self.arch.dispatch(Modulate {
-            crackle,
-            excitation,
-            drawn: out,
-        });
+        self.arch.dispatch(Modulate { crackle, excitation, drawn: out });
     }
 
     /// Updates the coefficients from a frame of the block on.
     fn update(&mut self, number: usize, frame: usize) -> Result<(), (usize, SynthesisError)> {
-        let Buffers {
-            mix, coefficients, ..
-        } = &mut *self.buffers;
+        let Buffers { mix, coefficients, .. } = &mut *self.buffers;
         let [p, q] = self.orders;
         // Not by the widest instructions: those that write to many places are slower than as many writes.
         for (l, lane) in self.lanes.iter_mut().enumerate() {
@@ -295,10 +280,7 @@ impl<'a> Group<'a> {
         let (excitation, out) = (&mut excitation[frames.clone()], &mut out[frames]);
         match &mut self.filters {
             Filters::Plain { bank, deviation } => {
-                self.arch.dispatch(Scale {
-                    deviation: &deviation.0,
-                    excitation,
-                });
+                self.arch.dispatch(Scale { deviation: &deviation.0, excitation });
                 bank.process(excitation.as_flattened(), out.as_flattened_mut());
             }
             Filters::Warped(bank) => bank.process(excitation.as_flattened(), out.as_flattened_mut()),

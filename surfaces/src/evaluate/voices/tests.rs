@@ -16,12 +16,7 @@ fn texture(order: usize, warping: f64) -> TextureModel {
             0.0 => ArmaModel::from_lsf(&lsf, &[], 1.0, power),
             _ => ArmaModel::warped_from_lsf(&lsf, warping, power),
         };
-        ModelAt {
-            speed_m_s,
-            force_n,
-            model: model.unwrap(),
-            kind: VertexKind::Measured,
-        }
+        ModelAt { speed_m_s, force_n, model: model.unwrap(), kind: VertexKind::Measured }
     };
     let places = [(0.05, 0.5), (0.2, 0.5), (0.05, 2.0), (0.2, 2.0), (0.1, 1.0)];
     TextureModel::from_measured(10_000.0, places.map(at).to_vec(), &Hull::default()).unwrap()
@@ -37,16 +32,10 @@ fn textures() -> Vec<TextureModel> {
     let crackle = || Some(Crackle::new(0.8, 0.004).unwrap());
     vec![
         texture(20, 0.85),
-        texture(20, 0.85)
-            .with_crackle(crackle())
-            .with_highpass_hz(Some(20.0))
-            .unwrap(),
+        texture(20, 0.85).with_crackle(crackle()).with_highpass_hz(Some(20.0)).unwrap(),
         with_lines(texture(7, 0.6)),
         texture(12, 0.0),
-        with_lines(texture(12, 0.0))
-            .with_crackle(crackle())
-            .with_highpass_hz(Some(30.0))
-            .unwrap(),
+        with_lines(texture(12, 0.0)).with_crackle(crackle()).with_highpass_hz(Some(30.0)).unwrap(),
     ]
 }
 
@@ -100,10 +89,7 @@ fn a_voice_is_what_it_is_by_itself_but_for_rounding() {
         let one = synthesise(voice.texture, voice.trajectory, &voice.settings).unwrap();
         let peak = one.iter().fold(0.0_f64, |most, y| most.max(y.abs()));
         assert_eq!(one.len(), many.len());
-        let apart = one
-            .iter()
-            .zip(&many)
-            .fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+        let apart = one.iter().zip(&many).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
         assert!(apart < 1e-9 * peak, "{apart:e} of {peak}");
         if voice.texture.warping() == 0.0 && voice.texture.crackle().is_none() {
             assert_eq!(bits(&one), bits(&many));
@@ -128,21 +114,13 @@ const ON: &(dyn Fn(f64) -> ControlFlow<()> + Sync) = &|_| ControlFlow::Continue(
 fn speeds_and_forces_at_the_updates_are_enough() {
     let (textures, walks) = (textures(), (0..24).map(walk).collect::<Vec<_>>());
     let mut voices = voices(&textures, &walks);
-    for (voice, update_hz) in voices
-        .iter_mut()
-        .zip([240.0, 1000.0, 9.3, 1e9].into_iter().cycle())
-    {
+    for (voice, update_hz) in voices.iter_mut().zip([240.0, 1000.0, 9.3, 1e9].into_iter().cycle()) {
         voice.settings.update_hz = update_hz;
     }
-    let points: Vec<UpdatePoints> = voices
-        .iter()
-        .map(|voice| voice.trajectory.at_updates(voice.settings.update_hz))
-        .collect();
+    let points: Vec<UpdatePoints> =
+        voices.iter().map(|voice| voice.trajectory.at_updates(voice.settings.update_hz)).collect();
     // What was there before does not matter.
-    let mut outs: Vec<Vec<f64>> = points
-        .iter()
-        .map(|points| vec![f64::NAN; points.samples])
-        .collect();
+    let mut outs: Vec<Vec<f64>> = points.iter().map(|points| vec![f64::NAN; points.samples]).collect();
     let each = voices.iter().zip(&points).zip(&mut outs);
     let each = each.map(|((voice, points), out)| into(voice, points, out));
     synthesise_into(each.collect(), 2, ON).unwrap();
@@ -170,24 +148,12 @@ fn points_and_outputs_that_do_not_fit_are_refused() {
     short.speed_m_s.pop();
     short.force_n.pop();
     let (updates, points) = (right.speed_m_s.len(), short.speed_m_s.len());
-    assert_eq!(
-        refused(&short, samples),
-        SynthesisError::Updates { updates, points }
-    );
+    assert_eq!(refused(&short, samples), SynthesisError::Updates { updates, points });
     short.force_n.pop();
     assert!(matches!(refused(&short, samples), SynthesisError::Lengths { .. }));
-    let never = UpdatePoints {
-        update_hz: f64::NAN,
-        ..right.clone()
-    };
-    assert!(matches!(
-        refused(&never, samples),
-        SynthesisError::UpdateRate { .. }
-    ));
-    let slow = UpdatePoints {
-        rate_hz: 1000.0,
-        ..right
-    };
+    let never = UpdatePoints { update_hz: f64::NAN, ..right.clone() };
+    assert!(matches!(refused(&never, samples), SynthesisError::UpdateRate { .. }));
+    let slow = UpdatePoints { rate_hz: 1000.0, ..right };
     assert!(matches!(refused(&slow, samples), SynthesisError::Rates { .. }));
 }
 
@@ -202,17 +168,7 @@ fn the_voice_that_is_refused_is_named() {
     assert_eq!(refused.voice, 2);
     assert!(matches!(refused.source, SynthesisError::UpdateRate { .. }));
     assert_eq!(synthesise_many(&[], 4), Ok(vec![]));
-    let never = Trajectory {
-        rate_hz: 10_000.0,
-        speed_m_s: vec![],
-        force_n: vec![],
-    };
-    let nothing = Voice {
-        trajectory: &never,
-        ..voices[0]
-    };
-    assert_eq!(
-        synthesise_many(&[nothing, voices[0]], 1).unwrap()[0],
-        Vec::<f64>::new()
-    );
+    let never = Trajectory { rate_hz: 10_000.0, speed_m_s: vec![], force_n: vec![] };
+    let nothing = Voice { trajectory: &never, ..voices[0] };
+    assert_eq!(synthesise_many(&[nothing, voices[0]], 1).unwrap()[0], Vec::<f64>::new());
 }

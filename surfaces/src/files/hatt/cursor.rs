@@ -34,19 +34,13 @@ impl<'a> Cursor<'a> {
     pub fn new(text: &'a str) -> Self {
         let mut reader = Reader::from_str(text);
         reader.config_mut().expand_empty_elements = true;
-        Cursor {
-            text,
-            reader,
-            comments: Vec::new(),
-        }
+        Cursor { text, reader, comments: Vec::new() }
     }
 
     /// The current location.
     pub fn place(&self) -> Place {
         let position = self.reader.buffer_position().max(self.reader.error_position());
-        let mut position = usize::try_from(position)
-            .unwrap_or(usize::MAX)
-            .min(self.text.len());
+        let mut position = usize::try_from(position).unwrap_or(usize::MAX).min(self.text.len());
         while !self.text.is_char_boundary(position) {
             position -= 1;
         }
@@ -77,14 +71,10 @@ impl<'a> Cursor<'a> {
                 Item::End => return Ok(None),
                 Item::Text(text) if is_blank(&text) => {}
                 Item::Text(_) => {
-                    return Err(HattProblem::Stray {
-                        element: parent.to_owned(),
-                    });
+                    return Err(HattProblem::Stray { element: parent.to_owned() });
                 }
                 Item::Eof => {
-                    return Err(HattProblem::Ends {
-                        element: parent.to_owned(),
-                    });
+                    return Err(HattProblem::Ends { element: parent.to_owned() });
                 }
             }
         }
@@ -100,14 +90,10 @@ impl<'a> Cursor<'a> {
                 Item::Text(text) => whole.push_str(&text),
                 Item::End => return Ok(whole),
                 Item::Begin(_) => {
-                    return Err(HattProblem::Stray {
-                        element: name.to_owned(),
-                    });
+                    return Err(HattProblem::Stray { element: name.to_owned() });
                 }
                 Item::Eof => {
-                    return Err(HattProblem::Ends {
-                        element: name.to_owned(),
-                    });
+                    return Err(HattProblem::Ends { element: name.to_owned() });
                 }
             }
         }
@@ -135,10 +121,7 @@ impl<'a> Cursor<'a> {
         let mut values = Vec::new();
         while let Some(element) = self.child(name)? {
             if element.name != "value" {
-                return Err(HattProblem::Unknown {
-                    field: element.name,
-                    parent: name,
-                });
+                return Err(HattProblem::Unknown { field: element.name, parent: name });
             }
             if values.len() == most {
                 return Err(HattProblem::TooMany { field: name, most });
@@ -156,9 +139,7 @@ impl<'a> Cursor<'a> {
                 Item::Eof => return Ok(()),
                 Item::Text(text) if is_blank(&text) => {}
                 _ => {
-                    return Err(HattProblem::Stray {
-                        element: "the root element".to_owned(),
-                    });
+                    return Err(HattProblem::Stray { element: "the root element".to_owned() });
                 }
             }
         }
@@ -181,8 +162,7 @@ impl<'a> Cursor<'a> {
                 }
                 Event::Comment(comment) => {
                     if self.comments.len() < COMMENTS.0 && comment.len() <= COMMENTS.1 {
-                        self.comments
-                            .push(comment.decode().map_err(malformed)?.into_owned());
+                        self.comments.push(comment.decode().map_err(malformed)?.into_owned());
                     }
                 }
                 Event::DocType(_) => return Err(HattProblem::DocumentType),
@@ -207,16 +187,11 @@ fn element(start: &BytesStart) -> Result<Element, HattProblem> {
 }
 
 fn malformed(error: impl std::fmt::Display) -> HattProblem {
-    HattProblem::Xml {
-        message: error.to_string(),
-    }
+    HattProblem::Xml { message: error.to_string() }
 }
 
 fn not_a_number(name: &str, text: &str) -> HattProblem {
-    HattProblem::Number {
-        field: name.to_owned(),
-        text: text.chars().take(40).collect(),
-    }
+    HattProblem::Number { field: name.to_owned(), text: text.chars().take(40).collect() }
 }
 
 fn is_blank(text: &str) -> bool {

@@ -11,18 +11,13 @@ pub(super) fn infer(models: &mut [ModelAt]) {
     let max_force = models.iter().map(|at| at.force_n).fold(0.0, f64::max);
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for (vertex, at) in models.iter().enumerate() {
-        match groups
-            .iter_mut()
-            .find(|group| models[group[0]].model.same_filter(&at.model))
-        {
+        match groups.iter_mut().find(|group| models[group[0]].model.same_filter(&at.model)) {
             Some(group) => group.push(vertex),
             None => groups.push(vec![vertex]),
         }
     }
-    let places: HashSet<(u64, u64)> = models
-        .iter()
-        .map(|at| (at.speed_m_s.to_bits(), at.force_n.to_bits()))
-        .collect();
+    let places: HashSet<(u64, u64)> =
+        models.iter().map(|at| (at.speed_m_s.to_bits(), at.force_n.to_bits())).collect();
     let stands = |speed: f64, force: f64| places.contains(&(speed.to_bits(), force.to_bits()));
     let inside = |at: &ModelAt| {
         at.speed_m_s > 0.0 && at.speed_m_s < max_speed && at.force_n > 0.0 && at.force_n < max_force
@@ -38,11 +33,8 @@ pub(super) fn infer(models: &mut [ModelAt]) {
         if measured.len() > before {
             continue;
         }
-        let loud = || {
-            group
-                .iter()
-                .filter(|&&vertex| models[vertex].speed_m_s > 0.0 && models[vertex].force_n > 0.0)
-        };
+        let loud =
+            || group.iter().filter(|&&vertex| models[vertex].speed_m_s > 0.0 && models[vertex].force_n > 0.0);
         let alone = loud().find(|&&vertex| !faced(&models[vertex]));
         let corner = || {
             loud()

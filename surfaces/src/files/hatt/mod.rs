@@ -29,13 +29,7 @@ pub const TAP_RATE_HZ: f64 = 1000.0;
 pub const TAP_SAMPLES: usize = 100;
 
 /// Fields of a model file that only the toolkit needs; they are stored in the settings of the provenance.
-const KEPT: [&str; 5] = [
-    "htmlPicture",
-    "htmlLinuxPicture",
-    "renderPicture",
-    "DTpicture",
-    "LinuxDTpicture",
-];
+const KEPT: [&str; 5] = ["htmlPicture", "htmlLinuxPicture", "renderPicture", "DTpicture", "LinuxDTpicture"];
 
 /// The start of the comment with the origin.
 const LABEL: &str = "haptograph ";
@@ -44,10 +38,7 @@ const LABEL: &str = "haptograph ";
 pub fn read(text: &str) -> Result<Surface, ReadError> {
     let mut cursor = Cursor::new(text);
     let surface = read_root(&mut cursor);
-    surface.map_err(|problem| ReadError {
-        place: Some(cursor.place()),
-        problem,
-    })
+    surface.map_err(|problem| ReadError { place: Some(cursor.place()), problem })
 }
 
 fn read_root(cursor: &mut Cursor) -> Result<Surface, Problem> {
@@ -59,12 +50,7 @@ fn read_root(cursor: &mut Cursor) -> Result<Surface, Problem> {
     };
     cursor.end()?;
     if let Some((origin, source, made_by)) = cursor.comments().find_map(parse_label) {
-        surface.provenance = Provenance {
-            origin,
-            source,
-            version: made_by,
-            ..surface.provenance
-        };
+        surface.provenance = Provenance { origin, source, version: made_by, ..surface.provenance };
     }
     Ok(surface)
 }
@@ -72,10 +58,8 @@ fn read_root(cursor: &mut Cursor) -> Result<Surface, Problem> {
 /// The comment that labels an exported surface or recording; double dashes, which would end it, are replaced.
 fn label(kind: &str, provenance: &Provenance) -> String {
     let origin = provenance.origin.as_str();
-    let label = format!(
-        "{LABEL}{kind}: {origin}; made by {}; from {}",
-        provenance.version, provenance.source
-    );
+    let label =
+        format!("{LABEL}{kind}: {origin}; made by {}; from {}", provenance.version, provenance.source);
     label.replace("--", "-\u{2010}").replace(char::is_control, " ")
 }
 
@@ -84,11 +68,7 @@ pub(crate) fn parse_label(comment: &str) -> Option<(Origin, String, String)> {
     let (_kind, rest) = comment.trim().strip_prefix(LABEL)?.split_once(": ")?;
     let (origin, rest) = rest.split_once("; made by ")?;
     let (made_by, source) = rest.split_once("; from ")?;
-    Some((
-        origin.parse::<Origin>().ok()?,
-        source.to_owned(),
-        made_by.to_owned(),
-    ))
+    Some((origin.parse::<Origin>().ok()?, source.to_owned(), made_by.to_owned()))
 }
 
 /// A problem in a toolkit file.

@@ -26,11 +26,7 @@ struct ModelSet {
     units: [bool; 3],
 }
 
-const UNITS: [(&str, &str); 3] = [
-    ("AccelUnits", "m/s^2"),
-    ("SpeedUnits", "mm/s"),
-    ("ForceUnits", "N"),
-];
+const UNITS: [(&str, &str); 3] = [("AccelUnits", "m/s^2"), ("SpeedUnits", "mm/s"), ("ForceUnits", "N")];
 const SET: &str = "modelSet";
 
 /// Reads a model set after the start of its root element.
@@ -67,24 +63,15 @@ fn read_field(
         }
         "tri" => {
             if set.triangles.len() == 2 * MAX_MODELS {
-                return Err(HattProblem::TooMany {
-                    field: "tri",
-                    most: 2 * MAX_MODELS,
-                }
-                .into());
+                return Err(HattProblem::TooMany { field: "tri", most: 2 * MAX_MODELS }.into());
             }
-            set.triangles
-                .push(triangle(&cursor.values("tri", 3, Cursor::number)?)?);
+            set.triangles.push(triangle(&cursor.values("tri", 3, Cursor::number)?)?);
         }
         "numARCoeff" => once(&mut set.ar_count, cursor.number(name)?, "numARCoeff", SET)?,
         "numMACoeff" => once(&mut set.ma_count, cursor.number(name)?, "numMACoeff", SET)?,
         "model" => {
             if set.models.len() == MAX_MODELS {
-                return Err(HattProblem::TooMany {
-                    field: "model",
-                    most: MAX_MODELS,
-                }
-                .into());
+                return Err(HattProblem::TooMany { field: "model", most: MAX_MODELS }.into());
             }
             set.models.push(read_model(cursor, set.models.len(), filters)?);
         }
@@ -102,22 +89,13 @@ fn read_label(cursor: &mut Cursor, name: &str, set: &mut ModelSet) -> Result<(),
             return Err(HattProblem::Repeated { field, parent: SET }.into());
         }
         if found.trim() != expected {
-            return Err(HattProblem::Units {
-                field,
-                found,
-                expected,
-            }
-            .into());
+            return Err(HattProblem::Units { field, found, expected }.into());
         }
         set.units[index] = true;
         return Ok(());
     }
     let Some(&field) = KEPT.iter().find(|field| **field == name) else {
-        return Err(HattProblem::Unknown {
-            field: name.to_owned(),
-            parent: SET,
-        }
-        .into());
+        return Err(HattProblem::Unknown { field: name.to_owned(), parent: SET }.into());
     };
     if set.kept.iter().any(|(kept, _)| *kept == field) {
         return Err(HattProblem::Repeated { field, parent: SET }.into());
@@ -127,19 +105,12 @@ fn read_label(cursor: &mut Cursor, name: &str, set: &mut ModelSet) -> Result<(),
 }
 
 fn triangle(values: &[f64]) -> Result<[u32; 3], HattProblem> {
-    let wrong = || HattProblem::Mismatch {
-        field: "tri",
-        stated: values.len() as f64,
-        actual: 3.0,
-    };
+    let wrong = || HattProblem::Mismatch { field: "tri", stated: values.len() as f64, actual: 3.0 };
     let [a, b, c] = *values else { return Err(wrong()) };
     let mut triangle = [0; 3];
     for (vertex, number) in triangle.iter_mut().zip([a, b, c]) {
         if !(number.fract() == 0.0 && (1.0..=MAX_MODELS as f64).contains(&number)) {
-            return Err(HattProblem::Number {
-                field: "tri".to_owned(),
-                text: number.to_string(),
-            });
+            return Err(HattProblem::Number { field: "tri".to_owned(), text: number.to_string() });
         }
         // From 1 in the file.
         *vertex = number as u32 - 1;
@@ -175,48 +146,28 @@ fn read_model(
         let name = element.name.as_str();
         match name {
             "modNum" => once(&mut model.number, cursor.number(name)?, "modNum", MODEL)?,
-            "ARcoeff" => once(
-                &mut model.ar,
-                cursor.values("ARcoeff", terms, Cursor::number)?,
-                "ARcoeff",
-                MODEL,
-            )?,
-            "ARlsf" => once(
-                &mut model.ar_lsf,
-                cursor.values("ARlsf", MAX_ORDER, Cursor::number)?,
-                "ARlsf",
-                MODEL,
-            )?,
-            "MAcoeff" => once(
-                &mut model.ma,
-                cursor.values("MAcoeff", terms, Cursor::number)?,
-                "MAcoeff",
-                MODEL,
-            )?,
-            "MAlsf" => once(
-                &mut model.ma_lsf,
-                cursor.values("MAlsf", MAX_ORDER, Cursor::number)?,
-                "MAlsf",
-                MODEL,
-            )?,
+            "ARcoeff" => {
+                once(&mut model.ar, cursor.values("ARcoeff", terms, Cursor::number)?, "ARcoeff", MODEL)?
+            }
+            "ARlsf" => {
+                once(&mut model.ar_lsf, cursor.values("ARlsf", MAX_ORDER, Cursor::number)?, "ARlsf", MODEL)?
+            }
+            "MAcoeff" => {
+                once(&mut model.ma, cursor.values("MAcoeff", terms, Cursor::number)?, "MAcoeff", MODEL)?
+            }
+            "MAlsf" => {
+                once(&mut model.ma_lsf, cursor.values("MAlsf", MAX_ORDER, Cursor::number)?, "MAlsf", MODEL)?
+            }
             "var" => once(&mut model.variance, cursor.number(name)?, "var", MODEL)?,
             "gain" => once(&mut model.gain, cursor.number(name)?, "gain", MODEL)?,
             "speedMod" => once(&mut model.speed_m_s, cursor.thousandth(name)?, "speedMod", MODEL)?,
             "forceMod" => once(&mut model.force_n, cursor.number(name)?, "forceMod", MODEL)?,
             _ => {
-                return Err(HattProblem::Unknown {
-                    field: element.name,
-                    parent: MODEL,
-                }
-                .into());
+                return Err(HattProblem::Unknown { field: element.name, parent: MODEL }.into());
             }
         }
     }
-    same(
-        "modNum",
-        need(model.number, "modNum", MODEL)?,
-        (vertex + 1) as f64,
-    )?;
+    same("modNum", need(model.number, "modNum", MODEL)?, (vertex + 1) as f64)?;
     let stored = StoredModel {
         ar: monic(need(model.ar, "ARcoeff", MODEL)?, "ARcoeff")?,
         ar_lsf: need(model.ar_lsf, "ARlsf", MODEL)?,
@@ -226,11 +177,7 @@ fn read_model(
         variance: need(model.variance, "var", MODEL)?,
     };
     let arma = shared(filters, stored).map_err(|error| Problem::Vertex { vertex, error })?;
-    Ok((
-        need(model.speed_m_s, "speedMod", MODEL)?,
-        need(model.force_n, "forceMod", MODEL)?,
-        arma,
-    ))
+    Ok((need(model.speed_m_s, "speedMod", MODEL)?, need(model.force_n, "forceMod", MODEL)?, arma))
 }
 
 fn monic(mut polynomial: Vec<f64>, field: &'static str) -> Result<Vec<f64>, HattProblem> {
@@ -257,11 +204,7 @@ fn shared(filters: &mut Vec<ArmaModel>, stored: StoredModel) -> Result<ArmaModel
 fn finish(set: ModelSet, root: &Element) -> Result<Surface, Problem> {
     let count = set.models.len() as f64;
     same("numMod", need(set.model_count, "numMod", SET)?, count)?;
-    same(
-        "numTri",
-        need(set.triangle_count, "numTri", SET)?,
-        set.triangles.len() as f64,
-    )?;
+    same("numTri", need(set.triangle_count, "numTri", SET)?, set.triangles.len() as f64)?;
     let speeds = need(set.speeds_m_s, "speedList", SET)?;
     let forces = need(set.forces_n, "forceList", SET)?;
     same("numMod", count, speeds.len() as f64)?;
@@ -272,31 +215,12 @@ fn finish(set: ModelSet, root: &Element) -> Result<Surface, Problem> {
         same("forceMod", *force, *listed_force)?;
     }
     let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
-    same(
-        "maxSpeed",
-        1000.0 * need(set.max_speed_m_s, "maxSpeed", SET)?,
-        1000.0 * largest(&speeds),
-    )?;
-    same(
-        "maxForce",
-        need(set.max_force_n, "maxForce", SET)?,
-        largest(&forces),
-    )?;
-    let orders = set
-        .models
-        .first()
-        .map(|(_, _, model)| (model.ar().len(), model.ma().len()))
-        .unwrap_or_default();
-    same(
-        "numARCoeff",
-        need(set.ar_count, "numARCoeff", SET)?,
-        orders.0 as f64,
-    )?;
-    same(
-        "numMACoeff",
-        need(set.ma_count, "numMACoeff", SET)?,
-        orders.1 as f64,
-    )?;
+    same("maxSpeed", 1000.0 * need(set.max_speed_m_s, "maxSpeed", SET)?, 1000.0 * largest(&speeds))?;
+    same("maxForce", need(set.max_force_n, "maxForce", SET)?, largest(&forces))?;
+    let orders =
+        set.models.first().map(|(_, _, model)| (model.ar().len(), model.ma().len())).unwrap_or_default();
+    same("numARCoeff", need(set.ar_count, "numARCoeff", SET)?, orders.0 as f64)?;
+    same("numMACoeff", need(set.ma_count, "numMACoeff", SET)?, orders.1 as f64)?;
     for (index, (field, _)) in UNITS.into_iter().enumerate() {
         need(set.units[index].then_some(()), field, SET)?;
     }
@@ -310,12 +234,7 @@ fn finish(set: ModelSet, root: &Element) -> Result<Surface, Problem> {
     let mut models: Vec<ModelAt> = set
         .models
         .into_iter()
-        .map(|(speed_m_s, force_n, model)| ModelAt {
-            speed_m_s,
-            force_n,
-            model,
-            kind: VertexKind::Edge,
-        })
+        .map(|(speed_m_s, force_n, model)| ModelAt { speed_m_s, force_n, model, kind: VertexKind::Edge })
         .collect();
     kinds::infer(&mut models);
     let rate_hz = need(set.rate_hz, "SampleRate", SET)?;
@@ -329,11 +248,7 @@ pub(super) fn once<T>(
     field: &'static str,
     parent: &'static str,
 ) -> Result<(), HattProblem> {
-    if place.replace(value).is_some() {
-        Err(HattProblem::Repeated { field, parent })
-    } else {
-        Ok(())
-    }
+    if place.replace(value).is_some() { Err(HattProblem::Repeated { field, parent }) } else { Ok(()) }
 }
 
 pub(super) fn need<T>(value: Option<T>, field: &'static str, parent: &'static str) -> Result<T, HattProblem> {
@@ -341,13 +256,5 @@ pub(super) fn need<T>(value: Option<T>, field: &'static str, parent: &'static st
 }
 
 pub(super) fn same(field: &'static str, stated: f64, actual: f64) -> Result<(), HattProblem> {
-    if stated == actual {
-        Ok(())
-    } else {
-        Err(HattProblem::Mismatch {
-            field,
-            stated,
-            actual,
-        })
-    }
+    if stated == actual { Ok(()) } else { Err(HattProblem::Mismatch { field, stated, actual }) }
 }

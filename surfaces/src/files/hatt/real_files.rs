@@ -26,10 +26,7 @@ pub(crate) const AT_10_KHZ: &str = "Models/Models10000Hz/XML";
 pub(crate) const AT_1_KHZ: &str = "Models/Models1000Hz/XML";
 
 fn textures(folder: &str) -> Vec<TextureModel> {
-    hatt_files(folder)
-        .iter()
-        .map(|file| load(file).unwrap().texture.unwrap())
-        .collect()
+    hatt_files(folder).iter().map(|file| load(file).unwrap().texture.unwrap()).collect()
 }
 
 #[derive(Debug, PartialEq)]
@@ -64,52 +61,28 @@ fn the_models_are_as_documented() {
         let count = |texture: &TextureModel, kind: VertexKind| {
             texture.models().iter().filter(|at| at.kind == kind).count() as f64
         };
-        assert_eq!(
-            range(textures.iter().map(|t| t.models().len() as f64)),
-            three(25.0, 34.0, 57.0)
-        );
+        assert_eq!(range(textures.iter().map(|t| t.models().len() as f64)), three(25.0, 34.0, 57.0));
         let edges = range(textures.iter().map(|t| count(t, VertexKind::Edge)));
         assert_eq!((edges.min, edges.max), (18.0, 26.0));
-        assert_eq!(
-            range(textures.iter().map(|t| t.triangles().len() as f64)),
-            three(28.0, 43.0, 88.0)
-        );
+        assert_eq!(range(textures.iter().map(|t| t.triangles().len() as f64)), three(28.0, 43.0, 88.0));
         assert_eq!(textures.iter().map(|t| t.models().len()).sum::<usize>(), 3537);
         assert_eq!(textures.iter().map(|t| t.triangles().len()).sum::<usize>(), 4570);
-        assert_eq!(
-            range(textures.iter().map(|t| t.ar_order() as f64)),
-            three(14.0, 19.0, 20.0)
-        );
+        assert_eq!(range(textures.iter().map(|t| t.ar_order() as f64)), three(14.0, 19.0, 20.0));
         let ma_order = |texture: &TextureModel| {
-            if rate_hz == 1000.0 {
-                texture.ar_order() - 2
-            } else {
-                0
-            }
+            if rate_hz == 1000.0 { texture.ar_order() - 2 } else { 0 }
         };
-        assert!(
-            textures
-                .iter()
-                .all(|texture| texture.ma_order() == ma_order(texture))
-        );
+        assert!(textures.iter().all(|texture| texture.ma_order() == ma_order(texture)));
         let speeds = range(textures.iter().map(|t| (1000.0 * t.max_speed_m_s()).round()));
         assert_eq!((speeds.min, speeds.max), (133.0, 336.0));
         let forces = range(textures.iter().map(|t| t.max_force_n()));
-        assert_eq!(
-            ((forces.min * 100.0).round(), (forces.max * 100.0).round()),
-            (126.0, 842.0)
-        );
+        assert_eq!(((forces.min * 100.0).round(), (forces.max * 100.0).round()), (126.0, 842.0));
     }
 }
 
 #[test]
 fn every_triangulation_is_delaunay_among_z_scores() {
     for texture in textures(AT_10_KHZ) {
-        let points: Vec<_> = texture
-            .models()
-            .iter()
-            .map(|at| (at.speed_m_s, at.force_n))
-            .collect();
+        let points: Vec<_> = texture.models().iter().map(|at| (at.speed_m_s, at.force_n)).collect();
         let sorted = |triangles: &[[u32; 3]]| {
             let mut triangles = triangles.to_vec();
             triangles.iter_mut().for_each(|triangle| triangle.sort_unstable());
@@ -128,22 +101,11 @@ fn frequencies_and_coefficients_agree_both_ways() {
             let (ar, stored) = (at.model.ar(), at.model.ar_lsf());
             let mut frequencies = vec![0.0; ar.len()];
             lsf::ar_to_lsf(ar, &mut frequencies).unwrap();
-            worst_lsf = stored
-                .iter()
-                .zip(&frequencies)
-                .map(|(a, b)| (a - b).abs())
-                .fold(worst_lsf, f64::max);
+            worst_lsf = stored.iter().zip(&frequencies).map(|(a, b)| (a - b).abs()).fold(worst_lsf, f64::max);
             let mut back = vec![0.0; ar.len()];
             lsf::lsf_into_ar(&frequencies, &mut back);
-            worst_ar = ar
-                .iter()
-                .zip(&back)
-                .map(|(a, b)| (a - b).abs())
-                .fold(worst_ar, f64::max);
-            smallest_gap = stored
-                .windows(2)
-                .map(|pair| pair[1] - pair[0])
-                .fold(smallest_gap, f64::min);
+            worst_ar = ar.iter().zip(&back).map(|(a, b)| (a - b).abs()).fold(worst_ar, f64::max);
+            smallest_gap = stored.windows(2).map(|pair| pair[1] - pair[0]).fold(smallest_gap, f64::min);
         }
     }
     if smallest_gap.is_finite() {
@@ -169,25 +131,15 @@ fn the_largest_pole_radius_is_as_documented() {
 
 #[test]
 fn the_taps_are_as_documented() {
-    let surfaces: Vec<Surface> = hatt_files("Taps")
-        .iter()
-        .map(|file| load(file).unwrap())
-        .collect();
+    let surfaces: Vec<Surface> = hatt_files("Taps").iter().map(|file| load(file).unwrap()).collect();
     if surfaces.is_empty() {
         return;
     }
-    let taps: Vec<_> = surfaces
-        .iter()
-        .map(|surface| surface.taps.as_ref().unwrap())
-        .collect();
+    let taps: Vec<_> = surfaces.iter().map(|surface| surface.taps.as_ref().unwrap()).collect();
     assert!(taps.iter().all(|taps| taps.length() == 100));
     let counts = range(taps.iter().map(|taps| taps.taps().len() as f64));
     assert_eq!((counts.min, counts.max), (9.0, 15.0));
-    let speeds = range(
-        taps.iter()
-            .flat_map(|taps| taps.taps())
-            .map(|tap| 1000.0 * tap.speed_m_s),
-    );
+    let speeds = range(taps.iter().flat_map(|taps| taps.taps()).map(|tap| 1000.0 * tap.speed_m_s));
     assert_eq!(((speeds.min * 100.0).round(), speeds.max.round()), (97.0, 510.0));
     let peak = |taps: &crate::Taps| {
         let samples = taps.taps().iter().flat_map(|tap| &tap.acceleration_m_s2);

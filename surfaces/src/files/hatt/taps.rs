@@ -24,19 +24,11 @@ pub(super) fn read(cursor: &mut Cursor) -> Result<Surface, Problem> {
                 )?;
             }
             "tap" if taps.len() == MAX_TAPS => {
-                return Err(HattProblem::TooMany {
-                    field: TAP,
-                    most: MAX_TAPS,
-                }
-                .into());
+                return Err(HattProblem::TooMany { field: TAP, most: MAX_TAPS }.into());
             }
             "tap" => taps.push(read_tap(cursor)?),
             _ => {
-                return Err(HattProblem::Unknown {
-                    field: element.name,
-                    parent: SET,
-                }
-                .into());
+                return Err(HattProblem::Unknown { field: element.name, parent: SET }.into());
             }
         }
     }
@@ -62,10 +54,7 @@ fn read_tap(cursor: &mut Cursor) -> Result<Tap, HattProblem> {
                 once(&mut acceleration, samples, "tapAccel", TAP)?;
             }
             _ => {
-                return Err(HattProblem::Unknown {
-                    field: element.name,
-                    parent: TAP,
-                });
+                return Err(HattProblem::Unknown { field: element.name, parent: TAP });
             }
         }
     }

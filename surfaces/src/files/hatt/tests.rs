@@ -12,16 +12,10 @@ fn surface(seed: u64, ma_pairs: usize) -> Surface {
     for _ in 0..8 {
         let mut lsf = |order: usize| -> Vec<f64> {
             let step = std::f64::consts::PI / (order as f64 + 1.0);
-            (0..order)
-                .map(|k| step * (k as f64 + 1.0 + random.random_range(-0.3..0.3)))
-                .collect()
+            (0..order).map(|k| step * (k as f64 + 1.0 + random.random_range(-0.3..0.3))).collect()
         };
         let (ar, ma) = (lsf(9), lsf(2 * ma_pairs));
-        let gain = if ma_pairs == 0 {
-            1.0
-        } else {
-            random.random_range(1.0..20.0)
-        };
+        let gain = if ma_pairs == 0 { 1.0 } else { random.random_range(1.0..20.0) };
         measured.push(ModelAt {
             speed_m_s: random.random_range(0.001..0.3),
             force_n: random.random_range(0.01..5.0),
@@ -45,10 +39,7 @@ fn surface(seed: u64, ma_pairs: usize) -> Surface {
 
 fn place_and_message(text: &str) -> (usize, String) {
     let error = read_surface(text.as_bytes()).expect_err("this file is wrong");
-    (
-        error.place.map_or(0, |Place { line, .. }| line),
-        error.to_string(),
-    )
+    (error.place.map_or(0, |Place { line, .. }| line), error.to_string())
 }
 
 #[test]
@@ -76,16 +67,9 @@ fn what_was_simulated_stays_so() {
     let text = write_models(&surface(1, 0)).unwrap();
     let back = read_surface(text.as_bytes()).unwrap();
     assert_eq!(back.provenance.origin, Origin::Simulated);
-    assert!(
-        back.provenance.source.starts_with("a test -\u{2010} with <odd>"),
-        "{}",
-        back.provenance.source
-    );
+    assert!(back.provenance.source.starts_with("a test -\u{2010} with <odd>"), "{}", back.provenance.source);
     let unlabelled: String = text.lines().filter(|line| !line.starts_with("<!--")).collect();
-    assert_eq!(
-        read_surface(unlabelled.as_bytes()).unwrap().provenance.origin,
-        Origin::Imported
-    );
+    assert_eq!(read_surface(unlabelled.as_bytes()).unwrap().provenance.origin, Origin::Imported);
 }
 
 #[test]
@@ -94,12 +78,7 @@ fn written_files_obey_the_toolkits_rules() {
     let fields: Vec<&str> = text
         .lines()
         .filter(|line| line.starts_with("   <") && !line.starts_with("    ") && !line.starts_with("   </"))
-        .map(|line| {
-            line.trim_start_matches("   <")
-                .split(['>', ' ', '/'])
-                .next()
-                .unwrap()
-        })
+        .map(|line| line.trim_start_matches("   <").split(['>', ' ', '/']).next().unwrap())
         .collect();
     let mut order: Vec<&str> = fields.clone();
     order.dedup();
@@ -111,9 +90,7 @@ fn written_files_obey_the_toolkits_rules() {
     }
     let model = text.split("<model>").nth(1).unwrap();
     let at = |field: &str| model.find(&format!("<{field}>")).unwrap();
-    let order = [
-        "modNum", "ARcoeff", "ARlsf", "MAcoeff", "MAlsf", "var", "gain", "speedMod", "forceMod",
-    ];
+    let order = ["modNum", "ARcoeff", "ARlsf", "MAcoeff", "MAlsf", "var", "gain", "speedMod", "forceMod"];
     assert!(order.windows(2).all(|pair| at(pair[0]) < at(pair[1])));
     let plain = write_models(&surface(2, 0)).unwrap();
     assert!(!plain.contains("<gain>") && plain.contains("<MAlsf/>"));
@@ -156,31 +133,19 @@ fn what_the_format_cannot_hold_is_refused_or_named() {
     let left_out = crate::files::save(&surface, &folder.path().join("Models_A.xml")).unwrap();
     assert_eq!(left_out, ["taps", "stiffness"]);
     let texture = surface.texture.take().unwrap();
-    let powers = texture
-        .models()
-        .iter()
-        .map(|at| at.speed_m_s * at.force_n)
-        .collect();
-    let texture = texture
-        .with_lines(vec![crate::SpatialLine::new(300.0, 0.0, powers).unwrap()])
-        .unwrap();
+    let powers = texture.models().iter().map(|at| at.speed_m_s * at.force_n).collect();
+    let texture = texture.with_lines(vec![crate::SpatialLine::new(300.0, 0.0, powers).unwrap()]).unwrap();
     surface.texture = Some(texture.with_crackle(Some(crate::Crackle::new(0.9, 0.008).unwrap())));
     let left_out = crate::files::save(&surface, &folder.path().join("Models_A.xml")).unwrap();
     assert_eq!(left_out, ["taps", "crackle", "lines fixed in space", "stiffness"]);
     surface.texture = None;
     let path = folder.path().join("Taps_Cork.xml");
-    assert_eq!(
-        crate::files::save(&surface, &path).unwrap(),
-        ["name", "friction", "stiffness"]
-    );
+    assert_eq!(crate::files::save(&surface, &path).unwrap(), ["name", "friction", "stiffness"]);
     assert_eq!(crate::files::load(&path).unwrap().name, "Cork");
     assert!(matches!(write_models(&surface), Err(HattWriteError::NoTexture)));
     surface.friction = None;
     surface.taps = Some(Taps::new(2000.0, surface.taps.unwrap().taps().to_vec()).unwrap());
-    assert!(matches!(
-        write_taps(&surface),
-        Err(HattWriteError::TapShape { .. })
-    ));
+    assert!(matches!(write_taps(&surface), Err(HattWriteError::TapShape { .. })));
     assert!(crate::files::save(&surface, &folder.path().join("surface.txt")).is_err());
 }
 
@@ -190,9 +155,6 @@ fn models_and_taps_make_one_surface() {
     let models = read_surface(write_models(&whole).unwrap().as_bytes()).unwrap();
     let taps = read_surface(write_taps(&whole).unwrap().as_bytes()).unwrap();
     let merged = crate::files::merge(models.clone(), taps).unwrap();
-    assert_eq!(
-        (&merged.taps, &merged.texture, &merged.name),
-        (&whole.taps, &whole.texture, &whole.name)
-    );
+    assert_eq!((&merged.taps, &merged.texture, &merged.name), (&whole.taps, &whole.texture, &whole.name));
     assert!(crate::files::merge(models.clone(), models).is_err());
 }

@@ -16,20 +16,8 @@ pub fn write_models(surface: &Surface) -> Result<String, HattWriteError> {
     let mu = surface.friction.as_ref().ok_or(HattWriteError::NoFriction)?.mu();
     let name = checked_name(surface)?;
     let mut out = Xml::new("surface", &surface.provenance);
-    let kept = |field: &str| {
-        surface
-            .provenance
-            .settings
-            .get(&format!("hatt.{field}"))
-            .map(String::as_str)
-    };
-    out.line(
-        0,
-        &format!(
-            "<modelSet texture=\"{}\">",
-            escape(kept("texture").unwrap_or("1"))
-        ),
-    );
+    let kept = |field: &str| surface.provenance.settings.get(&format!("hatt.{field}")).map(String::as_str);
+    out.line(0, &format!("<modelSet texture=\"{}\">", escape(kept("texture").unwrap_or("1"))));
     out.field(1, "material", name);
     out.field(1, "AccelUnits", "m/s^2");
     out.field(1, "SpeedUnits", "mm/s");
@@ -45,25 +33,10 @@ pub fn write_models(surface: &Surface) -> Result<String, HattWriteError> {
     out.field(1, "maxSpeed", &format_thousandfold(texture.max_speed_m_s()));
     out.field(1, "maxForce", &texture.max_force_n().to_string());
     let models = texture.models();
-    out.list(
-        1,
-        "speedList",
-        true,
-        models.iter().map(|at| format_thousandfold(at.speed_m_s)),
-    );
-    out.list(
-        1,
-        "forceList",
-        true,
-        models.iter().map(|at| at.force_n.to_string()),
-    );
+    out.list(1, "speedList", true, models.iter().map(|at| format_thousandfold(at.speed_m_s)));
+    out.list(1, "forceList", true, models.iter().map(|at| at.force_n.to_string()));
     for triangle in texture.triangles() {
-        out.list(
-            1,
-            "tri",
-            true,
-            triangle.iter().map(|vertex| (vertex + 1).to_string()),
-        );
+        out.list(1, "tri", true, triangle.iter().map(|vertex| (vertex + 1).to_string()));
     }
     for field in &KEPT[3..] {
         out.field(1, field, &picture(field));
@@ -105,29 +78,16 @@ fn write_model(out: &mut Xml, number: usize, at: &ModelAt, has_gain: bool) {
 pub fn write_taps(surface: &Surface) -> Result<String, HattWriteError> {
     let taps = surface.taps.as_ref().ok_or(HattWriteError::NoTaps)?;
     if taps.rate_hz() != TAP_RATE_HZ || taps.length() != TAP_SAMPLES {
-        return Err(HattWriteError::TapShape {
-            samples: taps.length(),
-            rate_hz: taps.rate_hz(),
-        });
+        return Err(HattWriteError::TapShape { samples: taps.length(), rate_hz: taps.rate_hz() });
     }
     let mut out = Xml::new("surface", &surface.provenance);
     out.line(0, "<tapSet>");
     out.field(1, "numTap", &taps.taps().len().to_string());
-    out.list(
-        1,
-        "speedList",
-        true,
-        taps.taps().iter().map(|tap| format_thousandfold(tap.speed_m_s)),
-    );
+    out.list(1, "speedList", true, taps.taps().iter().map(|tap| format_thousandfold(tap.speed_m_s)));
     for tap in taps.taps() {
         out.line(1, "<tap>");
         out.field(2, "tapSpeed", &format_thousandfold(tap.speed_m_s));
-        out.list(
-            2,
-            "tapAccel",
-            false,
-            tap.acceleration_m_s2.iter().map(f64::to_string),
-        );
+        out.list(2, "tapAccel", false, tap.acceleration_m_s2.iter().map(f64::to_string));
         out.line(1, "</tap>");
     }
     out.line(0, "</tapSet>");
@@ -138,13 +98,7 @@ fn checked_name(surface: &Surface) -> Result<&str, HattWriteError> {
     let name = surface.name.as_str();
     // XML trims and joins some white space; names with it are refused, because they would change.
     let unfit = |c: char| c.is_control() || c == '\u{fffe}' || c == '\u{ffff}';
-    if name.contains(unfit) {
-        Err(HattWriteError::Name {
-            name: name.to_owned(),
-        })
-    } else {
-        Ok(name)
-    }
+    if name.contains(unfit) { Err(HattWriteError::Name { name: name.to_owned() }) } else { Ok(name) }
 }
 
 /// The toolkit's path of a material's picture.
@@ -167,9 +121,7 @@ impl Xml {
     /// A file of a `kind` with its provenance.
     pub fn new(kind: &str, provenance: &Provenance) -> Self {
         let label = label(kind, provenance);
-        Xml {
-            text: format!("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- {label} -->\n"),
-        }
+        Xml { text: format!("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- {label} -->\n") }
     }
 
     pub fn line(&mut self, depth: usize, line: &str) {

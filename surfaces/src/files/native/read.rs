@@ -16,16 +16,11 @@ use ron::extensions::Extensions;
 /// Reads a surface from the text of a `.ron` file.
 pub fn read(text: &str) -> Result<Surface, ReadError> {
     let document = parse(text)?;
-    surface(document).map_err(|problem| ReadError {
-        place: place_of(&problem, text),
-        problem,
-    })
+    surface(document).map_err(|problem| ReadError { place: place_of(&problem, text), problem })
 }
 
 fn options() -> ron::Options {
-    ron::Options::default()
-        .with_default_extension(Extensions::IMPLICIT_SOME)
-        .with_recursion_limit(32)
+    ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME).with_recursion_limit(32)
 }
 
 fn parse(text: &str) -> Result<SurfaceDocument, ReadError> {
@@ -36,17 +31,11 @@ fn parse(text: &str) -> Result<SurfaceDocument, ReadError> {
         Err(_) => options().from_str::<Head>(text).ok().map(|head| head.format),
     };
     if let Some(found) = version.filter(|&found| found != FORMAT) {
-        return Err(ReadError {
-            place: None,
-            problem: Problem::Version { found },
-        });
+        return Err(ReadError { place: None, problem: Problem::Version { found } });
     }
     document.map_err(|error| {
         let (place, reason) = Malformed::of(text, "Surface", error);
-        ReadError {
-            place: Some(place),
-            problem: reason.into(),
-        }
+        ReadError { place: Some(place), problem: reason.into() }
     })
 }
 
@@ -58,10 +47,8 @@ fn surface(document: SurfaceDocument) -> Result<Surface, Problem> {
         version: document.provenance.made_by,
     };
     let mut surface = Surface::new(document.name, provenance);
-    surface.friction = document
-        .friction
-        .map(|friction| Friction::new(friction.mu, friction.r_squared))
-        .transpose()?;
+    surface.friction =
+        document.friction.map(|friction| Friction::new(friction.mu, friction.r_squared)).transpose()?;
     surface.stiffness = document
         .stiffness
         .map(|stiffness| Stiffness::new(stiffness.n_per_mm, stiffness.r_squared))
@@ -93,11 +80,7 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
         .collect::<Result<Vec<_>, _>>()?;
     let mut models = Vec::with_capacity(document.vertices.0.len());
     for (vertex, document) in document.vertices.0.into_iter().enumerate() {
-        let no_such = Problem::NoSuchFilter {
-            vertex,
-            filter: document.filter,
-            filters: filters.len(),
-        };
+        let no_such = Problem::NoSuchFilter { vertex, filter: document.filter, filters: filters.len() };
         let filter: &ArmaModel = filters.get(document.filter).ok_or(no_such)?;
         let level = |model: ArmaModel| match (document.variance, document.power_m2_s4) {
             (Some(variance), None) => model.with_variance(variance),
@@ -110,12 +93,7 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
             KindDocument::Fitted => VertexKind::Fitted,
             KindDocument::Edge => VertexKind::Edge,
         };
-        models.push(ModelAt {
-            speed_m_s: document.speed_mm_s.si,
-            force_n: document.force_n,
-            model,
-            kind,
-        });
+        models.push(ModelAt { speed_m_s: document.speed_mm_s.si, force_n: document.force_n, model, kind });
     }
     let texture = match document.triangles {
         Some(triangles) => TextureModel::new(document.rate_hz, models, triangles.0)?,
@@ -127,11 +105,7 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
         .transpose()?;
     let lines = document.lines.map_or(vec![], |lines| lines.0).into_iter();
     let lines = lines.map(|line| {
-        SpatialLine::new(
-            line.cycles_per_mm.si,
-            line.diffusion_rad2_per_mm.si,
-            line.powers_m2_s4.0,
-        )
+        SpatialLine::new(line.cycles_per_mm.si, line.diffusion_rad2_per_mm.si, line.powers_m2_s4.0)
     });
     Ok(texture
         .with_highpass_hz(document.highpass_hz)?
@@ -141,25 +115,14 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
 
 /// A filter; computes coefficients from LSFs, or LSFs from coefficients, if the file has only one of them.
 fn filter(number: usize, document: FilterDocument, warping: Option<f64>) -> Result<ArmaModel, Problem> {
-    let failed = |error: ModelError| Problem::Filter {
-        filter: number,
-        error,
-    };
+    let failed = |error: ModelError| Problem::Filter { filter: number, error };
     let list = |list: Option<super::document::Coefficients>| list.map(|list| list.0);
-    let (ar, ar_lsf) = both(
-        list(document.ar),
-        list(document.ar_lsf),
-        crate::model::Polynomial::Ar,
-    )
-    .ok_or(Problem::EmptyFilter { filter: number })?
-    .map_err(failed)?;
-    let (ma, ma_lsf) = both(
-        list(document.ma),
-        list(document.ma_lsf),
-        crate::model::Polynomial::Ma,
-    )
-    .unwrap_or(Ok((Vec::new(), Vec::new())))
-    .map_err(failed)?;
+    let (ar, ar_lsf) = both(list(document.ar), list(document.ar_lsf), crate::model::Polynomial::Ar)
+        .ok_or(Problem::EmptyFilter { filter: number })?
+        .map_err(failed)?;
+    let (ma, ma_lsf) = both(list(document.ma), list(document.ma_lsf), crate::model::Polynomial::Ma)
+        .unwrap_or(Ok((Vec::new(), Vec::new())))
+        .map_err(failed)?;
     if let Some(warping) = warping {
         if !ma.is_empty() || document.gain.is_some() {
             return Err(failed(ModelError::WarpedMovingAverage));
@@ -167,15 +130,7 @@ fn filter(number: usize, document: FilterDocument, warping: Option<f64>) -> Resu
         return ArmaModel::warped_from_stored(ar, ar_lsf, warping).map_err(failed);
     }
     let gain = document.gain.unwrap_or(1.0);
-    ArmaModel::from_stored(StoredModel {
-        ar,
-        ar_lsf,
-        ma,
-        ma_lsf,
-        gain,
-        variance: 0.0,
-    })
-    .map_err(failed)
+    ArmaModel::from_stored(StoredModel { ar, ar_lsf, ma, ma_lsf, gain, variance: 0.0 }).map_err(failed)
 }
 
 type Both = (Vec<f64>, Vec<f64>);

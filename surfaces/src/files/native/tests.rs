@@ -40,28 +40,15 @@ fn random_surface(seed: u64) -> Surface {
     let mut surface = Surface::new("Prüfstück", provenance);
     surface.friction = Some(Friction::new(random.random(), Some(random.random())).unwrap());
     surface.stiffness = Some(Stiffness::new(random.random_range(1.0..50.0), None).unwrap());
-    surface.taps = Some(
-        Taps::new(
-            1000.0,
-            vec![tap(0.0123456789, &mut random), tap(0.3, &mut random)],
-        )
-        .unwrap(),
-    );
+    surface.taps =
+        Some(Taps::new(1000.0, vec![tap(0.0123456789, &mut random), tap(0.3, &mut random)]).unwrap());
     let crackle = Crackle::new(random.random_range(0.1..2.0), random.random_range(0.001..0.1)).unwrap();
     let texture = TextureModel::from_measured(1000.0, measured, &Hull::default()).unwrap();
     let mut power = |at: &ModelAt| {
-        if at.speed_m_s * at.force_n == 0.0 {
-            0.0
-        } else {
-            random.random()
-        }
+        if at.speed_m_s * at.force_n == 0.0 { 0.0 } else { random.random() }
     };
     let powers: Vec<f64> = texture.models().iter().map(&mut power).collect();
-    let line = SpatialLine::new(
-        random.random_range(10.0..5000.0),
-        random.random_range(0.0..100.0),
-        powers,
-    );
+    let line = SpatialLine::new(random.random_range(10.0..5000.0), random.random_range(0.0..100.0), powers);
     let texture = texture.with_lines(vec![line.unwrap()]).unwrap();
     surface.texture = Some(texture.with_crackle(Some(crackle)));
     surface
@@ -85,10 +72,7 @@ const SQUARE: &str = r#"Surface(
 
 fn error(text: &str) -> (Option<(usize, usize)>, String) {
     let error = read_surface(text.as_bytes()).expect_err(text);
-    (
-        error.place.map(|Place { line, column }| (line, column)),
-        error.to_string(),
-    )
+    (error.place.map(|Place { line, column }| (line, column)), error.to_string())
 }
 
 #[test]
@@ -98,10 +82,7 @@ fn a_hand_written_file_needs_no_lsfs_and_no_triangles() {
     assert_eq!(texture.triangles().len(), 2);
     assert_eq!((texture.max_speed_m_s(), texture.max_force_n()), (0.2, 3.0));
     assert_eq!(texture.models()[2].kind, VertexKind::Measured);
-    assert_eq!(
-        read_surface(format!("\u{feff}{SQUARE}").as_bytes()).unwrap(),
-        surface
-    );
+    assert_eq!(read_surface(format!("\u{feff}{SQUARE}").as_bytes()).unwrap(), surface);
     assert_eq!(read(&SQUARE.replace('\n', "\r\n")).unwrap(), surface);
 }
 
@@ -113,11 +94,7 @@ fn a_file_that_is_cut_anywhere_is_called_incomplete() {
     for cut in cuts.chain((10..SQUARE.len() - 1).map(|end| &SQUARE[..end])) {
         let problem = read_surface(cut.as_bytes()).expect_err(cut).problem;
         let is_incomplete = matches!(problem, Problem::Malformed(Malformed::Incomplete { .. }));
-        assert!(
-            is_incomplete,
-            "{problem}: ...{}",
-            &cut[cut.len().saturating_sub(60)..]
-        );
+        assert!(is_incomplete, "{problem}: ...{}", &cut[cut.len().saturating_sub(60)..]);
     }
     // A bracket too few in the middle is none at the end, and a mistake stays one.
     for wrong in [SQUARE.replace("[(ar:", "(ar:"), SQUARE.replace("1000", "fast")] {
@@ -130,10 +107,7 @@ fn a_file_that_is_cut_anywhere_is_called_incomplete() {
 #[test]
 fn a_file_of_another_kind_is_named_by_its_beginning() {
     let root = "Surface";
-    let other = |found: &str| Malformed::OtherKind {
-        root,
-        found: found.to_owned(),
-    };
+    let other = |found: &str| Malformed::OtherKind { root, found: found.to_owned() };
     for (text, reason) in [
         ("", Malformed::Empty { root }),
         ("\n // nothing\n", Malformed::Empty { root }),
@@ -172,10 +146,7 @@ fn what_is_not_known_or_given_twice_is_refused_where_it_stands() {
     assert!(message.contains("rite_hz"), "{message}");
     let (place, message) = error(&SQUARE.replace("name:", "format: 1, name:"));
     assert_eq!(place.map(|p| p.0), Some(3));
-    assert!(
-        message.contains("uplicate") && message.contains("format"),
-        "{message}"
-    );
+    assert!(message.contains("uplicate") && message.contains("format"), "{message}");
     let (_, message) = error(&SQUARE.replace("made_by", "settings: { \"a\": \"1\", \"a\": \"2\" }, made_by"));
     assert!(message.contains("\"a\" is given twice"), "{message}");
 }
@@ -186,18 +157,14 @@ fn errors_of_meaning_have_a_line_and_column_too() {
     assert_eq!(place, Some((7, 19)), "{message}");
     let (place, message) = error(&SQUARE.replace("force_n: 3, filter: 0", "force_n: 3, filter: 1"));
     assert_eq!(place, Some((11, 13)), "{message}");
-    let (place, message) = error(&SQUARE.replace(
-        "force_n: 0, filter: 0, variance: 0",
-        "force_n: 0, filter: 0, variance: 1",
-    ));
+    let (place, message) =
+        error(&SQUARE.replace("force_n: 0, filter: 0, variance: 0", "force_n: 0, filter: 0, variance: 1"));
     assert_eq!(place, Some((9, 13)), "{message}");
     assert!(message.contains("zero speed or force"), "{message}");
     let (place, message) = error(&SQUARE.replace("ar: [-0.5, 0.2]", ""));
     assert_eq!(place, Some((7, 19)), "{message}");
-    let (_, message) = error(&SQUARE.replace(
-        "rate_hz: 1000",
-        "rate_hz: 1000, crackle: (depth: -1, time_constant_ms: 5)",
-    ));
+    let (_, message) =
+        error(&SQUARE.replace("rate_hz: 1000", "rate_hz: 1000, crackle: (depth: -1, time_constant_ms: 5)"));
     assert!(message.contains("depth -1"), "{message}");
     let line = |powers: &str| {
         let line = format!("(cycles_per_mm: 0.3, diffusion_rad2_per_mm: 0.1, powers_m2_s4: {powers})");
@@ -224,12 +191,7 @@ fn a_list_beyond_all_reason_is_refused() {
     assert!(message.contains("more than 32 entries"), "{message}");
     assert!(read_surface(&[b'('; 100_000]).is_err());
     assert!(read_surface(b"").is_err());
-    assert!(
-        read_surface(b"\xff\xfe")
-            .unwrap_err()
-            .to_string()
-            .contains("UTF-8")
-    );
+    assert!(read_surface(b"\xff\xfe").unwrap_err().to_string().contains("UTF-8"));
 }
 
 proptest! {
@@ -268,11 +230,7 @@ fn numbers_without_bounds_are_refused_by_name() {
             "taps: (\n        rate_hz: 1e12,",
             "the taps' rate",
         ),
-        (
-            at(taps.taps().last().unwrap().speed_m_s),
-            "speed_mm_s: 1e16,",
-            "impact speed",
-        ),
+        (at(taps.taps().last().unwrap().speed_m_s), "speed_mm_s: 1e16,", "impact speed"),
         (at(fastest), "speed_mm_s: 1e16,", "at 1e13 m/s"),
     ] {
         let broken = text.replace(&part, with);

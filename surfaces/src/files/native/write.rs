@@ -16,17 +16,9 @@ pub fn write(surface: &Surface) -> String {
 }
 
 fn write_surface(out: &mut String, surface: &Surface) -> std::fmt::Result {
-    writeln!(
-        out,
-        "Surface(\n    format: {FORMAT},\n    name: {},",
-        quoted(&surface.name)
-    )?;
+    writeln!(out, "Surface(\n    format: {FORMAT},\n    name: {},", quoted(&surface.name))?;
     let provenance = &surface.provenance;
-    writeln!(
-        out,
-        "    provenance: (\n        origin: {},",
-        provenance.origin.as_str()
-    )?;
+    writeln!(out, "    provenance: (\n        origin: {},", provenance.origin.as_str())?;
     writeln!(out, "        source: {},", quoted(&provenance.source))?;
     writeln!(out, "        made_by: {},", quoted(&provenance.version))?;
     if !provenance.settings.is_empty() {
@@ -62,17 +54,9 @@ fn write_r_squared(out: &mut String, r_squared: Option<f64>) -> std::fmt::Result
 }
 
 fn write_taps(out: &mut String, taps: &Taps) -> std::fmt::Result {
-    writeln!(
-        out,
-        "    taps: (\n        rate_hz: {:?},\n        taps: [",
-        taps.rate_hz()
-    )?;
+    writeln!(out, "    taps: (\n        rate_hz: {:?},\n        taps: [", taps.rate_hz())?;
     for tap in taps.taps() {
-        writeln!(
-            out,
-            "            (\n                speed_mm_s: {},",
-            format_thousandfold(tap.speed_m_s)
-        )?;
+        writeln!(out, "            (\n                speed_mm_s: {},", format_thousandfold(tap.speed_m_s))?;
         if let Some(peak_force_n) = tap.peak_force_n {
             writeln!(out, "                peak_force_n: {peak_force_n:?},")?;
         }
@@ -152,11 +136,7 @@ fn write_lines(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
     for line in texture.lines() {
         let per_mm = |per_m: f64| format_shifted(per_m, -3);
         writeln!(out, "            (")?;
-        writeln!(
-            out,
-            "                cycles_per_mm: {},",
-            per_mm(line.cycles_per_m())
-        )?;
+        writeln!(out, "                cycles_per_mm: {},", per_mm(line.cycles_per_m()))?;
         let diffusion = per_mm(line.diffusion_rad2_per_m());
         writeln!(out, "                diffusion_rad2_per_mm: {diffusion},")?;
         write_numbers(out, "                powers_m2_s4: ", line.powers_m2_s4())?;

@@ -57,10 +57,7 @@ pub(super) fn find_lines(
 /// `texture` with these lines, whose powers are evaluated at its models.
 pub(super) fn with_lines(texture: TextureModel, found: &[FoundLine]) -> Result<TextureModel, TextureError> {
     let lines = found.iter().map(|line| {
-        let powers = texture
-            .models()
-            .iter()
-            .map(|at| line.power_at(at.speed_m_s, at.force_n));
+        let powers = texture.models().iter().map(|at| line.power_at(at.speed_m_s, at.force_n));
         SpatialLine::new(line.cycles_per_m, line.diffusion_rad2_per_m, powers.collect())
     });
     let lines = lines.collect::<Result<Vec<_>, _>>()?;

@@ -104,17 +104,10 @@ impl Track {
         stretches: &[Stretch],
         rate_hz: f64,
     ) -> Self {
-        let mut track = Self {
-            samples: vec![],
-            steps_m: vec![],
-            lengths: vec![],
-            rate_hz,
-        };
+        let mut track = Self { samples: vec![], steps_m: vec![], lengths: vec![], rate_hz };
         for Stretch { recording, samples } in stretches {
             let speeds = &recordings[*recording].signals().speed_m_s[samples.clone()];
-            track
-                .samples
-                .extend(&whitened[*recording].samples[samples.clone()]);
+            track.samples.extend(&whitened[*recording].samples[samples.clone()]);
             track.steps_m.extend(speeds.iter().map(|speed| speed / rate_hz));
             track.lengths.push(samples.len());
         }
@@ -130,10 +123,7 @@ impl Track {
             let mut shifted = self.steps_m.clone();
             shifted.rotate_left(shift);
             let pairs = self.steps_m.iter().zip(&shifted);
-            let same: f64 = pairs
-                .filter(|(a, b)| (*a - *b).abs() < 0.05 * **a)
-                .map(|(step, _)| step)
-                .sum();
+            let same: f64 = pairs.filter(|(a, b)| (*a - *b).abs() < 0.05 * **a).map(|(step, _)| step).sum();
             if same < SAME * way {
                 return Some(shifted);
             }
@@ -163,12 +153,7 @@ impl Axis {
         let finest_per_m = (highest_hz / slow_m_s).min(FINEST_PER_M);
         let bin_m = 0.25 / finest_per_m;
         let bins = ((2.0 * WINDOW_M / bin_m) as usize).max(64).next_power_of_two();
-        Some(Self {
-            bin_m,
-            bins,
-            column_per_m: 1.0 / (bins as f64 * bin_m),
-            columns: bins / 4,
-        })
+        Some(Self { bin_m, bins, column_per_m: 1.0 / (bins as f64 * bin_m), columns: bins / 4 })
     }
 }
 
@@ -184,10 +169,7 @@ impl Spectra {
         let mut laid = vec![];
         let mut start = 0;
         for length in &track.lengths {
-            let (samples, steps) = (
-                &track.samples[start..start + length],
-                &steps_m[start..start + length],
-            );
+            let (samples, steps) = (&track.samples[start..start + length], &steps_m[start..start + length]);
             start += length;
             for window in windows(steps) {
                 if window.len() >= MIN_SAMPLES {
@@ -206,16 +188,11 @@ impl Spectra {
         for pair in laid.chunks(2) {
             for spectrum in pair_spectra(pair, &transform, axis.columns) {
                 let mut sum = sums[sums.len() - 1].clone();
-                sum.iter_mut()
-                    .zip(spectrum)
-                    .for_each(|(sum, power)| *sum += power);
+                sum.iter_mut().zip(spectrum).for_each(|(sum, power)| *sum += power);
                 sums.push(sum);
             }
         }
-        Self {
-            speeds_m_s: laid.iter().map(|window| window.speed_m_s).collect(),
-            sums,
-        }
+        Self { speeds_m_s: laid.iter().map(|window| window.speed_m_s).collect(), sums }
     }
 
     /// The excess of each column over its neighbours, in standard errors: the minimum over the groups of windows from slow to
@@ -239,10 +216,7 @@ impl Spectra {
         }
         let lifts: Vec<Vec<f64>> = logs.iter().map(|logs| lifts(logs)).collect();
         for (place, (column, count)) in known.into_iter().enumerate() {
-            let least = lifts
-                .iter()
-                .map(|lifts| lifts[place])
-                .fold(f64::INFINITY, f64::min);
+            let least = lifts.iter().map(|lifts| lifts[place]).fold(f64::INFINITY, f64::min);
             scores[column] = least * (count as f64).sqrt();
         }
         scores
@@ -302,10 +276,7 @@ impl ResampledWindow {
         }
         let scale = 1.0 / (tapers * energy).max(1e-30).sqrt();
         bins.iter_mut().for_each(|bin| *bin *= scale);
-        Self {
-            speed_m_s: total / samples.len() as f64 * rate_hz,
-            bins,
-        }
+        Self { speed_m_s: total / samples.len() as f64 * rate_hz, bins }
     }
 }
 
@@ -321,7 +292,5 @@ fn pair_spectra(pair: &[ResampledWindow], transform: &fft::Transform, columns: u
         let twice = if window == 0 { above + below } else { above - below };
         0.25 * twice.norm_sqr()
     };
-    (0..pair.len())
-        .map(|window| (0..columns).map(|column| part(window, column)).collect())
-        .collect()
+    (0..pair.len()).map(|window| (0..columns).map(|column| part(window, column)).collect()).collect()
 }

@@ -18,10 +18,8 @@ pub(in super::super) fn without_lines(
     for line in lines {
         for Stretch { recording, samples } in &stretches {
             let signals = &mut signals[*recording];
-            let steps_m: Vec<f64> = signals.speed_m_s[samples.clone()]
-                .iter()
-                .map(|speed| speed / signals.rate_hz)
-                .collect();
+            let steps_m: Vec<f64> =
+                signals.speed_m_s[samples.clone()].iter().map(|speed| speed / signals.rate_hz).collect();
             remove(&mut signals.acceleration_m_s2[samples.clone()], &steps_m, line);
         }
     }
@@ -46,16 +44,11 @@ fn remove(samples: &mut [f64], steps_m: &[f64], line: &FoundLine) {
         })
         .collect();
     // Where cells are without samples there is no line to remove.
-    if ways_m
-        .last()
-        .is_none_or(|total_m| total_m / line.cell_m() > samples.len() as f64)
-    {
+    if ways_m.last().is_none_or(|total_m| total_m / line.cell_m() > samples.len() as f64) {
         return;
     }
     let amplitudes = amplitudes(samples, &ways_m, line);
-    let coherence_m = (2.0 / line.diffusion_rad2_per_m.max(1e-9))
-        .min(WINDOW_M)
-        .max(2.0 * line.cell_m());
+    let coherence_m = (2.0 / line.diffusion_rad2_per_m.max(1e-9)).min(WINDOW_M).max(2.0 * line.cell_m());
     let decay = (-line.cell_m() / coherence_m).exp();
     let (smooth, kept) = smoothed(&amplitudes, decay, line);
     // Amplitudes two cells apart have independent noise: their product is that of the line.
@@ -119,9 +112,7 @@ fn smoothed(amplitudes: &[Complex64], decay: f64, line: &FoundLine) -> (Vec<Comp
     let (mut kept, mut total) = (0.0, 0.0);
     for a in -reach..=reach {
         total += weight(a);
-        kept += (-reach..=reach)
-            .map(|b| weight(a) * weight(b) * coherence(a - b))
-            .sum::<f64>();
+        kept += (-reach..=reach).map(|b| weight(a) * weight(b) * coherence(a - b)).sum::<f64>();
     }
     (smooth, kept / (total * total))
 }

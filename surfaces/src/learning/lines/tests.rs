@@ -13,10 +13,7 @@ use std::f64::consts::TAU;
 const RATE_HZ: f64 = 10_000.0;
 
 fn settings() -> LawSettings {
-    LawSettings {
-        highpass_hz: None,
-        ..LawSettings::default()
-    }
+    LawSettings { highpass_hz: None, ..LawSettings::default() }
 }
 
 /// Ten seconds of a hand that goes faster and slower, by `ratio` from end to end, and presses more and less.
@@ -40,13 +37,8 @@ fn recording(
     speed_m_s: Vec<f64>,
     force_normal_n: Vec<f64>,
 ) -> ProcessedRecording {
-    let signals = Signals {
-        rate_hz: RATE_HZ,
-        acceleration_m_s2,
-        force_normal_n,
-        speed_m_s,
-        ..Signals::default()
-    };
+    let signals =
+        Signals { rate_hz: RATE_HZ, acceleration_m_s2, force_normal_n, speed_m_s, ..Signals::default() };
     ProcessedRecording::new(signals, Gesture::Drag, provenance()).expect("a recording")
 }
 
@@ -58,10 +50,7 @@ fn made(seed: u64, ratio: f64, per_m: &[f64], fixed_hz: &[f64]) -> ProcessedReco
     for (n, (y, speed)) in y.iter_mut().zip(&speeds).enumerate() {
         way += speed / RATE_HZ;
         let in_space: f64 = per_m.iter().map(|k| (TAU * k * way).sin()).sum();
-        let in_time: f64 = fixed_hz
-            .iter()
-            .map(|f| (TAU * f * n as f64 / RATE_HZ).sin())
-            .sum();
+        let in_time: f64 = fixed_hz.iter().map(|f| (TAU * f * n as f64 / RATE_HZ).sin()).sum();
         *y += 20.0 * speed * in_space + 3.0 * in_time;
     }
     recording(y, speeds, forces)
@@ -84,9 +73,7 @@ fn found(recording: &ProcessedRecording) -> Vec<FoundLine> {
 fn lines_in_space_are_found_with_their_power() {
     let lines = found(&made(1, 4.0, &[900.0, 2300.0], &[]));
     for wanted in [900.0, 2300.0] {
-        let line = lines
-            .iter()
-            .find(|line| (line.cycles_per_m - wanted).abs() < 0.5 / WINDOW_M);
+        let line = lines.iter().find(|line| (line.cycles_per_m - wanted).abs() < 0.5 / WINDOW_M);
         let line = line.unwrap_or_else(|| panic!("{wanted} is not among {lines:?}"));
         for speed_m_s in [0.06, 0.1, 0.18] {
             let off = 10.0 * (line.power_at(speed_m_s, 1.0) / (0.5 * (20.0 * speed_m_s).powi(2))).log10();
@@ -137,11 +124,7 @@ fn what_is_rendered_of_a_line_is_learned_again() {
     let texture = uncorrected(std::slice::from_ref(&plain), &settings());
     let powers = texture.models().iter().map(|at| {
         let rests = at.speed_m_s == 0.0 || at.force_n == 0.0;
-        if rests {
-            0.0
-        } else {
-            0.5 * (30.0 * at.speed_m_s).powi(2) * at.force_n
-        }
+        if rests { 0.0 } else { 0.5 * (30.0 * at.speed_m_s).powi(2) * at.force_n }
     });
     let line = SpatialLine::new(1500.0, 20.0, powers.collect()).expect("sound");
     let texture = texture.with_lines(vec![line]).expect("one line");
@@ -168,25 +151,14 @@ fn removal_leaves_the_noise() {
     let cleaned = without_lines(std::slice::from_ref(&whole), &whitened, &lines);
     let power = |recording: &ProcessedRecording, low: f64, high: f64| {
         let y = &recording.signals().acceleration_m_s2;
-        welch(y, RATE_HZ, 2000, 1000, Taper::Hann)
-            .expect("long enough")
-            .power_between(low, high)
+        welch(y, RATE_HZ, 2000, 1000, Taper::Hann).expect("long enough").power_between(low, high)
     };
-    for (low, high) in [
-        (20.0, 45.0),
-        (45.0, 90.0),
-        (90.0, 180.0),
-        (180.0, 400.0),
-        (400.0, 900.0),
-    ] {
+    for (low, high) in [(20.0, 45.0), (45.0, 90.0), (90.0, 180.0), (180.0, 400.0), (400.0, 900.0)] {
         let db = |recording: &ProcessedRecording| {
             10.0 * (power(recording, low, high) / power(&noise, low, high)).log10()
         };
         let (before, after) = (db(&whole), db(&cleaned[0]));
-        assert!(
-            after.abs() < 1.0f64.max(0.25 * before),
-            "{low} to {high} Hz: {before} then {after} dB"
-        );
+        assert!(after.abs() < 1.0f64.max(0.25 * before), "{low} to {high} Hz: {before} then {after} dB");
     }
     assert!(power(&whole, 45.0, 180.0) > 3.0 * power(&noise, 45.0, 180.0));
 }
@@ -201,45 +173,28 @@ fn the_fabrics_lines_are_found() {
         println!("FABRIC_DIR is not set");
         return;
     };
-    let law = LawSettings {
-        highpass_hz: Some(2.0),
-        min_force_n: 0.01,
-        ..LawSettings::default()
-    };
+    let law = LawSettings { highpass_hz: Some(2.0), min_force_n: 0.01, ..LawSettings::default() };
     for (fabric, wanted_per_m) in [("Canvas", 340.0), ("WovenFabric", 920.0)] {
         let recordings = fabric_slides(std::path::Path::new(&folder), fabric);
         let texture = uncorrected(&recordings, &law);
-        let whitened: Vec<_> = recordings
-            .iter()
-            .map(|r| Whitened::new(r, &texture, 0.005, 0.01))
-            .collect();
+        let whitened: Vec<_> = recordings.iter().map(|r| Whitened::new(r, &texture, 0.005, 0.01)).collect();
         let lines = find_lines(&recordings, &whitened, &texture);
         for line in &lines {
-            println!(
-                "{fabric}: {:.1} cycles/m, {:.1} rad2/m",
-                line.cycles_per_m, line.diffusion_rad2_per_m
-            );
+            println!("{fabric}: {:.1} cycles/m, {:.1} rad2/m", line.cycles_per_m, line.diffusion_rad2_per_m);
         }
-        let is_found = lines
-            .iter()
-            .any(|line| (line.cycles_per_m - wanted_per_m).abs() < 15.0);
+        let is_found = lines.iter().any(|line| (line.cycles_per_m - wanted_per_m).abs() < 15.0);
         assert!(is_found, "{fabric}");
     }
 }
 
 /// A take for each taxel of each slide, its level and drift taken out, at 356 Hz; the force is nominal.
 fn fabric_slides(folder: &std::path::Path, fabric: &str) -> Vec<ProcessedRecording> {
-    let mut files: Vec<_> = std::fs::read_dir(folder)
-        .expect("the folder")
-        .map(|entry| entry.expect("an entry").path())
-        .collect();
+    let mut files: Vec<_> =
+        std::fs::read_dir(folder).expect("the folder").map(|entry| entry.expect("an entry").path()).collect();
     files.sort();
     let mut takes = vec![];
     for file in files {
-        let name = file
-            .file_stem()
-            .map(|stem| stem.to_string_lossy().into_owned())
-            .unwrap_or_default();
+        let name = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         let parts: Vec<&str> = name.split('_').collect();
         let [material, force, speed, _] = parts[..] else {
             continue;
@@ -248,20 +203,12 @@ fn fabric_slides(folder: &std::path::Path, fabric: &str) -> Vec<ProcessedRecordi
             continue;
         }
         let force_n: f64 = force.trim_start_matches('F').parse::<f64>().expect("a force") / 100.0;
-        let speed: f64 = speed
-            .trim_start_matches('V')
-            .trim_end_matches("mmps")
-            .parse()
-            .expect("a speed");
+        let speed: f64 = speed.trim_start_matches('V').trim_end_matches("mmps").parse().expect("a speed");
         let text = std::fs::read_to_string(&file).expect("text");
         let rows: Vec<Vec<f64>> = text
             .lines()
             .skip(1)
-            .map(|line| {
-                line.split(',')
-                    .filter_map(|cell| cell.trim().parse().ok())
-                    .collect()
-            })
+            .map(|line| line.split(',').filter_map(|cell| cell.trim().parse().ok()).collect())
             .collect();
         let rows = &rows[rows.len() * 6 / 100..rows.len() * 97 / 100];
         for taxel in 3..19 {

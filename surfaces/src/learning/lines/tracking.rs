@@ -14,10 +14,7 @@ use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
 /// Prior of a line's power over speed and force: that of textures.
-const POWER: Prior = Prior {
-    slopes: POWER_SLOPES,
-    strength: 1.0,
-};
+const POWER: Prior = Prior { slopes: POWER_SLOPES, strength: 1.0 };
 const SPEED_EXPONENTS: (f64, f64) = (-1.0, 4.0);
 const FORCE_EXPONENTS: (f64, f64) = (0.0, 1.5);
 /// Extrapolation of the law beyond the data, as a ratio; and its limit over the loudest window, 6 dB.
@@ -128,9 +125,7 @@ fn law(cycles_per_m: f64, diffusion_rad2_per_m: f64, windows: &[Window]) -> Opti
     let coherence = |lag: usize| (-0.5 * diffusion_rad2_per_m * cell_m * (lag + 1) as f64).exp();
     let power = |window: &Window| {
         let squared: f64 = (0..POWER_LAGS).map(|lag| window.products[lag].re).sum();
-        let expected: f64 = (0..POWER_LAGS)
-            .map(|lag| window.counts[lag] as f64 * coherence(lag))
-            .sum();
+        let expected: f64 = (0..POWER_LAGS).map(|lag| window.counts[lag] as f64 * coherence(lag)).sum();
         0.5 * window.density * squared / expected.max(f64::MIN_POSITIVE)
     };
     let powers: Vec<f64> = windows.iter().map(power).collect();
@@ -141,9 +136,7 @@ fn law(cycles_per_m: f64, diffusion_rad2_per_m: f64, windows: &[Window]) -> Opti
     let powers: Vec<f64> = powers.into_iter().map(|power| power.max(LEAST * mean)).collect();
     let range = |value: fn(&Window) -> f64| {
         let values = windows.iter().map(value);
-        values.fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
-            (low.min(x), high.max(x))
-        })
+        values.fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)))
     };
     let centre_of = |value: fn(&Window) -> f64| {
         windows.iter().map(|window| value(window).ln()).sum::<f64>() / windows.len() as f64
@@ -223,10 +216,7 @@ fn products(samples: &[f64], steps_m: &[f64], cycles_per_m: f64) -> ([Complex64;
     let amplitudes: Vec<Complex64> = cells.iter().map(amplitude).collect();
     let mut sums = ([Complex64::new(0.0, 0.0); LAGS], [0; LAGS]);
     for lag in 0..LAGS {
-        for (a, b) in amplitudes
-            .iter()
-            .zip(amplitudes.get(lag + 1..).unwrap_or_default())
-        {
+        for (a, b) in amplitudes.iter().zip(amplitudes.get(lag + 1..).unwrap_or_default()) {
             sums.0[lag] += b * a.conj();
             sums.1[lag] += 1;
         }

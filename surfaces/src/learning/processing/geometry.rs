@@ -37,11 +37,7 @@ pub(super) fn along(a: Vector, scale: f64, b: Vector) -> Vector {
 /// `v` turned by the unit quaternion w, x, y, z.
 pub(super) fn rotate([w, x, y, z]: [f64; 4], v: Vector) -> Vector {
     let cross = |a: Vector, b: Vector| {
-        [
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ]
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     };
     let axis = [x, y, z];
     let twice = cross(axis, v).map(|c| 2.0 * c);
@@ -53,18 +49,10 @@ pub(super) fn interpolated_orientation(motion: &Series<Pose>, time_s: f64) -> [f
     let (before, part) = motion.place(time_s);
     let a = motion.samples[before].orientation;
     let b = motion.samples[(before + 1).min(motion.samples.len() - 1)].orientation;
-    let sign = if a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
-        -1.0
-    } else {
-        1.0
-    };
+    let sign = if a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
     let mixed: [f64; 4] = std::array::from_fn(|i| a[i] + part * (sign * b[i] - a[i]));
     let length = mixed.iter().map(|q| q * q).sum::<f64>().sqrt();
-    if length > 0.0 {
-        mixed.map(|q| q / length)
-    } else {
-        a
-    }
+    if length > 0.0 { mixed.map(|q| q / length) } else { a }
 }
 
 /// The unit outward normal of the surface.
@@ -85,29 +73,17 @@ pub(super) fn surface_normal(
         SurfaceNormal::PlaneFit => {
             let touches =
                 |(i, _): &(usize, &Vector)| norm(forces.at(recording.motion().time_s(*i))) > CONTACT_N;
-            let touching: Vec<Vector> = tips
-                .iter()
-                .enumerate()
-                .filter(touches)
-                .map(|(_, &tip)| tip)
-                .collect();
+            let touching: Vec<Vector> =
+                tips.iter().enumerate().filter(touches).map(|(_, &tip)| tip).collect();
             // A recording with almost no force counts as in contact all the time.
-            fit_plane(if touching.len() * 10 > tips.len() {
-                &touching
-            } else {
-                tips
-            })?
+            fit_plane(if touching.len() * 10 > tips.len() { &touching } else { tips })?
         }
     };
     let length = norm(normal);
     if !(length.is_finite() && length > 0.0) {
         return Err(ProcessingError::NoForce);
     }
-    let sign = if dot(normal, push) < 0.0 && !matches!(source, SurfaceNormal::Given(_)) {
-        -1.0
-    } else {
-        1.0
-    };
+    let sign = if dot(normal, push) < 0.0 && !matches!(source, SurfaceNormal::Given(_)) { -1.0 } else { 1.0 };
     Ok(normal.map(|x| sign * x / length))
 }
 

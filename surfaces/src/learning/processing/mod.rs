@@ -123,11 +123,7 @@ pub fn process(
         speed_m_s: contact.speed_m_s,
         axes_m_s2: Some(kept.iter().map(|&i| axes[i]).collect()),
     };
-    Ok(ProcessedRecording::new(
-        signals,
-        recording.gesture(),
-        recording.provenance().clone(),
-    )?)
+    Ok(ProcessedRecording::new(signals, recording.gesture(), recording.provenance().clone())?)
 }
 
 /// The same with the tip's position and the force on the tool by axis.
@@ -137,16 +133,9 @@ pub fn process_with_world(
 ) -> Result<ProcessedRecording, ProcessingError> {
     let (_, times) = common_times(recording);
     let (forces, motion) = (world_forces(recording), recording.motion());
-    let tips = Series {
-        rate_hz: motion.rate_hz,
-        start_s: motion.start_s,
-        samples: tip_positions(recording),
-    };
+    let tips = Series { rate_hz: motion.rate_hz, start_s: motion.start_s, samples: tip_positions(recording) };
     let at = |series: &Series<Vector>| times.iter().map(|time| series.at(*time)).collect();
-    let world = WorldAxes {
-        position_m: Some(at(&tips)),
-        force_n: Some(at(&forces)),
-    };
+    let world = WorldAxes { position_m: Some(at(&tips)), force_n: Some(at(&forces)) };
     Ok(process(recording, settings)?.with_world(world)?)
 }
 
@@ -170,11 +159,7 @@ pub fn recombined(
     let mut signals = recording.signals().clone();
     let axes = signals.axes_m_s2.as_ref().ok_or(ProcessingError::NoAxes)?;
     signals.acceleration_m_s2 = combined(axes, signals.rate_hz, settings)?;
-    Ok(ProcessedRecording::new(
-        signals,
-        recording.gesture(),
-        recording.provenance().clone(),
-    )?)
+    Ok(ProcessedRecording::new(signals, recording.gesture(), recording.provenance().clone())?)
 }
 
 /// Acceleration axes high-passed and combined to one, m/s².
@@ -210,9 +195,7 @@ pub fn high_passed(
 /// Acceleration, m/s², sample by sample of the accelerometer.
 pub fn acceleration_axes(recording: &Recording) -> Vec<[f64; 3]> {
     let volts = recording.acceleration_v().samples.iter();
-    volts
-        .map(|volts| axes_of(recording.calibration(), volts))
-        .collect()
+    volts.map(|volts| axes_of(recording.calibration(), volts)).collect()
 }
 
 /// Acceleration of a reading, m/s2.
@@ -225,18 +208,13 @@ pub(crate) fn axes_of(calibration: &Calibration, volts: &[f64; 3]) -> [f64; 3] {
 /// Loads on the tool in its own frame, sample by sample of the force sensor.
 pub fn tool_wrench(recording: &Recording) -> Vec<Wrench> {
     let loads = recording.wrench().samples.iter();
-    loads
-        .map(|load| load_on_tool(recording.calibration(), load))
-        .collect()
+    loads.map(|load| load_on_tool(recording.calibration(), load)).collect()
 }
 
 /// A load in the tool's own frame, of one in the force sensor's.
 pub(crate) fn load_on_tool(calibration: &Calibration, load: &Wrench) -> Wrench {
     let turn = |v: [f64; 3]| calibration.force_sensor_to_tool.map(|row| dot(row, v));
-    Wrench {
-        force_n: turn(load.force_n),
-        torque_n_m: turn(load.torque_n_m),
-    }
+    Wrench { force_n: turn(load.force_n), torque_n_m: turn(load.torque_n_m) }
 }
 
 /// The tip in the world, m, sample by sample of the tracker.
@@ -247,11 +225,7 @@ pub fn tip_positions(recording: &Recording) -> Vec<[f64; 3]> {
 
 /// The tip in the world, m, of a pose of the tracker's sensor.
 pub(crate) fn tip_of(calibration: &Calibration, pose: &Pose) -> [f64; 3] {
-    along(
-        pose.position_m,
-        1.0,
-        rotate(pose.orientation, calibration.tracker_to_tip_m),
-    )
+    along(pose.position_m, 1.0, rotate(pose.orientation, calibration.tracker_to_tip_m))
 }
 
 /// Forces and speed at given moments.
@@ -286,29 +260,19 @@ pub(super) fn contact_signals(
     let rate_hz = match times {
         [first, .., last] => (times.len() - 1) as f64 / (last - first),
         _ => {
-            return Err(RecordingError::TooShort {
-                quantity: "recording",
-                samples: times.len(),
-            }
-            .into());
+            return Err(RecordingError::TooShort { quantity: "recording", samples: times.len() }.into());
         }
     };
     let smooth = |signal: &[f64], sensor_hz: f64| -> Result<Vec<f64>, ProcessingError> {
         let cutoff_hz = settings.lowpass_hz.min(0.45 * sensor_hz.min(rate_hz));
-        Ok(filtfilt(
-            &butterworth_lowpass(LOWPASS_ORDER, cutoff_hz, rate_hz)?,
-            signal,
-        ))
+        Ok(filtfilt(&butterworth_lowpass(LOWPASS_ORDER, cutoff_hz, rate_hz)?, signal))
     };
     let (force_hz, tracker_hz) = (recording.wrench().rate_hz, recording.motion().rate_hz);
     Ok(ContactSignals {
         force_normal_n: smooth(&normal_n, force_hz)?,
         force_tangential_n: smooth(&tangential_n, force_hz)?,
         // Smoothing may undershoot zero where the tool stops.
-        speed_m_s: smooth(&speed_m_s, tracker_hz)?
-            .into_iter()
-            .map(|v| v.max(0.0))
-            .collect(),
+        speed_m_s: smooth(&speed_m_s, tracker_hz)?.into_iter().map(|v| v.max(0.0)).collect(),
     })
 }
 
@@ -329,31 +293,17 @@ pub(super) fn press_curve(
         samples: tips.iter().map(depth).collect(),
     };
     let least = depths.samples.iter().copied().fold(f64::INFINITY, f64::min);
-    Ok(times
-        .iter()
-        .map(|&time| (depths.at(time) - least, dot(forces.at(time), normal)))
-        .collect())
+    Ok(times.iter().map(|&time| (depths.at(time) - least, dot(forces.at(time), normal))).collect())
 }
 
 /// Forces on the tool in the world, N, sample by sample of the force sensor.
 fn world_forces(recording: &Recording) -> Series<Vector> {
     let wrench = recording.wrench();
     let turned = |(i, w): (usize, Wrench)| {
-        rotate(
-            interpolated_orientation(recording.motion(), wrench.time_s(i)),
-            w.force_n,
-        )
+        rotate(interpolated_orientation(recording.motion(), wrench.time_s(i)), w.force_n)
     };
-    let samples = tool_wrench(recording)
-        .into_iter()
-        .enumerate()
-        .map(turned)
-        .collect();
-    Series {
-        rate_hz: wrench.rate_hz,
-        start_s: wrench.start_s,
-        samples,
-    }
+    let samples = tool_wrench(recording).into_iter().enumerate().map(turned).collect();
+    Series { rate_hz: wrench.rate_hz, start_s: wrench.start_s, samples }
 }
 
 /// Velocities of the tip, m/s, sample by sample of the tracker.
@@ -400,7 +350,5 @@ fn derivative(
             .collect();
         filtfilt(&lowpass, &derivative)
     });
-    Ok((0..=last)
-        .map(|i| std::array::from_fn(|axis| smooth[axis][i]))
-        .collect())
+    Ok((0..=last).map(|i| std::array::from_fn(|axis| smooth[axis][i])).collect())
 }

@@ -49,13 +49,9 @@ pub fn reduce(axes: &[Vec<f64>; 3], reduction: AxisReduction) -> Option<Vec<f64>
         AxisReduction::SingleAxis(axis) => axes.get(axis)?.clone(),
         AxisReduction::PrincipalComponent => {
             let direction = principal_direction(samples());
-            samples()
-                .map(|a| a.iter().zip(direction).map(|(a, d)| a * d).sum())
-                .collect()
+            samples().map(|a| a.iter().zip(direction).map(|(a, d)| a * d).sum()).collect()
         }
-        AxisReduction::VectorMagnitude => samples()
-            .map(|[x, y, z]| (x * x + y * y + z * z).sqrt())
-            .collect(),
+        AxisReduction::VectorMagnitude => samples().map(|[x, y, z]| (x * x + y * y + z * z).sqrt()).collect(),
     })
 }
 
@@ -76,11 +72,7 @@ fn dft321(axes: &[Vec<f64>; 3]) -> Vec<f64> {
         let sum = x[k] + y[k] + z[k];
         let magnitude = (x[k].norm_sqr() + y[k].norm_sqr() + z[k].norm_sqr()).sqrt();
         // If the axes cancel, the phase is undefined, and any phase is correct.
-        let phase = if sum.norm() > 0.0 {
-            sum / sum.norm()
-        } else {
-            Complex64::new(1.0, 0.0)
-        };
+        let phase = if sum.norm() > 0.0 { sum / sum.norm() } else { Complex64::new(1.0, 0.0) };
         combined[k] = magnitude * phase;
         // The other half mirrors it, or the result would not be real.
         combined[(n - k) % n] = combined[k].conj();

@@ -9,10 +9,7 @@ fn middle(signal: &[f64]) -> &[f64] {
 }
 
 fn assert_all_near(signal: &[f64], value: f64, tolerance: f64) {
-    let worst = middle(signal)
-        .iter()
-        .map(|x| (x - value).abs())
-        .fold(0.0, f64::max);
+    let worst = middle(signal).iter().map(|x| (x - value).abs()).fold(0.0, f64::max);
     assert!(worst <= tolerance, "off by {worst} from {value}");
 }
 
@@ -31,11 +28,9 @@ fn a_circle_has_its_push_friction_and_speed() {
 fn the_plane_and_the_mean_force_agree_on_the_normal() {
     let recording = circle(3.0, 0.03, 1.0, 2.0, 0.3);
     let (forces, tips) = (world_forces(&recording), tip_positions(&recording));
-    for source in [
-        SurfaceNormal::PlaneFit,
-        SurfaceNormal::ForceDirection,
-        SurfaceNormal::Given(normal().into()),
-    ] {
+    for source in
+        [SurfaceNormal::PlaneFit, SurfaceNormal::ForceDirection, SurfaceNormal::Given(normal().into())]
+    {
         let found = geometry::surface_normal(&recording, &forces, &tips, source).unwrap();
         let off = norm(along(found, -1.0, normal().into()));
         assert!(off < 1e-3, "{source:?} is off by {off}");
@@ -52,15 +47,8 @@ fn a_straight_stroke_has_no_plane_and_says_so() {
     });
     let error = process(&recording, &ProcessingSettings::default()).unwrap_err();
     assert!(matches!(error, ProcessingError::NoPlane { .. }), "{error}");
-    let settings = ProcessingSettings {
-        normal: SurfaceNormal::ForceDirection,
-        ..Default::default()
-    };
-    assert_all_near(
-        &process(&recording, &settings).unwrap().signals().force_normal_n,
-        1.0,
-        1e-3,
-    );
+    let settings = ProcessingSettings { normal: SurfaceNormal::ForceDirection, ..Default::default() };
+    assert_all_near(&process(&recording, &settings).unwrap().signals().force_normal_n, 1.0, 1e-3);
 }
 
 #[test]
@@ -70,31 +58,21 @@ fn tracker_noise_does_not_count_as_speed() {
         let angle = TAU * 0.5 * t;
         let mut jitter = || 0.144e-3 * noise.next_sample();
         Moment {
-            place_m: [
-                0.03 * angle.cos() + jitter(),
-                0.03 * angle.sin() + jitter(),
-                jitter(),
-            ],
+            place_m: [0.03 * angle.cos() + jitter(), 0.03 * angle.sin() + jitter(), jitter()],
             push_n: 1.0,
             friction_n: [0.0; 2],
             vibration_m_s2: [0.0; 3],
         }
     });
     let mean_error = |velocity_lowpass_hz: f64| {
-        let settings = ProcessingSettings {
-            velocity_lowpass_hz,
-            ..Default::default()
-        };
+        let settings = ProcessingSettings { velocity_lowpass_hz, ..Default::default() };
         let processed = process(&jittery, &settings).unwrap();
         let speed = middle(&processed.signals().speed_m_s);
         speed.iter().sum::<f64>() / speed.len() as f64 - TAU * 0.5 * 0.03
     };
     assert!(mean_error(20.0).abs() < 1e-3, "{}", mean_error(20.0));
     let as_in_the_thesis = mean_error(100.0);
-    assert!(
-        as_in_the_thesis > 2e-3,
-        "noise should count here: {as_in_the_thesis}"
-    );
+    assert!(as_in_the_thesis > 2e-3, "noise should count here: {as_in_the_thesis}");
 }
 
 #[test]
@@ -111,9 +89,7 @@ fn gravity_and_slow_motion_do_not_count_as_vibration() {
 
 fn tones() -> [Vec<f64>; 3] {
     let tone = |frequency: f64, amplitude: f64| {
-        (0..4001)
-            .map(|i| amplitude * (TAU * frequency * i as f64).sin())
-            .collect::<Vec<_>>()
+        (0..4001).map(|i| amplitude * (TAU * frequency * i as f64).sin()).collect::<Vec<_>>()
     };
     [tone(0.01, 3.0), tone(0.037, 1.0), tone(0.01, -1.0)]
 }
@@ -139,11 +115,7 @@ fn dft321_keeps_the_energy_of_all_axes() {
 #[test]
 fn dft321_of_one_axis_is_that_axis() {
     let [x, ..] = tones();
-    let combined = reduce(
-        &[x.clone(), vec![0.0; 4001], vec![0.0; 4001]],
-        AxisReduction::Dft321,
-    )
-    .unwrap();
+    let combined = reduce(&[x.clone(), vec![0.0; 4001], vec![0.0; 4001]], AxisReduction::Dft321).unwrap();
     assert!(combined.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-9));
 }
 
@@ -169,26 +141,13 @@ fn the_other_reductions_do_what_their_names_say() {
 #[test]
 fn a_recording_can_be_combined_again_in_another_way() {
     let processed = process(&circle(1.0, 0.03, 1.0, 1.0, 0.3), &ProcessingSettings::default()).unwrap();
-    for reduction in [
-        AxisReduction::Sum,
-        AxisReduction::PrincipalComponent,
-        AxisReduction::VectorMagnitude,
-    ] {
-        let settings = ProcessingSettings {
-            reduction,
-            ..Default::default()
-        };
+    for reduction in [AxisReduction::Sum, AxisReduction::PrincipalComponent, AxisReduction::VectorMagnitude] {
+        let settings = ProcessingSettings { reduction, ..Default::default() };
         let other = recombined(&processed, &settings).unwrap();
-        assert_ne!(
-            other.signals().acceleration_m_s2,
-            processed.signals().acceleration_m_s2
-        );
+        assert_ne!(other.signals().acceleration_m_s2, processed.signals().acceleration_m_s2);
         assert_eq!(other.signals().speed_m_s, processed.signals().speed_m_s);
     }
-    let settings = ProcessingSettings {
-        reduction: AxisReduction::SingleAxis(5),
-        ..Default::default()
-    };
+    let settings = ProcessingSettings { reduction: AxisReduction::SingleAxis(5), ..Default::default() };
     assert_eq!(recombined(&processed, &settings), Err(ProcessingError::Axis(5)));
 }
 
@@ -199,10 +158,7 @@ fn a_lower_rate_keeps_what_it_can_carry() {
     // A resonance at 100 Hz.
     let whole = drag(&steps, 0.3, 1, |_, _| (vec![-1.96, 0.9643], 0.1));
     let at = |rate_hz: f64| {
-        let settings = ProcessingSettings {
-            rate_hz: Some(rate_hz),
-            ..Default::default()
-        };
+        let settings = ProcessingSettings { rate_hz: Some(rate_hz), ..Default::default() };
         processed(&AnyRecording::Processed(whole.clone()), &settings)
     };
     let slow = at(1000.0).unwrap();
@@ -217,9 +173,6 @@ fn a_lower_rate_keeps_what_it_can_carry() {
     }
     assert_eq!(at(10_000.0).unwrap(), whole);
     for rate_hz in [50.0, 20_000.0, f64::NAN] {
-        assert!(
-            matches!(at(rate_hz), Err(ProcessingError::Rate { .. })),
-            "{rate_hz}"
-        );
+        assert!(matches!(at(rate_hz), Err(ProcessingError::Rate { .. })), "{rate_hz}");
     }
 }

@@ -54,10 +54,7 @@ fn class_ends(order: usize) -> [usize; CLASSES] {
 /// The least over the classes of what is known up to some point, continued by what follows.
 #[inline(always)]
 fn least(known: &ByClass, following: &ByClass) -> f64 {
-    known
-        .iter()
-        .zip(following)
-        .fold(f64::INFINITY, |least, (k, f)| least.min(k + f))
+    known.iter().zip(following).fold(f64::INFINITY, |least, (k, f)| least.min(k + f))
 }
 
 /// The first samples of the second and later segments of the best segmentation whose breaks are multiples of the moments' step.
@@ -119,11 +116,7 @@ impl<E: Estimator> pulp::WithSimd for RateStarts<'_, '_, E> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let Self { end, search } = self;
-        let recent = if E::SUPERADDITIVE {
-            end.saturating_sub(MARK) / LANES
-        } else {
-            0
-        };
+        let recent = if E::SUPERADDITIVE { end.saturating_sub(MARK) / LANES } else { 0 };
         for block in (recent..end.div_ceil(LANES)).rev() {
             search.rate(block, end);
         }
@@ -163,21 +156,12 @@ impl<'a, E: Estimator> Search<'a, E> {
         let mut described = vec![0.0; size];
         for (point, &position) in positions.iter().enumerate() {
             E::describe_start(moments, position, &mut described);
-            put_lane(
-                &mut starts[point / LANES * size..][..size],
-                point % LANES,
-                &described,
-            );
+            put_lane(&mut starts[point / LANES * size..][..size], point % LANES, &described);
             blocks[point / LANES].first_samples.0[point % LANES] = position as f64;
         }
         (blocks[0].before.0[0], blocks[0].fewest) = (0.0, 0);
         let mut prefixes = vec![Vec::new(); positions.len()];
-        prefixes[0].push(Prefix {
-            cost: 0.0,
-            segments: 0,
-            from: 0,
-            from_prefix: 0,
-        });
+        prefixes[0].push(Prefix { cost: 0.0, segments: 0, from: 0, from_prefix: 0 });
         Self {
             objective,
             prefixes,
@@ -215,11 +199,7 @@ impl<'a, E: Estimator> Search<'a, E> {
         let since_last = self.surprise_since[MARK.min(end)];
         for block in self.bounds.take_fresh() {
             let bound = self.bound_now(block, end);
-            let Block {
-                bound: rated,
-                bounded_at,
-                ..
-            } = &mut self.blocks[block];
+            let Block { bound: rated, bounded_at, .. } = &mut self.blocks[block];
             if *bounded_at > self.bounds.mark() {
                 let since = self.surprise_since[end - *bounded_at];
                 *rated = from_fn(|class| rated[class] + since[class]);
@@ -241,16 +221,12 @@ impl<'a, E: Estimator> Search<'a, E> {
     #[inline(always)]
     fn bound_since_mark(&mut self, block: usize) -> (ByClass, usize) {
         let mark = self.bounds.mark();
-        let Block {
-            bound, bounded_at, ..
-        } = self.blocks[block];
+        let Block { bound, bounded_at, .. } = self.blocks[block];
         if bounded_at >= mark {
             return (bound, bounded_at);
         }
         let (scratch, variances) = (&mut self.scratch, &mut self.variances);
-        let since = self
-            .marks
-            .surprise(bounded_at, mark, self.objective, scratch, variances);
+        let since = self.marks.surprise(bounded_at, mark, self.objective, scratch, variances);
         (from_fn(|class| bound[class] + since[class]), mark)
     }
 
@@ -309,15 +285,9 @@ impl<'a, E: Estimator> Search<'a, E> {
         block.bound = [f64::INFINITY; CLASSES];
         for l in 0..LANES {
             let start = index * LANES + l;
-            let cost = costs[..]
-                .iter()
-                .fold(f64::INFINITY, |least, cost| least.min(cost.0[l]));
+            let cost = costs[..].iter().fold(f64::INFINITY, |least, cost| least.min(cost.0[l]));
             for (bound, cost) in block.bound.iter_mut().zip(&costs) {
-                *bound = bound.min(if spans.0[l] >= clear {
-                    cost.0[l]
-                } else {
-                    f64::NEG_INFINITY
-                });
+                *bound = bound.min(if spans.0[l] >= clear { cost.0[l] } else { f64::NEG_INFINITY });
             }
             if cost < f64::INFINITY {
                 self.reached.push((start, cost));
@@ -338,26 +308,18 @@ impl<'a, E: Estimator> Search<'a, E> {
     fn costs(&self, index: usize, end: usize, spans: Lanes) -> [Lanes; CLASSES] {
         let floor = self.objective.floor;
         let before = self.blocks[index].before;
-        let mut orders = self.variances[1..]
-            .iter()
-            .zip(self.discounts.of(end, index * LANES));
+        let mut orders = self.variances[1..].iter().zip(self.discounts.of(end, index * LANES));
         let mut done = 0;
         class_ends(self.objective.moments.order).map(|class_end| {
             let mut best = Lanes::splat(f64::INFINITY);
             for (&variance, discount) in orders.by_ref().take(class_end - done) {
                 best = Lanes(from_fn(|l| {
                     let candidate = (variance.0[l] + floor) * discount[l];
-                    if candidate < best.0[l] {
-                        candidate
-                    } else {
-                        best.0[l]
-                    }
+                    if candidate < best.0[l] { candidate } else { best.0[l] }
                 }));
             }
             done = class_end;
-            Lanes(from_fn(|l| {
-                before.0[l] + spans.0[l] / 2.0 * (TAU * best.0[l]).ln()
-            }))
+            Lanes(from_fn(|l| before.0[l] + spans.0[l] / 2.0 * (TAU * best.0[l]).ln()))
         })
     }
 
@@ -370,19 +332,11 @@ impl<'a, E: Estimator> Search<'a, E> {
         for &(start, reached) in self.reached.iter().filter(|(_, cost)| *cost <= limit) {
             for (from_prefix, prefix) in self.prefixes[start].iter().enumerate() {
                 let cost = reached + (prefix.cost - self.prefixes[start][0].cost);
-                candidates.push(Prefix {
-                    cost,
-                    segments: prefix.segments + 1,
-                    from: start,
-                    from_prefix,
-                });
+                candidates.push(Prefix { cost, segments: prefix.segments + 1, from: start, from_prefix });
             }
         }
         candidates.sort_by(|a, b| {
-            a.cost
-                .total_cmp(&b.cost)
-                .then(a.segments.cmp(&b.segments))
-                .then(a.from.cmp(&b.from))
+            a.cost.total_cmp(&b.cost).then(a.segments.cmp(&b.segments)).then(a.from.cmp(&b.from))
         });
         let kept = &mut self.prefixes[end];
         for candidate in candidates {
@@ -414,10 +368,7 @@ impl<'a, E: Estimator> Search<'a, E> {
 
     fn breaks_of_best(&self, last: usize) -> Vec<usize> {
         let total = |p: &Prefix| p.cost + Objective::<E>::break_penalty(p.segments - 1);
-        let Some(mut prefix) = self.prefixes[last]
-            .iter()
-            .min_by(|a, b| total(a).total_cmp(&total(b)))
-        else {
+        let Some(mut prefix) = self.prefixes[last].iter().min_by(|a, b| total(a).total_cmp(&total(b))) else {
             return vec![];
         };
         let mut breaks = vec![];
@@ -481,8 +432,6 @@ impl Discounts {
         let is_last = end + 1 == self.points;
         let table = if is_last { &self.last_end } else { &self.other_ends };
         let offset = if is_last { start } else { start + self.points - end };
-        table
-            .chunks_exact(self.row)
-            .filter_map(move |row| row.get(offset..)?.first_chunk())
+        table.chunks_exact(self.row).filter_map(move |row| row.get(offset..)?.first_chunk())
     }
 }

@@ -75,25 +75,19 @@ pub(super) fn best_found<E: Estimator>(
 ) -> Segmentation {
     let began = Instant::now();
     let mut islands: Vec<Island> = (0..genetic.islands).map(|i| Island::new(i, genetic)).collect();
-    let threads = std::thread::available_parallelism()
-        .map_or(1, usize::from)
-        .min(islands.len());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(islands.len());
     let mut best: Option<Chromosome> = None;
     let mut unchanged = 0;
     let mut generation = 0;
     while generation < genetic.generations && unchanged < genetic.patience {
-        let interval = genetic
-            .migration_interval
-            .clamp(1, genetic.generations - generation);
+        let interval = genetic.migration_interval.clamp(1, genetic.generations - generation);
         let moments = objective.moments;
         let share = islands.len().div_ceil(threads);
         std::thread::scope(|scope| {
             for group in islands.chunks_mut(share) {
                 scope.spawn(move || {
                     let mut objective = Objective::<E>::new(moments, settings);
-                    group
-                        .iter_mut()
-                        .for_each(|island| island.evolve(&mut objective, genetic, interval));
+                    group.iter_mut().for_each(|island| island.evolve(&mut objective, genetic, interval));
                 });
             }
         });
@@ -117,10 +111,8 @@ pub(super) fn best_found<E: Estimator>(
 
 /// Replaces the worst of every island by copies of the best of the island before.
 fn migrate(islands: &mut [Island], migrants: usize) {
-    let best: Vec<Vec<Chromosome>> = islands
-        .iter()
-        .map(|island| island.population.iter().take(migrants).cloned().collect())
-        .collect();
+    let best: Vec<Vec<Chromosome>> =
+        islands.iter().map(|island| island.population.iter().take(migrants).cloned().collect()).collect();
     let count = islands.len();
     for (i, island) in islands.iter_mut().enumerate() {
         let newcomers = &best[(i + count - 1) % count];
@@ -139,14 +131,8 @@ struct Island {
 
 impl Island {
     fn new(number: usize, genetic: &GeneticSettings) -> Self {
-        let seed = genetic
-            .seed
-            .wrapping_mul(0x9e37_79b9_7f4a_7c15)
-            .wrapping_add(number as u64);
-        Self {
-            population: vec![],
-            random: Xoshiro256PlusPlus::seed_from_u64(seed),
-        }
+        let seed = genetic.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(number as u64);
+        Self { population: vec![], random: Xoshiro256PlusPlus::seed_from_u64(seed) }
     }
 
     fn sort(&mut self) {
@@ -160,9 +146,8 @@ impl Island {
         generations: usize,
     ) {
         if self.population.is_empty() {
-            let first: Vec<_> = (0..genetic.population)
-                .map(|_| random_genes(objective, &mut self.random))
-                .collect();
+            let first: Vec<_> =
+                (0..genetic.population).map(|_| random_genes(objective, &mut self.random)).collect();
             self.population = first.into_iter().map(|genes| rated(objective, genes)).collect();
             self.sort();
         }
@@ -188,9 +173,7 @@ impl Island {
     /// A parent, the likelier the better its rank (the lesser of two drawn ranks).
     fn parent(&mut self) -> usize {
         let count = self.population.len();
-        self.random
-            .random_range(0..count)
-            .min(self.random.random_range(0..count))
+        self.random.random_range(0..count).min(self.random.random_range(0..count))
     }
 
     /// Crosses two parents: at every sample where one has a gene, it is taken with even chance.
@@ -201,11 +184,8 @@ impl Island {
         father: usize,
     ) -> Vec<Gene> {
         let (mother, father) = (&self.population[mother].genes, &self.population[father].genes);
-        let mut merged: Vec<(Gene, bool)> = mother
-            .iter()
-            .map(|&g| (g, true))
-            .chain(father.iter().map(|&g| (g, false)))
-            .collect();
+        let mut merged: Vec<(Gene, bool)> =
+            mother.iter().map(|&g| (g, true)).chain(father.iter().map(|&g| (g, false))).collect();
         merged.sort_by_key(|(gene, from_mother)| (gene.start, !from_mother));
         let mut child = Spacing::new(objective);
         let mut same_sample = None;
@@ -235,10 +215,7 @@ impl Island {
                     child.push(gene);
                 }
             } else if chance >= KEEP + CLEAR {
-                child.push(Gene {
-                    start,
-                    order: random_order(objective, &mut self.random),
-                });
+                child.push(Gene { start, order: random_order(objective, &mut self.random) });
             }
             start = (start + 1).max(child.next_start);
         }
@@ -257,12 +234,7 @@ struct Spacing {
 impl Spacing {
     fn new<E: Estimator>(objective: &Objective<'_, E>) -> Self {
         let last_start = objective.samples().saturating_sub(objective.min_span);
-        Self {
-            genes: vec![],
-            next_start: 0,
-            last_start,
-            min_span: objective.min_span,
-        }
+        Self { genes: vec![], next_start: 0, last_start, min_span: objective.min_span }
     }
 
     /// Adds `gene` unless it is too close.
@@ -282,16 +254,10 @@ fn random_order<E: Estimator>(objective: &Objective<'_, E>, random: &mut impl Rn
 fn random_genes<E: Estimator>(objective: &Objective<'_, E>, random: &mut impl Rng) -> Vec<Gene> {
     let chance = objective.min_span as f64 / objective.samples() as f64;
     let mut genes = Spacing::new(objective);
-    genes.push(Gene {
-        start: 0,
-        order: random_order(objective, random),
-    });
+    genes.push(Gene { start: 0, order: random_order(objective, random) });
     for start in objective.min_span..objective.samples() {
         if start >= genes.next_start && random.random_bool(chance) {
-            genes.push(Gene {
-                start,
-                order: random_order(objective, random),
-            });
+            genes.push(Gene { start, order: random_order(objective, random) });
         }
     }
     genes.genes
@@ -300,16 +266,8 @@ fn random_genes<E: Estimator>(objective: &Objective<'_, E>, random: &mut impl Rn
 /// A chromosome with its objective, every segment at the order its gene says (or the highest its span allows).
 fn rated<E: Estimator>(objective: &mut Objective<'_, E>, genes: Vec<Gene>) -> Chromosome {
     let samples = objective.samples();
-    let ends = genes
-        .iter()
-        .skip(1)
-        .map(|gene| gene.start)
-        .chain(std::iter::once(samples));
-    let segments: Vec<_> = genes
-        .iter()
-        .zip(ends)
-        .map(|(gene, end)| (gene.start, end))
-        .collect();
+    let ends = genes.iter().skip(1).map(|gene| gene.start).chain(std::iter::once(samples));
+    let segments: Vec<_> = genes.iter().zip(ends).map(|(gene, end)| (gene.start, end)).collect();
     let mut cost = Objective::<E>::break_penalty(genes.len() - 1);
     objective.variances(&segments, |objective, i, variances| {
         let span = segments[i].1 - segments[i].0;

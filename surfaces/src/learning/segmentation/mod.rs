@@ -128,12 +128,7 @@ pub enum SegmentationError {
     )]
     Constant { value: f64 },
     #[error("setting {setting} is {value}, but must lie between {least} and {most}")]
-    Setting {
-        setting: &'static str,
-        value: usize,
-        least: usize,
-        most: usize,
-    },
+    Setting { setting: &'static str, value: usize, least: usize, most: usize },
 }
 
 /// Segments `signal` (any unit, mean removed or high-passed) by minimum description length.
@@ -201,22 +196,15 @@ fn search<E: Estimator>(signal: &[f64], settings: &SegmentationSettings) -> Segm
         }
         #[cfg(feature = "genetic")]
         SegmentationMethod::Genetic(genetic) => {
-            let moments = Moments::new(
-                signal,
-                settings.max_order,
-                affordable_grid(signal.len(), settings.min_span),
-            );
+            let moments =
+                Moments::new(signal, settings.max_order, affordable_grid(signal.len(), settings.min_span));
             genetic::best_found(&mut Objective::<E>::new(&moments, settings), settings, genetic)
         }
     }
 }
 
 fn rate<E: Estimator>(signal: &[f64], breaks: Vec<usize>, settings: &SegmentationSettings) -> Segmentation {
-    let moments = Moments::new(
-        signal,
-        settings.max_order,
-        affordable_grid(signal.len(), settings.min_span),
-    );
+    let moments = Moments::new(signal, settings.max_order, affordable_grid(signal.len(), settings.min_span));
     Objective::<E>::new(&moments, settings).rate(breaks)
 }
 
@@ -230,12 +218,7 @@ fn check(signal: &[f64], settings: &SegmentationSettings) -> Result<(), Segmenta
         if (least..=most).contains(&value) {
             Ok(())
         } else {
-            Err(SegmentationError::Setting {
-                setting,
-                value,
-                least,
-                most,
-            })
+            Err(SegmentationError::Setting { setting, value, least, most })
         }
     };
     within("min_span", settings.min_span, 4, usize::MAX)?;
@@ -253,10 +236,7 @@ fn check(signal: &[f64], settings: &SegmentationSettings) -> Result<(), Segmenta
         return Err(SegmentationError::NotFinite { index, value });
     }
     if signal.len() < settings.min_span {
-        return Err(SegmentationError::TooShort {
-            samples: signal.len(),
-            min_span: settings.min_span,
-        });
+        return Err(SegmentationError::TooShort { samples: signal.len(), min_span: settings.min_span });
     }
     if signal.iter().all(|&x| x == signal[0]) {
         return Err(SegmentationError::Constant { value: signal[0] });

@@ -41,12 +41,7 @@ impl<'a> Moments<'a> {
             let end = ((point + 1) * step).min(signal.len());
             add_products(signal, point * step..end, &mut sums);
         }
-        Self {
-            signal,
-            order,
-            step,
-            stored,
-        }
+        Self { signal, order, step, stored }
     }
 
     /// The sums up to `position` (at most the signal's length), one a lag.
@@ -59,11 +54,7 @@ impl<'a> Moments<'a> {
 
     /// Sample `position`, zero outside the signal.
     pub fn sample(&self, position: isize) -> f64 {
-        usize::try_from(position)
-            .ok()
-            .and_then(|position| self.signal.get(position))
-            .copied()
-            .unwrap_or(0.0)
+        usize::try_from(position).ok().and_then(|position| self.signal.get(position)).copied().unwrap_or(0.0)
     }
 }
 

@@ -77,16 +77,8 @@ impl<'a, E: Estimator> Objective<'a, E> {
             let mut spans = Lanes::splat(1.0);
             for (lane, &(from, to)) in group.iter().enumerate() {
                 spans.0[lane] = (to - from) as f64;
-                put_lane(
-                    &mut starts,
-                    lane,
-                    start.at(from, |out| E::describe_start(self.moments, from, out)),
-                );
-                put_lane(
-                    &mut ends,
-                    lane,
-                    end.at(to, |out| E::describe_end(self.moments, to, out)),
-                );
+                put_lane(&mut starts, lane, start.at(from, |out| E::describe_start(self.moments, from, out)));
+                put_lane(&mut ends, lane, end.at(to, |out| E::describe_end(self.moments, to, out)));
             }
             arch.dispatch(Estimate::<E> {
                 starts: &starts,
@@ -108,15 +100,8 @@ impl<'a, E: Estimator> Objective<'a, E> {
         let mut rated = Vec::with_capacity(segments.len());
         self.variances(segments, |this, i, variances| {
             let span = segments[i].1 - segments[i].0;
-            let mut best = Rated {
-                cost: f64::INFINITY,
-                order: 1,
-            };
-            for (order, &variance) in variances
-                .iter()
-                .enumerate()
-                .take(this.highest_order(span) + 1)
-                .skip(1)
+            let mut best = Rated { cost: f64::INFINITY, order: 1 };
+            for (order, &variance) in variances.iter().enumerate().take(this.highest_order(span) + 1).skip(1)
             {
                 let cost = this.surprise(variance, span) + this.penalty(order, span);
                 if cost < best.cost {
@@ -134,11 +119,7 @@ impl<'a, E: Estimator> Objective<'a, E> {
         let ends = breaks.iter().copied().chain(std::iter::once(self.samples()));
         let rated = self.rated(&starts.zip(ends).collect::<Vec<_>>());
         let mdl = Self::break_penalty(breaks.len()) + rated.iter().map(|r| r.cost).sum::<f64>();
-        Segmentation {
-            breaks,
-            orders: rated.iter().map(|r| r.order).collect(),
-            mdl,
-        }
+        Segmentation { breaks, orders: rated.iter().map(|r| r.order).collect(), mdl }
     }
 }
 
@@ -169,10 +150,7 @@ struct Described {
 
 impl Described {
     fn new(size: usize) -> Self {
-        Self {
-            position: None,
-            values: vec![0.0; size],
-        }
+        Self { position: None, values: vec![0.0; size] }
     }
 
     fn at(&mut self, position: usize, describe: impl FnOnce(&mut [f64])) -> &[f64] {

@@ -60,10 +60,7 @@ fn best_break<E: Estimator>(
     let lefts = objective.rated(&candidates.iter().map(|&b| (before, b)).collect::<Vec<_>>());
     let rights = objective.rated(&candidates.iter().map(|&b| (b, after)).collect::<Vec<_>>());
     let costs = lefts.iter().zip(&rights).map(|(l, r)| l.cost + r.cost);
-    candidates
-        .into_iter()
-        .zip(costs)
-        .min_by(|a, b| a.1.total_cmp(&b.1))
+    candidates.into_iter().zip(costs).min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 fn shift<E: Estimator>(
@@ -74,11 +71,7 @@ fn shift<E: Estimator>(
 ) -> bool {
     let (before, after) = neighbours(objective, breaks, i);
     let now = breaks[i];
-    let current: f64 = objective
-        .rated(&[(before, now), (now, after)])
-        .iter()
-        .map(|r| r.cost)
-        .sum();
+    let current: f64 = objective.rated(&[(before, now), (now, after)]).iter().map(|r| r.cost).sum();
     let window = (now.saturating_sub(reach), now + reach);
     match best_break(objective, (before, after), window) {
         Some((best, cost)) if worthwhile(current - cost, current) => {
@@ -117,18 +110,12 @@ fn replace_pair<E: Estimator>(
     }
     let (before, _) = neighbours(objective, breaks, i);
     let (_, after) = neighbours(objective, breaks, i + 1);
-    let current = objective
-        .rated(&[(before, this), (this, next), (next, after)])
-        .iter()
-        .map(|r| r.cost)
-        .sum::<f64>()
-        + Objective::<E>::break_penalty(breaks.len());
+    let current =
+        objective.rated(&[(before, this), (this, next), (next, after)]).iter().map(|r| r.cost).sum::<f64>()
+            + Objective::<E>::break_penalty(breaks.len());
     match best_break(objective, (before, after), (this, next)) {
         Some((best, cost))
-            if worthwhile(
-                current - cost - Objective::<E>::break_penalty(breaks.len() - 1),
-                current,
-            ) =>
+            if worthwhile(current - cost - Objective::<E>::break_penalty(breaks.len() - 1), current) =>
         {
             breaks[i] = best;
             breaks.remove(i + 1);

@@ -15,12 +15,7 @@ fn piecewise(samples: usize, pieces: &[Piece], seed: u64) -> Vec<f64> {
     for n in 0..samples {
         let (_, a, deviation) = pieces.iter().rev().find(|(first, ..)| *first <= n).unwrap();
         let noise: f64 = StandardNormal.sample(&mut random);
-        let past: f64 = a
-            .iter()
-            .enumerate()
-            .filter(|(k, _)| n > *k)
-            .map(|(k, a)| a * y[n - 1 - k])
-            .sum();
+        let past: f64 = a.iter().enumerate().filter(|(k, _)| n > *k).map(|(k, a)| a * y[n - 1 - k]).sum();
         y.push(deviation * noise - past);
     }
     y
@@ -28,15 +23,7 @@ fn piecewise(samples: usize, pieces: &[Piece], seed: u64) -> Vec<f64> {
 
 /// Davis, Lee and Rodriguez-Yam's process A: breaks at one half and three quarters.
 fn process_a(seed: u64) -> Vec<f64> {
-    piecewise(
-        1024,
-        &[
-            (0, &[-0.9], 1.0),
-            (512, &[-1.69, 0.81], 1.0),
-            (768, &[-1.32, 0.81], 1.0),
-        ],
-        seed,
-    )
+    piecewise(1024, &[(0, &[-0.9], 1.0), (512, &[-1.69, 0.81], 1.0), (768, &[-1.32, 0.81], 1.0)], seed)
 }
 
 /// Their process B: the coefficient of an AR(1) changes after 50 samples.
@@ -44,11 +31,8 @@ fn process_b(seed: u64) -> Vec<f64> {
     piecewise(1024, &[(0, &[-0.75], 1.0), (50, &[0.5], 1.0)], seed)
 }
 
-const ESTIMATES: [VarianceEstimate; 3] = [
-    VarianceEstimate::ConditionalLeastSquares,
-    VarianceEstimate::YuleWalker,
-    VarianceEstimate::Burg,
-];
+const ESTIMATES: [VarianceEstimate; 3] =
+    [VarianceEstimate::ConditionalLeastSquares, VarianceEstimate::YuleWalker, VarianceEstimate::Burg];
 
 fn with(
     variance: VarianceEstimate,
@@ -56,12 +40,7 @@ fn with(
     max_order: usize,
     grid: Option<usize>,
 ) -> SegmentationSettings {
-    SegmentationSettings {
-        min_span,
-        max_order,
-        variance,
-        method: SegmentationMethod::Exact { grid },
-    }
+    SegmentationSettings { min_span, max_order, variance, method: SegmentationMethod::Exact { grid } }
 }
 
 /// Counts the runs that have exactly the true number of segments, and averages their breaks as fractions of the length.
@@ -78,9 +57,7 @@ fn found(
         let found = segment(&signal, settings).unwrap().breaks;
         if found.len() == breaks {
             right += 1;
-            mean.iter_mut()
-                .zip(&found)
-                .for_each(|(mean, &b)| *mean += b as f64 / signal.len() as f64);
+            mean.iter_mut().zip(&found).for_each(|(mean, &b)| *mean += b as f64 / signal.len() as f64);
         }
     }
     (right, mean.iter().map(|sum| sum / right as f64).collect())
@@ -89,10 +66,7 @@ fn found(
 fn assert_published_processes_are_found(seeds: u64, settings: &SegmentationSettings) {
     let (right, breaks) = found(process_a, seeds, settings, 2);
     assert!(right * 100 >= seeds * 95, "process A: {right} of {seeds}");
-    assert!(
-        (breaks[0] - 0.5).abs() < 0.005 && (breaks[1] - 0.75).abs() < 0.005,
-        "process A: {breaks:?}"
-    );
+    assert!((breaks[0] - 0.5).abs() < 0.005 && (breaks[1] - 0.75).abs() < 0.005, "process A: {breaks:?}");
     let (right, breaks) = found(process_b, seeds, settings, 1);
     assert!(right * 100 >= seeds * 99, "process B: {right} of {seeds}");
     assert!((breaks[0] - 50.0 / 1024.0).abs() < 0.005, "process B: {breaks:?}");
@@ -130,9 +104,8 @@ fn defined_variance(
         }
         VarianceEstimate::YuleWalker => {
             let s = &signal[start..end];
-            let r: Vec<f64> = (0..=order)
-                .map(|k| (k..span).map(|u| s[u] * s[u - k]).sum::<f64>() / span as f64)
-                .collect();
+            let r: Vec<f64> =
+                (0..=order).map(|k| (k..span).map(|u| s[u] * s[u - k]).sum::<f64>() / span as f64).collect();
             let matrix = DMatrix::from_fn(order, order, |i, j| r[i.abs_diff(j)]);
             let right = DVector::from_row_slice(&r[1..]);
             r[0] - right.dot(&matrix.lu().solve(&right).unwrap())
@@ -189,18 +162,9 @@ fn variances_from_moments_are_those_of_the_definitions() {
     ];
     for max_order in [1, 2, 5, 20] {
         for (estimate, fast) in [
-            (
-                ESTIMATES[0],
-                fast_variances::<ConditionalLeastSquares>(&signal, &segments, max_order, 7),
-            ),
-            (
-                ESTIMATES[1],
-                fast_variances::<YuleWalker>(&signal, &segments, max_order, 7),
-            ),
-            (
-                ESTIMATES[2],
-                fast_variances::<Burg>(&signal, &segments, max_order, 7),
-            ),
+            (ESTIMATES[0], fast_variances::<ConditionalLeastSquares>(&signal, &segments, max_order, 7)),
+            (ESTIMATES[1], fast_variances::<YuleWalker>(&signal, &segments, max_order, 7)),
+            (ESTIMATES[2], fast_variances::<Burg>(&signal, &segments, max_order, 7)),
         ] {
             for (&(start, end), variances) in segments.iter().zip(&fast) {
                 for (order, &variance) in variances.iter().enumerate().skip(1) {
@@ -217,22 +181,11 @@ fn variances_from_moments_are_those_of_the_definitions() {
 
 #[test]
 fn a_whisper_after_a_roar_keeps_its_digits() {
-    let signal = piecewise(
-        60_000,
-        &[
-            (0, &[-1.9, 0.95], 1e4),
-            (50_000, &[], 0.0),
-            (59_000, &[-1.2, 0.7], 1e-4),
-        ],
-        3,
-    );
+    let signal =
+        piecewise(60_000, &[(0, &[-1.9, 0.95], 1e4), (50_000, &[], 0.0), (59_000, &[-1.2, 0.7], 1e-4)], 3);
     let fast = fast_variances::<YuleWalker>(&signal, &[(59_100, 59_300)], 20, 50);
     let defined = defined_variance(&signal, 59_100, 59_300, 20, VarianceEstimate::YuleWalker);
-    assert!(
-        (fast[0][20] / defined - 1.0).abs() < 1e-9,
-        "{} but {defined}",
-        fast[0][20]
-    );
+    assert!((fast[0][20] / defined - 1.0).abs() < 1e-9, "{} but {defined}", fast[0][20]);
 }
 
 /// The best breaks on a grid by the definition of the objective: every number of segments apart, every variance from scratch.
@@ -261,10 +214,7 @@ fn best_by_definition(signal: &[f64], settings: &SegmentationSettings, grid: usi
             for segments in 1..=most {
                 let (before, breaks) = best[segments - 1][from].clone();
                 if before + cost < best[segments][to].0 {
-                    let breaks = breaks
-                        .into_iter()
-                        .chain((from > 0).then_some(positions[from]))
-                        .collect();
+                    let breaks = breaks.into_iter().chain((from > 0).then_some(positions[from])).collect();
                     best[segments][to] = (before + cost, breaks);
                 }
             }
@@ -309,11 +259,7 @@ fn the_search_is_exact_on_its_grid() {
                 VarianceEstimate::Burg => best_on_grid::<Burg>(&signal, &settings, 10),
             };
             assert_eq!(found.breaks, breaks, "{estimate:?}, seed {seed}");
-            assert!(
-                (found.mdl - mdl).abs() < 1e-7 * mdl.abs(),
-                "{estimate:?}: {} but {mdl}",
-                found.mdl
-            );
+            assert!((found.mdl - mdl).abs() < 1e-7 * mdl.abs(), "{estimate:?}: {} but {mdl}", found.mdl);
         }
     }
 }
@@ -341,19 +287,12 @@ impl Estimator for Unpruned {
 
 #[test]
 fn shortcuts_change_nothing() {
-    let many: Vec<Piece> = (0..40)
-        .map(|i| (i * 211, if i % 2 == 0 { &[-1.3, 0.8][..] } else { &[-0.4] }, 1.0))
-        .collect();
+    let many: Vec<Piece> =
+        (0..40).map(|i| (i * 211, if i % 2 == 0 { &[-1.3, 0.8][..] } else { &[-0.4] }, 1.0)).collect();
     let stationary: [Piece; 1] = [(0, &[-1.69, 0.81], 1.0)];
     let silence: [Piece; 3] = [(0, &[-0.9], 1.0), (2000, &[], 0.0), (3000, &[-0.9], 1.0)];
     // A faint change: one segment and two cost nearly the same.
-    let faint = |more: f64| {
-        [
-            (0, &[-0.9][..], 1.0),
-            (400, &[-0.9], 1.0 + more),
-            (800, &[-0.9], 1.0),
-        ]
-    };
+    let faint = |more: f64| [(0, &[-0.9][..], 1.0), (400, &[-0.9], 1.0 + more), (800, &[-0.9], 1.0)];
     let faints: Vec<[Piece; 3]> = (0..40).map(|k| faint(0.02 * f64::from(k))).collect();
     for (i, pieces) in faints.iter().enumerate() {
         let signal = piecewise(1600, pieces, i as u64);
@@ -378,21 +317,13 @@ fn shortcuts_change_nothing() {
 
 #[test]
 fn refinement_lowers_the_objective_and_finds_breaks_between_grid_points() {
-    let signal = piecewise(
-        3000,
-        &[(0, &[-0.9], 1.0), (1027, &[-0.9], 8.0), (2074, &[-0.2], 1.0)],
-        2,
-    );
+    let signal = piecewise(3000, &[(0, &[-0.9], 1.0), (1027, &[-0.9], 8.0), (2074, &[-0.2], 1.0)], 2);
     let settings = with(VarianceEstimate::default(), 50, 10, Some(50));
     let coarse = best_on_grid::<ConditionalLeastSquares>(&signal, &settings, 50);
     let fine = segment(&signal, &settings).unwrap();
     assert!(fine.mdl < coarse.mdl, "{} not below {}", fine.mdl, coarse.mdl);
     assert_eq!(fine.breaks.len(), 2);
-    assert!(
-        fine.breaks[0].abs_diff(1027) <= 3 && fine.breaks[1].abs_diff(2074) <= 12,
-        "{:?}",
-        fine.breaks
-    );
+    assert!(fine.breaks[0].abs_diff(1027) <= 3 && fine.breaks[1].abs_diff(2074) <= 12, "{:?}", fine.breaks);
 }
 
 #[test]
@@ -404,11 +335,7 @@ fn a_stationary_signal_is_one_segment_of_its_own_order() {
 
 #[test]
 fn digital_silence_becomes_a_segment() {
-    let signal = piecewise(
-        4000,
-        &[(0, &[-0.9], 1.0), (1000, &[], 0.0), (3000, &[-0.5], 1.0)],
-        4,
-    );
+    let signal = piecewise(4000, &[(0, &[-0.9], 1.0), (1000, &[], 0.0), (3000, &[-0.5], 1.0)], 4);
     let found = segment(&signal, &SegmentationSettings::default()).unwrap();
     assert_eq!(found.breaks, [1000, 3000]);
     assert!(found.mdl.is_finite());
@@ -416,19 +343,10 @@ fn digital_silence_becomes_a_segment() {
 
 #[test]
 fn spans_are_respected_and_cover_the_signal() {
-    for (samples, grid) in [
-        (4, Some(3)),
-        (5, None),
-        (50, Some(1)),
-        (99, Some(4)),
-        (1013, Some(4)),
-        (4999, None),
-    ] {
-        let signal = piecewise(
-            samples,
-            &[(0, &[-0.9], 1.0), (samples / 3, &[0.5], 2.0)],
-            samples as u64,
-        );
+    for (samples, grid) in
+        [(4, Some(3)), (5, None), (50, Some(1)), (99, Some(4)), (1013, Some(4)), (4999, None)]
+    {
+        let signal = piecewise(samples, &[(0, &[-0.9], 1.0), (samples / 3, &[0.5], 2.0)], samples as u64);
         for estimate in ESTIMATES {
             let found = segment(&signal, &with(estimate, 4, 6, grid)).unwrap();
             let segments: Vec<_> = found.segments(samples).collect();
@@ -445,10 +363,7 @@ fn spans_are_respected_and_cover_the_signal() {
 fn the_objective_of_given_breaks_is_that_of_the_search() {
     let (signal, settings) = (process_a(1), SegmentationSettings::default());
     let found = segment(&signal, &settings).unwrap();
-    assert_eq!(
-        description_length(&signal, &found.breaks, &settings),
-        Ok(Some(found))
-    );
+    assert_eq!(description_length(&signal, &found.breaks, &settings), Ok(Some(found)));
     for bad in [vec![10], vec![512, 530], vec![1000], vec![2000], vec![600, 300]] {
         assert_eq!(description_length(&signal, &bad, &settings), Ok(None));
     }
@@ -457,11 +372,7 @@ fn the_objective_of_given_breaks_is_that_of_the_search() {
 #[test]
 #[cfg(feature = "genetic")]
 fn the_genetic_algorithm_finds_no_better_and_repeats_itself() {
-    let genetic = GeneticSettings {
-        population: 20,
-        generations: 40,
-        ..Default::default()
-    };
+    let genetic = GeneticSettings { population: 20, generations: 40, ..Default::default() };
     for signal in [process_a(3), process_b(4)] {
         let settings = SegmentationSettings {
             method: SegmentationMethod::Genetic(genetic.clone()),
@@ -469,12 +380,7 @@ fn the_genetic_algorithm_finds_no_better_and_repeats_itself() {
         };
         let evolved = segment(&signal, &settings).unwrap();
         let exact = segment(&signal, &SegmentationSettings::default()).unwrap();
-        assert!(
-            exact.mdl <= evolved.mdl + 1e-9,
-            "{} above {}",
-            exact.mdl,
-            evolved.mdl
-        );
+        assert!(exact.mdl <= evolved.mdl + 1e-9, "{} above {}", exact.mdl, evolved.mdl);
         assert!(
             evolved.mdl < exact.mdl + 20.0,
             "the genetic algorithm is lost: {} against {}",
@@ -498,15 +404,7 @@ fn a_minute_of_evolution_is_not_enough() {
     };
     let nineteen: Vec<Piece> = (0..19)
         .map(|i| {
-            (
-                i * 5230,
-                if i % 2 == 0 {
-                    &[-1.32, 0.81][..]
-                } else {
-                    &[-1.2, 0.7]
-                },
-                1.0 + i as f64 / 10.0,
-            )
+            (i * 5230, if i % 2 == 0 { &[-1.32, 0.81][..] } else { &[-1.2, 0.7] }, 1.0 + i as f64 / 10.0)
         })
         .collect();
     for signal in [process_a(3), process_b(4), piecewise(100_000, &nineteen, 1)] {
@@ -516,12 +414,7 @@ fn a_minute_of_evolution_is_not_enough() {
         };
         let evolved = segment(&signal, &settings).unwrap();
         let exact = segment(&signal, &SegmentationSettings::default()).unwrap();
-        assert!(
-            exact.mdl <= evolved.mdl + 1e-9,
-            "{} above {}",
-            exact.mdl,
-            evolved.mdl
-        );
+        assert!(exact.mdl <= evolved.mdl + 1e-9, "{} above {}", exact.mdl, evolved.mdl);
     }
 }
 
@@ -531,34 +424,13 @@ fn unusable_signals_are_refused_with_the_reason() {
     let settings = SegmentationSettings::default();
     let mut broken = process_a(1);
     broken[77] = f64::NAN;
-    assert!(matches!(
-        refused(&broken, &settings),
-        SegmentationError::NotFinite { index: 77, .. }
-    ));
+    assert!(matches!(refused(&broken, &settings), SegmentationError::NotFinite { index: 77, .. }));
     broken[77] = f64::INFINITY;
-    assert!(matches!(
-        refused(&broken, &settings),
-        SegmentationError::NotFinite { index: 77, .. }
-    ));
-    assert!(matches!(
-        refused(&[], &settings),
-        SegmentationError::TooShort {
-            samples: 0,
-            min_span: 50
-        }
-    ));
-    assert!(matches!(
-        refused(&[1.0, -1.0], &settings),
-        SegmentationError::TooShort { .. }
-    ));
-    assert_eq!(
-        refused(&[0.0; 1000], &settings),
-        SegmentationError::Constant { value: 0.0 }
-    );
-    assert_eq!(
-        refused(&[9.81; 1000], &settings),
-        SegmentationError::Constant { value: 9.81 }
-    );
+    assert!(matches!(refused(&broken, &settings), SegmentationError::NotFinite { index: 77, .. }));
+    assert!(matches!(refused(&[], &settings), SegmentationError::TooShort { samples: 0, min_span: 50 }));
+    assert!(matches!(refused(&[1.0, -1.0], &settings), SegmentationError::TooShort { .. }));
+    assert_eq!(refused(&[0.0; 1000], &settings), SegmentationError::Constant { value: 0.0 });
+    assert_eq!(refused(&[9.81; 1000], &settings), SegmentationError::Constant { value: 9.81 });
     let signal = process_a(1);
     for (settings, name) in [
         (with(ESTIMATES[0], 3, 20, None), "min_span"),
@@ -586,9 +458,6 @@ fn tiny_and_huge_amplitudes_are_segmented_alike() {
             "{scale:e}"
         );
         let shift = signal.len() as f64 * scale.ln();
-        assert!(
-            (found.mdl - shift - expected.mdl).abs() < 1e-9 * shift.abs(),
-            "{scale:e}"
-        );
+        assert!((found.mdl - shift - expected.mdl).abs() < 1e-9 * shift.abs(), "{scale:e}");
     }
 }

@@ -24,13 +24,7 @@ impl Lanes {
     /// `numerator / self`, or zero where `self` does not exceed `least`.
     #[inline(always)]
     fn guarded_quotient(self, numerator: Self, least: Self) -> Self {
-        Self(from_fn(|l| {
-            if self.0[l] > least.0[l] {
-                numerator.0[l] / self.0[l]
-            } else {
-                0.0
-            }
-        }))
+        Self(from_fn(|l| if self.0[l] > least.0[l] { numerator.0[l] / self.0[l] } else { 0.0 }))
     }
 
     #[inline(always)]
@@ -162,10 +156,7 @@ impl Estimator for ConditionalLeastSquares {
         let columns = &mut scratch.square[..(order + 1) * (order + 2) / 2];
         let products = &mut scratch.lagged[..=order];
         lagged_products(starts, ends, products);
-        let (before, last) = (
-            &starts[2 * (order + 1)..][..order],
-            &ends[2 * (order + 1)..][..order],
-        );
+        let (before, last) = (&starts[2 * (order + 1)..][..order], &ends[2 * (order + 1)..][..order]);
         // Lower triangle by columns: column j holds rows j..=order; the target is the last row.
         let column = |j: usize| j * (order + 1) - j * (j + 1) / 2 + j;
         for lag in 0..=order {
@@ -277,10 +268,7 @@ impl Estimator for Burg {
         let (r, rest) = rest.split_at_mut(order + 1);
         let (g, old) = rest.split_at_mut(order + 2);
         lagged_products(starts, ends, products);
-        let (first, last) = (
-            &starts[2 * (order + 1)..][..order],
-            &ends[2 * (order + 1)..][..order],
-        );
+        let (first, last) = (&starts[2 * (order + 1)..][..order], &ends[2 * (order + 1)..][..order]);
         variances[0] = products[0].max(0.0) / spans;
         let least = products[0] * Lanes::splat(1e-14);
         a.fill(Lanes::splat(0.0));

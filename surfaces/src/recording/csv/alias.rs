@@ -25,11 +25,7 @@ fn like_ours(name: &str) -> Option<String> {
         ends.then(|| format!("{ours}{rest}"))
     });
     let (plain, _) = plain_name(&translated.unwrap_or(lower))?;
-    let plain = if plain == "force" {
-        "force_normal".to_owned()
-    } else {
-        plain
-    };
+    let plain = if plain == "force" { "force_normal".to_owned() } else { plain };
     QUANTITIES.contains(&&*plain).then_some(plain)
 }
 
@@ -62,9 +58,7 @@ pub(super) fn taken_as(
     let is_quantity = |name: &String| {
         let known = plain_name(&name.to_lowercase()).map(|(plain, _)| plain);
         let known = known.filter(|plain| QUANTITIES.contains(&&**plain));
-        known
-            .or_else(|| like_ours(name))
-            .is_some_and(|plain| plain != "time")
+        known.or_else(|| like_ours(name)).is_some_and(|plain| plain != "time")
     };
     let has_quantity = is_signal || !import.columns.is_empty() || names.iter().any(is_quantity);
     let below = |index: usize| units.get(index).map_or("", String::as_str);
@@ -100,9 +94,8 @@ pub(super) fn taken_as(
 
 /// The only column of an axis of the acceleration, in a table without the acceleration, force axes and orientation that raw ones have.
 fn lone_axis(ours: &[Option<String>], taken: &[Option<String>], import: &ImportSettings) -> Option<usize> {
-    let all: Vec<Option<&str>> = { ours.iter().zip(taken) }
-        .map(|(ours, taken)| ours.as_deref().or(taken.as_deref()))
-        .collect();
+    let all: Vec<Option<&str>> =
+        { ours.iter().zip(taken) }.map(|(ours, taken)| ours.as_deref().or(taken.as_deref())).collect();
     let is_raw = ["accel", "force_x", "orientation_w"]
         .iter()
         .any(|name| all.contains(&Some(*name)) || import.constants.contains_key(*name));

@@ -93,10 +93,7 @@ fn wall_clock(text: &str) -> Option<(i64, f64)> {
     );
     let (time, zone_s) = zoned(time)?;
     let mut parts = time.split(':');
-    let (hour, minute) = (
-        digits(parts.next()?, 2, 0..=24)?,
-        digits(parts.next()?, 2, 0..=59)?,
-    );
+    let (hour, minute) = (digits(parts.next()?, 2, 0..=24)?, digits(parts.next()?, 2, 0..=59)?);
     let (second, fraction) = match parts.next() {
         Some(second) => seconds(second)?,
         None => (0, 0.0),

@@ -11,10 +11,7 @@ const MOST: usize = 6;
 const BEGINNINGS: [(&str, &[&str]); 5] = [
     ("time", &["t", "zeit", "stamp", "uhr"]),
     ("accel", &["a", "besch", "vib"]),
-    (
-        "force",
-        &["f", "kraft", "normalkraft", "load", "druck", "pressure"],
-    ),
+    ("force", &["f", "kraft", "normalkraft", "load", "druck", "pressure"]),
     ("speed", &["v", "geschw", "speed"]),
     ("position", &["x", "y", "z", "pos", "weg"]),
 ];

@@ -66,9 +66,7 @@ pub(super) fn processed(
         return Err(other.fault(other.header_line, message));
     }
     let first = tables.iter().position(has_vibration).unwrap_or(0);
-    let speed = positions
-        .map(|place| speed_of_position(&mut tables[place], import))
-        .transpose()?;
+    let speed = positions.map(|place| speed_of_position(&mut tables[place], import)).transpose()?;
     tables.swap(0, first);
     let names_of_files: Vec<String> = tables.iter().map(|table| table.label.clone()).collect();
     let Some((vibration, others)) = tables.split_first_mut() else {
@@ -116,15 +114,9 @@ pub(super) fn processed(
     vibration.findings.extend(cuts);
     cut_to_common_time(&mut taken, &slow).map_err(|message| vibration.fault(header_line, message))?;
     let mut columns = taken.columns.into_iter();
-    let acceleration = names
-        .contains(&"accel")
-        .then(|| columns.next().unwrap_or_default());
+    let acceleration = names.contains(&"accel").then(|| columns.next().unwrap_or_default());
     let axes_m_s2 = axes.then(|| zipped(std::array::from_fn(|_| columns.next().unwrap_or_default())));
-    let mut signals = Signals {
-        rate_hz: taken.rate_hz,
-        axes_m_s2,
-        ..Signals::default()
-    };
+    let mut signals = Signals { rate_hz: taken.rate_hz, axes_m_s2, ..Signals::default() };
     for (name, values) in here.into_iter().zip(columns) {
         put(&mut signals, name, values);
     }
@@ -141,9 +133,7 @@ pub(super) fn processed(
     };
     for (name, series) in slow {
         let time = |i: usize| taken.start_s + i as f64 / taken.rate_hz;
-        let values = (0..signals.acceleration_m_s2.len())
-            .map(|i| series.at(time(i)))
-            .collect();
+        let values = (0..signals.acceleration_m_s2.len()).map(|i| series.at(time(i))).collect();
         put(&mut signals, name, values);
     }
     Ok(ProcessedRecording::new(signals, gesture, provenance)?)
@@ -152,9 +142,7 @@ pub(super) fn processed(
 /// The table from whose positions the speed is derived, if no table has a speed.
 fn place_of_positions(tables: &mut [Table]) -> Option<usize> {
     let has_speed = tables.iter().any(|table| table.has("speed"));
-    let place = tables
-        .iter()
-        .position(|table| !table.columns_of(&POSITIONS).is_empty())?;
+    let place = tables.iter().position(|table| !table.columns_of(&POSITIONS).is_empty())?;
     if !has_speed {
         return Some(place);
     }
@@ -191,11 +179,7 @@ fn speed_of_position(table: &mut Table, import: &ImportSettings) -> Result<(Stri
         columns: columns.into_iter().map(|(_, header)| header).collect(),
         cutoff_hz: settings.velocity_lowpass_hz.min(0.45 * even.rate_hz),
     });
-    let series = Series {
-        rate_hz: even.rate_hz,
-        start_s: even.start_s,
-        samples,
-    };
+    let series = Series { rate_hz: even.rate_hz, start_s: even.start_s, samples };
     Ok((table.label.clone(), series))
 }
 
@@ -224,12 +208,7 @@ fn cuts(taken: &Even, series: &[(&str, Series<f64>)], own: &str, files: &[&str])
     let samples = taken.columns.first().map_or(0, Vec::len);
     let own_end = taken.start_s + samples.saturating_sub(1) as f64 / taken.rate_hz;
     let spans: Vec<(&str, f64, f64)> = std::iter::once((own, taken.start_s, own_end))
-        .chain(
-            series
-                .iter()
-                .zip(files)
-                .map(|((_, s), file)| (*file, s.start_s, s.end_s())),
-        )
+        .chain(series.iter().zip(files).map(|((_, s), file)| (*file, s.start_s, s.end_s())))
         .collect();
     let extremes = |begins: bool| {
         let at = |&(file, begin, end): &(&str, f64, f64)| (file.to_owned(), if begins { begin } else { end });
@@ -252,10 +231,7 @@ fn cuts(taken: &Even, series: &[(&str, Series<f64>)], own: &str, files: &[&str])
 /// Keeps the samples that lie in the time of all series.
 fn cut_to_common_time(taken: &mut Even, series: &[(&str, Series<f64>)]) -> Result<(), String> {
     let samples = taken.columns.first().map_or(0, Vec::len);
-    let begin = series
-        .iter()
-        .map(|(_, s)| s.start_s)
-        .fold(taken.start_s, f64::max);
+    let begin = series.iter().map(|(_, s)| s.start_s).fold(taken.start_s, f64::max);
     let own_end = taken.start_s + samples.saturating_sub(1) as f64 / taken.rate_hz;
     let end = series.iter().map(|(_, s)| s.end_s()).fold(own_end, f64::min);
     if begin >= end {

@@ -142,16 +142,8 @@ impl Table {
         import: &ImportSettings,
         wanted: ColumnSelection<'_>,
     ) -> Result<Self, ReadError> {
-        let head = Head {
-            line: cells.header_line,
-            names: cells.names,
-            notes: cells.notes,
-        };
-        if let Some((name, length)) = cells
-            .others
-            .iter()
-            .find(|(name, _)| is_wanted(name, import, wanted))
-        {
+        let head = Head { line: cells.header_line, names: cells.names, notes: cells.notes };
+        if let Some((name, length)) = cells.others.iter().find(|(name, _)| is_wanted(name, import, wanted)) {
             let longest = head.names.iter().find(|name| is_wanted(name, import, wanted));
             let longest = longest.or(head.names.first()).map_or("another", String::as_str);
             return Err(ReadError::Io(format!(
@@ -161,9 +153,7 @@ impl Table {
         }
         let (chosen, mut table) = Self::empty((head, cells.units), import, wanted)?;
         let others = cells.others.into_iter();
-        table
-            .names
-            .extend(others.map(|(name, length)| format!("{name} ({length} values)")));
+        table.names.extend(others.map(|(name, length)| format!("{name} ({length} values)")));
         table.lines = cells.lines;
         for (&(index, scale), column) in chosen.iter().zip(&mut table.columns) {
             column.values = std::mem::take(&mut cells.columns[index]);
@@ -188,14 +178,9 @@ impl Table {
                 },
             ));
         }
-        if let Some(message) = self
-            .time_without_unit
-            .take()
-            .filter(|_| !self.clock.is_calendar())
-        {
-            let number = { self.columns.iter() }
-                .find(|column| column.name == TIME)
-                .map_or(1, |column| column.number);
+        if let Some(message) = self.time_without_unit.take().filter(|_| !self.clock.is_calendar()) {
+            let number =
+                { self.columns.iter() }.find(|column| column.name == TIME).map_or(1, |column| column.number);
             return Err(self.cell_error(self.header_line, number, message));
         }
         let rows = self.lines.rows();

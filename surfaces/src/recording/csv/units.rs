@@ -87,19 +87,14 @@ fn parts(name: &str) -> Option<(Quantity, String, &str)> {
         return rest.is_empty().then_some((quantity, plain, unit));
     }
     let (quantity_name, quantity) = DIMENSIONS.iter().find(|(quantity, _)| {
-        name.strip_prefix(quantity)
-            .is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+        name.strip_prefix(quantity).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
     })?;
     let rest = name[quantity_name.len()..].trim_start_matches('_');
-    let part = PARTS.iter().find(|part| {
-        rest.strip_prefix(**part)
-            .is_some_and(|unit| unit.is_empty() || unit.starts_with('_'))
-    });
+    let part = PARTS
+        .iter()
+        .find(|part| rest.strip_prefix(**part).is_some_and(|unit| unit.is_empty() || unit.starts_with('_')));
     let unit = part.map_or(rest, |part| rest[part.len()..].trim_start_matches('_'));
-    let plain = part.map_or_else(
-        || (*quantity_name).to_owned(),
-        |part| format!("{quantity_name}_{part}"),
-    );
+    let plain = part.map_or_else(|| (*quantity_name).to_owned(), |part| format!("{quantity_name}_{part}"));
     Some((*quantity, plain, unit))
 }
 
@@ -121,9 +116,7 @@ pub(in crate::recording) fn parse_name(name: &str) -> Option<Result<(String, Sca
 }
 
 fn no_unit(name: &str, plain: &str, quantity: Quantity) -> String {
-    let known: Vec<_> = units::of_quantity(quantity)
-        .map(|unit| format!("{plain}_{unit}"))
-        .collect();
+    let known: Vec<_> = units::of_quantity(quantity).map(|unit| format!("{plain}_{unit}")).collect();
     format!(
         "the unit of column {name:?} is unknown; rename it to {}, or give the unit with --unit {plain}={}",
         known.join(" or "),
@@ -155,16 +148,10 @@ pub(in crate::recording) fn unit_in_file(
         return Ok(scale);
     }
     if !below.is_empty() {
-        return Err(format!(
-            "{below:?} below the header is not a unit of {plain}; {}",
-            say_unit(plain)
-        ));
+        return Err(format!("{below:?} below the header is not a unit of {plain}; {}", say_unit(plain)));
     }
     match is_mapped {
-        true => Err(format!(
-            "the unit of {plain} in column {header:?} is unknown; {}",
-            say_unit(plain)
-        )),
+        true => Err(format!("the unit of {plain} in column {header:?} is unknown; {}", say_unit(plain))),
         false => Err(no_unit(header, plain, quantity)),
     }
 }
@@ -205,12 +192,8 @@ pub(in crate::recording) fn is_unit(text: &str) -> bool {
 pub(in crate::recording) fn unit_of_anything(text: &str) -> Option<(Scale, &'static str)> {
     let unit = text.trim_matches(|c: char| c.is_whitespace() || "[]()".contains(c));
     // Of two quantities with one unit, g, vibrations have the first.
-    let first = Quantity::NAMED
-        .iter()
-        .filter(|(q, ..)| *q == Quantity::ACCELERATION);
-    let mut all = first
-        .chain(Quantity::NAMED)
-        .filter(|(q, ..)| *q != Quantity::NUMBER);
+    let first = Quantity::NAMED.iter().filter(|(q, ..)| *q == Quantity::ACCELERATION);
+    let mut all = first.chain(Quantity::NAMED).filter(|(q, ..)| *q != Quantity::NUMBER);
     all.find_map(|(quantity, _, si)| Some((scale_of(unit, *quantity)?, *si)))
 }
 

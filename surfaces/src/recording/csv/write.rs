@@ -52,12 +52,7 @@ fn write_processed(processed: &ProcessedRecording, writer: &mut Vec<u8>) -> std:
     header.push("speed_mm_s");
     writeln!(writer, "{}", header.join(","))?;
     for i in 0..processed.samples() {
-        write!(
-            writer,
-            "{},{:?}",
-            i as f64 / signals.rate_hz,
-            signals.acceleration_m_s2[i]
-        )?;
+        write!(writer, "{},{:?}", i as f64 / signals.rate_hz, signals.acceleration_m_s2[i])?;
         for value in signals.axes_m_s2.iter().flat_map(|axes| axes[i]) {
             write!(writer, ",{value:?}")?;
         }
@@ -115,10 +110,7 @@ impl<W: Write> RawTable<W> {
     pub fn begin(mut to: W, head: &RawHead<'_>) -> std::io::Result<Self> {
         to.write_all(origin_lines(head.gesture, head.provenance).as_bytes())?;
         let clocks = [head.acceleration_hz, head.wrench_hz, head.motion_hz];
-        let clocks = clocks.map(|rate_hz| Clock {
-            rate_hz,
-            start_s: 0.0,
-        });
+        let clocks = clocks.map(|rate_hz| Clock { rate_hz, start_s: 0.0 });
         Self::over(to, head.calibration, clocks)
     }
 
@@ -144,14 +136,12 @@ impl<W: Write> RawTable<W> {
 
     /// Appends readings of the accelerometer, V.
     pub fn push_acceleration(&mut self, volts: &[f64; 3]) {
-        self.acceleration
-            .push_back(processing::axes_of(&self.calibration, volts));
+        self.acceleration.push_back(processing::axes_of(&self.calibration, volts));
     }
 
     /// Appends a load in the force sensor's frame.
     pub fn push_load(&mut self, load: &Wrench) {
-        self.loads
-            .push_back(processing::load_on_tool(&self.calibration, load));
+        self.loads.push_back(processing::load_on_tool(&self.calibration, load));
     }
 
     /// Appends a pose of the tracker's sensor.
@@ -193,11 +183,7 @@ impl<W: Write> RawTable<W> {
 
     /// Writes the row of the earliest time; false if there is none.
     fn write_row(&mut self) -> std::io::Result<bool> {
-        let waits = [
-            !self.acceleration.is_empty(),
-            !self.loads.is_empty(),
-            !self.poses.is_empty(),
-        ];
+        let waits = [!self.acceleration.is_empty(), !self.loads.is_empty(), !self.poses.is_empty()];
         let time = |sensor: usize| {
             let Clock { rate_hz, start_s } = self.clocks[sensor];
             waits[sensor].then_some(start_s + self.written[sensor] as f64 / rate_hz)

@@ -30,16 +30,12 @@ pub(in crate::recording) fn matlab(
 ) -> Result<Table, ReadError> {
     let wrong = |message: &str| ReadError::Io(message.to_owned());
     if bytes.starts_with(b"\x89HDF") || bytes.starts_with(b"MATLAB 7.3") {
-        return Err(wrong(
-            "MATLAB format 7.3 is not supported; save the variables with -v7",
-        ));
+        return Err(wrong("MATLAB format 7.3 is not supported; save the variables with -v7"));
     }
     match bytes.get(126..HEADER_BYTES) {
         Some(b"IM") => {}
         Some(b"MI") => {
-            return Err(wrong(
-                "the MATLAB file is big-endian; save it with -v7 on a little-endian machine",
-            ));
+            return Err(wrong("the MATLAB file is big-endian; save it with -v7 on a little-endian machine"));
         }
         _ => {
             return Err(wrong(
@@ -51,9 +47,7 @@ pub(in crate::recording) fn matlab(
     elements(&bytes[HEADER_BYTES..], &mut variables, 0)
         .ok_or_else(|| wrong("the MATLAB file is damaged or cut off"))?;
     if variables.is_empty() {
-        return Err(wrong(
-            "the MATLAB file has no variable of numbers; save each signal as a vector",
-        ));
+        return Err(wrong("the MATLAB file has no variable of numbers; save each signal as a vector"));
     }
     let mut import = import.clone();
     let is_rate = |variable: &&Variable| {
@@ -61,9 +55,7 @@ pub(in crate::recording) fn matlab(
             && ["rate_hz", "fs", "sample_rate"].contains(&&*variable.name.to_lowercase())
     };
     let rate = variables.iter().find(is_rate).map(|variable| variable.values[0]);
-    import.rate_hz = import
-        .rate_hz
-        .or(rate.filter(|rate| rate.is_finite() && *rate > 0.0));
+    import.rate_hz = import.rate_hz.or(rate.filter(|rate| rate.is_finite() && *rate > 0.0));
     Table::of_cells(cells(variables), &import, wanted)
 }
 
@@ -88,16 +80,10 @@ fn cells(variables: Vec<Variable>) -> Cells {
             }
             let by_columns = variable.rows == samples;
             let value = |i: usize| {
-                variable.values[if by_columns {
-                    column * samples + i
-                } else {
-                    i * across + column
-                }]
+                variable.values[if by_columns { column * samples + i } else { i * across + column }]
             };
             let finite = |x: f64| if x.is_finite() { x } else { f64::NAN };
-            cells
-                .columns
-                .push((0..samples).map(|i| finite(value(i))).collect());
+            cells.columns.push((0..samples).map(|i| finite(value(i))).collect());
             cells.names.push(name);
         }
     }
@@ -114,10 +100,7 @@ fn elements(mut bytes: &[u8], variables: &mut Vec<Variable>, depth: usize) -> Op
         match kind {
             COMPRESSED if depth == 0 => {
                 let mut inflated = vec![];
-                ZlibDecoder::new(data)
-                    .take(MAX_RECORDING_BYTES)
-                    .read_to_end(&mut inflated)
-                    .ok()?;
+                ZlibDecoder::new(data).take(MAX_RECORDING_BYTES).read_to_end(&mut inflated).ok()?;
                 elements(&inflated, variables, 1)?;
             }
             MATRIX => matrix(data, None, variables, depth)?,
@@ -165,9 +148,7 @@ fn matrix(bytes: &[u8], field: Option<&str>, variables: &mut Vec<Variable>, dept
             let (kind, data, _) = element(rest, false)?;
             let values = numbers(kind, data)?;
             let rows = *dimensions.first()?;
-            let expected = dimensions
-                .iter()
-                .try_fold(1_usize, |product, d| product.checked_mul(*d));
+            let expected = dimensions.iter().try_fold(1_usize, |product, d| product.checked_mul(*d));
             if dimensions.len() == 2 && expected == Some(values.len()) && !values.is_empty() {
                 variables.push(Variable { name, rows, values });
             }
@@ -193,11 +174,7 @@ fn fields(bytes: &[u8], variables: &mut Vec<Variable>, depth: usize) -> Option<(
 /// The numbers of an element, which may be stored in a smaller type than the variable's.
 fn numbers(kind: u32, data: &[u8]) -> Option<Vec<f64>> {
     fn all<const N: usize>(data: &[u8], number: impl Fn([u8; N]) -> f64) -> Vec<f64> {
-        data.as_chunks::<N>()
-            .0
-            .iter()
-            .map(|bytes| number(*bytes))
-            .collect()
+        data.as_chunks::<N>().0.iter().map(|bytes| number(*bytes)).collect()
     }
     Some(match kind {
         1 => all(data, |b| f64::from(i8::from_le_bytes(b))),

@@ -18,11 +18,8 @@ pub(in crate::recording) fn spreadsheet(
     let mut book = Xlsx::new(Cursor::new(bytes)).map_err(|error| ReadError::Io(unopened(&error)))?;
     let sheet = first_sheet(&mut book)?;
     let first_row = sheet.start().map_or(0, |(row, _)| u64::from(row)) + 1;
-    let texts = |row: &[Data]| -> Vec<String> {
-        row.iter()
-            .map(|cell| cell.to_string().trim().to_owned())
-            .collect()
-    };
+    let texts =
+        |row: &[Data]| -> Vec<String> { row.iter().map(|cell| cell.to_string().trim().to_owned()).collect() };
     let note = |row: &[Data]| match row.first() {
         Some(Data::String(text)) => text.trim().strip_prefix('#').map(str::to_owned),
         _ => None,
@@ -31,15 +28,10 @@ pub(in crate::recording) fn spreadsheet(
         note(row).is_none() && !row.iter().all(|cell| matches!(cell, Data::Empty))
     };
     let mut rows = sheet.rows().zip(first_row..).filter(is_row);
-    let first: Vec<Vec<String>> = rows
-        .clone()
-        .take(HEADER_WITHIN)
-        .map(|(row, _)| texts(row))
-        .collect();
+    let first: Vec<Vec<String>> = rows.clone().take(HEADER_WITHIN).map(|(row, _)| texts(row)).collect();
     let line_of = |row: usize| rows.clone().nth(row).map_or(first_row, |(_, line)| line);
-    let header = header_of(first.len(), &|row, _| first[row].clone(), &|name| {
-        is_wanted(name, import, wanted)
-    });
+    let header =
+        header_of(first.len(), &|row, _| first[row].clone(), &|name| is_wanted(name, import, wanted));
     let header = header.map_err(|(one, other)| {
         let (line, other) = (line_of(one), line_of(other));
         ReadError::Csv {
@@ -55,13 +47,8 @@ pub(in crate::recording) fn spreadsheet(
         cells.names = texts(row);
         cells.columns = vec![vec![]; row.len()];
     }
-    let above = sheet
-        .rows()
-        .zip(first_row..)
-        .take_while(|(_, line)| *line < cells.header_line);
-    above
-        .filter_map(|(row, _)| note(row))
-        .for_each(|text| note_of(&text, &mut cells.notes));
+    let above = sheet.rows().zip(first_row..).take_while(|(_, line)| *line < cells.header_line);
+    above.filter_map(|(row, _)| note(row)).for_each(|text| note_of(&text, &mut cells.notes));
     let below = rows.clone().next().map(|(row, line)| (texts(row), line));
     if let Some((units, line)) = below.filter(|(below, _)| is_without_numbers(below)) {
         if !units.iter().any(|cell| is_unit(cell)) {
@@ -123,9 +110,7 @@ fn unopened(error: &XlsxError) -> String {
 /// The cells of the first sheet, bounded before memory is taken for its extent.
 fn first_sheet(book: &mut Xlsx<impl Read + Seek>) -> Result<Range<Data>, ReadError> {
     let sheets = book.sheet_names();
-    let name = sheets
-        .first()
-        .ok_or_else(|| ReadError::Io("the spreadsheet has no sheet".to_owned()))?;
+    let name = sheets.first().ok_or_else(|| ReadError::Io("the spreadsheet has no sheet".to_owned()))?;
     let wrong = |last: Option<(u32, u32)>, message: String| ReadError::Sheet {
         sheet: name.clone(),
         after: last.map(|(row, column)| (u64::from(row) + 1, u64::from(column) + 1)),
@@ -152,10 +137,7 @@ fn first_sheet(book: &mut Xlsx<impl Read + Seek>) -> Result<Range<Data>, ReadErr
     }
     let [of_each, besides, at_all] = MAX_PLACES;
     if rows * columns > (of_each * cells.len() as u64 + besides).min(at_all) {
-        let message = format!(
-            "its {} cells lie in {rows} rows and {columns} columns",
-            cells.len()
-        );
+        let message = format!("its {} cells lie in {rows} rows and {columns} columns", cells.len());
         return Err(wrong(None, message));
     }
     Ok(Range::from_sparse(cells))
@@ -188,9 +170,7 @@ mod tests {
     fn what_a_workbook_inflates_to_is_bounded() {
         let mut archive = zip::ZipWriter::new(Cursor::new(vec![]));
         for name in ["xl/workbook.xml", "xl/sharedStrings.xml"] {
-            archive
-                .start_file(name, zip::write::SimpleFileOptions::default())
-                .unwrap();
+            archive.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
             archive.write_all(&[b' '; 500]).unwrap();
         }
         let bytes = archive.finish().unwrap().into_inner();

@@ -26,17 +26,10 @@ pub(in crate::recording) fn wav(
     let mut read = 0_u32;
     let count = |x: Result<f64, hound::Error>| x.inspect(|_| read += 1);
     let samples: Result<Vec<f64>, _> = match spec.sample_format {
-        SampleFormat::Float => { reader.samples::<f32>() }
-            .map(|x| x.map(f64::from))
-            .map(count)
-            .collect(),
+        SampleFormat::Float => { reader.samples::<f32>() }.map(|x| x.map(f64::from)).map(count).collect(),
         SampleFormat::Int => {
             let unit = 2_f64.powi(i32::from(spec.bits_per_sample) - 1);
-            reader
-                .samples::<i32>()
-                .map(|x| x.map(|x| f64::from(x) / unit))
-                .map(count)
-                .collect()
+            reader.samples::<i32>().map(|x| x.map(|x| f64::from(x) / unit)).map(count).collect()
         }
     };
     let samples = samples.map_err(|error| match error {
@@ -52,19 +45,9 @@ pub(in crate::recording) fn wav(
         3 => ["x", "y", "z"].map(|axis| format!("accel_{axis}_m_s2")).to_vec(),
         _ => (1..=channels).map(|channel| channel.to_string()).collect(),
     };
-    let channel = |index: usize| {
-        samples
-            .iter()
-            .skip(index)
-            .step_by(channels)
-            .map(|x| x * full_scale)
-            .collect()
-    };
-    let mut cells = Cells {
-        columns: (0..channels).map(channel).collect(),
-        names,
-        ..Cells::default()
-    };
+    let channel =
+        |index: usize| samples.iter().skip(index).step_by(channels).map(|x| x * full_scale).collect();
+    let mut cells = Cells { columns: (0..channels).map(channel).collect(), names, ..Cells::default() };
     for row in 0..samples.len() / channels.max(1) {
         cells.lines.push(row as u64 + 1);
     }

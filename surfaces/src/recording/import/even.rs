@@ -54,10 +54,7 @@ pub(in crate::recording) fn timing(times: &[f64], strict: bool) -> Result<Timing
             rate_hz,
             start_s,
             is_uneven: false,
-            finding: (resolution_s > 1.0 / rate_hz).then_some(Finding::CoarseTimes {
-                resolution_s,
-                rate_hz,
-            }),
+            finding: (resolution_s > 1.0 / rate_hz).then_some(Finding::CoarseTimes { resolution_s, rate_hz }),
         });
     };
     if strict {
@@ -70,11 +67,7 @@ pub(in crate::recording) fn timing(times: &[f64], strict: bool) -> Result<Timing
         return Err((first_off, message));
     }
     if let Some(row) = (1..times.len()).find(|&i| times[i] < times[i - 1]) {
-        let message = format!(
-            "time goes back, from {} s to {} s",
-            shown(times[row - 1]),
-            shown(times[row])
-        );
+        let message = format!("time goes back, from {} s to {} s", shown(times[row - 1]), shown(times[row]));
         return Err((row, message));
     }
     if times.windows(2).any(|pair| pair[0] == pair[1]) {
@@ -103,10 +96,7 @@ fn coarse(times: &[f64], rate_hz: f64) -> Result<Timing, TimeFault> {
         rate_hz,
         start_s: times[0],
         is_uneven: false,
-        finding: Some(Finding::CoarseTimes {
-            resolution_s,
-            rate_hz,
-        }),
+        finding: Some(Finding::CoarseTimes { resolution_s, rate_hz }),
     })
 }
 
@@ -132,25 +122,12 @@ fn uneven(times: &[f64]) -> Result<Timing, TimeFault> {
     let span_s = times[times.len() - 1] - times[0];
     let rate_hz = rounded((times.len() - 1 + missing_rows) as f64 / span_s, ROUND_UNEVEN);
     let interval_s = 1.0 / rate_hz;
-    let single = times
-        .windows(2)
-        .map(|pair| pair[1] - pair[0])
-        .filter(|step| *step < 1.5 * usual);
-    let (square, count) = single.fold((0.0, 0.0), |(square, count), step| {
-        (square + (step - interval_s).powi(2), count + 1.0_f64)
-    });
-    let finding = Finding::Jitter {
-        rms_s: (square / count.max(1.0)).sqrt(),
-        interval_s,
-        rate_hz,
-        missing_rows,
-    };
-    Ok(Timing {
-        rate_hz,
-        start_s: times[0],
-        is_uneven: true,
-        finding: Some(finding),
-    })
+    let single = times.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step < 1.5 * usual);
+    let (square, count) = single
+        .fold((0.0, 0.0), |(square, count), step| (square + (step - interval_s).powi(2), count + 1.0_f64));
+    let finding =
+        Finding::Jitter { rms_s: (square / count.max(1.0)).sqrt(), interval_s, rate_hz, missing_rows };
+    Ok(Timing { rate_hz, start_s: times[0], is_uneven: true, finding: Some(finding) })
 }
 
 /// Rows that are missing between `row` and the next: a late row alone makes one step longer, but not three together.
@@ -210,15 +187,9 @@ pub(in crate::recording) fn resampled(
 fn lagrange(times: &[f64], values: &[f64], time: f64) -> f64 {
     let weight = |i: usize| -> f64 {
         let others = (0..times.len()).filter(|&j| j != i);
-        others
-            .map(|j| (time - times[j]) / (times[i] - times[j]))
-            .product()
+        others.map(|j| (time - times[j]) / (times[i] - times[j])).product()
     };
-    values
-        .iter()
-        .enumerate()
-        .map(|(i, value)| weight(i) * value)
-        .sum()
+    values.iter().enumerate().map(|(i, value)| weight(i) * value).sum()
 }
 
 #[cfg(test)]
@@ -228,9 +199,7 @@ mod tests {
 
     fn jittered(rows: usize, rate_hz: f64, part: f64) -> Vec<f64> {
         let mut noise = Gaussian::new(3);
-        (0..rows)
-            .map(|i| (i as f64 + part * noise.next_sample().clamp(-3.0, 3.0)) / rate_hz)
-            .collect()
+        (0..rows).map(|i| (i as f64 + part * noise.next_sample().clamp(-3.0, 3.0)) / rate_hz).collect()
     }
 
     #[test]
@@ -242,20 +211,12 @@ mod tests {
         let values: Vec<f64> = times.iter().map(|time| signal(*time)).collect();
         let found = timing(&times, false).expect("no gap");
         assert_eq!((found.rate_hz, found.is_uneven), (1000.0, true));
-        let Some(Finding::Jitter {
-            rms_s, missing_rows, ..
-        }) = found.finding
-        else {
-            panic!("{found:?}")
-        };
+        let Some(Finding::Jitter { rms_s, missing_rows, .. }) = found.finding else { panic!("{found:?}") };
         // The difference of two independent offsets.
         assert!((rms_s - 0.1e-3 * 2_f64.sqrt()).abs() < 0.01e-3, "{rms_s}");
         assert_eq!(missing_rows, 0);
         let even = resampled(&times, &values, &found, true);
-        let off = even
-            .iter()
-            .enumerate()
-            .map(|(i, x)| (x - signal(times[0] + i as f64 / 1000.0)).abs());
+        let off = even.iter().enumerate().map(|(i, x)| (x - signal(times[0] + i as f64 / 1000.0)).abs());
         assert!(off.fold(0.0, f64::max) < 5e-3);
     }
 
@@ -264,10 +225,7 @@ mod tests {
         let mut times: Vec<f64> = (0..1000).map(|i| f64::from(i) / 1000.0).collect();
         times.drain(500..502);
         let found = timing(&times, false).expect("two rows are no gap");
-        assert!(
-            matches!(found.finding, Some(Finding::Jitter { missing_rows: 2, .. })),
-            "{found:?}"
-        );
+        assert!(matches!(found.finding, Some(Finding::Jitter { missing_rows: 2, .. })), "{found:?}");
         times.drain(700..720);
         assert_eq!(timing(&times, false).expect_err("a gap").0, 700);
         times.swap(100, 101);
@@ -284,9 +242,7 @@ mod tests {
             "{coarse:?}"
         );
         assert!((coarse.rate_hz - 3000.0).abs() < 2.0);
-        let written: Vec<f64> = (0..3000)
-            .map(|i| (f64::from(i) / 0.3).round() / 10_000.0)
-            .collect();
+        let written: Vec<f64> = (0..3000).map(|i| (f64::from(i) / 0.3).round() / 10_000.0).collect();
         let even = timing(&written, false).expect("even");
         assert_eq!((even.finding.clone(), even.is_uneven), (None, false), "{even:?}");
     }

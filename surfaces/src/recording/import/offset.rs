@@ -19,12 +19,7 @@ const SHORTEST_S: f64 = 0.5;
 #[must_use]
 pub fn remove_offset(column: &str, has_unit: bool, values: &mut Vec<f64>, rate_hz: f64) -> Option<Finding> {
     let (mean, cutoff_hz) = without_offset(values, rate_hz)?;
-    Some(Finding::HighPassed {
-        column: column.to_owned(),
-        mean,
-        cutoff_hz,
-        has_unit,
-    })
+    Some(Finding::HighPassed { column: column.to_owned(), mean, cutoff_hz, has_unit })
 }
 
 /// The mean and the cutoff in Hz, where the high-pass was applied.

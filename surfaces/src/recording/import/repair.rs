@@ -13,9 +13,7 @@ pub(in crate::recording) fn interpolate_missing(
 ) -> Result<usize, Range<usize>> {
     let (mut index, mut count) = (0, 0);
     while let Some(start) = (index..values.len()).find(|&i| !values[i].is_finite()) {
-        let end = (start..values.len())
-            .find(|&i| values[i].is_finite())
-            .unwrap_or(values.len());
+        let end = (start..values.len()).find(|&i| values[i].is_finite()).unwrap_or(values.len());
         if end - start > longest || end - start == values.len() {
             return Err(start..end);
         }
@@ -70,10 +68,7 @@ const CLIPPED: usize = 10;
 /// Number of samples that are, with a neighbour, at the largest or smallest value; 0 if they are few.
 pub(in crate::recording) fn clipped(values: &[f64]) -> usize {
     let finite = || values.iter().copied().filter(|x| x.is_finite());
-    let (least, most) = (
-        finite().fold(f64::INFINITY, f64::min),
-        finite().fold(f64::NEG_INFINITY, f64::max),
-    );
+    let (least, most) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
     if least >= most {
         return 0;
     }
@@ -97,10 +92,7 @@ mod tests {
         let mut values = [none, 1.0, bad, none, 4.0, none];
         assert_eq!(interpolate_missing(&mut values, 2), Ok(4));
         assert_eq!(values, [1.0, 1.0, 2.0, 3.0, 4.0, 4.0]);
-        assert_eq!(
-            interpolate_missing(&mut [1.0, none, none, none, 2.0], 2),
-            Err(1..4)
-        );
+        assert_eq!(interpolate_missing(&mut [1.0, none, none, none, 2.0], 2), Err(1..4));
         assert_eq!(interpolate_missing(&mut [none], 2), Err(0..1));
     }
 

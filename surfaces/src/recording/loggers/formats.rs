@@ -15,12 +15,7 @@ fn variable(name: &str, rows: i32, columns: i32, values: &[f64]) -> Vec<u8> {
     let flags = [6_u32.to_le_bytes(), [0; 4]].concat();
     let size = [rows.to_le_bytes(), columns.to_le_bytes()].concat();
     let values: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
-    let parts = [
-        element(6, &flags),
-        element(5, &size),
-        element(1, name.as_bytes()),
-        element(9, &values),
-    ];
+    let parts = [element(6, &flags), element(5, &size), element(1, name.as_bytes()), element(9, &values)];
     element(14, &parts.concat())
 }
 
@@ -55,19 +50,14 @@ fn matlab_variables_are_columns() {
     ]);
     let path = folder.with("x.mat", &file);
     let (recording, _) = read(&[path], &ImportSettings::default()).expect("a recording");
-    assert_eq!(
-        (recording.rate_hz(), &recording.signals().acceleration_m_s2),
-        (1000.0, &accel)
-    );
+    assert_eq!((recording.rate_hz(), &recording.signals().acceleration_m_s2), (1000.0, &accel));
     assert_eq!(recording.signals().force_normal_n, force);
     for end in [130, 500, file.len() - 3] {
         let path = folder.with("cut.mat", &file[..end]);
         assert!(read(&[path], &ImportSettings::default()).is_err(), "{end}");
     }
     let newer = folder.with("new.mat", b"MATLAB 7.3 MAT-file, and HDF5 from here on");
-    let error = read(&[newer], &ImportSettings::default())
-        .expect_err("HDF5")
-        .to_string();
+    let error = read(&[newer], &ImportSettings::default()).expect_err("HDF5").to_string();
     assert_eq!(error.matches("7.3").count(), 1, "{error}");
 }
 
@@ -81,24 +71,13 @@ fn variables_of_other_lengths_are_named_and_have_no_lines() {
     ]);
     let path = folder.with("x.mat", &file);
     let said = |import: &ImportSettings| {
-        read(std::slice::from_ref(&path), import)
-            .expect_err("not all is there")
-            .to_string()
+        read(std::slice::from_ref(&path), import).expect_err("not all is there").to_string()
     };
     let unsaid = said(&ImportSettings::default());
-    assert!(
-        unsaid.contains("acc, v, Fz (20 values)") && !unsaid.contains("line"),
-        "{unsaid}"
-    );
+    assert!(unsaid.contains("acc, v, Fz (20 values)") && !unsaid.contains("line"), "{unsaid}");
     let columns = [("accel", "acc"), ("force_normal", "Fz"), ("speed", "v")];
-    let mapped = said(&import(
-        &columns,
-        &[("accel", "g"), ("force", "N"), ("speed", "mm/s")],
-    ));
-    assert!(
-        mapped.contains("variable Fz has 20 values, acc has 200; all need the same length"),
-        "{mapped}"
-    );
+    let mapped = said(&import(&columns, &[("accel", "g"), ("force", "N"), ("speed", "mm/s")]));
+    assert!(mapped.contains("variable Fz has 20 values, acc has 200; all need the same length"), "{mapped}");
     // One column as it stands, and what is not text is not shown.
     assert_eq!(load_column(&path, "v").expect("a column"), [80.0; 200]);
     let binary = folder.with("x.bin", [7_u8; 3000]);
@@ -116,41 +95,20 @@ fn workbook(last: &str, more: &str) -> Vec<u8> {
     let text = |at: &str, text: &str| format!("<c r=\"{at}\" t=\"inlineStr\"><is><t>{text}</t></is></c>");
     let number = |at: String, x: f64| format!("<c r=\"{at}\"><v>{x}</v></c>");
     let mut sheet = cells(1, &[text("A1", "# rate_hz: 1000")]);
-    sheet += &cells(
-        2,
-        &[
-            text("A2", "accel_m_s2"),
-            text("B2", "force_normal_n"),
-            text("C2", "speed_mm_s"),
-        ],
-    );
+    sheet += &cells(2, &[text("A2", "accel_m_s2"), text("B2", "force_normal_n"), text("C2", "speed_mm_s")]);
     for (i, (_, a, f, v)) in rows(30).enumerate() {
         let row = i + 3;
         sheet += &cells(
             row,
-            &[
-                number(format!("A{row}"), a),
-                number(format!("B{row}"), f),
-                number(format!("C{row}"), v),
-            ],
+            &[number(format!("A{row}"), a), number(format!("B{row}"), f), number(format!("C{row}"), v)],
         );
     }
-    sheet += &cells(
-        33,
-        &[
-            text("A33", last),
-            number("B33".into(), 1.0),
-            number("C33".into(), 80.0),
-        ],
-    );
+    sheet += &cells(33, &[text("A33", last), number("B33".into(), 1.0), number("C33".into(), 80.0)]);
     let main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main";
     let relations = "http://schemas.openxmlformats.org/officeDocument/2006/relationships";
     let package = "http://schemas.openxmlformats.org/package/2006";
     let members = [
-        (
-            "[Content_Types].xml",
-            format!("<Types xmlns=\"{package}/content-types\"/>"),
-        ),
+        ("[Content_Types].xml", format!("<Types xmlns=\"{package}/content-types\"/>")),
         (
             "_rels/.rels",
             format!(
@@ -191,15 +149,9 @@ fn a_spreadsheet_is_a_table_and_its_errors_name_the_cell() {
     let path = folder.with("x.xlsx", workbook("0.5", ""));
     let (recording, _) = read(&[path], &ImportSettings::default()).expect("a recording");
     let expected: Vec<f64> = rows(30).map(|row| row.1).chain([0.5]).collect();
-    assert_eq!(
-        (recording.rate_hz(), &recording.signals().acceleration_m_s2),
-        (1000.0, &expected)
-    );
+    assert_eq!((recording.rate_hz(), &recording.signals().acceleration_m_s2), (1000.0, &expected));
     let path = folder.with("y.xlsx", workbook("broken", ""));
-    assert_eq!(
-        line_of(read(&[path], &ImportSettings::strict()).expect_err("no number")),
-        (33, 1)
-    );
+    assert_eq!(line_of(read(&[path], &ImportSettings::strict()).expect_err("no number")), (33, 1));
 }
 
 #[cfg(feature = "spreadsheets")]
@@ -208,10 +160,8 @@ fn a_damaged_spreadsheet_is_refused_at_the_last_cell_that_was_read() {
     let folder = Folder::new();
     let unknown = "<row r=\"34\"><c r=\"A34\"><v>1</v></c><c r=\"B34\" t=\"tea\"><v>1</v></c></row>";
     let path = folder.with("x.xlsx", workbook("0.5", unknown));
-    let Err(LoadError::Read {
-        source: ReadError::Sheet { sheet, after, .. },
-        ..
-    }) = read(&[path], &ImportSettings::default())
+    let Err(LoadError::Read { source: ReadError::Sheet { sheet, after, .. }, .. }) =
+        read(&[path], &ImportSettings::default())
     else {
         panic!("the sheet is damaged");
     };
@@ -222,10 +172,7 @@ fn a_damaged_spreadsheet_is_refused_at_the_last_cell_that_was_read() {
     bytes[at] = b' ';
     let path = folder.with("y.xlsx", bytes);
     let error = read(&[path], &ImportSettings::default()).expect_err("damaged");
-    assert!(
-        error.to_string().contains("`xl/worksheets/sheet1.xml`"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("`xl/worksheets/sheet1.xml`"), "{error}");
 }
 
 #[test]
@@ -233,9 +180,7 @@ fn other_spreadsheets_are_refused_with_what_to_do() {
     let folder = Folder::new();
     let old = folder.with("old.xls", [&[0xd0, 0xcf, 0x11, 0xe0][..], &[0; 600]].concat());
     let mut archive = zip::ZipWriter::new(std::io::Cursor::new(vec![]));
-    archive
-        .start_file("content.xml", zip::write::SimpleFileOptions::default())
-        .expect("memory");
+    archive.start_file("content.xml", zip::write::SimpleFileOptions::default()).expect("memory");
     let open = folder.with("open.ods", archive.finish().expect("memory").into_inner());
     for path in [old, open] {
         let error = read(&[path], &ImportSettings::default()).expect_err("it is not read");

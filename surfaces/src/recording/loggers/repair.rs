@@ -15,48 +15,25 @@ fn single_cells_and_outliers_are_repaired_and_counted_or_refused() {
     let (recording, findings) =
         read(std::slice::from_ref(&path), &ImportSettings::default()).expect("a recording");
     assert_eq!(recording.samples(), 500);
-    assert!(
-        recording
-            .signals()
-            .acceleration_m_s2
-            .iter()
-            .all(|a| a.abs() < 1.1)
-    );
+    assert!(recording.signals().acceleration_m_s2.iter().all(|a| a.abs() < 1.1));
     let interpolated = |quantity: &str, unreadable, empty| Finding::Interpolated {
         quantity: quantity.to_owned(),
         unreadable,
         empty,
         of: 500,
-        first: (unreadable > 0).then(|| BadCell {
-            line: 102,
-            column: 2,
-            text: Some("?".to_owned()),
-        }),
+        first: (unreadable > 0).then(|| BadCell { line: 102, column: 2, text: Some("?".to_owned()) }),
     };
-    let spike = Finding::Outliers {
-        quantity: "accel".to_owned(),
-        count: 1,
-    };
-    let expected = [
-        interpolated("accel", 1, 0),
-        spike,
-        interpolated("force_normal", 0, 2),
-        interpolated("speed", 0, 1),
-    ];
+    let spike = Finding::Outliers { quantity: "accel".to_owned(), count: 1 };
+    let expected =
+        [interpolated("accel", 1, 0), spike, interpolated("force_normal", 0, 2), interpolated("speed", 0, 1)];
     assert_eq!(findings, expected);
-    assert_eq!(
-        line_of(read(&[path], &ImportSettings::strict()).expect_err("strict")),
-        (501, 0)
-    );
+    assert_eq!(line_of(read(&[path], &ImportSettings::strict()).expect_err("strict")), (501, 0));
     // One in ten is no accident.
     for row in (0..500).step_by(10) {
         lines[row] = "0.1,?,1,80\n".to_owned();
     }
     let path = folder.with("y.csv", format!("{HEAD}{}", lines.concat()));
-    assert_eq!(
-        line_of(read(&[path], &ImportSettings::default()).expect_err("unreadable")),
-        (2, 2)
-    );
+    assert_eq!(line_of(read(&[path], &ImportSettings::default()).expect_err("unreadable")), (2, 2));
 }
 
 #[test]
@@ -65,10 +42,7 @@ fn gaps_are_refused_where_they_are_and_jitter_is_not() {
     let mut lines = table(1000);
     lines.drain(500..600);
     let gap = folder.with("gap.csv", format!("{HEAD}{}", lines.concat()));
-    assert_eq!(
-        line_of(read(&[gap], &ImportSettings::default()).expect_err("a gap")),
-        (502, 0)
-    );
+    assert_eq!(line_of(read(&[gap], &ImportSettings::default()).expect_err("a gap")), (502, 0));
     let jittered: String = rows(1000)
         .enumerate()
         .map(|(i, (t, a, f, v))| format!("{:.6},{a},{f},{v}\n", t + if i % 2 == 1 { 0.0002 } else { 0.0 }))
@@ -77,72 +51,38 @@ fn gaps_are_refused_where_they_are_and_jitter_is_not() {
     let (recording, findings) =
         read(std::slice::from_ref(&path), &ImportSettings::default()).expect("a recording");
     assert_eq!(recording.rate_hz(), 1000.0);
-    assert!(
-        matches!(findings[..], [Finding::Jitter { missing_rows: 0, .. }]),
-        "{findings:?}"
-    );
+    assert!(matches!(findings[..], [Finding::Jitter { missing_rows: 0, .. }]), "{findings:?}");
     // By the flag, times do not count.
-    let import = ImportSettings {
-        rate_hz: Some(2000.0),
-        ..ImportSettings::default()
-    };
+    let import = ImportSettings { rate_hz: Some(2000.0), ..ImportSettings::default() };
     let (recording, findings) = read(&[path], &import).expect("a recording");
     assert_eq!(
         (recording.rate_hz(), recording.samples(), findings),
-        (
-            2000.0,
-            1000,
-            vec![Finding::TimesNotUsed {
-                column: "time_s".to_owned()
-            }]
-        )
+        (2000.0, 1000, vec![Finding::TimesNotUsed { column: "time_s".to_owned() }])
     );
 }
 
 #[test]
 fn a_speed_of_90_m_s_is_implausible() {
     let folder = Folder::new();
-    let lines: String = rows(100)
-        .map(|(t, a, f, _)| format!("{t},{a},{f},90\n"))
-        .collect();
-    let path = folder.with(
-        "x.csv",
-        format!("time_s,accel_m_s2,force_normal_n,speed_m_s\n{lines}"),
-    );
+    let lines: String = rows(100).map(|(t, a, f, _)| format!("{t},{a},{f},90\n")).collect();
+    let path = folder.with("x.csv", format!("time_s,accel_m_s2,force_normal_n,speed_m_s\n{lines}"));
     let (_, findings) = read(&[path], &ImportSettings::default()).expect("a recording");
-    assert!(
-        matches!(
-            findings[..],
-            [Finding::Implausible {
-                quantity: "speed",
-                ..
-            }]
-        ),
-        "{findings:?}"
-    );
+    assert!(matches!(findings[..], [Finding::Implausible { quantity: "speed", .. }]), "{findings:?}");
 }
 
 #[test]
 fn strange_rates_and_clipped_samples_are_noticed() {
     let folder = Folder::new();
-    let lines: String = rows(200)
-        .map(|(t, a, f, v)| format!("{},{},{f},{v}\n", t * 100.0, a.clamp(-0.8, 0.8)))
-        .collect();
+    let lines: String =
+        rows(200).map(|(t, a, f, v)| format!("{},{},{f},{v}\n", t * 100.0, a.clamp(-0.8, 0.8))).collect();
     let path = folder.with("leder.csv", format!("{HEAD}{lines}"));
     let (recording, findings) = read(&[path], &ImportSettings::default()).expect("a recording");
     assert!(
         matches!(&findings[0], Finding::StrangeRate { column, rate_hz: 10.0 } if column == "time_s"),
         "{findings:?}"
     );
-    let cut = recording
-        .signals()
-        .acceleration_m_s2
-        .iter()
-        .filter(|a| a.abs() == 0.8)
-        .count();
-    let Some(Finding::Clipped { count, of: 200, .. }) = findings.get(1) else {
-        panic!("{findings:?}")
-    };
+    let cut = recording.signals().acceleration_m_s2.iter().filter(|a| a.abs() == 0.8).count();
+    let Some(Finding::Clipped { count, of: 200, .. }) = findings.get(1) else { panic!("{findings:?}") };
     assert!(*count > 10 && *count <= cut, "{count} of {cut}");
 }
 
@@ -167,16 +107,7 @@ fn what_cannot_be_read_is_counted_and_located() {
     }
     let path = folder.with("x.csv", format!("{HEAD}{}", lines.concat()));
     let error = read(&[path], &ImportSettings::default()).expect_err("11 of 1000");
-    let LoadError::Read {
-        source:
-            ReadError::CsvCell {
-                line: 7,
-                column: 2,
-                message,
-            },
-        ..
-    } = error
-    else {
+    let LoadError::Read { source: ReadError::CsvCell { line: 7, column: 2, message }, .. } = error else {
         panic!("{error}")
     };
     assert!(

@@ -54,10 +54,7 @@ fn hard_lines(mesh: &TriangleMesh, count: usize, seed: u64) -> Vec<(Vec3, Vec3)>
             3 => (add_scaled(a, flat, nudge_m), any),
             4 => (add_scaled(mesh.centre_m(), flat, nudge_m), normal),
             5 => (add_scaled(inside, normal, nudge_m), edge),
-            6 => (
-                add_scaled(a, flat, nudge_m),
-                direction(sub(a, mesh.centre_m())).unwrap(),
-            ),
+            6 => (add_scaled(a, flat, nudge_m), direction(sub(a, mesh.centre_m())).unwrap()),
             _ => (add_scaled(inside, any, nudge_m), flat),
         });
     }
@@ -90,21 +87,12 @@ fn the_hierarchy_and_all_triangles_give_the_same_place() {
         for (foot_m, along) in hard_lines(&mesh, lines, 2) {
             let found = mesh.meet_line(foot_m, along);
             let foot_m = add_scaled(foot_m, along, dot(sub(mesh.centre_m, foot_m), along));
-            let mut line = Line {
-                foot_m,
-                along,
-                slack_m: 1e-9 * mesh.diagonal_m,
-                visits: 0,
-            };
+            let mut line = Line { foot_m, along, slack_m: 1e-9 * mesh.diagonal_m, visits: 0 };
             let by_all = mesh.clip(&mut line).unwrap_or_else(|| mesh.beside(&mut line));
             let apart_m = distance(found.position_m, by_all.position_m);
             let gaps_m = (found.miss_m, line.gap_m(by_all.position_m));
             assert!((gaps_m.0 - gaps_m.1).abs() <= 4.0 * line.slack_m, "{gaps_m:?}");
-            assert!(
-                apart_m <= 1e-6 * mesh.diagonal_m,
-                "{apart_m}, {found:?}, {:?}",
-                by_all.position_m
-            );
+            assert!(apart_m <= 1e-6 * mesh.diagonal_m, "{apart_m}, {found:?}, {:?}", by_all.position_m);
         }
     }
 }
@@ -116,12 +104,7 @@ fn a_line_that_misses_is_given_the_nearest_point() {
     let mut missed = 0;
     for (foot_m, along) in hard_lines(&mesh, 300, 3) {
         let found = mesh.meet_line(foot_m, along);
-        let line = Line {
-            foot_m,
-            along,
-            slack_m: 0.0,
-            visits: 0,
-        };
+        let line = Line { foot_m, along, slack_m: 0.0, visits: 0 };
         let mut least_m = f64::INFINITY;
         for triangle in 0..mesh.triangles().len() as u32 {
             let [a, b, c] = mesh.corners(triangle);

@@ -26,12 +26,7 @@ impl WithSimd for SetAll<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> bool {
-        let Self {
-            group,
-            ar,
-            warping,
-            power,
-        } = self;
+        let Self { group, ar, warping, power } = self;
         let order = ar.len();
         if !(1..=MAX_ORDER).contains(&order) || !(0.0..=MAX_WARPING).contains(&warping) {
             return false;

@@ -3,20 +3,13 @@ use super::*;
 use crate::recording::synthetic::{Moment, drag, raw};
 
 fn take(recording: AnyRecording, number: u64) -> Take {
-    let name = RecordingName {
-        material: "m".into(),
-        person: "p".into(),
-        take: number.to_string(),
-    };
+    let name = RecordingName { material: "m".into(), person: "p".into(), take: number.to_string() };
     Take { name, recording }
 }
 
 fn held_out(recordings: Vec<AnyRecording>) -> Vec<ContactResult> {
-    let takes: Vec<Take> = recordings
-        .into_iter()
-        .zip(0..)
-        .map(|(recording, number)| take(recording, number))
-        .collect();
+    let takes: Vec<Take> =
+        recordings.into_iter().zip(0..).map(|(recording, number)| take(recording, number)).collect();
     hold_out_contact(&takes, &ProcessingSettings::default())
 }
 
@@ -27,20 +20,14 @@ fn errors(found: &[ContactResult], contact: Contact, split: &str) -> Vec<f64> {
         .find(|result| (result.contact, result.split) == (contact, split))
         .expect("there is such a result");
     assert_eq!(result.materials, ["m"]);
-    assert_eq!(
-        result.loses,
-        result.means[contact.plain()]
-            .iter()
-            .any(|m| m.mean < result.means[0].mean)
-    );
+    assert_eq!(result.loses, result.means[contact.plain()].iter().any(|m| m.mean < result.means[0].mean));
     result.means.iter().map(|m| m.mean).collect()
 }
 
 #[test]
 fn friction_that_is_a_coefficient_is_told_and_one_that_is_not_is_seen() {
-    let steps: Vec<_> = (0..16)
-        .map(|i| (0.1, 0.05 + 0.02 * f64::from(i % 4), 0.4 + 0.1 * f64::from(i)))
-        .collect();
+    let steps: Vec<_> =
+        (0..16).map(|i| (0.1, 0.05 + 0.02 * f64::from(i % 4), 0.4 + 0.1 * f64::from(i))).collect();
     let coulomb = AnyRecording::Processed(drag(&steps, 0.3, 1, |_, _| (vec![], 1.0)));
     let found = held_out(vec![coulomb]);
     for split in ["harder", "lighter", "faster", "slower"] {
@@ -49,11 +36,7 @@ fn friction_that_is_a_coefficient_is_told_and_one_that_is_not_is_seen() {
         }
     }
     // Tangential force grows more slowly than normal force: low forces overestimate high ones.
-    let moment = |normal_n: f64| Sliding {
-        normal_n,
-        tangential_n: 0.3 * normal_n.powf(0.8),
-        speed_m_s: 0.1,
-    };
+    let moment = |normal_n: f64| Sliding { normal_n, tangential_n: 0.3 * normal_n.powf(0.8), speed_m_s: 0.1 };
     let part =
         |from: u32| -> Vec<Sliding> { (from..from + 20).map(|i| moment(0.1 * f64::from(i))).collect() };
     let found = friction_errors(&part(1), &part(21), &[FrictionFit::ThroughOrigin]).expect("it is fitted");
@@ -98,10 +81,7 @@ fn taps_that_grow_as_a_method_says_are_told_and_others_are_off_by_what_they_grow
     // For several tested taps the mean error counts.
     let (_, both) = tap_errors(&train(0.7), &growing(0.7, &[0.4, 0.8]));
     let (_, further) = tap_errors(&train(0.7), &growing(0.7, &[0.8]));
-    assert!(
-        (both[0] - 0.5 * further[0]).abs() < 1e-9 && further[0] > 0.1,
-        "{both:?}"
-    );
+    assert!((both[0] - 0.5 * further[0]).abs() < 1e-9 && further[0] > 0.1, "{both:?}");
 }
 
 #[test]
@@ -123,22 +103,13 @@ fn a_spring_is_told_whole_and_a_stiffening_contact_is_seen_beyond_what_was_learn
             assert!(error < 0.5, "{split}: {error}");
         }
     }
-    assert!(
-        spring.iter().all(|result| result.split != "another"),
-        "one press has no other"
-    );
+    assert!(spring.iter().all(|result| result.split != "another"), "one press has no other");
     // Force as depth^1.5: softer below, stiffer above.
     let hertz = held_out(vec![press(2.0 / 3.0), press(2.0 / 3.0)]);
     let harder = errors(&hertz, Contact::Stiffness, "harder");
-    assert!(
-        (10.0..40.0).contains(&harder[0]) && harder[0] < harder[1],
-        "{harder:?}"
-    );
+    assert!((10.0..40.0).contains(&harder[0]) && harder[0] < harder[1], "{harder:?}");
     let another = errors(&hertz, Contact::Stiffness, "another");
-    assert!(
-        another[1] <= another[0],
-        "the line through all is the least one: {another:?}"
-    );
+    assert!(another[1] <= another[0], "the line through all is the least one: {another:?}");
 }
 
 #[test]

@@ -30,10 +30,7 @@ struct Waiting {
 impl Ord for Waiting {
     /// The greatest is the most promising.
     fn cmp(&self, other: &Self) -> Ordering {
-        other
-            .excess
-            .total_cmp(&self.excess)
-            .then(other.block.cmp(&self.block))
+        other.excess.total_cmp(&self.excess).then(other.block.cmp(&self.block))
     }
 }
 

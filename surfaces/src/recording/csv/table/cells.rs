@@ -15,10 +15,7 @@ pub(in crate::recording) struct Lines {
 
 impl Lines {
     pub fn push(&mut self, line: u64) {
-        let follows = self
-            .jumps
-            .last()
-            .is_some_and(|(row, first)| first + (self.rows - row) as u64 == line);
+        let follows = self.jumps.last().is_some_and(|(row, first)| first + (self.rows - row) as u64 == line);
         if !follows {
             self.jumps.push((self.rows, line));
         }

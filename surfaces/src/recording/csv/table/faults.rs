@@ -40,11 +40,7 @@ impl Table {
     /// `column` counts from 1.
     pub(super) fn cell_error(&self, line: u64, column: usize, message: String) -> ReadError {
         match self.has_lines {
-            true => ReadError::CsvCell {
-                line,
-                column,
-                message,
-            },
+            true => ReadError::CsvCell { line, column, message },
             false => self.error(line, message),
         }
     }
@@ -54,10 +50,7 @@ impl Table {
     }
 
     pub(in crate::recording) fn at_fault(&self, error: ReadError) -> Fault {
-        Fault {
-            file: self.file,
-            error,
-        }
+        Fault { file: self.file, error }
     }
 }
 
@@ -84,15 +77,9 @@ pub(in crate::recording) fn check_mapping(
     import: &ImportSettings,
 ) -> Result<(), ReadError> {
     let names: Vec<String> = tables.iter().flat_map(|table| table.names.clone()).collect();
-    match (
-        import.columns.values().find(|column| !names.contains(column)),
-        tables,
-    ) {
+    match (import.columns.values().find(|column| !names.contains(column)), tables) {
         (Some(column), [first, ..]) => {
-            let message = format!(
-                "there is no column {column:?}; the columns are {}",
-                listed(&names)
-            );
+            let message = format!("there is no column {column:?}; the columns are {}", listed(&names));
             Err(first.error(first.header_line, message))
         }
         _ => Ok(()),

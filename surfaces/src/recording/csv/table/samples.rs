@@ -67,12 +67,7 @@ impl Table {
     /// The rate and start of the samples in these rows, with their times.
     fn timing(&self, rows: Option<&[usize]>) -> Result<(Timing, Vec<f64>), ReadError> {
         if let Some(rate_hz) = self.rate_without_times()? {
-            let timing = Timing {
-                rate_hz,
-                start_s: 0.0,
-                is_uneven: false,
-                finding: None,
-            };
+            let timing = Timing { rate_hz, start_s: 0.0, is_uneven: false, finding: None };
             return Ok((timing, vec![]));
         }
         let place = self.needed("time")?;
@@ -81,10 +76,8 @@ impl Table {
             Some(rows) => rows.iter().map(|&row| all[row]).collect(),
             None => all.clone(),
         };
-        let line = |index: usize| {
-            self.lines
-                .of(rows.map_or(index, |rows| rows.get(index).copied().unwrap_or(0)))
-        };
+        let line =
+            |index: usize| self.lines.of(rows.map_or(index, |rows| rows.get(index).copied().unwrap_or(0)));
         self.check_bound(place, &times, line)?;
         let longest = if self.strict { 0 } else { LONGEST_REPAIR };
         interpolate_missing(&mut times, longest)
@@ -92,9 +85,7 @@ impl Table {
         let mut found =
             timing(&times, self.strict).map_err(|(index, message)| self.error(line(index), message))?;
         if !RATES_HZ.contains(&found.rate_hz) {
-            let strange = self
-                .strange_rate(found.rate_hz)
-                .map(|strange| strange.to_string());
+            let strange = self.strange_rate(found.rate_hz).map(|strange| strange.to_string());
             let what = strange.unwrap_or_else(|| format!("the rows come at {} Hz", shown(found.rate_hz)));
             return Err(self.error(self.header_line, format!("{what}; the rate must be {RATES}")));
         }
@@ -108,10 +99,7 @@ impl Table {
     }
 
     fn taken(&mut self, names: &[&str]) -> Result<Even, ReadError> {
-        let places: Vec<usize> = names
-            .iter()
-            .map(|name| self.needed(name))
-            .collect::<Result<_, _>>()?;
+        let places: Vec<usize> = names.iter().map(|name| self.needed(name)).collect::<Result<_, _>>()?;
         let (timing, times) = self.timing(None)?;
         let mut columns = vec![];
         for (name, place) in names.iter().zip(places) {
@@ -127,11 +115,7 @@ impl Table {
         // Of several columns that are taken one after another.
         let found = timing.finding.filter(|finding| !self.findings.contains(finding));
         self.findings.extend(found);
-        Ok(Even {
-            rate_hz: timing.rate_hz,
-            start_s: timing.start_s,
-            columns,
-        })
+        Ok(Even { rate_hz: timing.rate_hz, start_s: timing.start_s, columns })
     }
 
     fn repair(
@@ -141,9 +125,7 @@ impl Table {
         values: &mut [f64],
         rate_hz: f64,
     ) -> Result<(), ReadError> {
-        let Column {
-            number, unreadable, ..
-        } = self.columns[place];
+        let Column { number, unreadable, .. } = self.columns[place];
         let at = |row: usize, message: String| self.cell_error(self.lines.of(row), number, message);
         if self.strict {
             return match values.iter().position(|x| x.is_nan()) {
@@ -170,10 +152,7 @@ impl Table {
             self.note_interpolated(place, [unreadable, count.saturating_sub(unreadable)], of);
         }
         if outliers > 0 {
-            self.findings.push(Finding::Outliers {
-                quantity: name.to_owned(),
-                count: outliers,
-            });
+            self.findings.push(Finding::Outliers { quantity: name.to_owned(), count: outliers });
         }
         Ok(())
     }
@@ -196,9 +175,7 @@ impl Table {
         values: &[f64],
         line: impl Fn(usize) -> u64,
     ) -> Result<(), ReadError> {
-        let Column {
-            name, header, number, ..
-        } = &self.columns[place];
+        let Column { name, header, number, .. } = &self.columns[place];
         let Some((most, unit)) = bounds::largest(name) else {
             return Ok(());
         };
@@ -220,10 +197,7 @@ impl Table {
 
     /// The finding about a rate whose times probably have another unit.
     fn strange_rate(&self, rate_hz: f64) -> Option<Finding> {
-        let column = self
-            .header_of("time")
-            .filter(|_| !self.clock.is_calendar())?
-            .to_owned();
+        let column = self.header_of("time").filter(|_| !self.clock.is_calendar())?.to_owned();
         Some(Finding::StrangeRate { column, rate_hz })
     }
 
@@ -241,11 +215,7 @@ impl Table {
         }
         let count = clipped(values);
         if count > 0 {
-            self.findings.push(Finding::Clipped {
-                quantity: name.to_owned(),
-                count,
-                of: values.len(),
-            });
+            self.findings.push(Finding::Clipped { quantity: name.to_owned(), count, of: values.len() });
         }
     }
 
@@ -255,16 +225,10 @@ impl Table {
     }
 
     fn sensed(&mut self, names: &[&str]) -> Result<Series<Vec<f64>>, ReadError> {
-        let places: Vec<usize> = names
-            .iter()
-            .map(|name| self.needed(name))
-            .collect::<Result<_, _>>()?;
+        let places: Vec<usize> = names.iter().map(|name| self.needed(name)).collect::<Result<_, _>>()?;
         let mut rows = vec![];
         for row in 0..self.lines.rows() {
-            let there = places
-                .iter()
-                .filter(|&&place| !self.columns[place].values[row].is_nan())
-                .count();
+            let there = places.iter().filter(|&&place| !self.columns[place].values[row].is_nan()).count();
             if there == names.len() {
                 rows.push(row);
             } else if there > 0 {
@@ -295,9 +259,7 @@ impl Table {
         Ok(Series {
             rate_hz: timing.rate_hz,
             start_s: timing.start_s,
-            samples: (0..samples)
-                .map(|i| columns.iter().map(|column| column[i]).collect())
-                .collect(),
+            samples: (0..samples).map(|i| columns.iter().map(|column| column[i]).collect()).collect(),
         })
     }
 
@@ -357,12 +319,7 @@ impl Table {
                 (even.rate_hz, even.columns)
             }
         };
-        Ok(SignalColumns {
-            name,
-            unit,
-            rate_hz: has_rate.then_some(rate_hz),
-            values,
-        })
+        Ok(SignalColumns { name, unit, rate_hz: has_rate.then_some(rate_hz), values })
     }
 }
 
@@ -375,8 +332,6 @@ pub(in crate::recording) fn noted_rate_hz(
     };
     match text.parse::<f64>() {
         Ok(rate) if RATES_HZ.contains(&rate) => Ok(Some(rate)),
-        _ => Err(ReadError::Io(format!(
-            "the file's rate_hz is {text}; it must be a number {RATES}"
-        ))),
+        _ => Err(ReadError::Io(format!("the file's rate_hz is {text}; it must be a number {RATES}"))),
     }
 }

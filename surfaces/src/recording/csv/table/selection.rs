@@ -56,8 +56,7 @@ impl Table {
         let units = std::mem::take(&mut self.units);
         let chosen = match wanted {
             ColumnSelection::Unscaled(name) => self.find(&names, name).map(|index| {
-                self.columns
-                    .push(Column::new(SIGNAL.to_owned(), &names[index], index));
+                self.columns.push(Column::new(SIGNAL.to_owned(), &names[index], index));
                 vec![(index, Scale::One)]
             }),
             _ => self.chosen(&names, &units, import, wanted),
@@ -99,8 +98,7 @@ impl Table {
                 _ => true,
             };
             let is_all = matches!(wanted, ColumnSelection::Recording);
-            self.findings
-                .extend(taken.filter(|finding| is_all || is_read(finding)));
+            self.findings.extend(taken.filter(|finding| is_all || is_read(finding)));
         }
         match wanted {
             ColumnSelection::Unscaled(_) | ColumnSelection::Recording => {}
@@ -136,10 +134,8 @@ impl Table {
                         }
                         found => found.map_err(wrong)?,
                     };
-                    self.findings.extend(contradicted.map(|given| Finding::OtherUnit {
-                        column: name.clone(),
-                        given,
-                    }));
+                    self.findings
+                        .extend(contradicted.map(|given| Finding::OtherUnit { column: name.clone(), given }));
                     scale
                 }
             };
@@ -230,16 +226,10 @@ impl Table {
     /// Finds a column by name; ignores case if no name matches exactly.
     fn find(&self, names: &[String], requested: &str) -> Result<usize, ReadError> {
         let exact = names.iter().position(|known| known == requested.trim());
-        let found = exact.or_else(|| {
-            names
-                .iter()
-                .position(|known| known.eq_ignore_ascii_case(requested.trim()))
-        });
+        let found =
+            exact.or_else(|| names.iter().position(|known| known.eq_ignore_ascii_case(requested.trim())));
         found.ok_or_else(|| {
-            let message = format!(
-                "there is no column {requested:?}; the columns are {}",
-                listed(names)
-            );
+            let message = format!("there is no column {requested:?}; the columns are {}", listed(names));
             self.error(self.header_line, message)
         })
     }
