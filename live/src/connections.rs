@@ -1,6 +1,7 @@
 //! The backends of a run, together.
 
-use crate::backend::{Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Role, backends};
+use crate::backend::{Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Role};
+use crate::backends::backends;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::RingReport;

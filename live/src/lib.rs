@@ -20,6 +20,7 @@
 //! | `serial` | | serial ports, on Linux and macOS |
 
 mod backend;
+mod backends;
 mod connections;
 pub mod evdev;
 #[cfg(feature = "udp")]
@@ -45,10 +46,8 @@ pub mod udp;
 #[path = "../../nodes/tests/realtime/mod.rs"]
 mod realtime;
 
-pub use backend::{
-    BACKENDS, Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Lives, Role, State,
-    add_backend, refuse_conflicts,
-};
+pub use backend::{Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Lives, Role, State};
+pub use backends::{BACKENDS, add_backend, refuse_conflicts};
 pub use connections::Connections;
 pub use numbers::{NumberSource, Readers};
 #[cfg(feature = "osc")]

@@ -1,4 +1,7 @@
-//! Who may know whom: the rooms of the engine, and what is in nobody's signature.
+//! Who may know whom: the rooms of the engine, and what is in nobody's signature. [`shape`] holds the sizes.
+
+mod shape;
+mod source;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -33,24 +36,6 @@ const BANS: [(&str, &[&str]); 18] = [
 /// What rooms do not name that graphs are made of.
 const LEAF: &[&str] = &["crate::graph", "crate::plan", "crate::run", "crate::host", "petgraph"];
 
-/// The source files below a folder, without tests.
-fn sources(folder: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).expect("the room is there").flatten() {
-        let path = entry.path();
-        let name = entry.file_name();
-        if name == "tests" || name == "tests.rs" {
-            continue;
-        }
-        if path.is_dir() {
-            found.extend(sources(&path));
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            found.push(path);
-        }
-    }
-    found
-}
-
 /// The code of a file: no comments, and nothing from its tests on.
 fn code(path: &Path) -> String {
     let text = fs::read_to_string(path).expect("a source file can be read");
@@ -68,7 +53,7 @@ fn no_room_knows_those_above_it() {
     for (room, banned) in BANS {
         let alone = root.join(room).with_extension("rs");
         let folder = root.join(room);
-        let inside = if folder.is_dir() { sources(&folder) } else { Vec::new() };
+        let inside = if folder.is_dir() { source::files(&folder) } else { Vec::new() };
         let files: Vec<PathBuf> = { inside.into_iter() }.chain(alone.exists().then_some(alone)).collect();
         assert!(!files.is_empty(), "{room}");
         for path in files {
@@ -88,7 +73,7 @@ const OF_TOUCH: [&str; 3] = ["contact", "weights", "coefficients"];
 #[test]
 fn the_engine_has_no_kind_of_touch() {
     let (mut breaches, mut read) = (Vec::new(), 0);
-    for path in sources(&root().join("engine/src")) {
+    for path in source::files(&root().join("engine/src")) {
         let code = code(&path);
         read += 1;
         for kind in OF_TOUCH {
@@ -248,7 +233,7 @@ fn files_are_read_within_the_limit_of_their_kind() {
         if !folder.is_dir() {
             continue;
         }
-        for path in sources(&folder) {
+        for path in source::files(&folder) {
             let code = code(&path);
             for function in ["files::read(", "files::read_text(", "files::open(", "bounded::read("] {
                 for limit in last_arguments(&code, function) {
@@ -350,7 +335,7 @@ fn nobody_but_the_engine_knows_the_graph_library() {
         assert!(!dependencies(&text).contains(&"petgraph"), "{folder}");
     }
     let mut read = 0;
-    for path in sources(&root().join("engine/src")) {
+    for path in source::files(&root().join("engine/src")) {
         let code = code(&path);
         read += public_items(&code).len();
         assert_eq!(breaches(&code), [""; 0], "{}", path.display());

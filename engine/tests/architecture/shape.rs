@@ -1,0 +1,295 @@
+//! The shape of the code: lines of each crate, length of functions and macros, circles of imports.
+//!
+//! Tables of exceptions only shrink: a new breach fails, and so does a row without a breach.
+
+use crate::source::{body_length, code, files, production_lines};
+use crate::{LAYERS, root};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+
+#[path = "exceptions.rs"]
+mod exceptions;
+use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS};
+
+/// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
+/// in the message of the commit that raises it.
+const BUDGETS: [(&str, usize, usize); 10] = [
+    ("signal", 5_300, 4_800),
+    ("engine", 19_100, 15_500),
+    ("surfaces", 21_200, 6_000),
+    ("learning", 15_500, 9_500),
+    ("nodes", 15_900, 13_000),
+    ("live", 6_700, 6_000),
+    ("report", 7_700, 6_000),
+    ("studio", 5_400, 3_300),
+    ("src", 9_200, 6_300),
+    ("bindings", 3_450, 3_100),
+];
+
+/// Largest number of lines of a function, of a macro, number of macros, and number of files in a circle of imports.
+const FUNCTION_LINES: usize = 60;
+const MACRO_LINES: usize = 40;
+const MACROS: usize = 18;
+const CIRCLE_FILES: usize = 3;
+
+/// Fails unless the breaches are the exceptions.
+fn compare(what: &str, breaches: &BTreeSet<String>, exceptions: &[&str]) {
+    let exceptions: BTreeSet<String> = exceptions.iter().map(|row| (*row).to_owned()).collect();
+    let list =
+        |rows: Vec<&String>| rows.iter().map(|row| format!("    {row:?},")).collect::<Vec<_>>().join("\n");
+    let new: Vec<&String> = breaches.difference(&exceptions).collect();
+    let over: Vec<&String> = exceptions.difference(breaches).collect();
+    assert!(
+        new.is_empty() && over.is_empty(),
+        "{what}\nnot allowed:\n{}\nno longer a breach, remove from exceptions.rs:\n{}",
+        list(new),
+        list(over)
+    );
+}
+
+/// Path from the root of the workspace, and text.
+fn sources() -> Vec<(String, String)> {
+    let mut all = Vec::new();
+    for folder in LAYERS.concat() {
+        for path in files(&root().join(folder).join("src")) {
+            let text = fs::read_to_string(&path).expect("a source file can be read");
+            let name = path.strip_prefix(root()).expect("a file of the workspace");
+            let name: Vec<_> =
+                name.iter().map(|part| part.to_string_lossy()).filter(|part| part != ".").collect();
+            all.push((name.join("/"), text));
+        }
+    }
+    assert!(all.len() > 500, "{} files", all.len());
+    all
+}
+
+#[test]
+fn crates_stay_within_their_budgets() {
+    let lines = |folder: &str| -> usize {
+        let texts = files(&root().join(folder)).into_iter().map(fs::read_to_string);
+        texts.map(|text| production_lines(&text.expect("a source file can be read"))).sum()
+    };
+    let mut over = Vec::new();
+    for (folder, budget, aim) in BUDGETS {
+        let lines = lines(folder);
+        assert!(lines > 0 || folder == "learning", "{folder}");
+        if lines > budget {
+            over.push(format!("{folder}: {lines} lines, at most {budget}, aim {aim}"));
+        }
+    }
+    assert!(over.is_empty(), "{}", over.join("\n"));
+    let folders = LAYERS.concat().into_iter().filter(|folder| !folder.starts_with("benches"));
+    for folder in folders {
+        let top = folder.split('/').next().unwrap_or_default().replace('.', "src");
+        assert!(BUDGETS.iter().any(|(known, ..)| *known == top), "{top} has no budget");
+    }
+}
+
+/// Names and lengths of the functions or macros that `keyword` begins.
+fn lengths<'c>(code: &'c str, keyword: &str) -> Vec<(&'c str, usize)> {
+    let is_word = |c: char| c.is_alphanumeric() || matches!(c, '_' | '$');
+    let mut all = Vec::new();
+    for (at, _) in code.match_indices(keyword) {
+        let after = code[at + keyword.len()..].trim_start();
+        let name = &after[..after.find(|c| !is_word(c)).unwrap_or(after.len())];
+        if name.is_empty() || code[..at].ends_with(is_word) {
+            continue;
+        }
+        let Some(open) = body(&code[at..]) else { continue };
+        let whole = &code[at..at + open + body_length(&code[at + open..])];
+        all.push((name, whole.lines().filter(|line| !line.trim().is_empty()).count()));
+    }
+    all
+}
+
+/// Start of the body of an item; `None` if it has none.
+fn body(code: &str) -> Option<usize> {
+    let mut depth = 0_usize;
+    for (at, c) in code.char_indices() {
+        match c {
+            '(' | '[' => depth += 1,
+            ')' | ']' => depth = depth.saturating_sub(1),
+            '{' if depth == 0 => return Some(at),
+            ';' if depth == 0 => return None,
+            _ => {}
+        }
+    }
+    None
+}
+
+#[test]
+fn functions_fit_on_a_page() {
+    let mut long = BTreeSet::new();
+    let mut read = 0;
+    for (path, text) in sources() {
+        let code = code(&text);
+        for (name, lines) in lengths(&code, "fn ") {
+            read += 1;
+            if lines > FUNCTION_LINES {
+                long.insert(format!("{path}: {name}"));
+            }
+        }
+    }
+    assert!(read > 5_000, "{read} functions");
+    let exceptions: Vec<&str> = LONG_FUNCTIONS.iter().map(|(function, _)| *function).collect();
+    compare("functions of more than 60 lines", &long, &exceptions);
+}
+
+#[test]
+fn macros_are_few_and_short() {
+    let (mut long, mut count) = (BTreeSet::new(), 0);
+    for (path, text) in sources() {
+        for (name, lines) in lengths(&code(&text), "macro_rules! ") {
+            count += 1;
+            if lines > MACRO_LINES {
+                long.insert(format!("{path}: {name}"));
+            }
+        }
+    }
+    assert!(count <= MACROS, "{count} macros, at most {MACROS}");
+    compare("macros of more than 40 lines", &long, LONG_MACROS);
+}
+
+/// The module of a file of a crate: `[]` for its root.
+fn module(path: &str) -> Vec<String> {
+    let path = path.trim_end_matches(".rs");
+    let mut parts: Vec<String> = path.split('/').map(str::to_owned).collect();
+    if matches!(parts.last().map(String::as_str), Some("mod" | "lib" | "main")) {
+        parts.pop();
+    }
+    parts
+}
+
+/// The paths that begin with `crate::` or `super::`, braces written out: each from the root of the crate.
+fn imports(code: &str, module: &[String]) -> Vec<Vec<String>> {
+    let mut all = Vec::new();
+    for root in ["crate::", "super::"] {
+        for (at, _) in code.match_indices(root) {
+            let before = &code[..at];
+            if before.ends_with(|c: char| c.is_alphanumeric() || matches!(c, '_' | '$'))
+                || before.ends_with("super::")
+            {
+                continue;
+            }
+            let (mut start, mut rest) = (Vec::new(), &code[at..]);
+            match rest.strip_prefix("crate::") {
+                Some(after) => rest = after,
+                None => {
+                    start.extend_from_slice(module);
+                    while let Some(after) = rest.strip_prefix("super::") {
+                        start.pop();
+                        rest = after;
+                    }
+                }
+            }
+            tree(rest, &start, &mut all);
+        }
+    }
+    all
+}
+
+/// Adds the paths of `a::{b, c::d}`; returns what follows them.
+fn tree<'c>(code: &'c str, start: &[String], all: &mut Vec<Vec<String>>) -> &'c str {
+    let mut path = start.to_vec();
+    let mut rest = code.trim_start();
+    loop {
+        if let Some(mut inner) = rest.strip_prefix('{') {
+            loop {
+                inner = tree(inner, &path, all).trim_start();
+                match inner.strip_prefix(',') {
+                    Some(after) => inner = after,
+                    None => return inner.strip_prefix('}').unwrap_or(inner),
+                }
+            }
+        }
+        let end = rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
+        if end > 0 && &rest[..end] != "self" {
+            path.push(rest[..end].to_owned());
+        }
+        rest = &rest[end..];
+        match rest.strip_prefix("::") {
+            Some(after) if end > 0 => rest = after.trim_start(),
+            _ => break,
+        }
+    }
+    all.push(path);
+    let rest = rest.trim_start();
+    // `as name` in a list.
+    match rest.strip_prefix("as ") {
+        Some(after) => after.trim_start_matches(|c: char| c.is_alphanumeric() || c == '_'),
+        None => rest,
+    }
+}
+
+/// For each file the files of the crate that it imports from.
+fn imported(files: &BTreeMap<String, String>) -> BTreeMap<&str, BTreeSet<&str>> {
+    let modules: BTreeMap<Vec<String>, &str> = files.keys().map(|path| (module(path), &**path)).collect();
+    let mut edges = BTreeMap::new();
+    for (path, text) in files {
+        let targets: &mut BTreeSet<&str> = edges.entry(&**path).or_default();
+        for import in imports(&code(text), &module(path)) {
+            let file = (0..=import.len()).rev().find_map(|length| modules.get(&import[..length]).copied());
+            targets.extend(file.filter(|file| file != path));
+        }
+    }
+    edges
+}
+
+/// The circles: groups of files that all reach one another.
+fn circles<'f>(edges: &BTreeMap<&'f str, BTreeSet<&'f str>>) -> Vec<Vec<&'f str>> {
+    let reached: BTreeMap<&str, BTreeSet<&str>> = edges
+        .keys()
+        .map(|file| {
+            let (mut reached, mut open) = (BTreeSet::new(), vec![*file]);
+            while let Some(at) = open.pop() {
+                open.extend(edges[at].iter().filter(|next| reached.insert(**next)));
+            }
+            (*file, reached)
+        })
+        .collect();
+    let mut groups = BTreeSet::new();
+    for (file, others) in &reached {
+        let group: Vec<&str> = others.iter().copied().filter(|other| reached[other].contains(file)).collect();
+        groups.extend((group.len() > 1).then_some(group));
+    }
+    groups.into_iter().collect()
+}
+
+#[test]
+fn imports_have_no_circles() {
+    let mut crates: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
+    for (path, text) in sources() {
+        let (folder, file) = match path.split_once("src/") {
+            Some((folder, file)) => (format!("{folder}src/"), file.to_owned()),
+            None => continue,
+        };
+        crates.entry(folder).or_default().insert(file, text);
+    }
+    let (mut large, mut read) = (BTreeSet::new(), 0);
+    for (folder, files) in &crates {
+        let edges = imported(files);
+        read += edges.values().map(BTreeSet::len).sum::<usize>();
+        for circle in circles(&edges).into_iter().filter(|circle| circle.len() > CIRCLE_FILES) {
+            large.extend(circle.into_iter().map(|file| format!("{folder}{file}")));
+        }
+    }
+    assert!(read > 1_000, "{read} imports");
+    compare("circles of more than three files", &large, CIRCLES);
+}
+
+#[test]
+fn a_circle_of_four_files_is_seen() {
+    let files = [
+        ("lib.rs", "pub mod a;"),
+        ("a.rs", "use crate::b::{self, Thing as Other};"),
+        ("b.rs", "fn f() { crate::c::d::g(); }"),
+        ("c/mod.rs", "use super::{a::A, Root};"),
+        ("c/d.rs", "use super::C;\n#[cfg(test)]\nmod tests {\n    use crate::e::E;\n}"),
+        ("e.rs", "// use crate::a;"),
+    ];
+    let files = files.into_iter().map(|(path, text)| (path.to_owned(), text.to_owned())).collect();
+    assert_eq!(circles(&imported(&files)), [["a.rs", "b.rs", "c/d.rs", "c/mod.rs"]]);
+    let long =
+        format!("fn a(b: [u8; 2]) -> {{\n{}}}\ntrait T {{\n    fn c();\n}}\n", "    x();\n".repeat(60));
+    assert_eq!(lengths(&long, "fn "), [("a", 62)]);
+}
