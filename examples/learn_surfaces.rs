@@ -5,11 +5,11 @@
 //! cargo run --release --example learn_surfaces -- graphs/surfaces
 //! ```
 
+use haptograph::learning::learn::{LearnSettings, learn};
+use haptograph::learning::recording::Gesture;
 use haptograph::nodes::simulated::material::MaterialName;
 use haptograph::recorder::{Session, record};
 use haptograph::signal::files::write_atomically;
-use haptograph::surfaces::learning::{LearnSettings, learn};
-use haptograph::surfaces::recording::Gesture;
 use haptograph::surfaces::{Surface, files};
 use std::error::Error;
 use std::path::Path;

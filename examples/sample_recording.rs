@@ -5,11 +5,11 @@
 //! cargo run --release --example sample_recording -- examples/data/t3-tile-drag-simulated.csv
 //! ```
 
+use haptograph::learning::processing::{ProcessingSettings, processed};
+use haptograph::learning::recording::Gesture;
 use haptograph::nodes::simulated::material::MaterialName;
 use haptograph::recorder::{Session, record};
 use haptograph::signal::files::write_atomically;
-use haptograph::surfaces::learning::processing::{ProcessingSettings, processed};
-use haptograph::surfaces::recording::Gesture;
 use std::error::Error;
 use std::fmt::Write;
 use std::path::Path;

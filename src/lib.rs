@@ -1,7 +1,7 @@
 //! haptograph: a dataflow signal-processing graph engine that renders the feel of real surfaces.
 //!
-//! Facade of the workspace: it re-exports the engine, the nodes, live runs, the reports, the signal library and the
-//! surfaces, and holds the command line.
+//! Facade of the workspace: it re-exports the engine, the nodes, live runs, the reports, the signal library, the
+//! surfaces and learning, and holds the command line.
 //!
 //! # Features
 //!
@@ -17,6 +17,7 @@ pub mod cli;
 pub mod recorder;
 
 pub use haptograph_engine as engine;
+pub use haptograph_learning as learning;
 pub use haptograph_live as live;
 pub use haptograph_nodes as nodes;
 pub use haptograph_report as report;

@@ -4,8 +4,8 @@ use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::Document;
 use haptograph_engine::graph::{CheckOptions, check};
 use haptograph_engine::run::{FileSinks, Offline, OfflineError};
+use haptograph_learning::recording::{AnyRecording, Gesture, LoadError, load};
 use haptograph_nodes::simulated::material::MaterialName;
-use haptograph_surfaces::recording::{AnyRecording, Gesture, LoadError, load};
 use std::sync::atomic::AtomicBool;
 
 /// Source text of the recording graph.

@@ -3,20 +3,21 @@
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
+use haptograph::learning::evaluate::{
+    DifferenceTable, Evaluation, RecordingName, StudySettings, Take, evaluate,
+};
+use haptograph::learning::learn::TextureMethod;
+use haptograph::learning::learn::texture::learn_texture;
+use haptograph::learning::metrics::{BandPowers, Bands, Pooling, log_spectral_distance};
+use haptograph::learning::processing::{ProcessingSettings, processed};
+use haptograph::learning::recording::Gesture;
 use haptograph::nodes::simulated::material::MaterialName;
 use haptograph::recorder::{Session, record};
 use haptograph::signal::Complex64;
 use haptograph::signal::prediction::{Prediction, burg};
 use haptograph::signal::spectrum::{Psd, welch};
 use haptograph::signal::window::Window;
-use haptograph::surfaces::evaluate::{
-    DifferenceTable, Evaluation, RecordingName, StudySettings, Take, Trajectory, evaluate, synthesise,
-};
-use haptograph::surfaces::learning::TextureMethod;
-use haptograph::surfaces::learning::processing::{ProcessingSettings, processed};
-use haptograph::surfaces::learning::texture::learn_texture;
-use haptograph::surfaces::metrics::{BandPowers, Bands, Pooling, log_spectral_distance};
-use haptograph::surfaces::recording::Gesture;
+use haptograph::surfaces::rendering::synthesise;
 use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::atomic::AtomicBool;
@@ -178,7 +179,7 @@ fn textures_are_too_loud_below_60_hz_because_their_models_are_short() {
         let psd = |signal: &[f64]| welch(signal, rate_hz, 4096, 2048, Window::Hann).unwrap();
         let recorded = psd(signal);
         let (texture, _) = learn_texture(std::slice::from_ref(&drag), &Default::default(), &|_| ()).unwrap();
-        let played = psd(&synthesise(&texture, &Trajectory::of(&drag), &Default::default()).unwrap());
+        let played = psd(&synthesise(&texture, &drag.trajectory(), &Default::default()).unwrap());
         let played_at = |frequency_hz: f64| {
             let bin = recorded.frequency_hz.iter().position(|f| *f == frequency_hz);
             played.density[bin.unwrap()]
@@ -221,7 +222,7 @@ fn too_loud_at_1_khz(take: &Take) -> [f64; 2] {
     let psd = |signal: &[f64]| welch(signal, 1000.0, 512, 256, Window::Hann).unwrap();
     let recorded = psd(&drag.signals().acceleration_m_s2);
     let (texture, _) = learn_texture(std::slice::from_ref(&drag), &Default::default(), &|_| ()).unwrap();
-    let played = psd(&synthesise(&texture, &Trajectory::of(&drag), &Default::default()).unwrap());
+    let played = psd(&synthesise(&texture, &drag.trajectory(), &Default::default()).unwrap());
     let played_at = |frequency_hz: f64| {
         let bin = recorded.frequency_hz.iter().position(|f| *f == frequency_hz);
         played.density[bin.unwrap()]

@@ -3,18 +3,20 @@
 
 #[path = "../examples/learn_surfaces.rs"]
 mod learn_surfaces;
+#[path = "recorder/sink.rs"]
+mod sink;
 
 use haptograph::engine::graph::CheckOptions;
 use haptograph::engine::run::{FileSinks, Offline};
+use haptograph::learning::learn::LearnSettings;
+use haptograph::learning::learn::stiffness::{StiffnessSettings, learn_stiffness};
+use haptograph::learning::learn::taps::{Contact, learn_taps};
+use haptograph::learning::processing::{ProcessingSettings, SurfaceNormal, processed};
+use haptograph::learning::recording::{AnyRecording, Gesture, load};
 use haptograph::nodes::simulated::material::{Material, MaterialName};
 use haptograph::recorder::{Session, record};
 use haptograph::signal::spectrum::welch;
 use haptograph::signal::window::Window;
-use haptograph::surfaces::learning::LearnSettings;
-use haptograph::surfaces::learning::processing::{ProcessingSettings, SurfaceNormal, processed};
-use haptograph::surfaces::learning::stiffness::{StiffnessSettings, learn_stiffness};
-use haptograph::surfaces::learning::taps::{Contact, learn_taps};
-use haptograph::surfaces::recording::{AnyRecording, Gesture, load};
 use haptograph::surfaces::{Origin, Surface, Tap, files};
 use learn_surfaces::{SHIPPED, learned};
 use std::path::{Path, PathBuf};
@@ -53,10 +55,9 @@ fn what_was_learned_is_what_was_simulated() {
 
 #[test]
 fn harder_materials_answer_a_tap_with_a_higher_tone() {
-    use haptograph::surfaces::learning::taps::tap_spectral_centroid_hz;
     let mut all: Vec<(f64, f64)> = shipped()
         .map(|(material, surface)| {
-            (material.stiffness_n_per_m, tap_spectral_centroid_hz(&surface.taps.unwrap()))
+            (material.stiffness_n_per_m, surface.taps.unwrap().spectral_centroid_hz().unwrap())
         })
         .collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));

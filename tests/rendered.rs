@@ -5,7 +5,7 @@ use haptograph::engine::graph::{CheckOptions, check};
 use haptograph::engine::plan::{Plan, PlanOptions};
 use haptograph::engine::run::Run;
 use haptograph::signal::noise::stream_seed;
-use haptograph::surfaces::evaluate::{SynthesisSettings, Trajectory, synthesise};
+use haptograph::surfaces::rendering::{SynthesisSettings, Trajectory, synthesise};
 use haptograph::surfaces::{SpatialLine, files};
 use std::path::Path;
 use std::sync::Arc;

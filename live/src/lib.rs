@@ -32,11 +32,11 @@ pub mod osc;
 pub mod serial;
 #[cfg(feature = "osc")]
 mod setting_value;
-#[cfg(test)]
-mod silence;
 pub mod soundcard;
 #[cfg(feature = "supervisor")]
 pub mod supervisor;
+#[cfg(test)]
+mod tests;
 pub mod timer;
 pub mod udp;
 

@@ -8,10 +8,10 @@ use super::scale::fixed;
 use super::svg::escape;
 use super::theme::Ink;
 use super::{learning, map_figures};
+use haptograph_learning::evaluate::{ConditionLoss, DifferenceTable, Evaluation, PerceptualMap};
+use haptograph_learning::learn::LearningReport;
+use haptograph_learning::metrics::Pooling;
 use haptograph_surfaces::Surface;
-use haptograph_surfaces::evaluate::{ConditionLoss, DifferenceTable, Evaluation, PerceptualMap};
-use haptograph_surfaces::learning::LearningReport;
-use haptograph_surfaces::metrics::Pooling;
 
 /// The page of an evaluation, with the surface of each material and its learning report.
 pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport)]) -> String {

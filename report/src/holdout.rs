@@ -9,8 +9,8 @@ use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::svg::escape;
 use super::theme::Ink;
-use haptograph_surfaces::evaluate::Holdout;
-use haptograph_surfaces::evaluate::holdout::{
+use haptograph_learning::evaluate::Holdout;
+use haptograph_learning::evaluate::holdout::{
     BandMean, ContactResult, Mean, Method, MethodMean, SplitResult,
 };
 use tables::{Measures, Table};

@@ -11,12 +11,12 @@ use super::svg::escape;
 use super::theme::Ink;
 use super::{figures, loci, responses, texture_map};
 use fits::{contacts, friction, stiffness};
+use haptograph_learning::learn::LearningReport;
+use haptograph_learning::learn::texture::{Fate, SegmentReport, TextureReport};
+use haptograph_learning::recording::ProcessedRecording;
 use haptograph_signal::spectrum::welch;
 use haptograph_signal::window::Window;
-use haptograph_surfaces::evaluate::{Trajectory, synthesise};
-use haptograph_surfaces::learning::LearningReport;
-use haptograph_surfaces::learning::texture::{Fate, SegmentReport, TextureReport};
-use haptograph_surfaces::recording::ProcessedRecording;
+use haptograph_surfaces::rendering::synthesise;
 use haptograph_surfaces::{Origin, Surface, TextureModel, VertexKind};
 
 /// The page as HTML.
@@ -259,7 +259,7 @@ fn map(texture: &TextureModel, found: &TextureReport) -> Plot {
 fn recorded_and_synthesised(texture: &TextureModel, drag: &ProcessedRecording) -> String {
     let rate_hz = drag.rate_hz();
     let recorded = &drag.signals().acceleration_m_s2;
-    let Ok(played) = synthesise(texture, &Trajectory::of(drag), &Default::default()) else {
+    let Ok(played) = synthesise(texture, &drag.trajectory(), &Default::default()) else {
         return "<p>The rates of the texture and the recording differ.</p>".to_owned();
     };
     let loudest = 1.05 * peak(recorded).max(peak(&played));

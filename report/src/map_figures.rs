@@ -2,7 +2,7 @@
 
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::theme::Ink;
-use haptograph_surfaces::evaluate::PerceptualMap;
+use haptograph_learning::evaluate::PerceptualMap;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Width of the map's frame by its height, without margins: both axes have one scale.

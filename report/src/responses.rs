@@ -6,9 +6,9 @@ use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::scale::{fixed, peak};
 use super::theme::Ink;
 use super::{figures, thinning::Decimated};
+use haptograph_learning::evaluate::{Condition, Responses};
 use haptograph_signal::spectrum::welch;
 use haptograph_signal::window::Window;
-use haptograph_surfaces::evaluate::{Condition, Responses};
 use haptograph_surfaces::{Tap, Taps, TextureModel};
 
 pub(super) fn section(texture: &TextureModel) -> String {

@@ -2,7 +2,7 @@
 
 use super::raster::Grid;
 use haptograph_surfaces::TextureModel;
-use haptograph_surfaces::evaluate::{SynthesisError, SynthesisSettings, Trajectory, synthesise};
+use haptograph_surfaces::rendering::{SynthesisError, SynthesisSettings, Trajectory, synthesise};
 
 /// Cells of the image, and the length of each on the surface, mm.
 const CELLS: [usize; 2] = [120, 75];

@@ -9,11 +9,11 @@ use super::{
     Failure, eprint, evaluate, folder_of, output, print, print_json, read_file, recording, run, surface,
 };
 use crate::engine::registry::Registry;
+use crate::learning::evaluate::{RecordingName, Study, StudyHead, StudyPart};
+use crate::learning::learn::{self as library, LearnSettings};
+use crate::learning::recording::ImportSettings;
+use crate::learning::shard::Shard;
 use crate::signal::files;
-use crate::surfaces::evaluate::{RecordingName, Study, StudyHead, StudyPart};
-use crate::surfaces::learning::{self as library, LearnSettings};
-use crate::surfaces::recording::ImportSettings;
-use crate::surfaces::shard::Shard;
 use crate::surfaces::{Surface, files as surface_files};
 use clap::{Subcommand, ValueEnum};
 use serde_json::{Value, json};

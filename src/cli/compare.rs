@@ -6,12 +6,12 @@ use super::import::{NamedColumn, Tables, named_column};
 use super::table::{facts, significant};
 use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
-use crate::surfaces::metrics::level::{
+use crate::learning::metrics::level::{
     envelope_between_seeds_db, envelope_error_db, excess_kurtosis, levels_db, unexplained_level_db,
 };
-use crate::surfaces::metrics::spectral::Comparison;
-use crate::surfaces::metrics::{BandErrors, Bands, Deviations, WindowSettings, compare};
-use crate::surfaces::recording::ImportSettings;
+use crate::learning::metrics::spectral::Comparison;
+use crate::learning::metrics::{BandErrors, Bands, Deviations, WindowSettings, compare};
+use crate::learning::recording::ImportSettings;
 use serde_json::{Value, json};
 use signal::Signal;
 use std::path::PathBuf;

@@ -4,7 +4,7 @@ use super::import::{Import, Touch};
 use super::output::{Force, Output};
 use super::{Failure, eprint, print, print_json, recording, refuse_overwrite};
 use crate::engine::registry::Registry;
-use crate::surfaces::recording::{Gesture, contents, file_names};
+use crate::learning::recording::{Gesture, contents, file_names};
 use serde_json::json;
 use std::fs;
 use std::path::PathBuf;

@@ -12,13 +12,13 @@ use super::progress::Progress;
 use super::table::{facts, significant, table};
 use super::{Failure, eprint, learn as learning, print, print_json};
 use crate::engine::registry::Registry;
-use crate::surfaces::Origin;
-use crate::surfaces::evaluate::{
+use crate::learning::evaluate::{
     ConditionLoss, DifferenceTable, Evaluation, HoldoutSettings, Study, StudyError, StudySettings, TakeSource,
 };
-use crate::surfaces::learning::{LearnSettings, learn};
-use crate::surfaces::metrics::Pooling;
-use crate::surfaces::recording::{AnyRecording, Gesture, ImportSettings};
+use crate::learning::learn::{LearnSettings, learn};
+use crate::learning::metrics::Pooling;
+use crate::learning::recording::{AnyRecording, Gesture, ImportSettings};
+use crate::surfaces::Origin;
 use clap::ValueEnum;
 use serde_json::json;
 use std::borrow::Cow;

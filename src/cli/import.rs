@@ -1,8 +1,8 @@
 //! Command-line flags for facts that tables do not state themselves.
 
 use crate::engine::settings::closest;
+use crate::learning::recording::{ImportSettings, QUANTITIES};
 use crate::surfaces::provenance::{TOUCH, check_touch};
-use crate::surfaces::recording::{ImportSettings, QUANTITIES};
 
 /// Flags for reading the tables of other data loggers.
 #[derive(Debug, Clone, clap::Args)]

@@ -3,12 +3,12 @@
 
 use super::{Failure, eprint, snippet};
 use crate::engine::settings::closest;
+use crate::learning::recording::{
+    self, AnyRecording, COLUMNS, CsvHead, Finding, ImportSettings, LoadError, ReadError, csv_head,
+};
 use crate::signal::csv::decoded;
 use crate::signal::files::{self, MAX_NOTE_BYTES, MAX_RECORDING_BYTES};
 use crate::surfaces::Origin;
-use crate::surfaces::recording::{
-    self, AnyRecording, COLUMNS, CsvHead, Finding, ImportSettings, LoadError, ReadError, csv_head,
-};
 use ron::extensions::Extensions;
 use serde::Deserialize;
 use std::io::{BufRead, BufReader, Read};

@@ -10,7 +10,7 @@ use super::{Failure, eprint, print, print_json};
 use crate::engine::registry::Registry;
 use crate::nodes::wav::{Repair, repair};
 use crate::signal::files;
-use crate::surfaces::recording::assemble;
+use crate::surfaces::recorder::assemble;
 use serde_json::json;
 use std::fs::{self, TryLockError};
 use std::io;

@@ -4,10 +4,10 @@ use super::progress::Progress;
 use super::table::{facts, significant, table};
 use super::{Failure, eprint, print, recording};
 use crate::engine::registry::Registry;
-use crate::surfaces::learning::segmentation::{
+use crate::learning::learn::segmentation::{
     GeneticSettings, Segmentation, SegmentationMethod, SegmentationSettings, VarianceEstimate, segment,
 };
-use crate::surfaces::recording::load_column;
+use crate::learning::recording::load_column;
 use clap::ValueEnum;
 use clap::error::ErrorKind;
 use serde::Serialize;

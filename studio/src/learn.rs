@@ -1,9 +1,9 @@
 //! Learning of a surface from a recording that is dropped on the page.
 
+use haptograph_learning::learn::{LearnSettings, LearningReport, learn};
+use haptograph_learning::recording::{ImportSettings, load_with};
 use haptograph_surfaces::Surface;
 use haptograph_surfaces::files::native;
-use haptograph_surfaces::learning::{LearnSettings, LearningReport, learn};
-use haptograph_surfaces::recording::{ImportSettings, load_with};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 

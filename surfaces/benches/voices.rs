@@ -6,10 +6,10 @@
 mod contest;
 
 use contest::Work;
-use haptograph_surfaces::evaluate::{
+use haptograph_surfaces::files;
+use haptograph_surfaces::rendering::{
     RandomWalk, SynthesisSettings, Trajectory, Voice, synthesise, synthesise_many,
 };
-use haptograph_surfaces::files;
 use haptograph_surfaces::{ArmaModel, ModelAt, TextureModel};
 use pulp::{Arch, Simd, WithSimd};
 use std::hint::black_box;

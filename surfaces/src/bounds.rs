@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 /// Samples per second.
 pub const RATES_HZ: RangeInclusive<f64> = 1.0..=1e6;
 /// The same in messages.
-pub(crate) const RATES: &str = "from 1 Hz to 1 MHz";
+pub const RATES: &str = "from 1 Hz to 1 MHz";
 /// Largest speed, m/s.
 pub const MAX_SPEED_M_S: f64 = 100.0;
 /// Largest force, N, and torque, N m.
@@ -32,13 +32,13 @@ pub fn carried_hz(rate_hz: f64) -> f64 {
 }
 
 /// A number for a message: seven digits, no trailing zeros, and by its power of ten where it is large.
-pub(crate) fn shown(value: f64) -> String {
+pub fn shown(value: f64) -> String {
     let rounded = format!("{value:.6e}").parse().unwrap_or(value);
     if rounded.abs() < 1e6 { rounded.to_string() } else { format!("{rounded:e}") }
 }
 
 /// The largest magnitude of a quantity of recordings (a column's name without its unit), and its unit.
-pub(crate) fn largest(quantity: &str) -> Option<(f64, &'static str)> {
+pub fn largest(quantity: &str) -> Option<(f64, &'static str)> {
     match quantity.split('_').next()? {
         "speed" => Some((MAX_SPEED_M_S, "m/s")),
         "force" => Some((MAX_FORCE_N, "N")),

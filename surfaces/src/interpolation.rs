@@ -204,7 +204,7 @@ impl Interpolator {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::hatt::real_files::{AT_1_KHZ, AT_10_KHZ, hatt_files};
+    use crate::files::hatt::tests::real_files::{AT_1_KHZ, AT_10_KHZ, hatt_files};
     use crate::hull::Hull;
 
     use crate::{ModelAt, VertexKind};

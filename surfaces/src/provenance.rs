@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 /// The setting of a recording whose vibration is not in m/s².
-pub(crate) const VIBRATION_UNIT: &str = "vibration unit";
+pub const VIBRATION_UNIT: &str = "vibration unit";
 
 /// The setting of a surface whose recordings did not hold all that a hand feels: the highest frequency in it, Hz.
-pub(crate) const HIGHEST_HZ: &str = "highest frequency, Hz";
+pub const HIGHEST_HZ: &str = "highest frequency, Hz";
 
 /// Settings of a recording that state what touched the surface: the diameter of the tool's tip, mm; the grip of the hand;
 /// `tool` or `finger`.

@@ -2,11 +2,11 @@
 
 use crate::SurfaceError;
 use crate::bounds::{MAX_ACCELERATION_M_S2, MAX_FORCE_N, MAX_SPEED_M_S, RATES_HZ};
-use crate::metrics::{WindowSettings, WindowedSpectra};
-use crate::statistics::{Line, mean};
 use haptograph_signal::resample::{Quality, Resampler};
+use haptograph_signal::spectrum::spectral_centroid;
+use haptograph_signal::statistics::{Line, mean};
 use haptograph_signal::time::Rate;
-use haptograph_signal::window::Window;
+use haptograph_signal::{Complex64, fft};
 
 /// Tap transients in ascending impact speed, all at one rate and of one length.
 #[derive(Debug, Clone, PartialEq)]
@@ -129,15 +129,22 @@ impl Taps {
     /// The spectral centroid of the transients at impact speeds of 50, 60, ... 100 mm/s (Eq. 4.5.2 over each whole transient),
     /// averaged as in thesis 4.6.3, Hz: higher for harder surfaces. `None` for a transient of a single sample.
     pub fn spectral_centroid_hz(&self) -> Option<f64> {
-        let whole = WindowSettings { samples: self.length(), overlap: 0, window: Window::Rectangular };
+        let length = self.length();
+        if length < 2 {
+            return None;
+        }
+        let fft = fft::forward(length);
+        let bins = length / 2 + 1;
+        let frequency_hz: Vec<f64> = (0..bins).map(|k| k as f64 * self.rate_hz / length as f64).collect();
         let centroid = |speed_mm_s: u32| {
             let mix = self.mix(f64::from(speed_mm_s) / 1000.0);
-            let transient: Vec<f64> = (0..self.length()).map(|index| self.sample(&mix, index)).collect();
-            let spectra = WindowedSpectra::new(&transient, self.rate_hz, &whole).ok()?;
-            spectra.spectral_centroids_hz().first().copied()
+            let sample = |index| Complex64::new(self.sample(&mix, index), 0.0);
+            let mut spectrum: Vec<Complex64> = (0..length).map(sample).collect();
+            fft.process(&mut spectrum);
+            let power: Vec<f64> = spectrum[..bins].iter().map(|y| y.norm_sqr()).collect();
+            spectral_centroid(&frequency_hz, &power)
         };
-        let centroids: Option<Vec<f64>> = (50..=100).step_by(10).map(centroid).collect();
-        centroids.map(|centroids| mean(&centroids))
+        Some(mean(&(50..=100).step_by(10).map(centroid).collect::<Vec<_>>()))
     }
 
     /// The same taps at another rate, limited to the band of both rates, without ringing before the contact.

@@ -9,7 +9,7 @@ use crate::triangulation::{self, Triangle, Triangulation, TriangulationError};
 use haptograph_signal::filter::{Sections, butterworth_highpass};
 
 /// Order of the high-pass of processing, in each direction. The thesis does not state it.
-pub(crate) const HIGHPASS_ORDER: usize = 2;
+pub const HIGHPASS_ORDER: usize = 2;
 
 /// Models over (speed, force) at one rate, triangulated from rest to the largest modelled speed and force.
 #[derive(Debug, Clone, PartialEq)]
@@ -179,7 +179,7 @@ impl TextureModel {
     }
 
     /// The distinct filters, and the filter of each vertex.
-    pub(crate) fn distinct_filters(&self) -> (Vec<&ArmaModel>, Vec<usize>) {
+    pub fn distinct_filters(&self) -> (Vec<&ArmaModel>, Vec<usize>) {
         let mut filters: Vec<&ArmaModel> = Vec::new();
         let mut filter_of = Vec::with_capacity(self.models.len());
         for at in &self.models {

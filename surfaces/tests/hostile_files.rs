@@ -5,14 +5,12 @@
 
 use haptograph_surfaces::files::{hatt, native, read_surface};
 use haptograph_surfaces::hull::Hull;
-use haptograph_surfaces::recording::{self, LoadError};
 use haptograph_surfaces::{
     ArmaModel, Friction, ModelAt, Origin, Provenance, Stiffness, Surface, Tap, Taps, TextureModel, VertexKind,
 };
 use peak_alloc::PeakAlloc;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use std::io::BufReader;
 use std::sync::Mutex;
 
 #[global_allocator]
@@ -267,23 +265,4 @@ fn the_largest_map_that_is_read_keeps_within_its_memory() {
         lsf.join(",")
     );
     assert!(read(text.as_bytes()), "{:?}", read_surface(text.as_bytes()).map(|_| ()));
-}
-
-#[test]
-fn a_sparse_table_is_read_no_further_than_its_fault() {
-    let _alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let folder = tempfile::tempdir().unwrap();
-    for (head, line) in [("", 1), ("accel_m_s2,force_normal_n,speed_mm_s\n1,1,80\n", 3)] {
-        let path = folder.path().join("sparse.csv");
-        std::fs::write(&path, head).unwrap();
-        let file = std::fs::File::options().read(true).write(true).open(&path).unwrap();
-        file.set_len(1 << 30).unwrap();
-        let before = MEMORY.current_usage();
-        MEMORY.reset_peak_usage();
-        let Err(LoadError::Read { source, .. }) = recording::load(&path) else { panic!("{head}") };
-        let (place, _) = source.place(BufReader::new(file)).unwrap();
-        assert_eq!(place.line, line);
-        let used = MEMORY.peak_usage().saturating_sub(before);
-        assert!(used < 1 << 20, "{used} bytes");
-    }
 }

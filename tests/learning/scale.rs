@@ -1,8 +1,8 @@
 //! Many recordings, in parts.
 
 use super::{fail, haptograph, json, succeed, told_by};
-use haptograph::surfaces::evaluate::{RandomWalk, SynthesisSettings, synthesise};
-use haptograph::surfaces::recording::{AnyRecording, Gesture, ProcessedRecording, Signals, save};
+use haptograph::learning::recording::{AnyRecording, Gesture, ProcessedRecording, Signals, save};
+use haptograph::surfaces::rendering::{RandomWalk, SynthesisSettings, synthesise};
 use haptograph::surfaces::{Origin, Provenance, files};
 use std::collections::BTreeMap;
 use std::fs;

@@ -2,7 +2,7 @@
 
 use crate::errors::Failure;
 use crate::work::apart;
-use haptograph::surfaces::batch::{self as library, Batch, RenderSettings, Shard};
+use haptograph::learning::batch::{self as library, Batch, RenderSettings, Shard};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;

@@ -4,15 +4,15 @@ use crate::errors::Failure;
 use crate::work::apart;
 use haptograph::engine::frame::Kind;
 use haptograph::engine::node::{FrameWriter, Stream};
+use haptograph::learning::processing::{ProcessingSettings, processed};
+use haptograph::learning::recording::{
+    self as library, AnyRecording, Gesture, ImportSettings, ProcessedRecording, Signals,
+};
 use haptograph::report::figures::over_time;
 use haptograph::report::record::recorder;
 use haptograph::report::theme::Ink;
 use haptograph::signal::quantity::Quantity;
 use haptograph::signal::time::Rate;
-use haptograph::surfaces::learning::processing::{ProcessingSettings, processed};
-use haptograph::surfaces::recording::{
-    self as library, AnyRecording, Gesture, ImportSettings, ProcessedRecording, Signals,
-};
 use haptograph::surfaces::{Origin, Provenance};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;

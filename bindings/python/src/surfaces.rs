@@ -3,21 +3,21 @@
 use crate::errors::Failure;
 use crate::recordings::Recording;
 use crate::work::{apart, apart_within};
+use haptograph::learning::learn::law::LawSettings;
+use haptograph::learning::learn::texture::TextureSettings;
+use haptograph::learning::learn::{self as library, LearnSettings, LearningReport, TextureMethod};
+use haptograph::learning::metrics::{self, BandErrors, Bands, WindowSettings};
+use haptograph::learning::processing::ProcessingSettings;
+use haptograph::learning::recording::{AnyRecording, remove_offset};
 use haptograph::report::figures::triangulation;
 use haptograph::report::learning::page;
 use haptograph::report::plot::{Axis, Plot};
 use haptograph::signal::resample::{Quality, resample_whole};
 use haptograph::signal::time::Rate;
-use haptograph::surfaces::evaluate::{
+use haptograph::surfaces::files;
+use haptograph::surfaces::rendering::{
     SynthesisSettings, Trajectory, UpdatePoints, VoiceInto, synthesis, synthesise_into, synthesise_with,
 };
-use haptograph::surfaces::files;
-use haptograph::surfaces::learning::law::LawSettings;
-use haptograph::surfaces::learning::processing::ProcessingSettings;
-use haptograph::surfaces::learning::texture::TextureSettings;
-use haptograph::surfaces::learning::{self as library, LearnSettings, LearningReport, TextureMethod};
-use haptograph::surfaces::metrics::{self, BandErrors, Bands, WindowSettings};
-use haptograph::surfaces::recording::{AnyRecording, remove_offset};
 use haptograph::surfaces::resampling::{Method, resample_surface};
 use haptograph::surfaces::{ArmaModel, Coefficients, Interpolator, Origin, TextureModel};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};

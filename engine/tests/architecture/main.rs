@@ -93,7 +93,7 @@ fn the_engine_has_no_kind_of_touch() {
 const LAYERS: [&[&str]; 7] = [
     &["signal"],
     &["engine", "surfaces"],
-    &["nodes"],
+    &["nodes", "learning"],
     &["live", "report"],
     &["studio"],
     &[".", "bindings/c", "studio/wasm"],

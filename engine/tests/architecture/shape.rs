@@ -16,8 +16,8 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS};
 const BUDGETS: [(&str, usize, usize); 10] = [
     ("signal", 5_300, 4_800),
     ("engine", 19_100, 15_500),
-    ("surfaces", 21_200, 6_000),
-    ("learning", 15_500, 9_500),
+    ("surfaces", 6_100, 6_000),
+    ("learning", 13_950, 9_500),
     ("nodes", 15_900, 13_000),
     ("live", 6_700, 6_000),
     ("report", 7_700, 6_000),

@@ -107,7 +107,7 @@ impl CaptureCallback {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::silence::Rig;
+    use crate::tests::silence::Rig;
     use haptograph_engine::device::{Device, DeviceKind};
     use haptograph_engine::document::Document;
     use haptograph_engine::graph::{CheckOptions, check};

@@ -3,7 +3,7 @@
 use crate::simulated::orientation::{from_rotation_vector, rotate};
 use crate::vector::{Vec3, ZERO, add, norm, scale, sub};
 use haptograph_engine::node::FileProgress;
-use haptograph_surfaces::learning::coverage::{Coverage, FORCE_BANDS_N, SPEED_BANDS_M_S};
+use haptograph_surfaces::coverage::{Coverage, FORCE_BANDS_N, SPEED_BANDS_M_S};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 

@@ -1,6 +1,7 @@
 use super::*;
 use crate::learning::tests::{drag, learned};
-use haptograph_surfaces::evaluate::{MapSettings, RandomWalk, RecordingName, StudySettings, Take, evaluate};
+use haptograph_learning::evaluate::{MapSettings, RecordingName, StudySettings, Take, evaluate};
+use haptograph_surfaces::rendering::RandomWalk;
 
 #[test]
 fn the_page_shows_both_tables_the_map_and_every_surface() {

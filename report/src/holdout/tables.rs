@@ -1,7 +1,7 @@
 //! Tables of a hold-out evaluation, shared by the terminal and the page.
 
-use haptograph_surfaces::evaluate::Holdout;
-use haptograph_surfaces::evaluate::holdout::{
+use haptograph_learning::evaluate::Holdout;
+use haptograph_learning::evaluate::holdout::{
     BASELINES, ByMaterial, Contact, ContactResult, Mean, Method, MethodMean, SplitResult,
 };
 

@@ -3,9 +3,9 @@
 use crate::plot::{Axis, Mark, Plot, Style, Weight};
 use crate::theme::Ink;
 use crate::thinning::Decimated;
-use haptograph_surfaces::learning::friction::FrictionReport;
-use haptograph_surfaces::learning::stiffness::StiffnessReport;
-use haptograph_surfaces::learning::taps::TapReport;
+use haptograph_learning::learn::friction::FrictionReport;
+use haptograph_learning::learn::stiffness::StiffnessReport;
+use haptograph_learning::learn::taps::TapReport;
 use haptograph_surfaces::{Line, Taps};
 
 /// A fitted line over a range of x.

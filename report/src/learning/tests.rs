@@ -1,7 +1,7 @@
 use super::*;
+use haptograph_learning::learn::{LearnSettings, learn};
+use haptograph_learning::recording::{AnyRecording, Gesture, Signals};
 use haptograph_signal::noise::Gaussian;
-use haptograph_surfaces::learning::{LearnSettings, learn};
-use haptograph_surfaces::recording::{AnyRecording, Gesture, Signals};
 use haptograph_surfaces::{ArmaModel, ModelAt, Provenance, TextureModel};
 
 /// Nine segments of different speeds and forces.

@@ -2,13 +2,13 @@
 
 use crate::cli::recording::{self as recordings, Loaded};
 use crate::cli::{Failure, eprint};
+use crate::learning::processing::{combined, processed};
+use crate::learning::recording::{ImportSettings, LoadError, ReadError, load_signal, remove_offset};
 use crate::nodes::wav::{read_channel, read_layout};
 use crate::signal::files;
 use crate::signal::resample::{Quality, resample_whole};
 use crate::signal::time::Rate;
 use crate::surfaces::Origin;
-use crate::surfaces::learning::processing::{combined, processed};
-use crate::surfaces::recording::{ImportSettings, LoadError, ReadError, load_signal, remove_offset};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 

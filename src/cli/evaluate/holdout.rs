@@ -3,12 +3,12 @@
 use crate::cli::Failure;
 use crate::cli::progress::Progress;
 use crate::cli::table::table;
-use crate::report::holdout::tables::{self, Measures, Table};
-use crate::surfaces::evaluate::holdout::{
+use crate::learning::evaluate::holdout::{
     BandMean, ContactResult, Mean, MethodMean, SplitResult, hold_out_contact,
 };
-use crate::surfaces::evaluate::{Holdout, HoldoutSettings, Take, hold_out};
-use crate::surfaces::learning::processing::ProcessingSettings;
+use crate::learning::evaluate::{Holdout, HoldoutSettings, Take, hold_out};
+use crate::learning::processing::ProcessingSettings;
+use crate::report::holdout::tables::{self, Measures, Table};
 use serde_json::{Value, json};
 use std::path::Path;
 

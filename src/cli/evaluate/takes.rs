@@ -2,10 +2,10 @@
 
 use crate::cli::output::LEDGER;
 use crate::cli::{Failure, eprint, recording};
+use crate::learning::evaluate::{RecordingName, Take, TakeSource};
+use crate::learning::recording::{AnyRecording, Gesture, ImportSettings, LoadError, ReadError};
 use crate::signal::files;
 use crate::surfaces::Origin;
-use crate::surfaces::evaluate::{RecordingName, Take, TakeSource};
-use crate::surfaces::recording::{AnyRecording, Gesture, ImportSettings, LoadError, ReadError};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

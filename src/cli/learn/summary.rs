@@ -1,10 +1,11 @@
 //! The result of `learn` as text and JSON.
 
 use super::super::table::{facts, significant};
-use crate::surfaces::learning::LearningReport;
-use crate::surfaces::learning::coverage::Coverage;
-use crate::surfaces::learning::taps::TapReport;
-use crate::surfaces::learning::texture::{Fate, TextureReport};
+use crate::learning::learn::LearningReport;
+use crate::learning::learn::coverage as covered;
+use crate::learning::learn::taps::TapReport;
+use crate::learning::learn::texture::{Fate, TextureReport};
+use crate::surfaces::coverage::Coverage;
 use crate::surfaces::{Surface, Taps, TextureModel};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -26,7 +27,7 @@ fn verdict(coverage: &Coverage, is_implausible: bool) -> String {
 /// The coverage as JSON; `None` without a texture.
 pub fn coverage(surface: &Surface, report: &LearningReport, is_implausible: bool) -> Option<Value> {
     let (texture, report) = (surface.texture.as_ref()?, report.texture.as_ref()?);
-    let coverage = Coverage::of(&report.segments, texture.rate_hz());
+    let coverage = covered(&report.segments, texture.rate_hz());
     Some(json!({
         "areas": 9 - coverage.missing().len(),
         "of": 9,
@@ -39,7 +40,7 @@ pub fn coverage(surface: &Surface, report: &LearningReport, is_implausible: bool
 /// Warning about a texture learned from too little data.
 pub fn shortness(surface: &Surface, report: &LearningReport) -> Option<String> {
     let (texture, report) = (surface.texture.as_ref()?, report.texture.as_ref()?);
-    let coverage = Coverage::of(&report.segments, texture.rate_hz());
+    let coverage = covered(&report.segments, texture.rate_hz());
     coverage.is_short().then(|| {
         format!(
             "the texture is learned from only {} s in {} segments; record at least 3 s and 3 segments, preferably 10 s",
@@ -54,7 +55,7 @@ pub fn describe(surface: &Surface, report: &LearningReport, output: &Path, is_im
     let mut found = vec![("origin", surface.provenance.origin.as_str().to_owned())];
     if let (Some(texture), Some(report)) = (&surface.texture, &report.texture) {
         found.push(("texture", describe_texture(texture, report)));
-        let coverage = Coverage::of(&report.segments, texture.rate_hz());
+        let coverage = covered(&report.segments, texture.rate_hz());
         found.push(("coverage", verdict(&coverage, is_implausible)));
     }
     if let Some(friction) = surface.friction {

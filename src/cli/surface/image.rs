@@ -3,8 +3,8 @@
 use super::Failure;
 use crate::cli::table::{facts, significant};
 use crate::cli::{print, print_json};
+use crate::learning::metrics::{GrayImage, fineness_per_mm, roughness};
 use crate::signal::files;
-use crate::surfaces::metrics::{GrayImage, fineness_per_mm, roughness};
 use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
 use serde_json::json;
 use std::io::Cursor;

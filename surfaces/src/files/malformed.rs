@@ -41,7 +41,7 @@ const MAX_WORD: usize = 24;
 
 impl Malformed {
     /// The place and the reason of a parser's error in a text that has to begin with `root`.
-    pub(crate) fn of(text: &str, root: &'static str, error: SpannedError) -> (Place, Self) {
+    pub fn of(text: &str, root: &'static str, error: SpannedError) -> (Place, Self) {
         let start = error.span.start;
         let place = Place { line: start.line, column: start.col };
         let scanned = scan(text);

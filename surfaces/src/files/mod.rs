@@ -167,7 +167,7 @@ pub struct Place {
 
 impl Place {
     /// The place after `before`.
-    pub(crate) fn after(before: &str) -> Place {
+    pub fn after(before: &str) -> Place {
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
         Place {
             line: before.bytes().filter(|&byte| byte == b'\n').count() + 1,

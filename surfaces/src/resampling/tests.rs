@@ -1,5 +1,5 @@
 use super::*;
-use crate::files::hatt::real_files::{AT_1_KHZ, AT_10_KHZ, hatt_files};
+use crate::files::hatt::tests::real_files::{AT_1_KHZ, AT_10_KHZ, hatt_files};
 use crate::files::load;
 use crate::hull::Hull;
 use crate::{Provenance, VertexKind};

@@ -17,8 +17,7 @@ mod taps;
 mod write;
 
 pub(crate) use cursor::Cursor;
-pub(crate) use write::Xml;
-pub use write::{write_models, write_taps};
+pub use write::{Xml, write_models, write_taps};
 
 use super::{Problem, ReadError};
 use crate::{Origin, Provenance, Surface};
@@ -64,7 +63,7 @@ fn label(kind: &str, provenance: &Provenance) -> String {
 }
 
 /// The origin, the source and the maker by such a comment.
-pub(crate) fn parse_label(comment: &str) -> Option<(Origin, String, String)> {
+pub fn parse_label(comment: &str) -> Option<(Origin, String, String)> {
     let (_kind, rest) = comment.trim().strip_prefix(LABEL)?.split_once(": ")?;
     let (origin, rest) = rest.split_once("; made by ")?;
     let (made_by, source) = rest.split_once("; from ")?;
@@ -216,6 +215,4 @@ pub enum HattWriteError {
 }
 
 #[cfg(test)]
-pub(crate) mod real_files;
-#[cfg(test)]
-mod tests;
+pub(crate) mod tests;

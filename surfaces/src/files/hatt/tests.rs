@@ -1,3 +1,5 @@
+pub(crate) mod real_files;
+
 use super::*;
 use crate::files::{Place, read_surface};
 use crate::hull::Hull;

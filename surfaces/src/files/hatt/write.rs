@@ -113,7 +113,8 @@ fn default_picture(field: &str, name: &str) -> String {
 }
 
 /// Indented lines of XML.
-pub(crate) struct Xml {
+pub struct Xml {
+    /// The lines so far.
     pub text: String,
 }
 
@@ -124,15 +125,18 @@ impl Xml {
         Xml { text: format!("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- {label} -->\n") }
     }
 
+    /// Adds a line.
     pub fn line(&mut self, depth: usize, line: &str) {
         // Writing to a string cannot fail.
         let _ = writeln!(self.text, "{:indent$}{line}", "", indent = 3 * depth);
     }
 
+    /// Adds a field with one value.
     pub fn field(&mut self, depth: usize, name: &str, value: &str) {
         self.line(depth, &format!("<{name}>{}</{name}>", escape(value)));
     }
 
+    /// Adds a field with a list of values.
     pub fn list(&mut self, depth: usize, name: &str, is_array: bool, values: impl Iterator<Item = String>) {
         let mut values = values.peekable();
         let attribute = if is_array { " type=\"array\"" } else { "" };

@@ -1,0 +1,283 @@
+//! A chunk: the results of its jobs in one archive with a description.
+
+use super::document::Samples;
+use super::hex;
+use super::plan::{Batch, Job};
+use haptograph_signal::files;
+use haptograph_signal::files::write_atomically_by;
+use haptograph_surfaces::npy::Header;
+use haptograph_surfaces::npz::{begin, begin_array};
+use haptograph_surfaces::rendering::{SynthesisError, SynthesisSettings, Trajectory, Voice, synthesise_many};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use zip::read::ZipArchive;
+use zip::write::ZipWriter;
+
+/// The member with the description of a chunk.
+const ABOUT: &str = "about.json";
+/// Largest description that is read, bytes.
+const MAX_ABOUT_BYTES: u64 = 1 << 16;
+/// Number of voices rendered together.
+const TOGETHER: usize = 16;
+/// Bytes hashed and written at a time.
+const BLOCK: usize = 1 << 16;
+
+/// The name of a chunk's file.
+pub fn file_name(chunk: u64) -> String {
+    format!("chunk-{chunk:06}.npz")
+}
+
+/// The description of a chunk.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct About {
+    haptograph: String,
+    /// See [`Batch::identity`].
+    batch: String,
+    chunk: u64,
+    /// The hash of the arrays: their names, types, shapes and numbers.
+    sha256: String,
+}
+
+/// The numbers of an array.
+#[derive(Debug)]
+enum Numbers {
+    I64(Vec<i64>),
+    U64(Vec<u64>),
+    F32(Vec<f32>),
+    F64(Vec<f64>),
+}
+
+impl Numbers {
+    fn descr(&self) -> &'static str {
+        match self {
+            Self::I64(_) => "<i8",
+            Self::U64(_) => "<u8",
+            Self::F32(_) => "<f4",
+            Self::F64(_) => "<f8",
+        }
+    }
+
+    fn zeros(samples: Samples, count: usize) -> Self {
+        match samples {
+            Samples::Float32 => Self::F32(vec![0.0; count]),
+            Samples::Float64 => Self::F64(vec![0.0; count]),
+        }
+    }
+
+    /// Stores a signal at an index.
+    fn put(&mut self, start: usize, signal: &[f64]) {
+        match self {
+            Self::F32(numbers) => {
+                let place = &mut numbers[start..start + signal.len()];
+                place.iter_mut().zip(signal).for_each(|(place, x)| *place = *x as f32);
+            }
+            Self::F64(numbers) => numbers[start..start + signal.len()].copy_from_slice(signal),
+            Self::I64(_) | Self::U64(_) => {}
+        }
+    }
+
+    /// All bytes, little-endian, block by block.
+    fn blocks(&self, mut each: impl FnMut(&[u8]) -> io::Result<()>) -> io::Result<()> {
+        match self {
+            Self::I64(numbers) => blocks(numbers, |x| x.to_le_bytes(), &mut each),
+            Self::U64(numbers) => blocks(numbers, |x| x.to_le_bytes(), &mut each),
+            Self::F32(numbers) => blocks(numbers, |x| x.to_le_bytes(), &mut each),
+            Self::F64(numbers) => blocks(numbers, |x| x.to_le_bytes(), &mut each),
+        }
+    }
+}
+
+fn blocks<T: Copy, const N: usize>(
+    numbers: &[T],
+    bytes: impl Fn(T) -> [u8; N],
+    each: &mut impl FnMut(&[u8]) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut block = Vec::with_capacity(BLOCK);
+    for part in numbers.chunks(BLOCK / N) {
+        block.clear();
+        block.extend(part.iter().flat_map(|x| bytes(*x)));
+        each(&block)?;
+    }
+    Ok(())
+}
+
+/// The arrays of a chunk.
+#[derive(Debug)]
+pub struct Chunk {
+    number: u64,
+    arrays: Vec<(&'static str, Vec<u64>, Numbers)>,
+}
+
+impl Chunk {
+    /// Renders a chunk; `None` if `stop` is set. An error has the number of its job.
+    pub fn render(
+        batch: &Batch,
+        number: u64,
+        stop: &AtomicBool,
+    ) -> Result<Option<Self>, (u64, SynthesisError)> {
+        let numbers = batch.jobs_of(number);
+        let jobs: Vec<Job> = numbers.clone().map(|job| batch.job(job)).collect();
+        let longest = jobs.iter().map(|job| batch.samples_of(job)).max().unwrap_or(0);
+        let signals = signals(batch, &jobs, longest, stop);
+        let Some(signals) = signals.map_err(|(place, error)| (numbers.start + place as u64, error))? else {
+            return Ok(None);
+        };
+        let (count, longest) = (jobs.len() as u64, longest as u64);
+        let whole =
+            |of: &dyn Fn(&Job) -> usize| Numbers::I64(jobs.iter().map(|job| of(job) as i64).collect());
+        let lines = [
+            ("job", Numbers::I64(numbers.map(|job| job as i64).collect())),
+            ("surface", whole(&|job| job.surface)),
+            ("motion", whole(&|job| job.motion)),
+            ("seed", Numbers::U64(jobs.iter().map(|job| job.seed).collect())),
+            ("samples", whole(&|job| batch.samples_of(job))),
+            ("rate_hz", Numbers::F64(jobs.iter().map(|job| batch.rate_hz(job)).collect())),
+            ("gain", Numbers::F64(jobs.iter().map(|job| job.gain).collect())),
+            ("update_hz", Numbers::F64(jobs.iter().map(|job| job.update_hz).collect())),
+        ];
+        let lines = lines.into_iter().map(|(name, numbers)| (name, vec![count], numbers));
+        let signals = batch.signals().iter().zip(signals);
+        let signals = signals.map(|(signal, numbers)| (signal.name(), vec![count, longest], numbers));
+        let arrays = lines.chain(signals).collect();
+        Ok(Some(Self { number, arrays }))
+    }
+
+    /// Writes the chunk atomically and returns the hash of its content.
+    pub fn write(&self, batch: &Batch, path: &Path) -> io::Result<String> {
+        write_atomically_by(path, |file| {
+            let mut archive = ZipWriter::new(BufWriter::with_capacity(BLOCK, file));
+            let mut hash = Sha256::new();
+            for (name, shape, numbers) in &self.arrays {
+                let bytes = shape.iter().product::<u64>() * if numbers.descr() == "<f4" { 4 } else { 8 };
+                begin_array(&mut archive, name, (numbers.descr(), shape), bytes)?;
+                hash_head(&mut hash, name, numbers.descr(), shape);
+                numbers.blocks(|block| {
+                    hash.update(block);
+                    archive.write_all(block)
+                })?;
+            }
+            let about = About {
+                haptograph: env!("CARGO_PKG_VERSION").to_owned(),
+                batch: batch.identity().to_owned(),
+                chunk: self.number,
+                sha256: hex(hash),
+            };
+            let text = serde_json::to_string_pretty(&about)? + "\n";
+            begin(&mut archive, ABOUT, text.len() as u64)?;
+            archive.write_all(text.as_bytes())?;
+            archive.finish().map_err(io::Error::other)?.flush()?;
+            Ok(about.sha256)
+        })
+    }
+}
+
+/// The stored signals of some jobs, a row each; `None` if `stop` is set. An error has the index of its job.
+fn signals(
+    batch: &Batch,
+    jobs: &[Job],
+    longest: usize,
+    stop: &AtomicBool,
+) -> Result<Option<Vec<Numbers>>, (usize, SynthesisError)> {
+    let zeros = |_| Numbers::zeros(batch.samples(), jobs.len() * longest);
+    let mut signals: Vec<Numbers> = batch.signals().iter().map(zeros).collect();
+    // Voices of one surface fill SIMD lanes best.
+    let mut order: Vec<usize> = (0..jobs.len()).collect();
+    order.sort_by_key(|place| jobs[*place].surface);
+    for places in order.chunks(TOGETHER) {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        for (place, (trajectory, vibration)) in places.iter().zip(&play(batch, jobs, places)?) {
+            for (into, signal) in signals.iter_mut().zip(batch.signals()) {
+                into.put(place * longest, signal.of(trajectory, vibration));
+            }
+        }
+    }
+    Ok(Some(signals))
+}
+
+/// The vibration of one job, before rounding to the chunk's precision, m/s².
+pub fn vibration(batch: &Batch, job: Job) -> Result<Vec<f64>, SynthesisError> {
+    let played = play(batch, &[job], &[0]).map_err(|(_, error)| error)?;
+    Ok(played.into_iter().flat_map(|(_, vibration)| vibration).collect())
+}
+
+/// The results of some jobs, or the index of the job with an error.
+fn play(batch: &Batch, jobs: &[Job], places: &[usize]) -> Result<Vec<Played>, (usize, SynthesisError)> {
+    let trajectory = |place: &usize| {
+        let job = &jobs[*place];
+        batch.motion(job.motion).trajectory(batch.rate_hz(job), job.seed)
+    };
+    let trajectories: Vec<Trajectory> = places.iter().map(trajectory).collect();
+    let mut voices = vec![];
+    for (place, trajectory) in places.iter().zip(&trajectories) {
+        let Job { surface, seed, update_hz, .. } = jobs[*place];
+        voices.push(Voice {
+            texture: &batch.surfaces()[surface].texture,
+            trajectory,
+            settings: SynthesisSettings { update_hz, seed, lines_seed: seed },
+        });
+    }
+    let mut played = synthesise_many(&voices, 1).map_err(|error| (places[error.voice], error.source))?;
+    for (place, vibration) in places.iter().zip(&mut played) {
+        let gain = jobs[*place].gain;
+        vibration.iter_mut().for_each(|sample| *sample *= gain);
+    }
+    Ok(trajectories.into_iter().zip(played).collect())
+}
+
+/// The motion and the vibration of a job.
+type Played = (Trajectory, Vec<f64>);
+
+/// The header of an array, which is hashed before its numbers.
+fn hash_head(hash: &mut Sha256, name: &str, descr: &str, shape: &[u64]) {
+    hash.update(format!("{name} {descr} {shape:?}\n"));
+}
+
+/// Verifies a batch's chunk in a file and returns the hash of its content, or the reason why it is not that chunk.
+pub fn verify(path: &Path, identity: &str, chunk: u64) -> Result<String, String> {
+    let failed = |error: &dyn std::fmt::Display| error.to_string();
+    let file = files::open(path, u64::MAX).map_err(|error| failed(&error))?;
+    let mut archive = ZipArchive::new(BufReader::new(file.as_file())).map_err(|error| failed(&error))?;
+    let mut hash = Sha256::new();
+    let mut about = None;
+    for member in 0..archive.len() {
+        let member = archive.by_index(member).map_err(|error| failed(&error))?;
+        let name = member.name().map_err(|error| failed(&error))?.into_owned();
+        match name.strip_suffix(".npy") {
+            Some(name) => hash_array(&mut hash, name, member)?,
+            None => about = Some(read_about(member)?),
+        }
+    }
+    let about: About = about.ok_or_else(|| format!("it has no {ABOUT}"))?;
+    if about.batch != identity || about.chunk != chunk {
+        return Err(format!("it is chunk {} of another batch", about.chunk));
+    }
+    let found = hex(hash);
+    match found == about.sha256 {
+        true => Ok(found),
+        false => Err("its content does not match its hash".to_owned()),
+    }
+}
+
+fn hash_array(hash: &mut Sha256, name: &str, mut member: impl Read) -> Result<(), String> {
+    let header = Header::read(&mut member).map_err(|error| error.to_string())?;
+    hash_head(hash, name, &header.descr, &header.shape);
+    let mut block = vec![0; BLOCK];
+    loop {
+        match member.read(&mut block).map_err(|error| error.to_string())? {
+            0 => return Ok(()),
+            read => hash.update(&block[..read]),
+        }
+    }
+}
+
+fn read_about(member: impl Read) -> Result<About, String> {
+    let mut text = String::new();
+    let read = member.take(MAX_ABOUT_BYTES).read_to_string(&mut text);
+    read.map_err(|error| error.to_string())?;
+    serde_json::from_str(&text).map_err(|error| format!("{ABOUT}: {error}"))
+}

@@ -1,0 +1,219 @@
+//! Hold-out evaluation of textures on recordings that they were not learned from, with floors and plain
+//! baselines.
+//!
+//! The takes of each material are split in several ways ([`Split`]) into folds of a training and a test part.
+//! Every [`Method`] learns from the training part, is rendered along the force and speed of the test part
+//! with several seeds of noise, and is compared with it: [`Measures`]. Errors are paired by fold, then
+//! averaged over a material's folds. The standard error is over materials, since the folds and seeds of one
+//! material are not independent samples.
+
+mod contact;
+mod folds;
+mod measures;
+mod methods;
+mod summary;
+
+pub use contact::{Contact, ContactResult, hold_out_contact};
+pub use folds::{Fold, Split};
+pub use measures::Measures;
+pub use methods::{BASELINES, Method, Player};
+pub use summary::{BandMean, ByMaterial, Holdout, Mean, MethodMean, SplitResult};
+
+use super::study::{RecordingName, StudyError};
+use crate::learn::TextureMethod;
+use crate::learn::texture::LearnTextureError;
+use crate::processing::{ProcessingSettings, processed};
+use crate::recording::{Gesture, ProcessedRecording, RecordingError};
+use haptograph_surfaces::rendering::SynthesisError;
+use measures::{Target, measured};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Settings of a hold-out evaluation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HoldoutSettings {
+    /// Processing of sensor readings to physical quantities.
+    pub processing: ProcessingSettings,
+    /// The method that counts as the default.
+    pub texture: TextureMethod,
+    /// Number of noise seeds whose powers are averaged before the logarithm.
+    pub seeds: u64,
+    /// The first seed.
+    pub seed: u64,
+    /// Kinds of splits; those that need more takes than a material has are omitted.
+    pub splits: Vec<Split>,
+}
+
+impl Default for HoldoutSettings {
+    fn default() -> Self {
+        Self {
+            processing: ProcessingSettings::default(),
+            texture: TextureMethod::default(),
+            seeds: 16,
+            seed: 1,
+            splits: Split::ALL.to_vec(),
+        }
+    }
+}
+
+/// Error of a hold-out evaluation.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // see the messages
+pub enum HoldoutError {
+    #[error(transparent)]
+    Study(#[from] StudyError),
+    #[error("a part of {material} is not a recording: {source}")]
+    Part { material: String, source: RecordingError },
+    #[error("{method} cannot learn from a part of {material} ({split}): {reason}")]
+    Learning { material: String, split: &'static str, method: &'static str, reason: String },
+    #[error("cannot render what {method} learned from a part of {material}: {source}")]
+    Synthesis { material: String, method: &'static str, source: SynthesisError },
+    #[error(
+        "{material}: its parts have {samples} samples, too few to estimate the power of any third octave"
+    )]
+    TooShort { material: String, samples: usize },
+}
+
+impl HoldoutError {
+    fn learning(material: &str, split: Split, method: Method, error: &LearnTextureError) -> Self {
+        Self::Learning {
+            material: material.to_owned(),
+            split: split.as_str(),
+            method: method.as_str(),
+            reason: error.to_string(),
+        }
+    }
+}
+
+/// The result of one fold, by method in the order of [`Method::ALL`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoldResult {
+    /// Number of the material.
+    pub material: usize,
+    /// Kind of split.
+    pub split: Split,
+    /// Measures by method.
+    pub measures: Vec<Measures>,
+    /// Standard deviation of the test part's levels not explained by force and speed, dB.
+    pub unexplained_level_db: Option<f64>,
+    /// Log-spectral distance between two stationary takes with the lengths of the two parts, dB, and between
+    /// one of them and the mean over all seeds.
+    pub estimator_db: (f64, f64),
+}
+
+/// Evaluates the drags among `takes` by hold-out. `progress` receives the fraction done.
+///
+/// # Errors
+/// [`HoldoutError`].
+pub fn hold_out(
+    takes: &[super::Take],
+    settings: &HoldoutSettings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Holdout, HoldoutError> {
+    let recordings = by_material(takes, settings)?;
+    let materials: Vec<String> = recordings.keys().cloned().collect();
+    let mut jobs = vec![];
+    for (number, (name, takes)) in recordings.iter().enumerate() {
+        for split in &settings.splits {
+            for fold in split.folds(takes) {
+                jobs.push((number, name, *split, fold));
+            }
+        }
+    }
+    let done = AtomicUsize::new(0);
+    let count = jobs.len();
+    let work = |(number, name, split, fold): &(usize, &String, Split, Fold)| {
+        let result = one_fold(*number, name, *split, fold, settings);
+        progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / count as f64);
+        result
+    };
+    let results = on_all_cores(&jobs, &work).into_iter().collect::<Result<_, _>>()?;
+    Ok(Holdout { materials, seeds: settings.seeds, folds: results })
+}
+
+/// Processed drags by material.
+fn by_material(
+    takes: &[super::Take],
+    settings: &HoldoutSettings,
+) -> Result<BTreeMap<String, Vec<ProcessedRecording>>, HoldoutError> {
+    let mut drags: Vec<&super::Take> =
+        takes.iter().filter(|take| take.recording.gesture() == Gesture::Drag).collect();
+    drags.sort_by(|a, b| a.name.cmp(&b.name));
+    if drags.is_empty() {
+        return Err(StudyError::NoRecordings.into());
+    }
+    let mut found: BTreeMap<String, Vec<ProcessedRecording>> = BTreeMap::new();
+    for take in drags {
+        let RecordingName { material, .. } = &take.name;
+        let recording = processed(&take.recording, &settings.processing).map_err(|source| {
+            StudyError::Processing { recording: take.name.to_string(), source: Box::new(source) }
+        })?;
+        found.entry(material.clone()).or_default().push(recording);
+    }
+    Ok(found)
+}
+
+fn one_fold(
+    number: usize,
+    material: &str,
+    split: Split,
+    fold: &Fold,
+    settings: &HoldoutSettings,
+) -> Result<FoldResult, HoldoutError> {
+    let part = |source| HoldoutError::Part { material: material.to_owned(), source };
+    let train = fold.train.recordings().map_err(part)?;
+    let test = fold.test.recordings().map_err(part)?;
+    let target = Target::new(&train, &test);
+    if target.bands().is_empty() {
+        return Err(HoldoutError::TooShort {
+            material: material.to_owned(),
+            samples: test.iter().map(ProcessedRecording::samples).sum(),
+        });
+    }
+    let mut measures = vec![];
+    for method in Method::ALL {
+        let Some(player) = Player::learned(method, &train, &settings.texture)
+            .map_err(|error| HoldoutError::learning(material, split, method, &error))?
+        else {
+            measures.push(target.floor());
+            continue;
+        };
+        let found = measured(&player, &target, settings).map_err(|source| HoldoutError::Synthesis {
+            material: material.to_owned(),
+            method: method.as_str(),
+            source,
+        })?;
+        measures.push(found);
+    }
+    Ok(FoldResult {
+        material: number,
+        split,
+        measures,
+        unexplained_level_db: target.unexplained_level_db(),
+        estimator_db: target.estimator_db(settings.seeds),
+    })
+}
+
+/// Runs the jobs on all cores; returns their results in order.
+fn on_all_cores<J: Sync, R: Send>(jobs: &[J], work: &(dyn Fn(&J) -> R + Sync)) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(jobs.len());
+    let take = || {
+        let mut finished = vec![];
+        while let Some((number, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
+            .and_then(|number| jobs.get(number).map(|job| (number, job)))
+        {
+            finished.push((number, work(job)));
+        }
+        finished
+    };
+    let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(take)).collect();
+        workers.into_iter().filter_map(|worker| worker.join().ok()).flatten().collect()
+    });
+    results.sort_by_key(|(number, _)| *number);
+    results.into_iter().map(|(_, result)| result).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,34 @@
+//! Learns a surface from recordings (thesis 2.2.3, 2.3, 4.2).
+//!
+//! ```text
+//! recordings ──► processing ─┬► windows ──► law, lines, crackle ┐
+//!                            └► segmentation ──► texture ┤   (the thesis's)
+//!      circle or drag ──► friction ───────────────────────┤
+//!                 tap ──► taps ───────────────────────────┼──► Surface
+//!               press ──► stiffness ──────────────────────┘
+//! ```
+//!
+//! [`learn`] runs all of it. The result depends only on recordings and settings, to the bit.
+
+pub(crate) mod cells;
+mod correction;
+mod coverage;
+mod crackle;
+pub mod friction;
+pub mod law;
+mod learn;
+mod lines;
+mod method;
+mod onset;
+pub mod outliers;
+mod regression;
+pub mod segmentation;
+pub(crate) mod spectral_law;
+pub mod stiffness;
+pub mod taps;
+pub mod texture;
+mod whitening;
+
+pub use coverage::coverage;
+pub use learn::{LearnError, LearnSettings, LearningReport, NarrowBand, learn};
+pub use method::TextureMethod;

@@ -1,0 +1,19 @@
+//! Surfaces from recordings: readers of recordings, processing, learning, and measures of how well a virtual surface matches
+//! a real one; data sets of rendered vibrations. The crate does not depend on graphs.
+//!
+//! # Features
+//!
+//! | feature | default | adds |
+//! |---|---|---|
+//! | `spreadsheets` | yes | recordings in XLSX files |
+//! | `genetic` | | the island genetic algorithm of the thesis for segmentation, slower and never better than the exact search |
+
+#[cfg(not(target_family = "wasm"))]
+pub mod batch;
+pub mod evaluate;
+pub mod learn;
+pub mod metrics;
+pub mod processing;
+pub mod recording;
+pub mod select;
+pub mod shard;

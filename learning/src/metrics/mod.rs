@@ -1,0 +1,26 @@
+//! Measures of the similarity of two vibrations, of the response of a vibration to force and speed, and of
+//! the visual roughness of a surface.
+//!
+//! - [`spectral`]: normalized spectral error, power error and spectral difference of thesis section 2.5.1; windowed power and spectral
+//!   centroid.
+//! - [`responsiveness`]: the losses of their variation, section 4.5.3.
+//! - [`bands`]: powers in third octaves from 20 to 1000 Hz and the log-spectral distance.
+//! - [`level`]: kurtosis and levels over time.
+//! - [`image`]: roughness and fineness of a photograph, section 3.2.
+
+pub mod bands;
+pub mod image;
+pub mod level;
+mod pairs;
+pub mod responsiveness;
+pub mod spectral;
+
+pub use bands::{Band, BandErrors, BandPowers, Bands, log_spectral_distance};
+pub use image::{GrayImage, fineness_per_mm, roughness};
+pub use pairs::{all_pairs, pair_index};
+pub use spectral::{
+    Deviations, ErrorStatistics, MetricError, PairErrors, Pooling, WindowSettings, WindowedSpectra, compare,
+};
+
+#[cfg(test)]
+mod tests;
