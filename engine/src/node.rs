@@ -19,7 +19,7 @@ use std::sync::Arc;
 
 pub use crate::io::{Connections, Io, Runs};
 pub use crate::limiter::Limit;
-pub use crate::scripted::{OfflineOnly, ScriptBuild, Scripted, ScriptedKind, raised};
+pub use crate::scripted::{OfflineOnly, ScriptBuild, Scripted, ScriptedKind};
 pub use crate::settings::{LiveId, SettingId};
 pub use entry::NodeEntry;
 pub(crate) use entry::{Advised, Build, Finish, Measured, Read};

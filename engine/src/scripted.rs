@@ -3,8 +3,6 @@
 //! They are registered like all node kinds. Their processors may allocate, lock and take any time, so live runs refuse
 //! them: they are for offline prototypes.
 
-use crate::diagnostic::Diagnostic;
-use crate::graph::{Graph, Node};
 use crate::node::{Advised, BuildContext, BuildError, Built, Finish, Measured, NodeSpec};
 use crate::settings::{Fields, Reading, SettingSpec};
 
@@ -56,25 +54,4 @@ pub(crate) fn read(
         });
         Ok((0, finish))
     }))
-}
-
-/// The diagnostic of a scripted node that raised an exception while it ran; `traceback` is its place in the script.
-pub fn raised(node: &Node, exception: &str, traceback: &str) -> Diagnostic {
-    let message = format!("`{}` raised {exception}", node.path);
-    Diagnostic::error("E0801", node.span, message).help(traceback)
-}
-
-impl Graph {
-    /// The scripted nodes; a graph that has one runs offline only.
-    pub fn scripted_nodes(&self) -> impl Iterator<Item = &Node> {
-        self.nodes().iter().filter(|node| node.entry.is_scripted())
-    }
-
-    /// Returns an error if the graph has a scripted node.
-    pub(crate) fn refuse_scripts(&self) -> Result<(), OfflineOnly> {
-        match self.scripted_nodes().next() {
-            None => Ok(()),
-            Some(node) => Err(OfflineOnly { node: node.path.clone(), kind: node.entry.spec.name }),
-        }
-    }
 }

@@ -11,7 +11,7 @@ use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::host::{HostError, PlayOptions, Player, Scalar};
 use haptograph_engine::node::{
     Built, Io, NodeEntry, NodeSpec, OfflineOnly, Output, Processor, ScriptBuild, Scripted, ScriptedKind,
-    Tick, output, raised,
+    Tick, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -126,7 +126,7 @@ fn what_it_raises_is_a_finding_at_its_place() {
     let node = graph.scripted_nodes().next().expect("a node");
     let found = Diagnostics {
         sources: graph.sources().clone(),
-        list: vec![raised(node, "KeyError: 'x'", "line 3, in tick")],
+        list: vec![node.raised("KeyError: 'x'", "line 3, in tick")],
     };
     assert_eq!((found.list[0].code, &found.list[0].help[..]), ("E0801", &["line 3, in tick".to_owned()][..]));
     golden::compare("tests/wrong/program_script_raised.stderr", &render(&found, false));

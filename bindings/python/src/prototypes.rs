@@ -10,7 +10,7 @@ use haptograph::engine::frame::Kind;
 use haptograph::engine::graph::{CheckOptions, Graph, check};
 use haptograph::engine::node::{
     BuildError, Flow, InputSpec, KindRule, NodeEntry, NodeSpec, OutputCount, OutputRole, OutputSpec,
-    Presence, QuantityRule, ScriptBuild, ScriptedKind, raised,
+    Presence, QuantityRule, ScriptBuild, ScriptedKind,
 };
 use haptograph::engine::settings::{Fields, Reading, SettingSpec};
 use haptograph::signal::quantity::Quantity;
@@ -201,7 +201,7 @@ impl Scripts {
         let told = Python::try_attach(|py| told(py, &error));
         let (line, traceback) = told.unwrap_or_else(|| (error.to_string(), String::new()));
         let found =
-            Diagnostics { sources: graph.sources().clone(), list: vec![raised(node, &line, &traceback)] };
+            Diagnostics { sources: graph.sources().clone(), list: vec![node.raised(&line, &traceback)] };
         Some(Failure::Raised(Box::new(found), error))
     }
 

@@ -3,6 +3,7 @@
 //! Alignment is exact: a reader's tick at time t reads the writer's frames with time <= t, by integer arithmetic, so
 //! that the result does not depend on the block size.
 
+mod advice;
 mod average;
 mod ends;
 mod hold;
@@ -17,6 +18,7 @@ use haptograph_signal::time::Rate;
 use std::any::Any;
 use std::fmt;
 
+pub(crate) use advice::{Crossing, End};
 pub use average::Average;
 pub use ends::Ends;
 pub(crate) use ends::Ticks;

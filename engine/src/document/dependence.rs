@@ -118,22 +118,11 @@ fn fields(value: &Value) -> &[(Name, Value)] {
 
 /// Calls `found` with every `Param("...")`, `Setting("...")` and `Expr("...")` within a value.
 fn walk(value: &Value, found: &mut impl FnMut(&str, &str)) {
-    match &value.shape {
-        Shape::List(values) => values.iter().for_each(|value| walk(value, found)),
-        Shape::Map(pairs) => pairs.iter().for_each(|(_, value)| walk(value, found)),
-        Shape::Tagged(Tagged { name, body }) => match body {
-            Body::Bare => {}
-            Body::Tuple(values) => {
-                if let (Some(name), [text]) = (name, &values[..])
-                    && matches!(name.text.as_str(), "Param" | "Setting" | "Expr")
-                    && let Shape::String(text) = &text.shape
-                {
-                    found(&name.text, text);
-                }
-                values.iter().for_each(|value| walk(value, found));
-            }
-            Body::Fields(fields) => fields.iter().for_each(|(_, value)| walk(value, found)),
-        },
-        _ => {}
+    if let Shape::Tagged(Tagged { name: Some(name), body: Body::Tuple(values) }) = &value.shape
+        && let [Value { shape: Shape::String(text), .. }] = &values[..]
+        && matches!(name.text.as_str(), "Param" | "Setting" | "Expr")
+    {
+        found(&name.text, text);
     }
+    value.inner().for_each(|value| walk(value, found));
 }

@@ -61,6 +61,20 @@ pub struct Name {
     pub text: String,
 }
 
+fn changed(values: &[Value], change: &mut dyn FnMut(&Value) -> Option<Value>) -> Option<Vec<Value>> {
+    let values: Vec<Option<Value>> = values.iter().map(change).collect();
+    values.into_iter().collect()
+}
+
+fn entries_changed<N: Clone>(
+    entries: &[(N, Value)],
+    change: &mut dyn FnMut(&Value) -> Option<Value>,
+) -> Option<Vec<(N, Value)>> {
+    let values: Vec<Option<Value>> = entries.iter().map(|(_, value)| change(value)).collect();
+    let names = entries.iter().map(|(name, _)| name.clone());
+    names.zip(values).map(|(name, value)| Some((name, value?))).collect()
+}
+
 /// To four digits.
 fn brief_number(number: f64) -> String {
     match format!("{number:.3e}").parse::<f64>() {
@@ -143,34 +157,102 @@ impl Value {
     }
 }
 
-impl Value {
-    /// Short form for display: numbers to four digits, the last part of a path.
-    pub fn brief(&self) -> String {
-        let all = |values: &[Self]| values.iter().map(Self::brief).collect::<Vec<_>>().join(", ");
-        match &self.shape {
-            Shape::Unit => "()".into(),
-            Shape::Bool(is_so) => is_so.to_string(),
-            Shape::Number(number, text) if text.len() > 7 => brief_number(*number),
-            Shape::Number(_, text) => text.clone(),
-            Shape::String(text) => brief_text(text).into(),
-            Shape::List(values) => format!("[{}]", all(values)),
+/// How values are shown in one line.
+struct Line {
+    number: fn(f64, &str) -> String,
+    text: fn(&str) -> String,
+    /// Inside of the brackets of a map.
+    margin: &'static str,
+    /// True if entries and fields are sorted by name.
+    is_sorted: bool,
+}
+
+impl Line {
+    fn show(&self, value: &Value) -> String {
+        match &value.shape {
+            Shape::Unit => "()".to_owned(),
+            Shape::Bool(flag) => flag.to_string(),
+            Shape::Number(number, text) => (self.number)(*number, text),
+            Shape::String(text) => (self.text)(text),
+            Shape::List(values) => format!("[{}]", self.all(values)),
             Shape::Map(pairs) => {
-                let pairs = pairs.iter().map(|(key, value)| format!("{}: {}", key.brief(), value.brief()));
-                format!("{{{}}}", pairs.collect::<Vec<_>>().join(", "))
+                let entries = self.named(pairs.iter().map(|(key, value)| (self.show(key), value)));
+                format!("{{{0}{entries}{0}}}", self.margin)
             }
             Shape::Tagged(Tagged { name, body }) => {
                 let name = name.as_ref().map_or("", |name| &*name.text);
                 match body {
-                    Body::Bare => name.into(),
-                    Body::Tuple(values) => format!("{name}({})", all(values)),
+                    Body::Bare => name.to_owned(),
+                    Body::Tuple(values) => format!("{name}({})", self.all(values)),
                     Body::Fields(fields) => {
-                        let fields =
-                            fields.iter().map(|(name, value)| format!("{}: {}", name.text, value.brief()));
-                        format!("{name}({})", fields.collect::<Vec<_>>().join(", "))
+                        let fields = fields.iter().map(|(name, value)| (name.text.clone(), value));
+                        format!("{name}({})", self.named(fields))
                     }
                 }
             }
         }
+    }
+
+    fn all(&self, values: &[Value]) -> String {
+        values.iter().map(|value| self.show(value)).collect::<Vec<_>>().join(", ")
+    }
+
+    fn named<'v>(&self, entries: impl Iterator<Item = (String, &'v Value)>) -> String {
+        let entries = entries.map(|(name, value)| format!("{name}: {}", self.show(value)));
+        let mut entries: Vec<String> = entries.collect();
+        if self.is_sorted {
+            entries.sort();
+        }
+        entries.join(", ")
+    }
+}
+
+impl Value {
+    /// Short form for display: numbers to four digits, the last part of a path.
+    pub fn brief(&self) -> String {
+        let number = |number: f64, text: &str| match text.len() {
+            0..=7 => text.to_owned(),
+            _ => brief_number(number),
+        };
+        let text = |text: &str| brief_text(text).to_owned();
+        Line { number, text, margin: "", is_sorted: false }.show(self)
+    }
+
+    /// One line of RON, entries and fields sorted by name, so that equal values have equal lines.
+    pub(crate) fn sorted(&self) -> String {
+        let (number, text) = (|number: f64, _: &str| number.to_string(), |text: &str| format!("{text:?}"));
+        Line { number, text, margin: " ", is_sorted: true }.show(self)
+    }
+
+    /// The values directly within: of a list, of a structure, and of the entries of a map.
+    pub(crate) fn inner(&self) -> impl Iterator<Item = &Self> {
+        let (values, pairs, fields): (&[Self], &[(Self, Self)], &[(Name, Self)]) = match &self.shape {
+            Shape::List(values) => (values, &[], &[]),
+            Shape::Map(pairs) => (&[], pairs, &[]),
+            Shape::Tagged(Tagged { body: Body::Tuple(values), .. }) => (values, &[], &[]),
+            Shape::Tagged(Tagged { body: Body::Fields(fields), .. }) => (&[], &[], fields),
+            _ => (&[], &[], &[]),
+        };
+        let pairs = pairs.iter().map(|(_, value)| value);
+        values.iter().chain(pairs).chain(fields.iter().map(|(_, value)| value))
+    }
+
+    /// The value with `change` applied to those directly within, all of them, so that all their errors are reported.
+    pub(crate) fn map_inner(&self, change: &mut dyn FnMut(&Self) -> Option<Self>) -> Option<Self> {
+        let shape = match &self.shape {
+            Shape::List(values) => Shape::List(changed(values, change)?),
+            Shape::Map(pairs) => Shape::Map(entries_changed(pairs, change)?),
+            Shape::Tagged(Tagged { name, body }) => {
+                let body = match body {
+                    Body::Bare => Body::Bare,
+                    Body::Tuple(values) => Body::Tuple(changed(values, change)?),
+                    Body::Fields(fields) => Body::Fields(entries_changed(fields, change)?),
+                };
+                Shape::Tagged(Tagged { name: name.clone(), body })
+            }
+            plain => plain.clone(),
+        };
+        Some(Self { span: self.span, shape })
     }
 
     /// Parses a text as one RON value.

@@ -1,65 +1,67 @@
-//! From draft to graph: settings read, processors and devices built.
-
-mod assemble;
-mod findings;
+//! Settings read, processors and devices built: the last form before the graph.
 
 use super::Work;
+use super::attach::{Attached, Attachment};
 use super::clocks::Clocks;
-use super::devices::{Devices, DraftDevice};
-use super::draft::{Context, Draft, DraftNode};
+use super::context::Context;
+use super::devices::Device;
+use super::findings::Places;
 use super::memory::{self, Memory};
-use crate::device::BuiltDevice;
+use super::types::missing_quantities;
+use super::wires::Connected;
+use crate::device::{BuiltDevice, Channel};
 use crate::diagnostic::Diagnostic;
 use crate::frame::Kind;
-use crate::node::{Build, BuildContext, FileContext, MAX_BLOCK, Stream};
-use crate::settings::{Expected, SettingRole, SettingSpec, written};
-pub(super) use assemble::assemble;
-pub(super) use findings::{Places, explain, part_of_text};
+use crate::node::{Build, BuildContext, FileContext, MAX_BLOCK, Read, Stream};
+use crate::settings::{Expected, Fields, SettingRole, SettingSpec, written};
 use haptograph_signal::noise::stream_seed;
 use std::collections::HashMap;
+use std::ops::Deref;
 use std::path::PathBuf;
 
-/// Built nodes and devices; `None` after a reported error.
+/// Built nodes and devices.
 pub(super) struct Built {
-    works: Vec<Option<Work>>,
+    pub graph: Attached,
+    /// `None` after a reported error, as of the devices.
+    pub works: Vec<Option<Work>>,
     /// Paths in the settings of each node.
-    files: Vec<Vec<PathBuf>>,
-    devices: Vec<Option<BuiltDevice>>,
-    simulated: Vec<bool>,
+    pub files: Vec<Vec<PathBuf>>,
+    pub devices: Vec<Option<BuiltDevice>>,
+    /// True for each node that depends on a simulated device.
+    pub simulated: Vec<bool>,
+}
+
+impl Deref for Built {
+    type Target = Attached;
+
+    fn deref(&self) -> &Attached {
+        &self.graph
+    }
 }
 
 /// Reads all settings, and builds every node and device without errors.
-pub(super) fn build(
-    cx: &mut Context<'_>,
-    draft: &Draft,
-    clocks: &Clocks,
-    devices: Option<&Devices>,
-    seed: u64,
-) -> Built {
-    let declared: &[DraftDevice] = devices.map_or(&[], |devices| &devices.list);
-    let simulated = simulated(draft, declared);
-    let mut files = Vec::new();
-    let mut works = Vec::new();
+pub(super) fn build(cx: &mut Context<'_>, graph: Attached, seed: u64) -> Built {
+    let simulated = simulated(&graph);
     let mut memory = Memory::default();
-    memory.connections(cx, draft, clocks);
-    for node in 0..draft.nodes.len() {
+    memory.connections(cx, &graph);
+    let mut builder = Builder { graph: &graph, simulated: &simulated, memory, seed };
+    let (mut files, mut works) = (Vec::new(), Vec::new());
+    for node in 0..graph.nodes.len() {
         cx.files.clear();
-        works.push(work(cx, draft, clocks, declared, &simulated, &mut memory, seed, node));
+        works.push(builder.work(cx, node));
         files.push(std::mem::take(&mut cx.files));
     }
-    refuse_shared_files(cx, draft, &works);
-    Built {
-        works,
-        files,
-        devices: declared.iter().map(|device| body(cx, clocks, device, seed)).collect(),
-        simulated,
-    }
+    refuse_shared_files(cx, &graph, &works);
+    let devices = graph.devices.list.iter().zip(&graph.attachments);
+    let devices =
+        devices.map(|(device, attachment)| body(cx, &graph.clocks, device, attachment, seed)).collect();
+    Built { works, files, devices, simulated, graph }
 }
 
 /// Refuses sinks that would write the same file or the note beside another's file.
-fn refuse_shared_files(cx: &mut Context<'_>, draft: &Draft, works: &[Option<Work>]) {
-    let mut known: HashMap<PathBuf, usize> = HashMap::new();
-    for (node, work) in works.iter().enumerate() {
+fn refuse_shared_files(cx: &mut Context<'_>, graph: &Attached, works: &[Option<Work>]) {
+    let mut known: HashMap<PathBuf, &Connected> = HashMap::new();
+    for (node, work) in graph.nodes.iter().zip(works) {
         let Some(Work::File(sink)) = work else { continue };
         let file = sink.file_name();
         let mut note = file.as_os_str().to_owned();
@@ -68,12 +70,12 @@ fn refuse_shared_files(cx: &mut Context<'_>, draft: &Draft, works: &[Option<Work
             let Some(first) = known.insert(name, node) else {
                 continue;
             };
-            let at = |node: usize| {
-                let fields = &draft.nodes[node].fields;
-                let file = draft.nodes[node].entry.setting_for(SettingRole::OutputFile);
-                file.and_then(|file| fields.given(file.name)).map_or(fields.span, |value| value.span)
+            let at = |node: &Connected| {
+                let file = node.entry.setting_for(SettingRole::OutputFile);
+                let given = file.and_then(|file| node.fields.given(file.name));
+                given.map_or(node.fields.span, |value| value.span)
             };
-            let (first_path, path) = (&draft.nodes[first].path, &draft.nodes[node].path);
+            let (first_path, path) = (&first.path, &node.path);
             let message =
                 format!("`{first_path}` and `{path}` would write the same file in the run's folder");
             let diagnostic = Diagnostic::error("E0304", at(node), message);
@@ -83,127 +85,181 @@ fn refuse_shared_files(cx: &mut Context<'_>, draft: &Draft, works: &[Option<Work
 }
 
 /// Which nodes depend on a simulated device, through connections and through bodies.
-fn simulated(draft: &Draft, devices: &[DraftDevice]) -> Vec<bool> {
-    let mut simulated = vec![false; draft.nodes.len()];
-    let readers = draft.readers(|_| true);
-    let mut sources: Vec<Vec<usize>> = vec![Vec::new(); devices.len()];
+fn simulated(graph: &Attached) -> Vec<bool> {
+    let mut simulated = vec![false; graph.nodes.len()];
+    let readers = graph.readers(|_| true);
+    let devices = &graph.devices.list;
+    let mut bound: Vec<Vec<usize>> = vec![Vec::new(); devices.len()];
     let mut found = Vec::new();
-    for (i, node) in draft.nodes.iter().enumerate() {
-        let Some(device) = node.device else { continue };
-        sources[device].push(i);
+    for (node, device) in graph.device_of.iter().enumerate() {
+        let Some(device) = *device else { continue };
+        bound[device].push(node);
         if devices[device].entry.spec.simulated {
-            found.push(i);
+            found.push(node);
         }
     }
     while let Some(node) = found.pop() {
-        if std::mem::replace(&mut simulated[node], true) {
-            continue;
-        }
-        found.extend(&readers[node]);
-        if let Some(device) = draft.nodes[node].device {
-            found.extend(&sources[device]);
+        if !std::mem::replace(&mut simulated[node], true) {
+            found.extend(&readers[node]);
+            found.extend(graph.device_of[node].iter().flat_map(|device| &bound[*device]));
         }
     }
     simulated
 }
 
 /// True if a field has an unknown name. Errors of the node could then follow from the missing setting.
-fn misread(node: &DraftNode) -> bool {
+fn misread(node: &Connected) -> bool {
     let settings = node.entry.settings();
     let mut fields = node.fields.remaining().iter();
     fields.any(|(name, _)| settings.iter().all(|setting| setting.name != name.text))
 }
 
-#[expect(clippy::too_many_arguments, reason = "a node depends on all of the graph")]
-fn work(
-    cx: &mut Context<'_>,
-    draft: &Draft,
-    clocks: &Clocks,
-    devices: &[DraftDevice],
-    simulated: &[bool],
-    memory: &mut Memory,
+struct Builder<'g> {
+    graph: &'g Attached,
+    simulated: &'g [bool],
+    memory: Memory,
     seed: u64,
-    node: usize,
-) -> Option<Work> {
-    let target = &draft.nodes[node];
-    let buffers = buffer_bytes(draft, clocks, node);
-    if !memory.add(cx, buffers, target.name, &target.path) {
-        return None;
-    }
-    let mut fields = target.fields.clone();
-    let places = Places::of(&fields).and_inputs(target);
-    let before = cx.diagnostics.len();
-    let sound =
-        !target.broken && !target.has_broken_input() && !target.fields.has_reported() && !misread(target);
-    let work = match target.entry.build {
-        Build::Processor(_) | Build::Scripted(_) => {
-            let build = target.entry.build;
-            let finish = cx.reading(|reading| build.read_processor(&mut fields, reading));
-            let context = context(draft, clocks, seed, node).filter(|_| sound);
-            match (finish, context) {
-                (Some(finish), Some(context)) => {
-                    let measured = places.or_report(cx, finish(&context));
-                    let fitting =
-                        measured.filter(|(bytes, _)| memory.add(cx, *bytes, target.name, &target.path));
-                    let advised = fitting.and_then(|(_, finish)| places.or_report(cx, finish(&context)));
-                    advised.map(|(processor, advice)| {
-                        advice.into_iter().for_each(|doubt| places.warn(cx, doubt));
-                        Work::Process(processor)
-                    })
-                }
-                _ => None,
-            }
-        }
-        Build::Actuator(read) => {
-            if let Some(limit) = target.entry.setting_for(SettingRole::Limit) {
-                fields.if_missing(limit.name, Some(no_limit(target, &limit)));
-            }
-            let finish = cx.reading(|reading| read(&mut fields, reading));
-            let limit = finish.and_then(|finish| places.or_report(cx, finish(&())));
-            let device = target.device.filter(|_| sound);
-            let channel = device.and_then(|device| {
-                let port = target.entry.spec.inputs.first()?.name;
-                let drives = &devices[device].drives;
-                drives.iter().position(|channel| channel.name == port)
-            });
-            match (limit, device, channel) {
-                (Some((gain, limit)), Some(device), Some(channel)) => {
-                    Some(Work::Actuator { device, channel, gain, limit })
-                }
-                _ => None,
-            }
-        }
-        Build::File(read) => {
-            let finish = cx.reading(|reading| read(&mut fields, reading));
-            let context = streams(draft, clocks, simulated, node)
-                .filter(|_| sound)
-                .map(|streams| FileContext { streams, graph_seed: seed });
-            match (finish, context) {
-                (Some(finish), Some(context)) => places.or_report(cx, finish(&context)).map(Work::File),
-                _ => None,
-            }
-        }
-        Build::Source(read) => {
-            let has_settings = cx.reading(|reading| read(&mut fields, reading));
-            target.device.filter(|_| sound && has_settings).and_then(|device| {
-                let senses = &devices[device].senses;
-                let outputs = target.entry.spec.outputs.iter();
-                let channels =
-                    outputs.map(|port| senses.iter().position(|channel| channel.name == port.name));
-                let channels = channels.collect::<Option<_>>()?;
-                Some(Work::Source { device, channels })
-            })
-        }
-    };
-    cx.reading(|reading| fields.finish(reading));
-    explain(cx, before, &target.uses);
-    for i in before..cx.diagnostics.len() {
-        cx.diagnostics[i] = draft.in_use(node, cx.diagnostics[i].clone(), cx);
-    }
-    work
 }
 
-fn no_limit(node: &DraftNode, limit: &SettingSpec) -> Diagnostic {
+/// A node while it is built.
+struct Job<'j> {
+    node: usize,
+    target: &'j Connected,
+    fields: &'j mut Fields,
+    places: &'j Places,
+    /// True if no error of the node was reported, so that it can be built.
+    is_sound: bool,
+}
+
+impl Job<'_> {
+    /// Reads the settings and builds what they describe; without a context, only reads.
+    fn built<C, T>(&mut self, cx: &mut Context<'_>, read: Read<C, T>, context: Option<C>) -> Option<T> {
+        let finish = cx.reading(|reading| read(self.fields, reading));
+        let context = context.filter(|_| self.is_sound);
+        self.places.or_report(cx, finish?(&context?))
+    }
+}
+
+impl Builder<'_> {
+    /// Builds a node; `None` after a reported error.
+    fn work(&mut self, cx: &mut Context<'_>, node: usize) -> Option<Work> {
+        let target = &self.graph.nodes[node];
+        if !self.memory.add(cx, self.buffer_bytes(node), target.name, &target.path) {
+            return None;
+        }
+        let mut fields = target.fields.clone();
+        for (name, missing) in missing_quantities(target) {
+            fields.if_missing(name, Some(missing));
+        }
+        let places = Places::of(&fields).and_inputs(target.places());
+        let before = cx.diagnostics.len();
+        let is_refused = cx.is_faulty(target) || target.has_broken_input() || target.fields.has_reported();
+        let is_sound = !is_refused && !misread(target);
+        let mut job = Job { node, target, fields: &mut fields, places: &places, is_sound };
+        let work = match target.entry.build {
+            Build::Processor(_) | Build::Scripted(_) => self.processor(cx, &mut job),
+            Build::Actuator(read) => {
+                if let Some(limit) = target.entry.setting_for(SettingRole::Limit) {
+                    job.fields.if_missing(limit.name, Some(no_limit(target, &limit)));
+                }
+                // A limit is checked whatever else is wrong.
+                let finish = cx.reading(|reading| read(job.fields, reading));
+                let limit = finish.and_then(|finish| places.or_report(cx, finish(&())));
+                limit.zip(self.channel(&job)).map(|((gain, limit), (device, channel))| Work::Actuator {
+                    device,
+                    channel,
+                    gain,
+                    limit,
+                })
+            }
+            Build::File(read) => {
+                let context =
+                    self.streams(node).map(|streams| FileContext { streams, graph_seed: self.seed });
+                job.built(cx, read, context).map(Work::File)
+            }
+            Build::Source(read) => {
+                let has_settings = cx.reading(|reading| read(job.fields, reading));
+                self.channels(&job).filter(|_| has_settings)
+            }
+        };
+        cx.reading(|reading| fields.finish(reading));
+        cx.explain_node(before, target);
+        work
+    }
+
+    fn processor(&mut self, cx: &mut Context<'_>, job: &mut Job<'_>) -> Option<Work> {
+        let Job { target, places, .. } = *job;
+        let finish = cx.reading(|reading| target.entry.build.read_processor(job.fields, reading));
+        let context = self.context(job.node).filter(|_| job.is_sound)?;
+        let (bytes, finish) = places.or_report(cx, finish?(&context))?;
+        if !self.memory.add(cx, bytes, target.name, &target.path) {
+            return None;
+        }
+        let (processor, advice) = places.or_report(cx, finish(&context))?;
+        advice.into_iter().for_each(|doubt| places.warn(cx, doubt));
+        Some(Work::Process(processor))
+    }
+
+    /// The device and channel that an actuator sink drives.
+    fn channel(&self, job: &Job<'_>) -> Option<(usize, usize)> {
+        let device = self.graph.device_of[job.node].filter(|_| job.is_sound)?;
+        let port = job.target.entry.spec.inputs.first()?.name;
+        Some((device, place_of(port, &self.graph.attachments[device].drives)?))
+    }
+
+    /// The device and channels that a source reads.
+    fn channels(&self, job: &Job<'_>) -> Option<Work> {
+        let device = self.graph.device_of[job.node].filter(|_| job.is_sound)?;
+        let senses = &self.graph.attachments[device].senses;
+        let outputs = job.target.entry.spec.outputs.iter();
+        let channels = outputs.map(|port| place_of(port.name, senses)).collect::<Option<_>>()?;
+        Some(Work::Source { device, channels })
+    }
+
+    fn context(&self, node: usize) -> Option<BuildContext> {
+        let target = &self.graph.nodes[node];
+        let kinds = target.inputs.iter().map(|slot| match &slot.wire {
+            Some(wire) => self.graph.carried(wire).kind.map(Some),
+            None => Some(None),
+        });
+        Some(BuildContext {
+            path: target.path.clone(),
+            rate: self.graph.rate_of(node)?,
+            max_frames: max_frames(&self.graph.clocks, self.graph.clock_of[node]?),
+            seed: stream_seed(self.seed, &target.path),
+            inputs: kinds.collect::<Option<_>>()?,
+            names: target.connection_names(),
+        })
+    }
+
+    /// Largest size of the output buffers of a node, without sharing.
+    fn buffer_bytes(&self, node: usize) -> u64 {
+        let widths = self.graph.types[node].iter().map(|output| output.kind.map_or(1, Kind::width));
+        let frames = self.graph.clock_of[node].map_or(0, |clock| max_frames(&self.graph.clocks, clock));
+        memory::bytes(frames as u64, widths.sum())
+    }
+
+    /// The signals that arrive at a node.
+    fn streams(&self, node: usize) -> Option<Vec<Stream>> {
+        let stream = |(_, wire): (usize, &super::connection::Wire)| {
+            let carried = self.graph.carried(wire);
+            Some(Stream {
+                name: self.graph.source_name(wire),
+                kind: carried.kind?,
+                quantity: carried.quantity?,
+                rate: self.graph.rate_of(wire.from)?,
+                simulated: self.simulated[wire.from],
+            })
+        };
+        self.graph.nodes[node].wires().map(stream).collect()
+    }
+}
+
+fn place_of(name: &str, channels: &[Channel]) -> Option<usize> {
+    channels.iter().position(|channel| channel.name == name)
+}
+
+fn no_limit(node: &Connected, limit: &SettingSpec) -> Diagnostic {
     let (kind, name) = (node.entry.spec.name, limit.name);
     let expected = match &limit.expected {
         Expected::Structure(fields) => written(fields),
@@ -215,31 +271,6 @@ fn no_limit(node: &DraftNode, limit: &SettingSpec) -> Diagnostic {
         .help("every actuator needs a limit")
 }
 
-fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<BuildContext> {
-    let target = &draft.nodes[node];
-    let kinds = target.inputs.iter().map(|slot| match &slot.wire {
-        Some(wire) => draft.nodes[wire.from].outputs[wire.output].kind.map(Some),
-        None => Some(None),
-    });
-    let names = target.inputs.iter().filter_map(|slot| slot.name.as_ref());
-    Some(BuildContext {
-        path: target.path.clone(),
-        rate: clocks.list[target.clock?].rate,
-        max_frames: max_frames(clocks, target.clock?),
-        seed: stream_seed(seed, &target.path),
-        inputs: kinds.collect::<Option<_>>()?,
-        names: names.map(|name| name.text.clone()).collect(),
-    })
-}
-
-/// Largest size of the output buffers of a node, without sharing.
-fn buffer_bytes(draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
-    let target = &draft.nodes[node];
-    let widths = target.outputs.iter().map(|output| output.kind.map_or(1, Kind::width));
-    let frames = target.clock.map_or(0, |clock| max_frames(clocks, clock));
-    memory::bytes(frames as u64, widths.sum())
-}
-
 /// Largest number of frames of a clock in a block of its driver.
 fn max_frames(clocks: &Clocks, clock: usize) -> usize {
     let (n, d) = clocks.list[clock].rate.parts();
@@ -249,23 +280,14 @@ fn max_frames(clocks: &Clocks, clock: usize) -> usize {
     usize::try_from(frames).unwrap_or(usize::MAX)
 }
 
-fn streams(draft: &Draft, clocks: &Clocks, simulated: &[bool], node: usize) -> Option<Vec<Stream>> {
-    let wires = draft.nodes[node].wires();
-    let stream = |(_, wire): (usize, &super::draft::Wire)| {
-        let from = &draft.nodes[wire.from];
-        let carried = from.outputs[wire.output];
-        Some(Stream {
-            name: from.output_name(wire.output),
-            kind: carried.kind?,
-            quantity: carried.quantity?,
-            rate: clocks.list[from.clock?].rate,
-            simulated: simulated[wire.from],
-        })
-    };
-    wires.map(stream).collect()
-}
-
-fn body(cx: &mut Context<'_>, clocks: &Clocks, device: &DraftDevice, seed: u64) -> Option<BuiltDevice> {
+/// Builds a device; `None` after a reported error.
+fn body(
+    cx: &mut Context<'_>,
+    clocks: &Clocks,
+    device: &Device,
+    attachment: &Attachment,
+    seed: u64,
+) -> Option<BuiltDevice> {
     let mut fields = device.fields.clone();
     let places = Places::of(&fields);
     let before = cx.diagnostics.len();
@@ -274,23 +296,17 @@ fn body(cx: &mut Context<'_>, clocks: &Clocks, device: &DraftDevice, seed: u64) 
         fields.finish(reading);
         finish
     });
-    let built = match (finish, device.clock.filter(|_| !device.broken)) {
-        (Some(finish), Some(clock)) => {
-            let context = BuildContext {
-                path: device.name.clone(),
-                rate: clocks.list[clock].rate,
-                max_frames: max_frames(clocks, clock),
-                seed: stream_seed(seed, &format!("endpoints/{}", device.name)),
-                inputs: Vec::new(),
-                names: Vec::new(),
-            };
-            places.or_report(cx, finish(&context)).map(|mut built| {
-                built.body.connect(&device.senses, &device.drives);
-                built
-            })
-        }
-        _ => None,
-    };
-    explain(cx, before, &device.uses);
-    built
+    let context = attachment.clock.map(|clock| BuildContext {
+        path: device.name.clone(),
+        rate: clocks.list[clock].rate,
+        max_frames: max_frames(clocks, clock),
+        seed: stream_seed(seed, &format!("endpoints/{}", device.name)),
+        inputs: Vec::new(),
+        names: Vec::new(),
+    });
+    let built = finish.zip(context).and_then(|(finish, context)| places.or_report(cx, finish(&context)));
+    cx.explain(before, &device.uses);
+    let mut built = built?;
+    built.body.connect(&attachment.senses, &attachment.drives);
+    Some(built)
 }

@@ -1,14 +1,16 @@
-//! Clocks, and their assignment to nodes.
+//! Clocks, and their assignment to nodes: the fourth form of a graph.
 
-use super::draft::{Context, Draft};
-use super::expand::parts;
-use super::values::{Parameters, Place, suggest};
-use super::{Bridge, Clock};
+use super::Clock;
+use super::connection::Wire;
+use super::context::Context;
+use super::devices::Bound;
+use super::values::{Parameters, Place};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
-use crate::settings::{Expected, Fields, Form, Setting};
+use crate::settings::{Expected, Form, Setting};
 use haptograph_signal::time::{Rate, RateError, TimeBase};
 use std::collections::{HashMap, VecDeque};
+use std::ops::Deref;
 
 /// The clocks of a graph.
 #[derive(Default)]
@@ -21,6 +23,30 @@ pub(super) struct Clocks {
     pub base: Option<TimeBase>,
 }
 
+/// Bound nodes with their clocks.
+pub(super) struct Clocked {
+    graph: Bound,
+    pub clocks: Clocks,
+    /// The clock of each node; `None` for file sinks, and after a reported error.
+    pub clock_of: Vec<Option<usize>>,
+}
+
+impl Deref for Clocked {
+    type Target = Bound;
+
+    fn deref(&self) -> &Bound {
+        &self.graph
+    }
+}
+
+impl Clocked {
+    /// Rate of a node's clock.
+    pub fn rate_of(&self, node: usize) -> Option<Rate> {
+        Some(self.clocks.list[self.clock_of[node]?].rate)
+    }
+}
+
+/// A clock as declared.
 struct Declared<'a> {
     name: &'a Name,
     /// The clock it derives from, with the place of its name.
@@ -73,7 +99,7 @@ fn declared<'a>(
     let Some(value) = parameters.replace(cx, value, Place::Graph, &mut Vec::new()) else {
         return clock;
     };
-    let Some((kind, entries)) = parts(cx, &value, expected) else {
+    let Some((kind, entries)) = cx.parts(&value, expected) else {
         return clock;
     };
     let derived = match kind.text.as_str() {
@@ -82,14 +108,11 @@ fn declared<'a>(
         other => {
             let message = format!("there is no kind of clock `{other}`");
             let diagnostic = Diagnostic::error("E0201", kind.span, message).label("unknown kind of clock");
-            let kinds = ["Driver", "Derived"].into_iter();
-            let diagnostic = suggest(cx, diagnostic, other, kinds, "there are", "");
-            cx.report(diagnostic);
+            cx.report(cx.suggest(diagnostic, other, ["Driver", "Derived"].into_iter(), "there are", ""));
             return clock;
         }
     };
-    let owner = format!("`{}`", kind.text);
-    let mut fields = cx.reading(|reading| Fields::new(owner, kind.span, entries.to_vec(), reading));
+    let mut fields = cx.fields(kind, entries.to_vec());
     clock.broken = false;
     if derived {
         match fields.take("of") {
@@ -177,9 +200,7 @@ fn driver(
                 let diagnostic = Diagnostic::error("E0206", *span, message).label("unknown clock");
                 let known = declared.iter().map(|clock| clock.name.text.as_str());
                 let known = known.filter(|name| *name != declared[clock].name.text);
-                let diagnostic =
-                    suggest(cx, diagnostic, parent, known, "the clocks are", "it is the only clock");
-                cx.report(diagnostic);
+                cx.report(cx.suggest(diagnostic, parent, known, "the clocks are", "it is the only clock"));
             }
             return None;
         };
@@ -231,12 +252,12 @@ fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<T
 }
 
 /// Assigns a clock to every node: as written, else inferred from its connections.
-pub(super) fn assign(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
-    for node in 0..draft.nodes.len() {
-        given_clock(cx, draft, clocks, node);
-    }
-    infer(draft, clocks);
-    report_unknown(cx, draft, clocks);
+pub(super) fn assign(cx: &mut Context<'_>, graph: Bound, clocks: Clocks) -> Clocked {
+    let given = (0..graph.nodes.len()).map(|node| given_clock(cx, &graph, &clocks, node)).collect();
+    let clock_of = inferred(cx, &graph, &clocks, given);
+    let graph = Clocked { graph, clocks, clock_of };
+    report_unknown(cx, &graph);
+    graph
 }
 
 /// Reports a graph without clocks.
@@ -250,147 +271,127 @@ pub(super) fn refuse_none(cx: &mut Context<'_>, clocks: &Clocks) {
     }
 }
 
-fn given_clock(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks, node: usize) {
-    let target = &mut draft.nodes[node];
-    let Some(value) = target.fields.take("clock") else {
-        return;
-    };
-    if target.entry.is_file() {
-        let message = format!("`{}` has no clock", target.entry.spec.name);
-        target.broken = true;
-        cx.report(
+/// The clock that a node names.
+fn given_clock(cx: &mut Context<'_>, graph: &Bound, clocks: &Clocks, node: usize) -> Option<usize> {
+    let node = &graph.nodes[node];
+    let value = node.clock.as_ref()?;
+    if node.entry.is_file() {
+        let message = format!("`{}` has no clock", node.entry.spec.name);
+        cx.blame(node);
+        return cx.fail(
             Diagnostic::error("E0505", value.span, message)
                 .label("a file takes every signal at its own rate")
                 .help("remove `clock`"),
         );
-        return;
     }
-    let name = cx.reading(|reading| String::read(&value, reading));
-    let Some(name) = name else {
-        target.broken = true;
-        return;
-    };
-    match clocks.names.get(&name) {
-        Some(Some(clock)) => target.clock = Some(*clock),
-        Some(None) => target.broken = true,
-        None => {
-            target.broken = true;
-            let diagnostic = Diagnostic::error("E0206", value.span, format!("there is no clock `{name}`"))
-                .label("unknown clock");
-            let known = cx.document.clocks.iter().map(|(name, _)| name.text.as_str());
-            let none = format!("declare it: `clocks: {{ \"{name}\": Driver(rate_hz: 48000) }}`");
-            let diagnostic = suggest(cx, diagnostic, &name, known, "the clocks are", &none);
-            let diagnostic = draft.in_use(node, diagnostic, cx);
-            cx.report(diagnostic);
-        }
+    let name = cx.reading(|reading| String::read(value, reading));
+    let known = name.as_ref().map(|name| clocks.names.get(name).copied());
+    if let (Some(name), Some(None)) = (&name, known) {
+        let diagnostic = Diagnostic::error("E0206", value.span, format!("there is no clock `{name}`"))
+            .label("unknown clock");
+        let known = cx.document.clocks.iter().map(|(name, _)| name.text.as_str());
+        let none = format!("declare it: `clocks: {{ \"{name}\": Driver(rate_hz: 48000) }}`");
+        let diagnostic = cx.suggest(diagnostic, name, known, "the clocks are", &none);
+        cx.report_of(node, diagnostic);
     }
+    let clock = known.flatten().flatten();
+    if clock.is_none() {
+        cx.blame(node);
+    }
+    clock
 }
 
-fn keeps_clock(bridge: &Option<(Bridge, Span)>) -> bool {
-    matches!(bridge, None | Some((Bridge::Delay { .. }, _)))
-}
-
-/// Infers clocks: a node takes the clock of an input without bridge, the fastest if they differ, so that the slower one
-/// is reported for its missing bridge; else that of a reader, else of another node of its device; else the only clock.
-fn infer(draft: &mut Draft, clocks: &Clocks) {
-    let count = draft.nodes.len();
-    let mut readers = draft.readers(|wire| keeps_clock(&wire.bridge));
+/// The clocks given and inferred: a node takes the clock of an input without bridge, the fastest if they differ, so that the
+/// slower one is reported for its missing bridge; else that of a reader, else of another node of its device; else the only
+/// clock.
+fn inferred(
+    cx: &Context<'_>,
+    graph: &Bound,
+    clocks: &Clocks,
+    given: Vec<Option<usize>>,
+) -> Vec<Option<usize>> {
+    let (count, mut clock_of) = (graph.nodes.len(), given);
+    let mut readers = graph.readers(Wire::keeps_clock);
     for readers in &mut readers {
-        readers.retain(|to| !draft.nodes[*to].entry.is_file());
+        readers.retain(|to| !graph.nodes[*to].entry.is_file());
     }
-    let rate_hz = |node: &usize| {
-        let clock = draft.nodes[*node].clock;
-        clock.map_or(0.0, |clock| clocks.list[clock].rate.hz())
-    };
-    let mut given: Vec<usize> = (0..count).filter(|i| draft.nodes[*i].clock.is_some()).collect();
-    given.sort_by(|a, b| rate_hz(b).total_cmp(&rate_hz(a)));
-    let mut queue = VecDeque::from(given);
+    let mut given: Vec<(usize, f64)> =
+        (0..count).filter_map(|node| Some((node, clocks.list[clock_of[node]?].rate.hz()))).collect();
+    given.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+    let mut queue: VecDeque<usize> = given.into_iter().map(|(node, _)| node).collect();
+    let faulty: Vec<bool> = graph.nodes.iter().map(|node| cx.is_faulty(node)).collect();
     loop {
         while let Some(from) = queue.pop_front() {
             for &to in &readers[from] {
-                if draft.nodes[to].clock.is_none() && !draft.nodes[to].broken {
-                    draft.nodes[to].clock = draft.nodes[from].clock;
+                if clock_of[to].is_none() && !faulty[to] {
+                    clock_of[to] = clock_of[from];
                     queue.push_front(to);
                 }
             }
         }
-        let open = |node: &usize| {
-            let node = &draft.nodes[*node];
-            node.clock.is_none() && !node.broken && !node.entry.is_file()
-        };
+        let open =
+            |node: &usize| clock_of[*node].is_none() && !faulty[*node] && !graph.nodes[*node].entry.is_file();
         let backward = (0..count).filter(open).find_map(|from| {
-            let clock = readers[from].iter().find_map(|to| draft.nodes[*to].clock)?;
+            let clock = readers[from].iter().find_map(|to| clock_of[*to])?;
             Some((from, clock))
         });
-        let found = backward.or_else(|| {
+        let by_device = || {
             (0..count).filter(open).find_map(|node| {
-                let device = draft.nodes[node].device?;
-                let mut others = draft.nodes.iter().filter(|other| other.device == Some(device));
-                Some((node, others.find_map(|other| other.clock)?))
+                let device = graph.device_of[node]?;
+                let mut others = (0..count).filter(|other| graph.device_of[*other] == Some(device));
+                Some((node, others.find_map(|other| clock_of[other])?))
             })
-        });
-        let found = found.or_else(|| match clocks.list.len() {
+        };
+        let only = || match clocks.list.len() {
             1 if clocks.names.len() == 1 => Some(((0..count).find(open)?, 0)),
             _ => None,
-        });
-        let Some((node, clock)) = found else { return };
-        draft.nodes[node].clock = Some(clock);
+        };
+        let Some((node, clock)) = backward.or_else(by_device).or_else(only) else { return clock_of };
+        clock_of[node] = Some(clock);
         queue.push_back(node);
     }
 }
 
 /// Reports the first node of every chain without a clock; the others depend on it.
-fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
-    let unknown: Vec<usize> = (0..draft.nodes.len())
-        .filter(|i| draft.nodes[*i].clock.is_none() && !draft.nodes[*i].entry.is_file())
+fn report_unknown(cx: &mut Context<'_>, graph: &Clocked) {
+    let unknown: Vec<usize> = (0..graph.nodes.len())
+        .filter(|node| graph.clock_of[*node].is_none() && !graph.nodes[*node].entry.is_file())
         .collect();
-    let waits = |draft: &Draft, node: usize| {
-        draft.nodes[node]
-            .wires()
-            .any(|(_, wire)| keeps_clock(&wire.bridge) && draft.nodes[wire.from].clock.is_none())
+    let waits = |node: usize| {
+        let mut wires = graph.nodes[node].wires();
+        wires.any(|(_, wire)| wire.keeps_clock() && graph.clock_of[wire.from].is_none())
     };
-    let blameless = |draft: &Draft, node: usize| {
-        let node = &draft.nodes[node];
-        node.broken || node.has_broken_input()
-    };
-    let mut roots: Vec<usize> = unknown.iter().copied().filter(|i| !waits(draft, *i)).collect();
+    let mut roots: Vec<usize> = unknown.iter().copied().filter(|node| !waits(*node)).collect();
     if roots.is_empty() {
         roots.extend(unknown.first());
     }
-    for node in roots {
-        if blameless(draft, node) || clocks.names.values().any(Option::is_none) {
+    let clocks = &graph.clocks;
+    let names: Vec<String> = clocks.list.iter().map(|clock| format!("\"{}\"", clock.name)).collect();
+    for node in roots.into_iter().map(|node| &graph.nodes[node]) {
+        if cx.is_faulty(node) || node.has_broken_input() || clocks.names.values().any(Option::is_none) {
             continue;
         }
-        let target = &draft.nodes[node];
-        let kind = target.entry.spec.name;
-        let names: Vec<String> = clocks.list.iter().map(|clock| format!("\"{}\"", clock.name)).collect();
         let help = match names.as_slice() {
             [] => "declare one: `clocks: { \"audio\": Driver(rate_hz: 48000) }`".to_owned(),
-            names => format!("add `clock: ...` to `{kind}`, one of {}", names.join(", ")),
+            names => format!("add `clock: ...` to `{}`, one of {}", node.entry.spec.name, names.join(", ")),
         };
-        let message = format!("cannot infer the clock of `{}` from its connections", target.path);
-        let diagnostic =
-            Diagnostic::error("E0504", target.fields.span, message).label("its clock is unknown").help(help);
-        let diagnostic = draft.in_use(node, diagnostic, cx);
-        cx.report(diagnostic);
+        let message = format!("cannot infer the clock of `{}` from its connections", node.path);
+        let diagnostic = Diagnostic::error("E0504", node.fields.span, message);
+        cx.report_of(node, diagnostic.label("its clock is unknown").help(help));
     }
-    for node in unknown {
-        draft.nodes[node].broken = true;
-    }
+    unknown.into_iter().for_each(|node| cx.blame(&graph.nodes[node]));
 }
 
 /// Reports unused clocks.
-pub(super) fn warn_unused(cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks) {
-    let mut used = vec![false; clocks.list.len()];
-    for node in &draft.nodes {
-        if let Some(clock) = node.clock {
-            used[clock] = true;
-            used[clocks.list[clock].driver] = true;
-        }
-    }
-    for (clock, used) in clocks.list.iter().zip(used) {
+pub(super) fn warn_unused(cx: &mut Context<'_>, graph: &Clocked) {
+    let clocks = &graph.clocks.list;
+    let used = |index: usize| {
+        let mut used = graph.clock_of.iter().flatten();
+        used.any(|clock| *clock == index || clocks[*clock].driver == index)
+    };
+    for clock in (0..clocks.len()).filter(|clock| !used(*clock)).map(|clock| &clocks[clock]) {
         let declared = cx.document.clocks.iter().find(|(name, _)| name.text == clock.name);
-        if let (false, Some((name, _))) = (used, declared) {
+        if let Some((name, _)) = declared {
             let message = format!("clock `{}` is never used", clock.name);
             cx.report(
                 Diagnostic::warning("W0105", name.span, message)

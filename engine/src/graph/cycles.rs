@@ -1,7 +1,8 @@
 //! Feedback: every loop needs a declared delay.
 
-use super::Bridge;
-use super::draft::{Context, Draft, Wire};
+use super::connection::Wire;
+use super::context::Context;
+use super::devices::Bound;
 use crate::diagnostic::Diagnostic;
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
@@ -12,13 +13,13 @@ const SHOWN: usize = 12;
 
 /// Reports one loop of every group of nodes that reach each other without a delay. Devices delay by a tick, so
 /// loops through them are sound.
-pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft) {
-    let mut graph: DiGraph<(), ()> = DiGraph::with_capacity(draft.nodes.len(), draft.nodes.len());
-    for _ in &draft.nodes {
+pub(super) fn check(cx: &mut Context<'_>, bound: &Bound) {
+    let mut graph: DiGraph<(), ()> = DiGraph::with_capacity(bound.nodes.len(), bound.nodes.len());
+    for _ in &bound.nodes {
         graph.add_node(());
     }
-    for (to, node) in draft.nodes.iter().enumerate() {
-        for (_, wire) in node.wires().filter(|(_, wire)| immediate(wire)) {
+    for (to, node) in bound.nodes.iter().enumerate() {
+        for (_, wire) in node.wires().filter(|(_, wire)| wire.is_immediate()) {
             graph.add_edge(NodeIndex::new(wire.from), NodeIndex::new(to), ());
         }
     }
@@ -33,30 +34,36 @@ pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft) {
     loops.sort_unstable();
     for group in loops {
         let first = group[0];
-        let itself = draft.nodes[first].wires().any(|(_, wire)| wire.from == first && immediate(wire));
+        let itself = bound.nodes[first].wires().any(|(_, wire)| wire.from == first && wire.is_immediate());
         if group.len() == 1 && !itself {
             continue;
         }
-        let way = shortest_loop(draft, &group, first);
-        report(cx, draft, &way);
+        let way = shortest_loop(bound, &group, first);
+        report(cx, bound, &way);
+        for step in way {
+            cx.blame(&bound.nodes[step.node]);
+        }
     }
 }
 
-fn immediate(wire: &Wire) -> bool {
-    !matches!(wire.bridge, Some((Bridge::Delay { .. } | Bridge::Ring { .. }, _)))
+/// A connection of a loop, and the node that it leads to.
+#[derive(Clone, Copy)]
+struct Step<'g> {
+    node: usize,
+    wire: &'g Wire,
 }
 
-/// The connections of a shortest loop through `first`: (node, slot) of each reader, in the order of flow.
-fn shortest_loop(draft: &Draft, group: &[usize], first: usize) -> Vec<(usize, usize)> {
+/// The connections of a shortest loop through `first`, in the order of flow.
+fn shortest_loop<'g>(graph: &'g Bound, group: &[usize], first: usize) -> Vec<Step<'g>> {
     let inside = |node: usize| group.binary_search(&node);
     // Backwards from `first`, so that a node's inputs are all that is needed.
-    let mut next: Vec<Option<(usize, usize)>> = vec![None; group.len()];
+    let mut next: Vec<Option<Step<'_>>> = vec![None; group.len()];
     let mut queue = VecDeque::from([first]);
     while let Some(node) = queue.pop_front() {
-        for (slot, wire) in draft.nodes[node].wires().filter(|(_, wire)| immediate(wire)) {
+        for (_, wire) in graph.nodes[node].wires().filter(|(_, wire)| wire.is_immediate()) {
             let Ok(place) = inside(wire.from) else { continue };
             if next[place].is_none() {
-                next[place] = Some((node, slot));
+                next[place] = Some(Step { node, wire });
                 queue.push_back(wire.from);
             }
         }
@@ -65,7 +72,7 @@ fn shortest_loop(draft: &Draft, group: &[usize], first: usize) -> Vec<(usize, us
     let mut at = first;
     while let Some(step) = inside(at).ok().and_then(|place| next[place]) {
         way.push(step);
-        at = step.0;
+        at = step.node;
         if at == first || way.len() > group.len() {
             break;
         }
@@ -73,34 +80,22 @@ fn shortest_loop(draft: &Draft, group: &[usize], first: usize) -> Vec<(usize, us
     way
 }
 
-fn report(cx: &mut Context<'_>, draft: &mut Draft, way: &[(usize, usize)]) {
-    let wire = |(node, slot): (usize, usize)| draft.nodes[node].inputs[slot].wire.as_ref();
-    let Some((closing, back)) = way.last().and_then(|step| Some((*step, wire(*step)?))) else {
-        return;
-    };
-    let mut names: Vec<&str> = way
-        .iter()
-        .take(SHOWN)
-        .filter_map(|step| Some(draft.nodes[wire(*step)?.from].path.as_str()))
-        .collect();
+fn report(cx: &mut Context<'_>, graph: &Bound, way: &[Step<'_>]) {
+    let Some((closing, others)) = way.split_last() else { return };
+    let mut names: Vec<&str> =
+        way.iter().take(SHOWN).map(|step| &*graph.nodes[step.wire.from].path).collect();
     if way.len() > SHOWN {
         names.push("...");
     }
-    names.push(&draft.nodes[closing.0].path);
+    names.push(&graph.nodes[closing.node].path);
+    let back = closing.wire;
     let message = format!("a loop without delay: {}", names.join(" -> "));
     let mut diagnostic = Diagnostic::error("E0408", back.span, message).label("the loop closes here");
-    for step in way.iter().take(way.len() - 1).take(SHOWN) {
-        if let Some(wire) = wire(*step).filter(|wire| wire.span != back.span) {
-            let text = format!("to `{}`", draft.nodes[step.0].path);
-            diagnostic = diagnostic.also(wire.span, text);
-        }
+    for step in others.iter().take(SHOWN).filter(|step| step.wire.span != back.span) {
+        diagnostic = diagnostic.also(step.wire.span, format!("to `{}`", graph.nodes[step.node].path));
     }
-    let from = draft.nodes[back.from].output_name(back.output);
-    let diagnostic = diagnostic.help(format!(
+    let from = graph.source_name(back);
+    cx.report(diagnostic.help(format!(
         "feedback needs a declared delay: `Delay(from: \"{from}\", frames: 1)` on one of these"
-    ));
-    cx.report(diagnostic);
-    for step in way {
-        draft.nodes[step.0].broken = true;
-    }
+    )));
 }

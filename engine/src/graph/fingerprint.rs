@@ -3,9 +3,8 @@
 //!
 //! Version 2 has the names of the kinds of frames that inputs receive; version 1 had their numbers of components.
 
-use super::clocks::Clocks;
-use super::devices::DraftDevice;
-use super::draft::{Context, Draft};
+use super::attach::Attached;
+use super::context::Context;
 use super::live::{self, LiveValue};
 use super::{Bridge, Graph, Work};
 use crate::document::folder;
@@ -57,6 +56,11 @@ impl Fingerprint {
         self.number(denominator);
     }
 
+    fn maybe_rate(&mut self, rate: Option<Rate>) {
+        self.maybe(rate.map(|_| 1));
+        rate.into_iter().for_each(|rate| self.rate(rate));
+    }
+
     /// The hash of what `put` adds, mixed so that sums of hashes distinguish their parts.
     fn of(put: impl FnOnce(&mut Self)) -> u64 {
         let mut state = Self::new();
@@ -71,13 +75,8 @@ impl Fingerprint {
 
 /// Hash of a node's kind, non-live settings, the lengths of live lists, rate, and the names and kinds of frames of its inputs.
 /// The content of `files`, the paths that its settings name, counts.
-pub(super) fn of_node(
-    (cx, files): (&Context<'_>, &[PathBuf]),
-    draft: &Draft,
-    clocks: &Clocks,
-    node: usize,
-) -> u64 {
-    let target = &draft.nodes[node];
+pub(super) fn of_node(files: Files<'_>, graph: &Attached, node: usize) -> u64 {
+    let target = &graph.nodes[node];
     let (mut live, mut lengths, mut unset) = (Vec::new(), Vec::new(), Vec::new());
     for setting in target.entry.settings().iter().filter(|setting| setting.live) {
         match live::value(&target.fields, setting) {
@@ -92,21 +91,19 @@ pub(super) fn of_node(
     }
     Fingerprint::of(|state| {
         state.text(target.entry.spec.name);
-        state.number(fields((cx, files), &target.fields, &live));
+        state.number(fields(files, &target.fields, &live));
         for (name, length) in lengths {
             state.text(name);
             state.number(length as u64);
         }
         unset.into_iter().for_each(|name| state.text(name));
-        state.maybe(target.clock.map(|_| 1));
-        target.clock.into_iter().for_each(|clock| state.rate(clocks.list[clock].rate));
+        state.maybe_rate(graph.rate_of(node));
         for slot in &target.inputs {
             // Only a map has names: what was a list before there were maps keeps its hash.
             if let Some(name) = &slot.name {
                 state.text(&name.text);
             }
-            let wire = slot.wire.as_ref();
-            let carried = wire.and_then(|wire| draft.nodes[wire.from].outputs[wire.output].kind);
+            let carried = graph.arriving(slot).and_then(|carried| carried.kind);
             state.text(carried.map_or("", |kind| kind.spec().name));
             state.number(carried.map_or(0, |kind| kind.width() as u64));
         }
@@ -114,16 +111,13 @@ pub(super) fn of_node(
 }
 
 /// Hash of a device's kind, settings and rate; the content of `files` as in [`of_node`].
-pub(super) fn of_device(
-    (cx, files): (&Context<'_>, &[PathBuf]),
-    clocks: &Clocks,
-    device: &DraftDevice,
-) -> u64 {
+pub(super) fn of_device(files: Files<'_>, graph: &Attached, device: usize) -> u64 {
+    let clock = graph.attachments[device].clock;
+    let device = &graph.devices.list[device];
     Fingerprint::of(|state| {
         state.text(device.entry.spec.name);
-        state.number(fields((cx, files), &device.fields, &[]));
-        state.maybe(device.clock.map(|_| 1));
-        device.clock.into_iter().for_each(|clock| state.rate(clocks.list[clock].rate));
+        state.number(fields(files, &device.fields, &[]));
+        state.maybe_rate(clock.map(|clock| graph.clocks.list[clock].rate));
     })
 }
 

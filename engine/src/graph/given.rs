@@ -1,6 +1,7 @@
 //! What a graph file gives an input: one connection, a list, or a map from names to connections.
 
-use super::draft::{Context, Draft};
+use super::context::Context;
+use super::declared::Declared;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::refused_name;
 use crate::document::value::{Name, Shape, Value};
@@ -28,8 +29,7 @@ impl Given {
 /// The connections of an input, at least one.
 pub(super) fn connections(
     cx: &mut Context<'_>,
-    draft: &Draft,
-    node: usize,
+    node: &Declared,
     input: &InputSpec,
     value: Value,
 ) -> Vec<Given> {
@@ -38,22 +38,22 @@ pub(super) fn connections(
             return values.into_iter().map(Given::unnamed).collect();
         }
         (Shape::Map(pairs), Presence::Named) if (1..=MAX_NAMED).contains(&pairs.len()) => {
-            return named(cx, draft, node, pairs);
+            return named(cx, node, pairs);
         }
         (Shape::List(values), presence) if !presence.is_several() => {
-            doubled(cx, draft, node, input, value.span, &format!("a list of {}", values.len()))
+            doubled(cx, node, input, value.span, &format!("a list of {}", values.len()))
         }
         (Shape::Map(pairs), presence) if !presence.is_several() => {
-            doubled(cx, draft, node, input, value.span, &format!("a map of {}", pairs.len()))
+            doubled(cx, node, input, value.span, &format!("a map of {}", pairs.len()))
         }
         (Shape::Map(pairs), Presence::Named) if pairs.len() > MAX_NAMED => {
             let message = format!("a map has at most {MAX_NAMED} connections, found {}", pairs.len());
             let diagnostic = Diagnostic::error("E0415", value.span, message);
             diagnostic.help("combine some of them by another node first")
         }
-        (Shape::Map(pairs), _) if !pairs.is_empty() => nameless(draft, node, input, value.span, pairs),
+        (Shape::Map(pairs), _) if !pairs.is_empty() => nameless(node, input, value.span, pairs),
         (Shape::List(_) | Shape::Map(_), _) => {
-            let kind = draft.nodes[node].entry.spec.name;
+            let kind = node.entry.spec.name;
             let message = format!("input `{}` of `{kind}` is connected to nothing", input.name);
             Diagnostic::error("E0401", value.span, message).label("at least one connection is needed")
         }
@@ -62,13 +62,12 @@ pub(super) fn connections(
             return vec![Given::unnamed(Value { span, shape })];
         }
     };
-    let refused = draft.in_use(node, refused, cx);
-    cx.report(refused);
+    cx.report_of(node, refused);
     vec![Given::default()]
 }
 
 /// The connections of a map. Those whose name is reported have no value.
-fn named(cx: &mut Context<'_>, draft: &Draft, node: usize, pairs: Vec<(Value, Value)>) -> Vec<Given> {
+fn named(cx: &mut Context<'_>, node: &Declared, pairs: Vec<(Value, Value)>) -> Vec<Given> {
     let mut known: HashMap<String, Span> = HashMap::with_capacity(pairs.len());
     let mut found = Vec::with_capacity(pairs.len());
     for (key, value) in pairs {
@@ -91,8 +90,7 @@ fn named(cx: &mut Context<'_>, draft: &Draft, node: usize, pairs: Vec<(Value, Va
         known.entry(name.text.clone()).or_insert(span);
         found.push(Given { value: refused.is_none().then_some(value), name: Some(name) });
         if let Some(refused) = refused {
-            let refused = draft.in_use(node, refused, cx);
-            cx.report(refused);
+            cx.report_of(node, refused);
         }
     }
     found
@@ -109,14 +107,8 @@ pub(super) fn refused_port_name(name: &Name, what: &str) -> Option<Diagnostic> {
 }
 
 /// The error of a map at an input whose connections have no names.
-fn nameless(
-    draft: &Draft,
-    node: usize,
-    input: &InputSpec,
-    span: Span,
-    pairs: Vec<(Value, Value)>,
-) -> Diagnostic {
-    let kind = draft.nodes[node].entry.spec.name;
+fn nameless(node: &Declared, input: &InputSpec, span: Span, pairs: Vec<(Value, Value)>) -> Diagnostic {
+    let kind = node.entry.spec.name;
     let message = format!("the connections of input `{}` of `{kind}` have no names", input.name);
     let list = match pairs.len() {
         0..=SHOWN => {
@@ -131,15 +123,8 @@ fn nameless(
 }
 
 /// The error of a list or map at an input that takes one connection.
-fn doubled(
-    cx: &Context<'_>,
-    draft: &Draft,
-    node: usize,
-    input: &InputSpec,
-    span: Span,
-    found: &str,
-) -> Diagnostic {
-    let kind = draft.nodes[node].entry.spec.name;
+fn doubled(cx: &Context<'_>, node: &Declared, input: &InputSpec, span: Span, found: &str) -> Diagnostic {
+    let kind = node.entry.spec.name;
     let message = format!("input `{}` of `{kind}` takes one connection, found {found}", input.name);
     let diagnostic = Diagnostic::error("E0402", span, message).label("one connection is expected here");
     let mixers = cx.registry.nodes().iter().filter(|entry| {

@@ -1,7 +1,7 @@
 //! The names of the outputs that the settings of a node name.
 
-use super::build::Places;
-use super::draft::Context;
+use super::context::Context;
+use super::findings::Places;
 use super::given::refused_port_name;
 use crate::diagnostic::Diagnostic;
 use crate::document::value::{Name, Shape};

@@ -1,10 +1,11 @@
 //! Memory bound of a graph, checked before anything is allocated.
 
 use super::Bridge;
-use super::clocks::Clocks;
-use super::draft::{Context, Draft};
+use super::attach::Attached;
+use super::context::Context;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::frame::Kind;
+use haptograph_signal::time::Rate;
 
 /// Largest sum of the delays, rings and buffers of a graph, bytes.
 const MAX_BYTES: u64 = 1 << 30;
@@ -20,18 +21,17 @@ pub(super) struct Memory {
 
 impl Memory {
     /// Adds the delays and rings of all connections.
-    pub fn connections(&mut self, cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks) {
-        for node in &draft.nodes {
-            for (_, wire) in node.wires() {
-                let from = &draft.nodes[wire.from];
-                let kind = from.outputs[wire.output].kind.unwrap_or(Kind::SCALAR);
-                let frames = match wire.bridge {
-                    Some((Bridge::Delay { frames, .. }, _)) => frames,
-                    Some((Bridge::Ring { latency_s }, _)) => {
-                        let rate_hz = from.clock.map_or(0.0, |clock| clocks.list[clock].rate.hz());
+    pub fn connections(&mut self, cx: &mut Context<'_>, graph: &Attached) {
+        for (node, bridges) in graph.nodes.iter().zip(&graph.bridges) {
+            for (slot, wire) in node.wires() {
+                let kind = graph.carried(wire).kind.unwrap_or(Kind::SCALAR);
+                let frames = match bridges[slot] {
+                    Bridge::Delay { frames, .. } => frames,
+                    Bridge::Ring { latency_s } => {
+                        let rate_hz = graph.rate_of(wire.from).map_or(0.0, Rate::hz);
                         (LATENCIES_A_RING * latency_s * rate_hz) as u64
                     }
-                    _ => 0,
+                    Bridge::Direct | Bridge::Between(_) => 0,
                 };
                 self.add(cx, bytes(frames, kind.width()), wire.span, &node.path);
             }

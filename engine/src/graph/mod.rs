@@ -2,14 +2,20 @@
 //!
 //! Only [`check`] makes one, so later stages need no error handling. Only `graph` and `plan` use petgraph.
 
+mod assemble;
+mod attach;
 mod bridges;
 mod build;
 mod check;
 mod clocks;
+mod connection;
+mod context;
 mod cycles;
+mod declared;
+mod declared_devices;
 mod devices;
-mod draft;
 mod expand;
+mod findings;
 pub(crate) mod fingerprint;
 mod given;
 mod latency;
@@ -17,18 +23,22 @@ mod left_out;
 mod live;
 mod members;
 mod memory;
+mod mismatch;
 mod nodes;
+mod options;
 mod reach;
+mod registered;
 mod types;
 mod unused;
 mod values;
 mod wires;
 
-pub use check::{CheckOptions, Hosted, check};
-pub use devices::{DeclaredDevice, declared_devices};
+pub use check::check;
+pub use declared_devices::{DeclaredDevice, declared_devices};
 pub use latency::PathLatency;
 pub use nodes::{Connection, Nodes, TemplateOutput};
 pub(crate) use nodes::{id_of, index_of};
+pub use options::{CheckOptions, Hosted};
 pub(crate) use reach::Reach;
 
 pub use crate::node_id::NodeId;
@@ -39,7 +49,8 @@ use crate::device::{Channel, Device, DeviceEntry, DeviceKind};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
 use crate::node::{
-    AfterData, AnyProcessor, DataEnd, FileProgress, FileSink, Limit, NodeEntry, OutputSpec, Stream,
+    AfterData, AnyProcessor, DataEnd, FileProgress, FileSink, Limit, NodeEntry, OfflineOnly, OutputSpec,
+    Stream,
 };
 use crate::settings::{SettingId, SettingSpec};
 use haptograph_signal::quantity::Quantity;
@@ -257,6 +268,18 @@ pub enum Bridge {
     },
 }
 
+impl Bridge {
+    /// Name in graph files.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Direct => "Direct",
+            Self::Between(bridge) => bridge.spec.name,
+            Self::Ring { .. } => "Ring",
+            Self::Delay { .. } => "Delay",
+        }
+    }
+}
+
 impl Graph {
     /// The path and limit of every actuator sink.
     pub fn limits(&self) -> impl Iterator<Item = (&str, Limit)> {
@@ -323,22 +346,31 @@ impl Graph {
 
     /// The devices that actuator sinks drive.
     pub fn driven_devices(&self) -> impl Iterator<Item = &GraphDevice> {
-        let driven = |wanted: usize| {
-            let mut works = self.nodes.node_weights().map(|node| &node.work);
-            works.any(|work| matches!(work, Work::Actuator { device, .. } if *device == wanted))
-        };
-        let devices = self.devices.iter().enumerate();
-        devices.filter(move |(at, _)| driven(*at)).map(|(_, device)| device)
+        self.devices_of(Work::sink_device)
     }
 
     /// The devices that sources read.
     pub fn read_devices(&self) -> impl Iterator<Item = &GraphDevice> {
-        let read = |wanted: usize| {
-            let mut works = self.nodes.node_weights().map(|node| &node.work);
-            works.any(|work| matches!(work, Work::Source { device, .. } if *device == wanted))
-        };
+        self.devices_of(Work::source_device)
+    }
+
+    fn devices_of(&self, device_of: fn(&Work) -> Option<usize>) -> impl Iterator<Item = &GraphDevice> {
+        let used = move |device| self.nodes.node_weights().any(|node| device_of(&node.work) == Some(device));
         let devices = self.devices.iter().enumerate();
-        devices.filter(move |(at, _)| read(*at)).map(|(_, device)| device)
+        devices.filter(move |(device, _)| used(*device)).map(|(_, device)| device)
+    }
+
+    /// The scripted nodes; a graph that has one runs offline only.
+    pub fn scripted_nodes(&self) -> impl Iterator<Item = &Node> {
+        self.nodes().iter().filter(|node| node.entry.is_scripted())
+    }
+
+    /// Returns an error if the graph has a scripted node.
+    pub(crate) fn refuse_scripts(&self) -> Result<(), OfflineOnly> {
+        match self.scripted_nodes().next() {
+            None => Ok(()),
+            Some(node) => Err(OfflineOnly { node: node.path.clone(), kind: node.entry.spec.name }),
+        }
     }
 
     /// The settings that can change while the graph runs.
@@ -451,6 +483,12 @@ impl GraphDevice {
 }
 
 impl Node {
+    /// The diagnostic of a scripted node that raised an exception while it ran; `traceback` is its place in the script.
+    pub fn raised(&self, exception: &str, traceback: &str) -> Diagnostic {
+        let message = format!("`{}` raised {exception}", self.path);
+        Diagnostic::error("E0801", self.span, message).help(traceback)
+    }
+
     /// The declaration of an output, that of the family for a member of it.
     pub fn output_spec(&self, output: usize) -> Option<&'static OutputSpec> {
         self.entry.spec.output(output)

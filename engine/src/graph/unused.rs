@@ -1,49 +1,39 @@
 //! Warnings about unused nodes.
 
-use super::draft::{Context, Draft, Target};
+use super::context::Context;
+use super::declared::Target;
+use super::wires::Wired;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::Document;
-use crate::document::value::{Body, Shape, Tagged, Value};
+use crate::document::value::{Shape, Value};
 use std::collections::HashSet;
 
 /// Reports nodes whose outputs no node reads; a use of a template counts as one node.
-pub(super) fn warn(cx: &mut Context<'_>, draft: &Draft) {
-    let readers = draft.readers(|_| true);
-    let is_sink = |node: usize| draft.nodes[node].entry.is_actuator() || draft.nodes[node].entry.is_file();
+pub(super) fn warn(cx: &mut Context<'_>, graph: &Wired) {
+    let readers = graph.readers(|_| true);
+    let is_sink = |node: usize| graph.nodes[node].entry.is_actuator() || graph.nodes[node].entry.is_file();
     let mut reported: HashSet<Span> = HashSet::new();
-    for (scope_index, scope) in draft.scopes.iter().enumerate() {
-        let exported = exported(cx.document, draft, scope_index);
+    for (scope_index, scope) in graph.scopes.iter().enumerate() {
+        let exported = exported(cx.document, graph, scope_index);
         let mut names: Vec<(&String, &Target)> = scope.names.iter().collect();
         names.sort_by_key(|(name, _)| name.as_str());
-        for (name, target) in names {
-            let (span, what) = match target {
-                Target::Node(node) => {
-                    if !readers[*node].is_empty() || is_sink(*node) || exported.contains(name.as_str()) {
-                        continue;
-                    }
-                    (draft.nodes[*node].name, "node")
+        for (name, target) in names.into_iter().filter(|(name, _)| !exported.contains(name.as_str())) {
+            let unused = match target {
+                Target::Node(node) if readers[*node].is_empty() && !is_sink(*node) => {
+                    Some((graph.nodes[*node].name, "node "))
                 }
                 Target::Instance(inner) => {
-                    let inside = within(draft, *inner);
-                    let useful = |node: &usize| {
+                    let inside = within(graph, *inner);
+                    let is_used = |node: &usize| {
                         is_sink(*node) || readers[*node].iter().any(|reader| !inside.contains(reader))
                     };
-                    if inside.iter().any(useful) || exported.contains(name.as_str()) {
-                        continue;
-                    }
-                    match draft.scopes[*inner].template {
-                        Some((_, span)) => (span, "template"),
-                        None => continue,
-                    }
+                    let place = graph.scopes[*inner].template.filter(|_| !inside.iter().any(is_used));
+                    place.map(|(_, span)| (span, ""))
                 }
-                Target::Broken => continue,
+                _ => None,
             };
-            if reported.insert(span) {
-                let path = format!("{}{name}", scope.prefix);
-                let message = match what {
-                    "node" => format!("node `{path}` is never used"),
-                    _ => format!("`{path}` is never used"),
-                };
+            if let Some((span, what)) = unused.filter(|(span, _)| reported.insert(*span)) {
+                let message = format!("{what}`{}{name}` is never used", scope.prefix);
                 cx.report(
                     Diagnostic::warning("W0101", span, message)
                         .label("nothing reads its outputs")
@@ -55,26 +45,27 @@ pub(super) fn warn(cx: &mut Context<'_>, draft: &Draft) {
 }
 
 /// Names of nodes inside a template that its outputs name.
-fn exported<'a>(document: &'a Document, draft: &Draft, scope: usize) -> HashSet<&'a str> {
-    let Some((template, _)) = draft.scopes[scope].template else {
-        return HashSet::new();
-    };
-    let outputs = &document.templates[template].outputs;
+fn exported<'a>(document: &'a Document, graph: &Wired, scope: usize) -> HashSet<&'a str> {
     let mut names = HashSet::new();
-    for (_, value) in outputs {
-        strings(value, &mut |text| {
-            names.insert(text.split('.').next().unwrap_or(text));
-        });
+    if let Some((template, _)) = graph.scopes[scope].template {
+        let mut open: Vec<&Value> =
+            document.templates[template].outputs.iter().map(|(_, value)| value).collect();
+        while let Some(value) = open.pop() {
+            if let Shape::String(text) = &value.shape {
+                names.insert(text.split('.').next().unwrap_or(text));
+            }
+            open.extend(value.inner());
+        }
     }
     names
 }
 
 /// All nodes of a use of a template, those of templates in it too.
-fn within(draft: &Draft, scope: usize) -> HashSet<usize> {
+fn within(graph: &Wired, scope: usize) -> HashSet<usize> {
     let mut nodes = HashSet::new();
     let mut scopes = vec![scope];
     while let Some(scope) = scopes.pop() {
-        for target in draft.scopes[scope].names.values() {
+        for target in graph.scopes[scope].names.values() {
             match target {
                 Target::Node(node) => {
                     nodes.insert(*node);
@@ -85,17 +76,4 @@ fn within(draft: &Draft, scope: usize) -> HashSet<usize> {
         }
     }
     nodes
-}
-
-fn strings<'v>(value: &'v Value, each: &mut impl FnMut(&'v str)) {
-    match &value.shape {
-        Shape::String(text) => each(text),
-        Shape::List(values) => values.iter().for_each(|value| strings(value, each)),
-        Shape::Tagged(Tagged { body, .. }) => match body {
-            Body::Bare => {}
-            Body::Tuple(values) => values.iter().for_each(|value| strings(value, each)),
-            Body::Fields(fields) => fields.iter().for_each(|(_, value)| strings(value, each)),
-        },
-        _ => {}
-    }
 }

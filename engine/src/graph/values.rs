@@ -1,14 +1,13 @@
 //! Replacement of parameters and template settings by their values.
 
-use super::build::part_of_text;
-use super::check::CheckOptions;
-use super::draft::Context;
-use super::expand::refuse_unknown_set;
+use super::context::Context;
+use super::findings::part_of_text;
+use super::options::CheckOptions;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::text;
 use crate::document::value::{Body, Shape, Tagged, Value};
 use crate::formula::{Formula, names, reserved};
-use crate::settings::{Expected, closest};
+use crate::settings::Expected;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -39,14 +38,15 @@ pub(super) enum Place<'a> {
     Template(&'a HashMap<String, Option<Value>>),
 }
 
-/// Reports a parameter that the graph does not have.
-fn unknown(cx: &mut Context<'_>, name: &str, span: Span) {
+/// The error of a parameter that the graph does not have.
+fn unknown(cx: &Context<'_>, name: &str, span: Span, none: &str) -> Diagnostic {
     let message = format!("the graph has no parameter `{name}`");
     let known = cx.document.parameters.iter().map(|(name, _)| name.text.as_str());
     let diagnostic = Diagnostic::error("E0209", span, message).label("unknown parameter");
-    let diagnostic = suggest(cx, diagnostic, name, known, "its parameters are", "it has no parameters");
-    cx.report(diagnostic);
+    cx.suggest(diagnostic, name, known, "its parameters are", none)
 }
+
+const NO_PARAMETERS: &str = "it has no parameters";
 
 impl Parameters {
     /// Reads the defaults; those of the set of endpoints and then the given values override them.
@@ -59,12 +59,12 @@ impl Parameters {
         }
         let document = cx.document;
         for (of, defaults) in &document.defaults {
-            refuse_unknown_set(cx, &of.text, of.span);
+            cx.refuse_unknown_set(&of.text, of.span);
             for (name, value) in defaults {
                 match values.get_mut(&name.text) {
                     Some(parameter) if of.text == endpoints => parameter.value = value.clone(),
                     Some(_) => {}
-                    None => unknown(cx, &name.text, name.span),
+                    None => cx.report(unknown(cx, &name.text, name.span, NO_PARAMETERS)),
                 }
             }
         }
@@ -73,7 +73,7 @@ impl Parameters {
             let id = cx.sources.add_text(options.set_as, Arc::from(line.as_str()));
             let at = |start, end| Span { source: id, start, end };
             let Some(parameter) = values.get_mut(name) else {
-                unknown(cx, name, at(0, name.len()));
+                cx.report(unknown(cx, name, at(0, name.len()), NO_PARAMETERS));
                 continue;
             };
             // Blanks instead of the name keep the places of the value.
@@ -154,50 +154,22 @@ impl Parameters {
         uses: &mut Vec<(Span, Span)>,
         depth: usize,
     ) -> Option<Value> {
-        let mut each = |value: &Value| self.replace_at(cx, value, place, uses, depth + 1);
-        let shape = match &value.shape {
-            Shape::List(values) => Shape::List(all(values, &mut each)?),
-            Shape::Map(pairs) => {
-                let replaced: Vec<Option<Value>> = pairs.iter().map(|(_, value)| each(value)).collect();
-                let keys = pairs.iter().map(|(key, _)| key.clone());
-                Shape::Map(keys.zip(replaced).map(|(key, value)| Some((key, value?))).collect::<Option<_>>()?)
-            }
-            Shape::Tagged(Tagged { name: Some(name), body })
-                if matches!(name.text.as_str(), "Param" | "Setting" | "Expr") =>
-            {
-                let Some((asked, at)) = only_text(body) else {
-                    return malformed(cx, value, &name.text);
-                };
-                let found = match name.text.as_str() {
-                    "Expr" => return self.computed(cx, value, asked, at, place),
-                    "Param" => self.parameter(cx, value, asked, place)?,
-                    _ => setting(cx, value, asked, place)?,
-                };
-                return self.put(cx, found, value.span, uses, depth);
-            }
-            Shape::Tagged(Tagged { name, body }) => {
-                let body = match body {
-                    Body::Bare => Body::Bare,
-                    Body::Tuple(values) => Body::Tuple(all(values, &mut each)?),
-                    Body::Fields(fields) => {
-                        let replaced: Vec<Option<Value>> =
-                            fields.iter().map(|(_, value)| each(value)).collect();
-                        let names = fields.iter().map(|(name, _)| name.clone());
-                        Body::Fields(
-                            names
-                                .zip(replaced)
-                                .map(|(name, value)| Some((name, value?)))
-                                .collect::<Option<_>>()?,
-                        )
-                    }
-                };
-                let name = name.clone();
-                Shape::Tagged(Tagged { name, body })
-            }
-            plain => plain.clone(),
+        let Shape::Tagged(Tagged { name: Some(name), body }) = &value.shape else {
+            return value.map_inner(&mut |inner| self.replace_at(cx, inner, place, uses, depth + 1));
         };
-        let span = value.span;
-        Some(Value { span, shape })
+        let name = name.text.as_str();
+        if !matches!(name, "Param" | "Setting" | "Expr") {
+            return value.map_inner(&mut |inner| self.replace_at(cx, inner, place, uses, depth + 1));
+        }
+        let Some((asked, at)) = only_text(body) else {
+            return malformed(cx, value, name);
+        };
+        let found = match name {
+            "Expr" => return self.computed(cx, value, asked, at, place),
+            "Param" => self.parameter(cx, value, asked, place)?,
+            _ => setting(cx, value, asked, place)?,
+        };
+        self.put(cx, found, value.span, uses, depth)
     }
 
     /// Computes a formula over parameters in the graph or settings in a template.
@@ -209,77 +181,74 @@ impl Parameters {
         at: Span,
         place: Place<'_>,
     ) -> Option<Value> {
-        let wrong =
-            |span, message: String| Diagnostic::error("E0306", span, message).label("in this formula");
         let names = names(formula);
         self.replaced += names.len();
         if self.replaced > MAX_REPLACED || formula.len() > MAX_FORMULA {
-            cx.report(wrong(
-                at,
-                format!(
-                    "formulas have at most {MAX_FORMULA} bytes, and use at most {MAX_REPLACED} names in all"
-                ),
-            ));
-            return None;
+            let message = format!(
+                "formulas have at most {MAX_FORMULA} bytes, and use at most {MAX_REPLACED} names in all"
+            );
+            return cx.fail(in_formula(at, message));
         }
         let is_declared = |name: &str| match place {
             Place::Graph => self.values.contains_key(name),
             Place::Template(settings) => settings.contains_key(name),
         };
         if let Some(word) = reserved(formula).find(|word| is_declared(word)) {
-            let message = format!("`{word}` is a reserved name in formulas");
-            cx.report(
-                wrong(at, message).help(format!("give the parameter or setting `{word}` another name")),
-            );
-            return None;
+            let help = format!("give the parameter or setting `{word}` another name");
+            return cx.fail(in_formula(at, format!("`{word}` is a reserved name in formulas")).help(help));
         }
-        let mut numbers = Vec::new();
-        for name in &names {
-            let found = match place {
-                Place::Graph => self.values.get_mut(*name).map(|parameter| {
-                    parameter.used = true;
-                    Some(&parameter.value)
-                }),
-                Place::Template(settings) => settings.get(*name).map(Option::as_ref),
-            };
-            match found {
-                Some(Some(Value { shape: Shape::Number(number, _), .. })) => numbers.push(*number),
-                Some(Some(other)) => {
-                    cx.report(wrong(at, format!("`{name}` is not a number")).also(other.span, "its value"));
-                    return None;
-                }
-                // Reported where it is given.
-                Some(None) => return None,
-                // Reports the unknown name.
-                None => {
-                    match place {
-                        Place::Graph => self.parameter(cx, value, name, place),
-                        Place::Template(_) => setting(cx, value, name, place),
-                    };
-                    return None;
-                }
-            }
-        }
-        let parsed = match Formula::parse(formula, &names) {
-            Ok(parsed) if !parsed.is_timed() => parsed,
+        let numbers =
+            names.iter().map(|name| self.number(cx, value, name, at, place)).collect::<Option<Vec<_>>>()?;
+        let result = match Formula::parse(formula, &names) {
+            Ok(parsed) if !parsed.is_timed() => parsed.value(&numbers),
             Ok(_) => {
                 let help = "a value that changes with time is a signal: use the node `Expression`";
-                cx.report(wrong(at, "`t` cannot be used in a value".into()).help(help));
-                return None;
+                return cx.fail(in_formula(at, "`t` cannot be used in a value".into()).help(help));
             }
             Err(error) => {
                 let span = part_of_text(&cx.sources, at, error.characters(formula));
-                cx.report(wrong(span.unwrap_or(at), error.message));
-                return None;
+                return cx.fail(in_formula(span.unwrap_or(at), error.message));
             }
         };
-        let result = parsed.value(&numbers);
         if !result.is_finite() {
             let message = format!("the value of the formula is `{result}`, not a finite number");
-            cx.report(wrong(at, message));
-            return None;
+            return cx.fail(in_formula(at, message));
         }
         Some(Value { span: value.span, shape: Shape::Number(result, result.to_string()) })
+    }
+
+    /// The number of a parameter or setting that a formula uses.
+    fn number(
+        &mut self,
+        cx: &mut Context<'_>,
+        value: &Value,
+        name: &str,
+        at: Span,
+        place: Place<'_>,
+    ) -> Option<f64> {
+        let found = match place {
+            Place::Graph => self.values.get_mut(name).map(|parameter| {
+                parameter.used = true;
+                Some(&parameter.value)
+            }),
+            Place::Template(settings) => settings.get(name).map(Option::as_ref),
+        };
+        match found {
+            Some(Some(Value { shape: Shape::Number(number, _), .. })) => Some(*number),
+            Some(Some(other)) => {
+                cx.fail(in_formula(at, format!("`{name}` is not a number")).also(other.span, "its value"))
+            }
+            // Reported where it is given.
+            Some(None) => None,
+            // Reports the unknown name.
+            None => {
+                match place {
+                    Place::Graph => self.parameter(cx, value, name, place),
+                    Place::Template(_) => setting(cx, value, name, place),
+                };
+                None
+            }
+        }
     }
 
     fn put(
@@ -322,42 +291,37 @@ impl Parameters {
                     "declare a setting `\"{asked}\": Required`, use `Setting(\"{asked}\")`, and give it `Param(\"{asked}\")` where the template is used"
                 )),
             };
-            cx.report(diagnostic);
-            return None;
+            return cx.fail(diagnostic);
         }
         if let Some(parameter) = self.values.get_mut(asked) {
             parameter.used = true;
             return Some(parameter.value.clone());
         }
-        let message = format!("the graph has no parameter `{asked}`");
-        let diagnostic = Diagnostic::error("E0209", value.span, message).label("unknown parameter");
-        let known = cx.document.parameters.iter().map(|(name, _)| name.text.as_str());
         let none = format!("declare it: `parameters: {{ \"{asked}\": ... }}`");
-        let diagnostic = suggest(cx, diagnostic, asked, known, "its parameters are", &none);
-        cx.report(diagnostic);
-        None
+        cx.fail(unknown(cx, asked, value.span, &none))
     }
+}
+
+/// An error of a formula.
+fn in_formula(span: Span, message: String) -> Diagnostic {
+    Diagnostic::error("E0306", span, message).label("in this formula")
 }
 
 fn setting(cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -> Option<Value> {
     let Place::Template(settings) = place else {
-        cx.report(
+        return cx.fail(
             Diagnostic::error("E0704", value.span, "`Setting` can only be used inside a template")
                 .label("not in a template")
                 .help(format!("a parameter of the graph is written `Param(\"{asked}\")`")),
         );
-        return None;
     };
     if let Some(found) = settings.get(asked) {
         return found.clone();
     }
     let message = format!("the template has no setting `{asked}`");
     let diagnostic = Diagnostic::error("E0209", value.span, message).label("unknown setting");
-    let known = in_order(cx, settings);
     let none = format!("declare it: `settings: {{ \"{asked}\": Required }}`");
-    let diagnostic = suggest(cx, diagnostic, asked, known.into_iter(), "its settings are", &none);
-    cx.report(diagnostic);
-    None
+    cx.fail(cx.suggest(diagnostic, asked, cx.in_order(settings), "its settings are", &none))
 }
 
 /// The text between brackets that contain nothing else, and its place.
@@ -377,63 +341,7 @@ fn malformed<T>(cx: &mut Context<'_>, value: &Value, name: &str) -> Option<T> {
     None
 }
 
-/// Every element is replaced, so that all errors are seen at once.
-fn all(values: &[Value], each: &mut impl FnMut(&Value) -> Option<Value>) -> Option<Vec<Value>> {
-    let replaced: Vec<Option<Value>> = values.iter().map(each).collect();
-    replaced.into_iter().collect()
-}
-
 /// Values within a value, and its levels.
 fn measure(value: &Value) -> (usize, usize) {
-    let inner: Vec<&Value> = match &value.shape {
-        Shape::List(values) => values.iter().collect(),
-        Shape::Map(pairs) => pairs.iter().map(|(_, value)| value).collect(),
-        Shape::Tagged(Tagged { body, .. }) => match body {
-            Body::Bare => Vec::new(),
-            Body::Tuple(values) => values.iter().collect(),
-            Body::Fields(fields) => fields.iter().map(|(_, value)| value).collect(),
-        },
-        _ => Vec::new(),
-    };
-    inner.into_iter().map(measure).fold((1, 1), |(values, levels), (v, l)| (values + v, levels.max(l + 1)))
-}
-
-/// Largest number of names compared with an unknown one; with 20,000 of each it would take a minute.
-const MAX_COMPARED_NAMES: usize = 500;
-
-/// The names in order, as long as [`suggest`] still needs them.
-pub(super) fn in_order<'a, T>(cx: &Context<'_>, known: &'a HashMap<String, T>) -> Vec<&'a str> {
-    if !cx.is_suggesting() {
-        return Vec::new();
-    }
-    let mut names: Vec<&str> = known.keys().map(String::as_str).collect();
-    names.sort_unstable();
-    names
-}
-
-/// Adds "did you mean", or what there is to choose from, to findings that can still be shown.
-pub(super) fn suggest<'a>(
-    cx: &Context<'_>,
-    diagnostic: Diagnostic,
-    word: &str,
-    known: impl Iterator<Item = &'a str> + Clone,
-    choices: &str,
-    none: &str,
-) -> Diagnostic {
-    if !cx.is_suggesting() {
-        return diagnostic;
-    }
-    if let Some(near) = closest(word, known.clone().take(MAX_COMPARED_NAMES)) {
-        return diagnostic.help(format!("did you mean `{near}`?"));
-    }
-    const SHOWN: usize = 12;
-    let total = known.clone().count();
-    if total == 0 {
-        return diagnostic.help(none);
-    }
-    let mut list = known.take(SHOWN).collect::<Vec<_>>().join(", ");
-    if total > SHOWN {
-        list += &format!(" and {} more", total - SHOWN);
-    }
-    diagnostic.help(format!("{choices} {list}"))
+    value.inner().map(measure).fold((1, 1), |(values, levels), (v, l)| (values + v, levels.max(l + 1)))
 }

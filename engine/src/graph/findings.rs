@@ -1,16 +1,16 @@
 //! Errors that nodes and devices report about their settings, with their places in the file.
 
+use super::context::Context;
 use crate::diagnostic::{Diagnostic, SourceId, Sources, Span};
 use crate::document::folder;
 use crate::document::value::{Body, Name, Shape, Value};
-use crate::graph::draft::{Context, DraftNode};
 use crate::node::BuildError;
 use crate::settings::Fields;
 use haptograph_signal::files;
 use std::path::Path;
 
 /// Places of the fields of a node or device.
-pub(in crate::graph) struct Places {
+pub(super) struct Places {
     owner: Span,
     fields: Vec<(String, Span)>,
     /// Structures in fields, alone or in a list.
@@ -54,7 +54,7 @@ fn spans(fields: &[(Name, Value)]) -> Vec<(String, Span)> {
 }
 
 impl Places {
-    pub(in crate::graph) fn of(fields: &Fields) -> Self {
+    pub fn of(fields: &Fields) -> Self {
         let written = fields.remaining();
         let structures = written.iter().flat_map(|(name, value)| structures(name, value));
         Self {
@@ -65,23 +65,16 @@ impl Places {
         }
     }
 
-    /// Inputs are where their first connection is.
-    pub(super) fn and_inputs(mut self, node: &DraftNode) -> Self {
-        for (slot, wire) in node.wires() {
-            let slot = &node.inputs[slot];
-            let port = node.entry.spec.inputs[slot.port].name;
-            self.fields.push((port.to_owned(), wire.span));
-            let span = slot.name.as_ref().map_or(wire.span, |name| name.span);
-            self.connections.push((port, span));
+    /// Inputs are where their first connection is: name of the port, place of the connection, and that of its name.
+    pub fn and_inputs(mut self, connections: impl Iterator<Item = (&'static str, Span, Span)>) -> Self {
+        for (port, span, name) in connections {
+            self.fields.push((port.to_owned(), span));
+            self.connections.push((port, name));
         }
         self
     }
 
-    pub(in crate::graph) fn or_report<T>(
-        &self,
-        cx: &mut Context<'_>,
-        built: Result<T, BuildError>,
-    ) -> Option<T> {
+    pub fn or_report<T>(&self, cx: &mut Context<'_>, built: Result<T, BuildError>) -> Option<T> {
         match built {
             Ok(built) => Some(built),
             Err(error) => {
@@ -98,7 +91,7 @@ impl Places {
         }
     }
 
-    pub(super) fn warn(&self, cx: &mut Context<'_>, doubt: BuildError) {
+    pub fn warn(&self, cx: &mut Context<'_>, doubt: BuildError) {
         let make = |span, message| Diagnostic::warning("W0107", span, message);
         let diagnostic = self.finding(&cx.sources, doubt, make);
         cx.report(diagnostic);
@@ -166,11 +159,7 @@ fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
 }
 
 /// The place of some characters of a text that is written in plain quotes, without escapes.
-pub(in crate::graph) fn part_of_text(
-    sources: &Sources,
-    span: Span,
-    (first, end): (usize, usize),
-) -> Option<Span> {
+pub(super) fn part_of_text(sources: &Sources, span: Span, (first, end): (usize, usize)) -> Option<Span> {
     let written = sources.get(span.source)?.text.get(span.start..span.end)?;
     let text = written.strip_prefix('"')?.strip_suffix('"')?;
     if text.contains('\\') {
@@ -179,18 +168,4 @@ pub(in crate::graph) fn part_of_text(
     let byte = |characters: usize| text.char_indices().nth(characters).map_or(text.len(), |(at, _)| at);
     let (start, end) = (span.start + 1 + byte(first), span.start + 1 + byte(end));
     (start < end).then_some(Span { start, end, ..span })
-}
-
-/// Adds the place of use to diagnostics of values of parameters and settings.
-pub(in crate::graph) fn explain(cx: &mut Context<'_>, from: usize, uses: &[(Span, Span)]) {
-    for diagnostic in &mut cx.diagnostics[from..] {
-        let Some(at) = diagnostic.primary.as_ref().map(|label| label.span) else {
-            continue;
-        };
-        let holds =
-            |value: &Span| value.source == at.source && value.start <= at.start && at.end <= value.end;
-        if let Some((_, place)) = uses.iter().find(|(value, _)| holds(value)) {
-            *diagnostic = diagnostic.clone().also(*place, "used here");
-        }
-    }
 }

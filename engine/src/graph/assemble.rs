@@ -1,102 +1,95 @@
-//! The graph from a draft without errors.
+//! The graph from its last form, without errors.
 
-use super::Built;
+use super::attach::Attached;
+use super::build::Built;
+use super::context::Context;
+use super::live::{self, LiveValue};
+use super::wires::{Connected, Slot};
+use super::{Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint};
+use crate::device::BuiltDevice;
 use crate::diagnostic::Diagnostic;
 use crate::frame::Kind;
-use crate::graph::clocks::Clocks;
-use crate::graph::devices::Devices;
-use crate::graph::draft::{Context, Draft, DraftNode, Slot, Type};
-use crate::graph::live::{self, LiveValue};
-use crate::graph::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint, wires};
 use crate::node::{Flow, KindRule, QuantityRule, SettingId};
 use crate::settings::SettingRole;
 use haptograph_signal::quantity::Quantity;
 use petgraph::graph::{DiGraph, NodeIndex};
 
-/// Makes the graph, after a check without errors.
-pub(in crate::graph) fn assemble(
-    mut cx: Context<'_>,
-    draft: Draft,
-    clocks: Clocks,
-    devices: Option<Devices>,
-    built: Built,
-    seed: u64,
-) -> Option<Graph> {
-    let mut nodes = DiGraph::with_capacity(draft.nodes.len(), draft.nodes.len());
-    let Built { works, files, devices: bodies, simulated } = built;
+/// Makes the graph, after a check without errors; `None` if something is missing after all.
+pub(super) fn assemble(cx: &mut Context<'_>, built: Built, seed: u64) -> Option<Graph> {
+    let Built { graph, works, files, devices: bodies, simulated } = built;
+    let bodies = bodies.into_iter().enumerate();
+    let devices = bodies.map(|(index, body)| device(cx, &graph, index, body?)).collect::<Vec<_>>();
     // Only devices that nodes are bound to are part of the graph.
-    let mut kept: Vec<Option<usize>> = Vec::new();
-    let mut graph_devices = Vec::new();
-    for (device, built) in devices.into_iter().flat_map(|devices| devices.list).zip(bodies) {
-        kept.push(match (device.bound, device.clock, built) {
-            (true, Some(clock), Some(built)) => {
-                graph_devices.push(GraphDevice {
-                    entry: device.entry,
-                    clock,
-                    fingerprint: fingerprint::of_device((&cx, &cx.files), &clocks, &device),
-                    name: device.name,
-                    device: built.body,
-                    settings: built.settings,
-                    senses: device.senses,
-                    span: device.span,
-                });
-                Some(graph_devices.len() - 1)
-            }
-            _ => None,
-        });
-    }
-    for (i, (work, simulated)) in works.into_iter().zip(simulated).enumerate() {
-        let node = &draft.nodes[i];
-        let files = files.get(i).map_or(&[][..], Vec::as_slice);
+    let mut count = 0;
+    let kept: Vec<Option<usize>> = devices
+        .iter()
+        .map(|device| {
+            count += usize::from(device.is_some());
+            device.is_some().then(|| count - 1)
+        })
+        .collect();
+    let devices: Vec<GraphDevice> = devices.into_iter().flatten().collect();
+    let mut nodes = DiGraph::with_capacity(graph.nodes.len(), graph.nodes.len());
+    for (index, (work, files)) in works.into_iter().zip(files).enumerate() {
+        let node = &graph.nodes[index];
         let mut work = work?;
         if let Work::Source { device, .. } | Work::Actuator { device, .. } = &mut work {
             *device = kept.get(*device).copied()??;
         }
-        if let Some(doubt) = within_the_device(&mut work, node, &graph_devices) {
+        if let Some(doubt) = within_the_device(&mut work, node, &devices) {
             cx.report(doubt);
         }
         nodes.add_node(Node {
             path: node.path.clone(),
             entry: node.entry,
-            clock: node.clock,
-            inputs: node.inputs.iter().map(|slot| input(&draft, node, slot)).collect(),
-            outputs: outputs(node)?,
+            clock: graph.clock_of[index],
+            inputs: node.inputs.iter().map(|slot| input(&graph, node, slot)).collect(),
+            outputs: outputs(&graph, index)?,
             work,
             span: node.name,
-            simulated,
-            fingerprint: fingerprint::of_node((&cx, files), &draft, &clocks, i),
+            simulated: simulated[index],
+            fingerprint: fingerprint::of_node((cx, &files), &graph, index),
             live: live_values(node),
             written: written(node),
-            files: files.to_vec(),
+            files,
         });
     }
-    for (to, node) in draft.nodes.iter().enumerate() {
+    for (to, node) in graph.nodes.iter().enumerate() {
         for (input, wire) in node.wires() {
-            let edge = Edge {
-                output: wire.output,
-                input,
-                bridge: wire.bridge.map_or(Bridge::Direct, |(bridge, _)| bridge),
-                span: wire.span,
-            };
+            let edge = Edge { output: wire.output, input, bridge: graph.bridges[to][input], span: wire.span };
             nodes.add_edge(NodeIndex::new(wire.from), NodeIndex::new(to), edge);
         }
     }
-    let template_outputs = wires::template_outputs(&mut cx, &draft);
     Some(Graph {
         about: cx.document.about.clone(),
         seed,
-        clocks: clocks.list,
-        base: clocks.base?,
+        clocks: graph.clocks.list.clone(),
+        base: graph.clocks.base.clone()?,
         nodes,
-        template_outputs,
-        devices: graph_devices,
-        sources: cx.sources,
-        warnings: cx.diagnostics,
+        template_outputs: graph.template_outputs.clone(),
+        devices,
+        sources: std::mem::take(&mut cx.sources),
+        warnings: std::mem::take(&mut cx.diagnostics),
+    })
+}
+
+/// A device that nodes are bound to.
+fn device(cx: &Context<'_>, graph: &Attached, index: usize, built: BuiltDevice) -> Option<GraphDevice> {
+    let (device, attachment) = (&graph.devices.list[index], &graph.attachments[index]);
+    Some(GraphDevice {
+        entry: device.entry,
+        clock: attachment.clock?,
+        fingerprint: fingerprint::of_device((cx, &cx.files), graph, index),
+        name: device.name.clone(),
+        device: built.body,
+        settings: built.settings,
+        senses: attachment.senses.clone(),
+        span: device.span,
     })
 }
 
 /// Lowers the limit of a sink to the largest output of its device, so that `delivered` is right; returns a warning.
-fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice]) -> Option<Diagnostic> {
+fn within_the_device(work: &mut Work, node: &Connected, devices: &[GraphDevice]) -> Option<Diagnostic> {
     let Work::Actuator { device, channel, limit, .. } = work else {
         return None;
     };
@@ -116,7 +109,7 @@ fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice])
 }
 
 /// The live settings of a node with their values or defaults, each number of a list by itself.
-fn live_values(node: &DraftNode) -> Vec<(SettingId, f64)> {
+fn live_values(node: &Connected) -> Vec<(SettingId, f64)> {
     let mut found = Vec::new();
     for (place, spec) in node.entry.settings().iter().enumerate() {
         let setting = SettingId::at(place);
@@ -133,7 +126,7 @@ fn live_values(node: &DraftNode) -> Vec<(SettingId, f64)> {
 }
 
 /// The given settings with computed values; paths without their folders.
-fn written(node: &DraftNode) -> Vec<(String, String)> {
+fn written(node: &Connected) -> Vec<(String, String)> {
     let given = node.fields.remaining().iter();
     let is_setting = |name: &str| node.entry.settings().iter().any(|spec| spec.name == name);
     given
@@ -142,10 +135,9 @@ fn written(node: &DraftNode) -> Vec<(String, String)> {
         .collect()
 }
 
-fn input(draft: &Draft, node: &DraftNode, slot: &Slot) -> Input {
+fn input(graph: &Attached, node: &Connected, slot: &Slot) -> Input {
     let port = &node.entry.spec.inputs[slot.port];
-    let carried =
-        slot.wire.as_ref().map(|wire| draft.nodes[wire.from].outputs[wire.output]).unwrap_or_default();
+    let carried = graph.arriving(slot).unwrap_or_default();
     Input {
         name: port.name,
         label: slot.name.as_ref().map(|name| name.text.clone()),
@@ -162,14 +154,15 @@ fn input(draft: &Draft, node: &DraftNode, slot: &Slot) -> Input {
     }
 }
 
-fn outputs(node: &DraftNode) -> Option<Vec<Output>> {
+fn outputs(graph: &Attached, node: usize) -> Option<Vec<Output>> {
+    let (node, types) = (&graph.nodes[node], &graph.types[node]);
     let family = node.entry.spec.family();
-    let output = |(place, carried): (usize, &Type)| {
+    let output = |(place, carried): (usize, &super::types::Type)| {
         let name = match family.is_some_and(|family| place >= family) {
             true => node.port_name(place)?.to_owned().into(),
             false => node.entry.spec.output(place)?.name.into(),
         };
         Some(Output { name, kind: carried.kind?, quantity: carried.quantity? })
     };
-    node.outputs.iter().enumerate().map(output).collect()
+    types.iter().enumerate().map(output).collect()
 }
