@@ -71,14 +71,35 @@ fn registry() -> Registry {
     registry
 }
 
-/// The page shows the program and the graph that `cargo test` builds and that are run here.
+fn example(file: &str) -> String {
+    fs::read_to_string(root().join("examples").join(file)).unwrap()
+}
+
+/// Programs and graphs on the page about nodes are parts of the examples that are run here, and the page shows or links to each.
+#[test]
+fn code_on_the_page_about_nodes_comes_from_the_examples() {
+    let page = fs::read_to_string(root().join("docs/writing-a-node.md")).unwrap();
+    let names = ["custom_node", "stateful_node", "custom_kind", "named_ports"];
+    for (language, ending) in [("rust", "rs"), ("ron", "ron")] {
+        let texts = names.map(|name| example(&format!("{name}.{ending}")));
+        let fence = format!("```{language}\n");
+        let blocks = page.split(&fence).skip(1);
+        for part in blocks.filter_map(|rest| rest.split("```").next()) {
+            assert!(texts.iter().any(|text| text.contains(part)), "no example has\n{part}");
+        }
+        for (name, text) in names.iter().zip(&texts) {
+            let link = format!("../examples/{name}.{ending}");
+            assert!(page.contains(&link) || page.contains(text.as_str()), "{link} is missing");
+        }
+    }
+}
+
+/// The page shows the whole of one program and its graph, which `cargo test` builds and which are run here.
 #[test]
 fn the_program_in_the_book_is_the_example_and_has_every_command() {
     let page = fs::read_to_string(root().join("docs/writing-a-node.md")).unwrap();
-    let shown = ["custom_node", "stateful_node", "custom_kind", "named_ports"]
-        .map(|name| [("rust", format!("{name}.rs")), ("ron", format!("{name}.ron"))]);
-    for (language, file) in shown.into_iter().flatten() {
-        let text = fs::read_to_string(root().join("examples").join(&file)).unwrap();
+    for (language, file) in [("rust", "custom_node.rs"), ("ron", "custom_node.ron")] {
+        let text = example(file);
         assert!(page.contains(&format!("```{language}\n{text}```")), "{file} is another on the page");
     }
     let folder = tempfile::tempdir().unwrap();
