@@ -30,15 +30,14 @@ mod log;
 mod replay;
 mod rows;
 
-pub(super) use inputs::{Input, InputLog, InputScript, InputWriter};
-pub(super) use log::{ArrivalLog, ArrivalWriter, SettingWriter};
+pub(super) use inputs::{Input, InputLog, InputScript};
+pub(super) use log::{ArrivalLog, LogWriter};
 pub(super) use replay::{Arrivals, check_logs};
 
 use crate::plan::{FINGERPRINTS_NAME, FINGERPRINTS_VERSION, Plan, Planner};
 use crate::settings::LiveSetting;
 use haptograph_signal::files;
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Folder of the replay log in a run's folder.
@@ -260,13 +259,4 @@ fn columns(plan: &Plan) -> usize {
 fn gated(plan: &Plan) -> impl Iterator<Item = usize> {
     let actuators = plan.actuators.iter().enumerate();
     actuators.filter(|(_, actuator)| !actuator.silenced_by.is_empty()).map(|(place, _)| place)
-}
-
-/// Writes a line of numbers with enough digits to restore their bits.
-fn write_row(to: &mut impl Write, row: &[f64]) -> std::io::Result<()> {
-    for (place, number) in row.iter().enumerate() {
-        let comma = if place > 0 { "," } else { "" };
-        write!(to, "{comma}{number}")?;
-    }
-    writeln!(to)
 }

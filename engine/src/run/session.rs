@@ -5,7 +5,7 @@ mod change;
 pub use change::{ChangeError, Changed};
 
 use super::arm::ArmSwitch;
-use super::arrivals::{self, ArrivalLog, ArrivalWriter, Input, InputLog, InputWriter, SettingWriter};
+use super::arrivals::{self, ArrivalLog, Input, InputLog, LogWriter};
 use super::control::{Control, ControlError};
 use super::cost;
 use super::file_sinks::{FileSinks, WriteError, WrittenFile};
@@ -243,9 +243,9 @@ impl Session {
         let (log, kept) = ArrivalLog::new(plan);
         live.log_through(log);
         let what = arrivals::file(folder, driver);
-        let callbacks = WrittenFile::apart(Box::new(ArrivalWriter::create(&what, plan)?), what);
+        let callbacks = WrittenFile::apart(Box::new(LogWriter::callbacks(&what, plan)?), what);
         let what = arrivals::settings_file(folder, driver);
-        let settings = WrittenFile::apart(Box::new(SettingWriter::create(&what, plan)?), what);
+        let settings = WrittenFile::apart(Box::new(LogWriter::settings(&what, plan)?), what);
         self.writer.add(callbacks, vec![kept.callbacks]);
         self.writer.add(settings, vec![kept.settings]);
         Ok(())
@@ -257,7 +257,7 @@ impl Session {
             let (log, kept) = InputLog::new(&input);
             live.run_mut().log_input(input.place, log);
             let what = arrivals::input_file(folder, driver, input.place);
-            let sensed = WrittenFile::apart(Box::new(InputWriter::create(&what, &input)?), what);
+            let sensed = WrittenFile::apart(Box::new(input.writer(&what)?), what);
             self.writer.add(sensed, vec![kept]);
         }
         Ok(())

@@ -11,15 +11,12 @@
 //! Values are in SI units, with enough digits to restore their bits.
 
 use super::rows::Lines;
-use super::{ReplayBounds, ReplayError, input_file, quoted};
+use super::{LogWriter, ReplayBounds, ReplayError, input_file, quoted};
 use crate::frame::Kind;
 use crate::io::touched_ring;
-use crate::node::FrameWriter;
 use crate::plan::{DevicePlan, Plan};
 use haptograph_signal::quantity::Quantity;
 use rtrb::{Consumer, Producer};
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// Capacity of the ring to the writer thread, s.
@@ -48,6 +45,11 @@ impl Input {
                 columns: columns(device),
             })
             .collect()
+    }
+
+    /// The writer of its file in an existing folder.
+    pub fn writer(&self, path: &Path) -> std::io::Result<LogWriter> {
+        LogWriter::create(path, &self.header(), 1 + self.columns.len())
     }
 
     fn header(&self) -> String {
@@ -134,31 +136,6 @@ impl InputLog {
     /// True if a row was lost. The log is invalid from there on.
     pub fn is_torn(&self) -> bool {
         self.is_torn
-    }
-}
-
-/// Writes the file of an input in an existing folder.
-pub(in super::super) struct InputWriter {
-    file: BufWriter<File>,
-    columns: usize,
-}
-
-impl InputWriter {
-    pub fn create(path: &Path, input: &Input) -> std::io::Result<Self> {
-        let mut file = BufWriter::new(File::create(path)?);
-        writeln!(file, "{}", input.header())?;
-        let columns = 1 + input.columns.len();
-        Ok(Self { file, columns })
-    }
-}
-
-impl FrameWriter for InputWriter {
-    fn write(&mut self, _: usize, rows: &[f64]) -> std::io::Result<()> {
-        rows.chunks(self.columns).try_for_each(|row| super::write_row(&mut self.file, row))
-    }
-
-    fn finish(mut self: Box<Self>) -> std::io::Result<()> {
-        self.file.flush()
     }
 }
 

@@ -3,7 +3,7 @@
 use super::super::Run;
 use super::super::ramp::ParamRamp;
 use super::InputLog;
-use super::{FADING, REPLACED, RESUMED, RUNNING, SETTINGS_HEADER, cell, columns, gated, header, write_row};
+use super::{FADING, REPLACED, RESUMED, RUNNING, SETTINGS_HEADER, cell, columns, gated, header};
 use crate::io::touched_ring;
 use crate::node::FrameWriter;
 use crate::plan::Plan;
@@ -123,54 +123,49 @@ impl ArrivalLog {
     }
 }
 
-/// Writes the file of a driver's callbacks in an existing folder.
-pub(in super::super) struct ArrivalWriter {
+/// Writes a file of the log in an existing folder, row by row.
+pub(in super::super) struct LogWriter {
     file: BufWriter<File>,
     columns: usize,
-}
-
-impl ArrivalWriter {
-    pub fn create(path: &Path, plan: &Plan) -> std::io::Result<Self> {
-        let mut file = BufWriter::new(File::create(path)?);
-        writeln!(file, "{}", header(plan))?;
-        let columns = columns(plan);
-        Ok(Self { file, columns })
-    }
-}
-
-impl FrameWriter for ArrivalWriter {
-    fn write(&mut self, _: usize, rows: &[f64]) -> std::io::Result<()> {
-        rows.chunks(self.columns).try_for_each(|row| write_row(&mut self.file, row))
-    }
-
-    fn finish(mut self: Box<Self>) -> std::io::Result<()> {
-        self.file.flush()
-    }
-}
-
-/// Writes the file of setting changes, with the names of the settings.
-pub(in super::super) struct SettingWriter {
-    file: BufWriter<File>,
+    /// The names that the last number of a row selects; empty if it is a number like the others.
     names: Vec<String>,
 }
 
-impl SettingWriter {
-    pub fn create(path: &Path, plan: &Plan) -> std::io::Result<Self> {
+impl LogWriter {
+    /// A file of rows of numbers.
+    pub fn create(path: &Path, header: &str, columns: usize) -> std::io::Result<Self> {
         let mut file = BufWriter::new(File::create(path)?);
-        writeln!(file, "{SETTINGS_HEADER}")?;
+        writeln!(file, "{header}")?;
+        Ok(Self { file, columns, names: Vec::new() })
+    }
+
+    /// The file of a driver's callbacks.
+    pub fn callbacks(path: &Path, plan: &Plan) -> std::io::Result<Self> {
+        Self::create(path, &header(plan), columns(plan))
+    }
+
+    /// The file of a driver's setting changes, with the names of the settings.
+    pub fn settings(path: &Path, plan: &Plan) -> std::io::Result<Self> {
         let names = plan.live.iter().map(cell).collect();
-        Ok(Self { file, names })
+        Ok(Self { names, ..Self::create(path, SETTINGS_HEADER, SETTING)? })
+    }
+
+    /// Writes a line of numbers with enough digits to restore their bits.
+    fn write_row(&mut self, row: &[f64]) -> std::io::Result<()> {
+        for (place, number) in row.iter().enumerate() {
+            let comma = if place > 0 { "," } else { "" };
+            match self.names.get(*number as usize).filter(|_| place + 1 == self.columns) {
+                Some(name) => write!(self.file, "{comma}{name}")?,
+                None => write!(self.file, "{comma}{number}")?,
+            }
+        }
+        writeln!(self.file)
     }
 }
 
-impl FrameWriter for SettingWriter {
+impl FrameWriter for LogWriter {
     fn write(&mut self, _: usize, rows: &[f64]) -> std::io::Result<()> {
-        for [frame, from, to, frames, place] in rows.as_chunks::<SETTING>().0 {
-            // Only live settings of the plan can be logged.
-            let name = self.names.get(*place as usize).map_or("", String::as_str);
-            writeln!(self.file, "{frame},{from},{to},{frames},{name}")?;
-        }
-        Ok(())
+        rows.chunks(self.columns).try_for_each(|row| self.write_row(row))
     }
 
     fn finish(mut self: Box<Self>) -> std::io::Result<()> {
