@@ -8,9 +8,8 @@ use crate::frame::{Kind, Scalar, Vector, Wrench};
 use crate::graph::{Graph, GraphDevice};
 use crate::node::OfflineOnly;
 use crate::settings::closest;
-use haptograph_signal::quantity::Quantity;
-use haptograph_signal::time::Rate;
 use std::marker::PhantomData;
+use std::ops::Deref;
 use std::sync::Arc;
 
 /// A frame of the caller, in SI units.
@@ -175,25 +174,14 @@ impl<V: HostFrame> Input<V> {
     pub fn into_any(self) -> AnyInput {
         self.any
     }
+}
 
-    /// Number of frames that wait for their tick.
-    pub fn waiting(&self) -> usize {
-        self.any.waiting()
-    }
+/// Its name, kind, quantity, rate and number of waiting frames.
+impl<V> Deref for Input<V> {
+    type Target = AnyInput;
 
-    /// Rate of the channel's ticks.
-    pub fn rate(&self) -> Rate {
-        self.any.rate()
-    }
-
-    /// Quantity of the components.
-    pub fn quantity(&self) -> Quantity {
-        self.any.quantity()
-    }
-
-    /// Name of endpoint and channel.
-    pub fn name(&self) -> &str {
-        self.any.name()
+    fn deref(&self) -> &AnyInput {
+        &self.any
     }
 }
 
@@ -221,28 +209,17 @@ impl<V: HostFrame> Output<V> {
         self.any
     }
 
-    /// Number of unread frames. Frames beyond a second are lost.
-    pub fn waiting(&self) -> usize {
-        self.any.waiting()
-    }
-
-    /// Rate of its frames.
-    pub fn rate(&self) -> Rate {
-        self.any.rate()
-    }
-
-    /// Quantity of the components.
-    pub fn quantity(&self) -> Quantity {
-        self.any.quantity()
-    }
-
-    /// Name of endpoint and channel, or of the probed output.
-    pub fn name(&self) -> &str {
-        self.any.name()
-    }
-
     pub(super) fn of(any: AnyOutput) -> Self {
         Self { any, frame: PhantomData }
+    }
+}
+
+/// Its name, kind, quantity, rate and number of unread frames.
+impl<V> Deref for Output<V> {
+    type Target = AnyOutput;
+
+    fn deref(&self) -> &AnyOutput {
+        &self.any
     }
 }
 
