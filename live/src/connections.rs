@@ -136,6 +136,29 @@ impl Connections {
         self.all_mut().for_each(|backend| backend.keep(graph));
     }
 
+    /// Replaces the running graph: connects the devices of the new one, then hands it over by `change`. On an error the running
+    /// graph continues with its connections.
+    ///
+    /// # Errors
+    /// A description of the error of the connection or of `change`.
+    pub fn replace<T, E: std::fmt::Display>(
+        &mut self,
+        graph: &mut Graph,
+        change: impl FnOnce(&Graph) -> Result<T, E>,
+    ) -> Result<T, String> {
+        self.connect(graph).map_err(|error| error.to_string())?;
+        match change(graph) {
+            Ok(changed) => {
+                self.keep(graph);
+                Ok(changed)
+            }
+            Err(error) => {
+                self.undo();
+                Err(error.to_string())
+            }
+        }
+    }
+
     /// Starts the drivers of a graph.
     ///
     /// # Errors

@@ -29,6 +29,7 @@ pub mod midi;
 #[cfg_attr(not(feature = "osc"), allow(dead_code, reason = "only some backends use it"))]
 mod numbers;
 pub mod osc;
+mod protected;
 pub mod serial;
 #[cfg(feature = "osc")]
 mod setting_value;
@@ -50,6 +51,7 @@ pub use backend::{Backend, BackendEntry, BackendError, BackendEvent, Connected, 
 pub use backends::{BACKENDS, add_backend, refuse_conflicts};
 pub use connections::Connections;
 pub use numbers::{NumberSource, Readers};
+pub use protected::{LimitChange, ProtectedActuator};
 #[cfg(feature = "osc")]
 pub use setting_value::SettingValue;
 

@@ -9,7 +9,6 @@ mod latency;
 mod live_settings;
 mod loading;
 mod network_value;
-mod protected;
 pub mod replay;
 mod report;
 mod requests;
@@ -36,14 +35,14 @@ pub use swap::CHANGES;
 use crate::SettingValue;
 use crate::backend::{BackendError, Connected};
 use crate::osc::OscControl;
+use crate::protected::Protected;
 use drivers::Drivers;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{LiveOutcome, RingReport, Session};
 use history::{History, Notes};
 use inbox::{Inbox, Ordered};
 use live_settings::LiveSettings;
-use loading::{Loader, Loading, ParameterDefaults};
-use protected::ProtectedSettings;
+use loading::{KnownDocument, Loader, Loading, ParameterDefaults};
 use requests::PendingChange;
 use silence::SilenceMonitor;
 use std::collections::VecDeque;
@@ -95,46 +94,68 @@ const MAX_HANDLED: usize = 64;
 pub struct Supervisor {
     /// The graph that ran first.
     graph: Arc<Graph>,
-    /// The graph that runs, with the present parameters.
+    folder: Option<PathBuf>,
+    /// Before the session, so that a drop ends them first.
+    drivers: Drivers,
+    session: Session,
+    stop: Arc<AtomicBool>,
+    parameters: RunParameters,
+    edits: Edits,
+    requests: RequestQueue,
+    record: RunRecord,
+    events: Vec<Event>,
+}
+
+/// The graph that runs, by its file and its parameters.
+struct RunParameters {
+    /// The file, with the present parameters.
     source: GraphSource,
     /// The parameters that the run began with.
     given: Vec<(String, String)>,
     /// The parameters set since.
     typed: ParameterDefaults,
     /// The parameters of the running graph, with their defaults.
-    parameters: ParameterDefaults,
-    accept: Accept,
-    folder: Option<PathBuf>,
+    known: ParameterDefaults,
+}
+
+/// Changes of the graph: what brings them, and what the running graph is compared with.
+struct Edits {
     watch: Option<FileWatch>,
-    /// Before the session, so that a drop ends them first.
-    drivers: Drivers,
-    session: Session,
-    stop: Arc<AtomicBool>,
-    silence: SilenceMonitor,
-    notes: Notes,
-    refused_at_start: Vec<String>,
-    unrested: Vec<String>,
-    start: Instant,
-    /// Number of changed graphs, and of those that differed in more than live settings.
-    changes: u32,
-    swaps: u32,
-    devices: Vec<DeviceUse>,
-    saved: Vec<SavedGraph>,
-    history: History,
-    /// Names whose OSC messages were refused; each is reported once.
-    refused: Vec<String>,
-    protected: ProtectedSettings,
+    accept: Accept,
+    protected: Protected,
     /// Texts of the running graph's files.
     texts: Vec<String>,
+    known: Option<KnownDocument>,
     loader: Loader,
     loading: Option<(PendingChange, Loading)>,
     waiting: VecDeque<PendingChange>,
-    known: Option<loading::KnownDocument>,
+}
+
+/// The requests to a run, from every origin.
+struct RequestQueue {
     osc: Option<OscControl>,
     settings: LiveSettings,
     inbox: Inbox,
-    requests: Vec<Ordered<Request>>,
-    events: Vec<Event>,
+    /// Those that a wait received or the program queued.
+    queued: Vec<Ordered<Request>>,
+    /// Names whose OSC messages were refused; each is reported once.
+    refused: Vec<String>,
+}
+
+/// What the report of a run contains.
+struct RunRecord {
+    start: Instant,
+    refused_at_start: Vec<String>,
+    unrested: Vec<String>,
+    silence: SilenceMonitor,
+    notes: Notes,
+    /// The devices of all graphs that ran.
+    devices: Vec<DeviceUse>,
+    /// Number of changed graphs, and of those that differed in more than live settings.
+    changes: u32,
+    swaps: u32,
+    saved: Vec<SavedGraph>,
+    history: History,
 }
 
 /// A run that has ended.
@@ -162,9 +183,9 @@ impl Supervisor {
     pub fn request(&mut self, request: Request) {
         if request.origin == Origin::Program {
             let same = |known: &Request| known.origin == Origin::Program && known.name == request.name;
-            self.requests.retain(|known| !same(&known.asked));
+            self.requests.queued.retain(|known| !same(&known.asked));
         }
-        self.requests.push(self.inbox.sender().ordered(request));
+        self.requests.queued.push(self.requests.inbox.sender().ordered(request));
     }
 
     /// Queues a new value of a parameter or live setting, from the embedding program.
@@ -180,10 +201,10 @@ impl Supervisor {
     /// # Errors
     /// [`SettingError`] if no live setting of the running graph has the name.
     pub fn setting(&mut self, name: &str) -> Result<SettingHandle, SettingError> {
-        if let Some(handle) = self.settings.handle(name, self.inbox.sender()) {
+        if let Some(handle) = self.requests.settings.handle(name, self.requests.inbox.sender()) {
             return Ok(handle);
         }
-        match self.parameters.iter().any(|(known, _)| known == name) {
+        match self.parameters.known.iter().any(|(known, _)| known == name) {
             true => Err(SettingError::Parameter(name.to_owned())),
             false => Err(SettingError::Unknown { name: name.to_owned(), help: self.live_choices(name) }),
         }
@@ -191,12 +212,12 @@ impl Supervisor {
 
     /// Sends requests from another thread, and ends [`wait`](Self::wait).
     pub fn sender(&self) -> RequestSender {
-        self.inbox.sender().clone()
+        self.requests.inbox.sender().clone()
     }
 
     /// Maximum number of requests for the next [`poll`](Self::poll), so that a stop is not held up.
     pub fn room(&self) -> usize {
-        MAX_HANDLED.min(MAX_QUEUED.saturating_sub(self.waiting.len()))
+        MAX_HANDLED.min(MAX_QUEUED.saturating_sub(self.edits.waiting.len()))
     }
 
     /// Ramps the actuators to zero and ends the run.
@@ -216,7 +237,7 @@ impl Supervisor {
 
     /// Waits until the next [`poll`](Self::poll) is due: for a request or a [`wake`](RequestSender::wake), at most 50 ms.
     pub fn wait(&mut self) {
-        self.wait_at_most(match self.loading.is_some() {
+        self.wait_at_most(match self.edits.loading.is_some() {
             true => LOADING_PERIOD,
             false => PERIOD,
         });
@@ -225,19 +246,19 @@ impl Supervisor {
     /// Waits for a request or a [`wake`](RequestSender::wake). Until the next [`poll`](Self::poll) nothing reports a lost
     /// device or a silence, and no graph is swapped in.
     pub fn wait_at_most(&mut self, longest: Duration) {
-        if self.requests.is_empty() {
-            self.requests.extend(self.inbox.wait(longest));
+        if self.requests.queued.is_empty() {
+            self.requests.queued.extend(self.requests.inbox.wait(longest));
         }
     }
 
     /// Does all work that is due, without waiting: polls devices and files, handles requests, loads and swaps graphs.
     pub fn poll(&mut self) -> Vec<Event> {
         for event in self.drivers.poll() {
-            self.events.extend(self.notes.add(event).map(Event::Device));
+            self.events.extend(self.record.notes.add(event).map(Event::Device));
         }
         let inputs = self.session.live_inputs();
         // The final warnings summarise these notes, one line per input.
-        let silences = self.silence.poll(Instant::now(), &inputs, &self.drivers);
+        let silences = self.record.silence.poll(Instant::now(), &inputs, &self.drivers);
         self.events.extend(silences.into_iter().map(Event::Silence));
         self.events.extend(self.session.failing_files().map(Event::FileFailed));
         self.session.poll();
@@ -246,10 +267,10 @@ impl Supervisor {
         }
         let stopping = self.stop.load(Ordering::Relaxed);
         self.handle_requests();
-        if self.watch.as_mut().is_some_and(FileWatch::has_changed)
-            && !self.waiting.iter().any(|change| matches!(change, PendingChange::Saved))
+        if self.edits.watch.as_mut().is_some_and(FileWatch::has_changed)
+            && !self.edits.waiting.iter().any(|change| matches!(change, PendingChange::Saved))
         {
-            self.waiting.push_back(PendingChange::Saved);
+            self.edits.waiting.push_back(PendingChange::Saved);
         }
         if !stopping {
             self.load_next();
@@ -263,23 +284,23 @@ impl Supervisor {
     /// # Errors
     /// [`BackendError::Lost`] if a driver's thread panicked.
     pub fn finish(mut self) -> Result<Ended, BackendError> {
-        self.settings.end();
+        self.requests.settings.end();
         if !self.is_finished() {
             self.stop_now();
         }
-        let mut warnings = self.refused_at_start;
-        warnings.extend(self.notes.counted());
+        let mut warnings = self.record.refused_at_start;
+        warnings.extend(self.record.notes.counted());
         warnings.extend(drivers::warnings(&self.drivers));
         let inputs = self.session.live_inputs();
-        warnings.extend(self.silence.warnings(Instant::now(), &inputs, &self.drivers));
+        warnings.extend(self.record.silence.warnings(Instant::now(), &inputs, &self.drivers));
         let mut report = RunReport {
-            changes: self.changes,
-            swaps: self.swaps,
-            saved_while_running: self.saved,
-            unrested: self.unrested,
-            silences: self.silence.into_events(),
-            set_while_running: self.history.all(),
-            osc_malformed: self.osc.as_ref().map(OscControl::malformed),
+            changes: self.record.changes,
+            swaps: self.record.swaps,
+            saved_while_running: self.record.saved,
+            unrested: self.record.unrested,
+            silences: self.record.silence.into_events(),
+            set_while_running: self.record.history.all(),
+            osc_malformed: self.requests.osc.as_ref().map(OscControl::malformed),
             ..RunReport::default()
         };
         let heard: Vec<RingReport> = self.drivers.rings().collect();
@@ -290,12 +311,12 @@ impl Supervisor {
         drop(self.drivers);
         let mut outcome = self.session.finish_all(lives);
         outcome.outcome.rings.extend(heard);
-        let took_s = self.start.elapsed().as_secs_f64();
+        let took_s = self.record.start.elapsed().as_secs_f64();
         // Computed after the files are complete, since it takes long for a large graph.
         let latencies = latency::measured(&self.graph, output_latency.as_ref());
         report.add_outcome(&self.graph, took_s, &outcome, &latencies);
         warnings.extend(report::warnings_of(&outcome, &report.timing.stalled_at_s));
-        Ok(Ended { outcome, report, warnings, latencies, devices: self.devices, took_s })
+        Ok(Ended { outcome, report, warnings, latencies, devices: self.record.devices, took_s })
     }
 
     /// Description of the drivers of the run.
@@ -310,33 +331,33 @@ impl Supervisor {
 
     /// Privileges that the system refused at the start, and how to grant them, one sentence each.
     pub fn refused_at_start(&self) -> &[String] {
-        &self.refused_at_start
+        &self.record.refused_at_start
     }
 
     /// Sinks whose actuators began as warm as their limits allow, since their temperature is unknown.
     pub fn unrested(&self) -> &[String] {
-        &self.unrested
+        &self.record.unrested
     }
 
     /// Address at which settings are received by Open Sound Control.
     pub fn osc_address(&self) -> Option<SocketAddr> {
-        self.osc.as_ref().map(OscControl::address)
+        self.requests.osc.as_ref().map(OscControl::address)
     }
 
     /// The parameters, with the text of their values, and the live settings with their numbers.
     pub fn settings(&self) -> Vec<(String, Option<SettingValue>)> {
         let parameter = |(name, default): &(String, Option<String>)| {
-            let set = self.source.set.iter().find(|(known, _)| known == name);
+            let set = self.parameters.source.set.iter().find(|(known, _)| known == name);
             let value = set.map(|(_, value)| value.clone()).or(default.clone());
             (name.clone(), value.map(SettingValue::Text))
         };
         let live = self.session.settings();
         let live = live.map(|live| (live.name(), Some(SettingValue::Number(live.value))));
-        self.parameters.iter().map(parameter).chain(live).collect()
+        self.parameters.known.iter().map(parameter).chain(live).collect()
     }
 
     /// The changes of settings, each with its time and origin, one line each.
     pub fn history(&self) -> String {
-        self.history.lines()
+        self.record.history.lines()
     }
 }

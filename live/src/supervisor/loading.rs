@@ -1,8 +1,8 @@
 //! Loading of a graph while another one runs, on a thread of its own that may be slow, hang or panic. The
 //! caller polls the result and abandons it after a time limit.
 
-use super::protected::ProtectedSettings;
 use super::watch::{FileWatch, stamp};
+use crate::protected::Protected;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
@@ -94,7 +94,7 @@ pub struct LoadOutcome {
 pub(super) struct LoadedGraph {
     pub graph: Graph,
     pub watch: FileWatch,
-    pub protected: ProtectedSettings,
+    pub protected: Protected,
     pub texts: Vec<String>,
 }
 
@@ -262,12 +262,7 @@ impl SavedOverrides {
 
 impl LoadedGraph {
     fn of(graph: Graph) -> Self {
-        Self {
-            watch: FileWatch::of(&graph),
-            protected: ProtectedSettings::of(&graph),
-            texts: texts(&graph),
-            graph,
-        }
+        Self { watch: FileWatch::of(&graph), protected: Protected::of(&graph), texts: texts(&graph), graph }
     }
 }
 

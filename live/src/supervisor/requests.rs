@@ -36,8 +36,8 @@ impl Supervisor {
 
     /// Handles requests, in their order: those that need a loaded graph are queued, all others are done at once.
     pub(super) fn handle_requests(&mut self) {
-        let arrived = self.inbox.take(self.room());
-        let mut requests: Vec<Ordered<Request>> = std::mem::take(&mut self.requests);
+        let arrived = self.requests.inbox.take(self.room());
+        let mut requests: Vec<Ordered<Request>> = std::mem::take(&mut self.requests.queued);
         for request in arrived {
             // Only the latest value of a fader counts.
             if request.asked.origin == Origin::Osc {
@@ -50,7 +50,7 @@ impl Supervisor {
         }
         requests.sort_by_key(|request| request.order);
         let mut requests = requests.into_iter().peekable();
-        for pending in self.settings.take_pending() {
+        for pending in self.requests.settings.take_pending() {
             while let Some(request) = requests.next_if(|request| request.order < pending.order) {
                 self.request_change(request);
             }
@@ -61,7 +61,7 @@ impl Supervisor {
 
     /// Passes on a value that a handle has set.
     fn set_pending(&mut self, pending: PendingValue) {
-        if !self.settings.is_newest(&pending.name, pending.order) {
+        if !self.requests.settings.is_newest(&pending.name, pending.order) {
             return;
         }
         let set = match pending.target {
@@ -69,14 +69,14 @@ impl Supervisor {
             None => Err(ControlError::NotLive),
         };
         if matches!(set, Err(ControlError::Full)) {
-            self.settings.retry(pending.handle);
+            self.requests.settings.retry(pending.handle);
         }
-        let is_first_refusal = self.settings.note(pending.handle, set.is_ok());
+        let is_first_refusal = self.requests.settings.note(pending.handle, set.is_ok());
         match set {
             Ok(()) => {
-                let at_s = self.start.elapsed().as_secs_f64();
+                let at_s = self.record.start.elapsed().as_secs_f64();
                 let value = SettingValue::Number(pending.value);
-                self.history.set(at_s, pending.name, value, Origin::Program);
+                self.record.history.set(at_s, pending.name, value, Origin::Program);
             }
             Err(error) if is_first_refusal => {
                 self.refuse(Verbosity::All, format!("`{}` was not changed: {error}", pending.name))
@@ -92,21 +92,22 @@ impl Supervisor {
         let verbosity = self.verbosity(name, *origin);
         if name.contains('.') {
             // A handle has set a newer value meanwhile.
-            if self.settings.target(name).is_some() && !self.settings.is_newest(name, order) {
+            if self.requests.settings.target(name).is_some() && !self.requests.settings.is_newest(name, order)
+            {
                 return;
             }
             let was_set = self.set_directly(name, value, verbosity);
             return self.note(was_set, request);
         }
-        if !self.parameters.iter().any(|(known, _)| known == name) {
-            let names = self.parameters.iter().map(|(known, _)| known.as_str());
+        if !self.parameters.known.iter().any(|(known, _)| known == name) {
+            let names = self.parameters.known.iter().map(|(known, _)| known.as_str());
             let help = choices(name, &names.collect::<Vec<_>>(), "its parameters are");
             self.refuse(verbosity, format!("the graph has no parameter `{name}`{help}"));
             return self.note(false, request);
         }
         if *origin == Origin::Osc
             && let SettingValue::Text(text) = value
-            && let Some(refusal) = network_value::refusal(text, &self.source.path)
+            && let Some(refusal) = network_value::refusal(text, &self.parameters.source.path)
         {
             self.refuse(verbosity, format!("`{name}` was not changed: {refusal}"));
             return self.note(false, request);
@@ -114,17 +115,19 @@ impl Supervisor {
         // Of requests that are not typed, only the latest for a name counts.
         if *origin != Origin::Keyboard {
             let same = |change: &PendingChange| matches!(change, PendingChange::Set(known) if known.origin == *origin && known.name == *name);
-            self.waiting.retain(|change| !same(change));
+            self.edits.waiting.retain(|change| !same(change));
         }
-        self.waiting.push_back(PendingChange::Set(request));
+        self.edits.waiting.push_back(PendingChange::Set(request));
     }
 
     /// Which events of a request are of interest.
     fn verbosity(&self, name: &str, origin: Origin) -> Verbosity {
-        let full = self.refused.len() >= History::MAX;
+        let full = self.requests.refused.len() >= History::MAX;
         match origin {
             Origin::Keyboard | Origin::Program => Verbosity::All,
-            Origin::Osc if full || self.refused.iter().any(|known| known == name) => Verbosity::Silent,
+            Origin::Osc if full || self.requests.refused.iter().any(|known| known == name) => {
+                Verbosity::Silent
+            }
             Origin::Osc => Verbosity::Refusals,
         }
     }
@@ -133,16 +136,16 @@ impl Supervisor {
     pub(super) fn note(&mut self, was_set: bool, request: Request) {
         let Request { name, value, origin } = request;
         if was_set {
-            let at_s = self.start.elapsed().as_secs_f64();
-            self.history.set(at_s, name.into(), value, origin);
+            let at_s = self.record.start.elapsed().as_secs_f64();
+            self.record.history.set(at_s, name.into(), value, origin);
         } else if self.verbosity(&name, origin) == Verbosity::Refusals {
-            self.refused.push(name);
+            self.requests.refused.push(name);
         }
     }
 
     /// Polls the loader; when it is free, starts the next queued change.
     pub(super) fn load_next(&mut self) {
-        if let Some((change, loading)) = self.loading.take() {
+        if let Some((change, loading)) = self.edits.loading.take() {
             let verbosity = match &change {
                 PendingChange::Set(request) => self.verbosity(&request.name, request.origin),
                 PendingChange::Saved => Verbosity::All,
@@ -150,7 +153,7 @@ impl Supervisor {
             match loading.poll() {
                 Some(loaded) => self.swap_loaded(change, loaded, &loading, verbosity),
                 None if loading.elapsed() < loading::BUDGET => {
-                    self.loading = Some((change, loading));
+                    self.edits.loading = Some((change, loading));
                     return;
                 }
                 None => {
@@ -165,10 +168,10 @@ impl Supervisor {
                 }
             }
         }
-        if let Some(change) = self.waiting.pop_front() {
+        if let Some(change) = self.edits.waiting.pop_front() {
             let job = self.job(&change);
-            match self.loader.begin(job) {
-                Ok(loading) => self.loading = Some((change, loading)),
+            match self.edits.loader.begin(job) {
+                Ok(loading) => self.edits.loading = Some((change, loading)),
                 Err(why) => {
                     self.refuse(Verbosity::All, format!("the running graph is unchanged: {why}"));
                     self.reject(change);
@@ -184,18 +187,19 @@ impl Supervisor {
     }
 
     fn job(&mut self, change: &PendingChange) -> Job {
-        let mut source = self.source.clone();
+        let mut source = self.parameters.source.clone();
         let saved = match change {
             PendingChange::Set(Request { name, value, .. }) => {
                 source.set.retain(|(known, _)| known != name);
                 source.set.push((name.clone(), value.to_string()));
                 None
             }
-            PendingChange::Saved => {
-                Some(SavedOverrides { given: self.given.clone(), typed: self.typed.clone() })
-            }
+            PendingChange::Saved => Some(SavedOverrides {
+                given: self.parameters.given.clone(),
+                typed: self.parameters.typed.clone(),
+            }),
         };
-        Job { source, saved, known: self.known.take() }
+        Job { source, saved, known: self.edits.known.take() }
     }
 
     fn set_directly(&mut self, name: &str, value: &SettingValue, verbosity: Verbosity) -> bool {
@@ -206,7 +210,7 @@ impl Supervisor {
                 return false;
             }
         };
-        let target = self.settings.target(name);
+        let target = self.requests.settings.target(name);
         let set = match target {
             Some((node, setting)) => self.session.set(node, setting, number),
             None => Err(ControlError::NotLive),

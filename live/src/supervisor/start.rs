@@ -5,7 +5,9 @@ use super::inbox::{Inbox, RequestSender};
 use super::live_settings::LiveSettings;
 use super::loading::{self, GraphSource, Job, LoadFn, LoadedGraph, Loader, ParameterDefaults};
 use super::silence::SilenceMonitor;
-use super::{DeviceUse, History, Notes, Origin, Request, Supervisor};
+use super::{
+    DeviceUse, Edits, History, Notes, Origin, Request, RequestQueue, RunParameters, RunRecord, Supervisor,
+};
 use crate::backend::BackendError;
 use crate::connections::Connections;
 use crate::osc::OscControl;
@@ -123,16 +125,28 @@ impl PreparedRun {
         let inbox = Inbox::new();
         let osc = listen_for_settings(self.options.osc, inbox.sender())?;
         let LoadedGraph { graph, watch, protected, texts } = self.loaded;
+        let RunOptions { source, watch: is_watched, accept, .. } = self.options.clone();
         Ok(ConnectedRun {
-            watch: self.options.watch.then_some(watch),
             graph: Arc::new(graph),
-            protected,
-            texts,
             connections: self.connections,
+            parameters: RunParameters {
+                given: source.set.clone(),
+                source,
+                typed: Vec::new(),
+                known: self.parameters,
+            },
+            edits: Edits {
+                watch: is_watched.then_some(watch),
+                accept,
+                protected,
+                texts,
+                known: None,
+                loader: self.loader,
+                loading: None,
+                waiting: VecDeque::new(),
+            },
             osc,
             inbox,
-            parameters: self.parameters,
-            loader: self.loader,
             options: self.options,
         })
     }
@@ -158,12 +172,9 @@ fn listen_for_settings(
 pub struct ConnectedRun {
     options: RunOptions,
     graph: Arc<Graph>,
-    watch: Option<super::FileWatch>,
-    protected: super::ProtectedSettings,
-    texts: Vec<String>,
-    parameters: ParameterDefaults,
-    loader: Loader,
     connections: Connections,
+    parameters: RunParameters,
+    edits: Edits,
     osc: Option<OscControl>,
     inbox: Inbox,
 }
@@ -195,38 +206,32 @@ impl ConnectedRun {
         let mut drivers = Drivers::start(self.connections, &self.graph, lives, &stop)?;
         drivers.keep(&self.graph);
         Ok(Supervisor {
-            refused_at_start: drivers.notes(),
-            devices: DeviceUse::of(&self.graph),
+            requests: RequestQueue {
+                osc: self.osc,
+                settings: LiveSettings::of(session.settings()),
+                inbox: self.inbox,
+                queued: Vec::new(),
+                refused: Vec::new(),
+            },
+            record: RunRecord {
+                start,
+                refused_at_start: drivers.notes(),
+                unrested,
+                silence: SilenceMonitor::new(Instant::now()),
+                notes: Notes::default(),
+                devices: DeviceUse::of(&self.graph),
+                changes: 0,
+                swaps: 0,
+                saved: Vec::new(),
+                history: History::default(),
+            },
             graph: self.graph,
-            given: self.options.source.set.clone(),
-            source: self.options.source,
-            typed: Vec::new(),
-            parameters: self.parameters,
-            accept: self.options.accept,
             folder: folder.map(Path::to_owned),
-            watch: self.watch,
-            settings: LiveSettings::of(session.settings()),
-            session,
             drivers,
+            session,
             stop,
-            silence: SilenceMonitor::new(Instant::now()),
-            notes: Notes::default(),
-            unrested,
-            start,
-            changes: 0,
-            swaps: 0,
-            saved: Vec::new(),
-            history: History::default(),
-            refused: Vec::new(),
-            protected: self.protected,
-            texts: self.texts,
-            loader: self.loader,
-            loading: None,
-            waiting: VecDeque::new(),
-            known: None,
-            osc: self.osc,
-            inbox: self.inbox,
-            requests: Vec::new(),
+            parameters: self.parameters,
+            edits: self.edits,
             events: Vec::new(),
         })
     }

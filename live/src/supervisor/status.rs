@@ -55,7 +55,7 @@ impl Supervisor {
         let input = |status: InputStatus| {
             let counted = packets.iter().position(|(device, ..)| *device == status.device);
             let counted = counted.map(|place| packets.swap_remove(place));
-            let silent = self.silence.silent_for(&status.device, now);
+            let silent = self.record.silence.silent_for(&status.device, now);
             InputNow {
                 silent_s: silent.map_or(0.0, |lasts| lasts.as_secs_f64()),
                 place: self.drivers.place(&status.device),
@@ -65,14 +65,14 @@ impl Supervisor {
             }
         };
         Status {
-            seconds: now.saturating_duration_since(self.start).as_secs_f64(),
+            seconds: now.saturating_duration_since(self.record.start).as_secs_f64(),
             drivers,
             streams: roles.flat_map(|role| self.drivers.counted(role)).collect(),
             rings: self.session.rings().chain(self.drivers.rings()).collect(),
             actuators: self.session.actuator_levels(),
             inputs: self.session.live_inputs().into_iter().map(input).collect(),
-            silent: self.silence.silent().map(str::to_owned).collect(),
-            last_set: self.history.last(),
+            silent: self.record.silence.silent().map(str::to_owned).collect(),
+            last_set: self.record.history.last(),
         }
     }
 }

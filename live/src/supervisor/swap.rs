@@ -43,7 +43,7 @@ impl Supervisor {
         loading: &Loading,
         verbosity: Verbosity,
     ) {
-        self.known = loaded.known;
+        self.edits.known = loaded.known;
         let swapped = match loaded.result {
             Ok(ready) => self.swap_in(ready, loading, (verbosity, &change)),
             Err(wrong) => {
@@ -57,22 +57,22 @@ impl Supervisor {
         let Some(swapped) = swapped else {
             return self.reject(change);
         };
-        self.source.set = loaded.set;
-        self.typed = loaded.typed.unwrap_or_else(|| std::mem::take(&mut self.typed));
-        self.parameters = loaded.parameters;
+        self.parameters.source.set = loaded.set;
+        self.parameters.typed = loaded.typed.unwrap_or_else(|| std::mem::take(&mut self.parameters.typed));
+        self.parameters.known = loaded.parameters;
         match change {
             PendingChange::Set(request) => {
                 let name = &request.name;
-                let default = self.parameters.iter().find(|(known, _)| known == name);
+                let default = self.parameters.known.iter().find(|(known, _)| known == name);
                 let default = default.and_then(|(_, text)| text.clone());
-                self.typed.retain(|(known, _)| known != name);
-                self.typed.push((name.clone(), default));
+                self.parameters.typed.retain(|(known, _)| known != name);
+                self.parameters.typed.push((name.clone(), default));
                 // A file saved just before still triggers the watch, which may find that this graph already
                 // runs.
                 if swapped.is_saved || !matches!(swapped.change, Change::Settings(_)) {
                     self.keep(&swapped);
                 }
-                if let Some(watch) = &mut self.watch {
+                if let Some(watch) = &mut self.edits.watch {
                     watch.also(swapped.watch);
                 }
                 self.note(true, request);
@@ -80,11 +80,11 @@ impl Supervisor {
             PendingChange::Saved => {
                 if swapped.change != Change::Settings(0) {
                     self.keep(&swapped);
-                    let at_s = self.start.elapsed().as_secs_f64();
-                    self.history.saved(at_s, swapped.change, &swapped.set);
+                    let at_s = self.record.start.elapsed().as_secs_f64();
+                    self.record.history.saved(at_s, swapped.change, &swapped.set);
                 }
                 // A changed graph may read other files.
-                if let Some(watch) = &mut self.watch {
+                if let Some(watch) = &mut self.edits.watch {
                     watch.turn_to(swapped.watch);
                 }
             }
@@ -94,10 +94,10 @@ impl Supervisor {
     /// Copies the files of a saved graph into the run's folder for later reference.
     fn keep(&mut self, swapped: &SwappedGraph) {
         // Bounded: a fader may change the graph a hundred times per second.
-        let Some(folder) = self.folder.as_ref().filter(|_| self.saved.len() < History::MAX) else {
+        let Some(folder) = self.folder.as_ref().filter(|_| self.record.saved.len() < History::MAX) else {
             return;
         };
-        let place = Path::new(CHANGES).join((self.saved.len() + 1).to_string());
+        let place = Path::new(CHANGES).join((self.record.saved.len() + 1).to_string());
         let folder = folder.join(&place);
         let written = fs::create_dir_all(&folder).and_then(|()| {
             let sources = swapped.graph.sources().iter();
@@ -117,8 +117,8 @@ impl Supervisor {
             self.events.push(Event::NotKept(text));
         }
         let set = swapped.set.iter();
-        self.saved.push(SavedGraph {
-            at_s: (self.start.elapsed().as_secs_f64() * 100.0).round() / 100.0,
+        self.record.saved.push(SavedGraph {
+            at_s: (self.record.start.elapsed().as_secs_f64() * 100.0).round() / 100.0,
             what: swapped.change.to_string(),
             change: swapped.change.code().to_owned(),
             set: set.map(|(name, value)| format!("{name}={value}")).collect(),
@@ -141,11 +141,11 @@ impl Supervisor {
             }));
         }
         let is_remote = matches!(change, PendingChange::Set(Request { origin: Origin::Osc, .. }));
-        let guarded = match is_remote && ready.protected != self.protected {
+        let guarded = match is_remote && ready.protected != self.edits.protected {
             true => Err("limits and devices can only be changed in the file or from the terminal".to_owned()),
             false => Ok(()),
         };
-        let accepted = (self.accept)(&graph).and(guarded);
+        let accepted = (self.edits.accept)(&graph).and(guarded);
         let changed = accepted.and_then(|()| self.change(&mut graph));
         let Difference { changed, set } = match changed {
             Ok(difference) => difference,
@@ -160,12 +160,12 @@ impl Supervisor {
             let text = describe(&changed, &set, by, loading.elapsed());
             self.events.push(Event::Changed(changed.change, text));
         }
-        let limits = ready.protected.changes(&self.protected);
+        let limits = ready.protected.changes(&self.edits.protected);
         self.events.extend(limits.into_iter().map(Event::Limit));
-        self.protected = ready.protected;
-        let before = std::mem::replace(&mut self.texts, ready.texts);
+        self.edits.protected = ready.protected;
+        let before = std::mem::replace(&mut self.edits.texts, ready.texts);
         Some(SwappedGraph {
-            is_saved: before != self.texts,
+            is_saved: before != self.edits.texts,
             graph,
             change: changed.change,
             set,
@@ -173,37 +173,27 @@ impl Supervisor {
         })
     }
 
-    /// Connects the network devices of a graph and hands the graph to the drivers.
+    /// Connects the devices of a graph and hands the graph to the drivers.
     fn change(&mut self, graph: &mut Graph) -> Result<Difference, String> {
-        self.drivers.connect(graph).map_err(|error| error.to_string())?;
         let before: HashMap<String, f64> =
             self.session.settings().map(|live| (live.name(), live.value)).collect();
-        let changed = match &self.folder {
-            Some(folder) => self.session.change(&*graph, folder),
-            None => self.session.change_without_files(&*graph),
-        };
-        match changed {
-            Ok(changed) => {
-                let now = graph.live_settings().into_iter();
-                let now = now.map(|live| (live.name(), live.value));
-                let set = now.filter(|(name, value)| before.get(name).is_some_and(|then| then != value));
-                let set = set.collect();
-                self.drivers.keep(graph);
-                self.settings.rebind(self.session.settings());
-                for device in DeviceUse::of(graph) {
-                    if !self.devices.contains(&device) {
-                        self.devices.push(device);
-                    }
-                }
-                self.changes += 1;
-                self.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
-                Ok(Difference { changed, set })
-            }
-            Err(error) => {
-                self.drivers.undo();
-                Err(error.to_string())
+        let changed = self.drivers.replace(graph, |graph| match &self.folder {
+            Some(folder) => self.session.change(graph, folder),
+            None => self.session.change_without_files(graph),
+        })?;
+        let now = graph.live_settings().into_iter();
+        let now = now.map(|live| (live.name(), live.value));
+        let set = now.filter(|(name, value)| before.get(name).is_some_and(|then| then != value));
+        let set = set.collect();
+        self.requests.settings.rebind(self.session.settings());
+        for device in DeviceUse::of(graph) {
+            if !self.record.devices.contains(&device) {
+                self.record.devices.push(device);
             }
         }
+        self.record.changes += 1;
+        self.record.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
+        Ok(Difference { changed, set })
     }
 }
 
