@@ -46,9 +46,10 @@ impl Stage {
     /// Finds the actuators and the sound of the graph.
     pub fn describe_actuators(&mut self) {
         let graph = &self.loaded.graph;
-        let known: Vec<Actuator> = std::mem::take(&mut self.actuators);
-        let delivered =
-            |sink: &str| self.scopes.iter().find(|scope| scope.port.name == format!("{sink}.delivered"));
+        let known: Vec<Actuator> = std::mem::take(&mut self.signals.actuators);
+        let delivered = |sink: &str| {
+            self.signals.scopes.iter().find(|scope| scope.port.name == format!("{sink}.delivered"))
+        };
         let actuator = |(sink, device, limit): (&Node, &GraphDevice, Limit)| {
             let port = &delivered(&sink.path)?.port;
             let before = known.iter().find(|known| known.name == sink.path);
@@ -64,11 +65,11 @@ impl Stage {
                 delivered: before.map(|known| known.delivered.clone()).unwrap_or_default(),
             })
         };
-        self.actuators = graph.actuators().filter_map(actuator).collect();
+        self.signals.actuators = graph.actuators().filter_map(actuator).collect();
         let is_coil = |port: &Port| {
             port.kind == Kind::SCALAR && port.quantity == Quantity::CURRENT && port.rate_hz >= 1000.0
         };
-        let played = self.actuators.iter().find_map(|actuator| {
+        let played = self.signals.actuators.iter().find_map(|actuator| {
             let port = &delivered(&actuator.name)?.port;
             is_coil(port).then(|| Sound {
                 port: port.name.clone(),
@@ -76,6 +77,6 @@ impl Stage {
                 rate_hz: port.rate_hz,
             })
         });
-        self.sound = played;
+        self.signals.sound = played;
     }
 }

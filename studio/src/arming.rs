@@ -2,7 +2,6 @@
 //! engine ([`ArmSwitch`](haptograph_engine::run::ArmSwitch)) and acts where the device is driven.
 
 use super::actuators::driven;
-use super::load::Loaded;
 use super::stage::{Stage, StageError, State};
 use haptograph_engine::run::Session;
 use haptograph_engine::silence::InputState;
@@ -21,26 +20,26 @@ impl Stage {
         if !self.host.can_drive || driven(&self.loaded.graph).is_empty() {
             return refused("the graph drives no real device");
         }
-        if self.state != State::Running {
+        if self.cycle.state != State::Running {
             return refused("the run is stopped; resume it first");
         }
-        if self.replay.is_some() {
+        if self.cycle.replay.is_some() {
             return refused("a replay is running; stop it first");
         }
         if self.drive.as_ref().is_some_and(super::drive::Drive::is_waiting) {
             return refused("the soundcard is not there; plug it in first");
         }
-        self.note = None;
-        self.switch.arm(FIRST_GAIN);
+        self.devices.note = None;
+        self.devices.switch.arm(FIRST_GAIN);
         Ok(())
     }
 
     /// The place at which a real device of the run is reached: an address, or the name that the system reports.
     pub fn place_of(&self, device: &str) -> Option<String> {
-        let mut heard = self.inputs.streams();
+        let mut heard = self.devices.inputs.streams();
         let is_played = || output_sinks(&self.loaded.graph).iter().any(|output| output.endpoint == device);
         let card = self.drive.as_ref().and_then(|drive| drive.card());
-        let place = self.network.place(device);
+        let place = self.devices.network.place(device);
         let place = place.or_else(|| card.filter(|_| is_played()).map(str::to_owned));
         place.or_else(|| {
             let heard = heard.find(|(endpoints, ..)| endpoints.iter().any(|endpoint| endpoint == device));
@@ -50,7 +49,7 @@ impl Stage {
 
     /// Takes the real actuators to zero until they are armed again.
     pub fn disarm(&self) {
-        self.switch.disarm();
+        self.devices.switch.disarm();
     }
 
     /// Disarms if a driven device that sent data falls silent, because the next device at its address may be another
@@ -66,18 +65,12 @@ impl Stage {
             })
             .map(|input| input.device);
         let heard: Vec<String> = heard.collect();
-        let lost = self.heard.iter().find(|device| !heard.contains(device));
-        if let Some(lost) = lost.filter(|_| self.switch.is_armed()) {
-            self.note = Some(format!("`{lost}` fell silent and was disarmed; arm it again when it answers"));
-            self.switch.disarm();
+        let lost = self.devices.heard.iter().find(|device| !heard.contains(device));
+        if let Some(lost) = lost.filter(|_| self.devices.switch.is_armed()) {
+            self.devices.note =
+                Some(format!("`{lost}` fell silent and was disarmed; arm it again when it answers"));
+            self.devices.switch.disarm();
         }
-        self.heard = heard;
-    }
-
-    /// Disarms before another graph takes over, unless it drives the same devices with the same settings.
-    pub fn disarm_unless_same(&self, next: &Loaded) {
-        if driven(&self.loaded.graph) != driven(&next.graph) {
-            self.disarm();
-        }
+        self.devices.heard = heard;
     }
 }

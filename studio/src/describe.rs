@@ -138,14 +138,14 @@ pub fn graph(stage: &Stage) -> Value {
 fn shown(stage: &Stage) -> Value {
     let graph = &stage.loaded.graph;
     let name = stage.source.name();
-    let actuators = stage.actuators.iter().map(|actuator| {
+    let actuators = stage.signals.actuators.iter().map(|actuator| {
         json!({
             "name": actuator.name, "unit": actuator.unit, "peak": actuator.peak,
             "continuous": actuator.continuous, "rate_hz": actuator.rate_hz, "endpoint": actuator.endpoint,
         })
     });
     let ports = scope::ports(graph);
-    let sound = stage.sound.as_ref();
+    let sound = stage.signals.sound.as_ref();
     let devices = graph.devices().iter();
     let devices = devices.filter(|device| !stage.loaded.is_pad(&device.name));
     let devices = devices.map(|device| {

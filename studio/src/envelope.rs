@@ -5,8 +5,8 @@ use super::load::Source;
 use super::stage::{Stage, StageError};
 use haptograph_engine::diagnostic::{Diagnostics, Severity};
 use haptograph_engine::document::Document;
-use haptograph_engine::graph::{DeclaredDevice, Graph, Hosted, check, declared_devices};
-use haptograph_engine::node::Limit;
+use haptograph_engine::graph::{DeclaredDevice, Hosted, check, declared_devices};
+use haptograph_live::{LimitChange, ProtectedActuator};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -55,6 +55,16 @@ impl Confirmed {
     }
 }
 
+/// What edits from pages may do, and the latest that was refused.
+#[derive(Debug, Default)]
+pub struct Permitted {
+    /// Limits and devices that no edit may exceed; `None` if no real device can be reached.
+    pub confirmed: Option<Arc<Confirmed>>,
+    /// The latest edit beyond them, and the number of such edits.
+    pub proposal: Option<Proposal>,
+    pub proposals: u64,
+}
+
 /// A graph that a page asked for and that exceeds the confirmed envelope.
 #[derive(Debug)]
 pub struct Proposal {
@@ -69,8 +79,8 @@ pub struct Proposal {
 impl Stage {
     /// Keeps a refused edit, for confirmation at the terminal.
     pub fn propose(&mut self, source: Source, text: String, beyond: Vec<String>) {
-        self.proposals += 1;
-        self.proposal = Some(Proposal { number: self.proposals, beyond, source, text });
+        self.permitted.proposals += 1;
+        self.permitted.proposal = Some(Proposal { number: self.permitted.proposals, beyond, source, text });
     }
 
     /// Confirms the limits and devices of the latest proposal, if it has this number. The page has to ask for it again.
@@ -78,14 +88,14 @@ impl Stage {
     /// # Errors
     /// [`StageError`] if another edit was proposed since, or none was.
     pub fn confirm(&mut self, number: u64) -> Result<(), StageError> {
-        let Some(proposal) = self.proposal.take_if(|proposal| proposal.number == number) else {
-            let why = match &self.proposal {
+        let Some(proposal) = self.permitted.proposal.take_if(|proposal| proposal.number == number) else {
+            let why = match &self.permitted.proposal {
                 Some(latest) => format!("edit {number} was replaced by edit {}", latest.number),
                 None => format!("there is no edit {number} to confirm"),
             };
             return Err(StageError::Other(why));
         };
-        self.confirmed = Some(Arc::new(Confirmed::of(&proposal.source, &proposal.text)?));
+        self.permitted.confirmed = Some(Arc::new(Confirmed::of(&proposal.source, &proposal.text)?));
         Ok(())
     }
 }
@@ -109,18 +119,9 @@ pub struct SafetyEnvelope {
 struct EndpointSet {
     name: String,
     /// The first error if the graph cannot run with these endpoints.
-    actuators: Result<Vec<Actuator>, String>,
+    actuators: Result<Vec<ProtectedActuator>, String>,
     /// The devices that are not simulated.
     devices: Vec<DeclaredDevice>,
-}
-
-#[derive(Debug, Clone, PartialEq)]
-struct Actuator {
-    sink: String,
-    kind: &'static str,
-    unit: String,
-    endpoint: String,
-    limit: Limit,
 }
 
 impl SafetyEnvelope {
@@ -148,7 +149,7 @@ impl SafetyEnvelope {
             });
             EndpointSet {
                 name: name.to_owned(),
-                actuators: graph.map(|graph| actuators(&graph)).map_err(|wrong| first(&wrong)),
+                actuators: graph.map(|graph| ProtectedActuator::all(&graph)).map_err(|wrong| first(&wrong)),
                 devices,
             }
         });
@@ -195,7 +196,7 @@ impl EndpointSet {
             (known, Ok(actuators)) => {
                 for actuator in actuators {
                     let known = known.iter().flatten().find(|known| known.sink == actuator.sink);
-                    actuator.compare(known, name, beyond);
+                    compare(actuator, known, name, beyond);
                 }
             }
             (_, Err(_)) => {}
@@ -203,50 +204,36 @@ impl EndpointSet {
     }
 }
 
-impl Actuator {
-    fn compare(&self, known: Option<&Self>, set: &str, beyond: &mut Vec<String>) {
-        let sink = &self.sink;
-        let Some(known) = known else {
-            beyond.push(format!("actuator `{sink}` of `{set}` is new"));
-            return;
-        };
-        for (what, was, now) in [
-            ("kind", known.kind, self.kind),
-            ("unit", &*known.unit, &*self.unit),
-            ("endpoint", &*known.endpoint, &*self.endpoint),
-        ] {
-            if was != now {
-                beyond.push(format!("actuator `{sink}` of `{set}`: {what} changes from `{was}` to `{now}`"));
-            }
-        }
-        let slew = |limit: &Limit| limit.slew_per_s.unwrap_or(f64::INFINITY);
-        let (was, now, unit) = (&known.limit, &self.limit, &self.unit);
-        for (what, was, now, unit) in [
-            ("peak", was.peak, now.peak, unit.clone()),
-            ("continuous", was.continuous, now.continuous, unit.clone()),
-            ("window", was.window_s, now.window_s, "s".to_owned()),
-            ("slew", slew(was), slew(now), format!("{unit}/s")),
-        ] {
-            if now > was {
-                let now = match now.is_finite() {
-                    true => format!("{now} {unit}"),
-                    false => "no limit".to_owned(),
-                };
-                beyond.push(format!("limit of `{sink}` of `{set}`: {what} rises from {was} {unit} to {now}"));
-            }
+/// The ways in which an actuator exceeds the one of that name, if it is known.
+fn compare(
+    actuator: &ProtectedActuator,
+    known: Option<&ProtectedActuator>,
+    set: &str,
+    beyond: &mut Vec<String>,
+) {
+    let sink = &actuator.sink;
+    let Some(known) = known else {
+        beyond.push(format!("actuator `{sink}` of `{set}` is new"));
+        return;
+    };
+    for (what, was, now) in [
+        ("kind", known.kind, actuator.kind),
+        ("unit", &*known.unit, &*actuator.unit),
+        ("endpoint", &*known.endpoint, &*actuator.endpoint),
+    ] {
+        if was != now {
+            beyond.push(format!("actuator `{sink}` of `{set}`: {what} changes from `{was}` to `{now}`"));
         }
     }
-}
-
-fn actuators(graph: &Graph) -> Vec<Actuator> {
-    let each = graph.actuators().map(|(node, device, limit)| Actuator {
-        sink: node.path.clone(),
-        kind: node.entry.spec.name,
-        unit: node.outputs.first().map_or_else(String::new, |output| output.quantity.unit()),
-        endpoint: device.name.clone(),
-        limit,
-    });
-    each.collect()
+    for LimitChange { part, was, now, unit, .. } in
+        actuator.limit_changes(known).filter(|change| change.now > change.was)
+    {
+        let now = match now.is_finite() {
+            true => format!("{now} {unit}"),
+            false => "no limit".to_owned(),
+        };
+        beyond.push(format!("limit of `{sink}` of `{set}`: {part} rises from {was} {unit} to {now}"));
+    }
 }
 
 fn first(wrong: &Diagnostics) -> String {

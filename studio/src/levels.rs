@@ -101,17 +101,17 @@ impl Costs {
 
 /// Sends the levels to pages that display the drawing; free of cost if there are none.
 pub fn send(stage: &mut Stage) {
-    if !stage.pages.iter().any(|page| page.sees_levels) {
+    if !stage.pages.list.iter().any(|page| page.sees_levels) {
         return;
     }
     let message = text(&message(stage));
-    let pages = stage.pages.iter_mut().filter(|page| page.sees_levels);
+    let pages = stage.pages.list.iter_mut().filter(|page| page.sees_levels);
     pages.for_each(|page| page.send(message.clone()));
 }
 
 fn message(stage: &mut Stage) -> Value {
     let (mut ports, mut not_finite) = (Map::new(), Map::new());
-    for scope in &mut stage.scopes {
+    for scope in &mut stage.signals.scopes {
         if let Some(level) = scope.level.snapshot() {
             ports.insert(scope.port.name.clone(), json!(level.map(short)));
         }
@@ -129,7 +129,7 @@ fn message(stage: &mut Stage) -> Value {
         limits.insert(actuator.path, ticks);
     }
     let costs = stage.session.as_ref().map(|session| {
-        let parts = stage.costs.update(session, &stage.loaded.graph).into_iter();
+        let parts = stage.signals.costs.update(session, &stage.loaded.graph).into_iter();
         parts.map(|(path, part)| (path, json!(short(part)))).collect::<Map<_, _>>()
     });
     let origin = stage.drive.as_ref().and_then(|drive| drive.pace.origin());

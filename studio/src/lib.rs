@@ -13,6 +13,7 @@ mod actuators;
 mod arming;
 mod channels;
 mod describe;
+mod devices;
 mod drive;
 mod envelope;
 mod fed;

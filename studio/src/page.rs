@@ -1,7 +1,6 @@
 //! The engine in a page: [`Engine`] for its audio thread, and [`Checker`] for edits, in a worker.
 
 use super::describe;
-use super::drive::DrivenBy;
 use super::learn;
 use super::load::Source;
 use super::pages::{Line, LineError, Reach};
@@ -22,7 +21,7 @@ pub use super::wire::Message;
 /// The host of an engine in a page.
 pub(crate) const HOST: Host = Host {
     name: "page",
-    driven_by: DrivenBy::Caller,
+    is_driven_by_caller: true,
     can_save: false,
     // The page does it, beside the engine.
     can_learn: true,
@@ -167,12 +166,12 @@ impl Engine {
 
     /// Rate of the driver, Hz.
     pub fn driver_hz(&self) -> f64 {
-        self.stage.rate_hz
+        self.stage.signals.rate_hz
     }
 
     /// Rate of the played samples, Hz; `None` if the graph drives nothing audible.
     pub fn sound_hz(&self) -> Option<f64> {
-        self.stage.sound.as_ref().map(|sound| sound.rate_hz)
+        self.stage.signals.sound.as_ref().map(|sound| sound.rate_hz)
     }
 }
 

@@ -46,12 +46,22 @@ pub struct Page {
     pub clock: PageClock,
 }
 
+/// The pages of a stage.
+#[derive(Default)]
+pub struct Pages {
+    pub list: Vec<Page>,
+    /// The page that controls the pads and the settings.
+    pub owner: Option<u64>,
+    /// Number of the page that comes next.
+    pub next: u64,
+}
+
 impl Stage {
     /// Adds a page; the first one becomes the owner.
     pub fn join(&mut self, line: Box<dyn Line>, reach: Reach) -> u64 {
-        let id = self.next_page;
-        self.next_page += 1;
-        self.pages.push(Page {
+        let id = self.pages.next;
+        self.pages.next += 1;
+        self.pages.list.push(Page {
             id,
             reach,
             line,
@@ -62,32 +72,32 @@ impl Stage {
             is_gone: false,
             clock: PageClock::default(),
         });
-        self.owner.get_or_insert(id);
+        self.pages.owner.get_or_insert(id);
         id
     }
 
     /// Removes a page. Its inputs fall silent by their timeout.
     pub fn leave(&mut self, page: u64) {
-        self.pages.retain(|known| known.id != page);
-        if self.owner == Some(page) {
+        self.pages.list.retain(|known| known.id != page);
+        if self.pages.owner == Some(page) {
             self.disarm();
             // A page of the network could not resume the run.
-            let of_machine = self.pages.iter().find(|page| page.reach == Reach::Machine);
-            self.owner = of_machine.or(self.pages.first()).map(|page| page.id);
+            let of_machine = self.pages.list.iter().find(|page| page.reach == Reach::Machine);
+            self.pages.owner = of_machine.or(self.pages.list.first()).map(|page| page.id);
         }
     }
 
     /// Makes another page the owner. Actuators that the previous owner armed are disarmed.
     pub fn give_to(&mut self, page: u64) {
-        if self.owner.replace(page) != Some(page) {
+        if self.pages.owner.replace(page) != Some(page) {
             self.disarm();
         }
     }
 
     /// Sends a message to the owner.
     pub fn tell_owner(&mut self, value: &serde_json::Value) {
-        let owner = self.owner;
-        if let Some(page) = self.pages.iter_mut().find(|page| Some(page.id) == owner) {
+        let owner = self.pages.owner;
+        if let Some(page) = self.pages.list.iter_mut().find(|page| Some(page.id) == owner) {
             page.send(text(value));
         }
     }
@@ -100,7 +110,7 @@ impl Stage {
 
     /// Calls `work` with a page if it is still connected.
     pub fn page_of(&mut self, page: u64, work: impl FnOnce(&mut Page)) {
-        if let Some(page) = self.pages.iter_mut().find(|known| known.id == page) {
+        if let Some(page) = self.pages.list.iter_mut().find(|known| known.id == page) {
             work(page);
         }
     }

@@ -3,7 +3,7 @@
 use super::levels;
 use super::pages::{LineError, Page};
 use super::scope::Scope;
-use super::stage::{Stage, State};
+use super::stage::{Signals, Stage, State};
 use super::wire::{self, Message};
 use haptograph_engine::silence::InputState;
 use serde_json::{Value, json};
@@ -69,17 +69,17 @@ impl Publisher {
         self.looks += 1;
         if self.looks == STATUS {
             let status = status(stage, self.passed);
-            for page in 0..stage.pages.len() {
+            for page in 0..stage.pages.list.len() {
                 let mut own = status.clone();
-                own["owner"] = json!(stage.owner == Some(stage.pages[page].id));
-                own["lost"] = json!(stage.pages[page].lost);
-                stage.pages[page].send(text(&own));
+                own["owner"] = json!(stage.pages.owner == Some(stage.pages.list[page].id));
+                own["lost"] = json!(stage.pages.list[page].lost);
+                stage.pages.list[page].send(text(&own));
             }
             levels::send(stage);
             stage.append_recording();
             *self = Self::default();
         }
-        let gone = stage.pages.iter().filter(|page| page.is_gone).map(|page| page.id);
+        let gone = stage.pages.list.iter().filter(|page| page.is_gone).map(|page| page.id);
         for page in gone.collect::<Vec<_>>() {
             stage.leave(page);
         }
@@ -93,13 +93,14 @@ pub fn text(value: &Value) -> Message {
 
 /// Sends the data that the last [`Stage::look`] collected.
 pub fn send_samples(stage: &mut Stage) {
-    let Stage { pages, scopes, sound, .. } = stage;
+    let Stage { pages, signals, .. } = stage;
+    let Signals { scopes, sound, .. } = signals;
     let sound = sound.as_ref().and_then(|sound| {
         let scope = scopes.iter().find(|scope| scope.port.name == sound.port)?;
         let values: Vec<f32> = scope.fresh().iter().map(|x| (x / sound.peak) as f32).collect();
         (!values.is_empty()).then(|| wire::sound(scope.fresh_s(), &values))
     });
-    for page in pages {
+    for page in &mut pages.list {
         let wanted = std::mem::take(&mut page.wanted);
         for (place, port) in wanted.iter().enumerate() {
             let scope = scopes.iter().find(|scope| scope.port.name == port.name);
@@ -117,11 +118,12 @@ pub fn send_samples(stage: &mut Stage) {
 fn status(stage: &mut Stage, passed: Duration) -> Value {
     let pointer = stage.pointer_latency();
     let time_s = stage.now_s();
-    let recording_s = stage.recorder.as_ref().map(|_| time_s);
+    let recording_s = stage.recorder.recording.as_ref().map(|_| time_s);
     let frame = stage.drive.as_ref().map_or(0, |drive| drive.pace.frames());
-    let replay = stage.replay.as_ref().map(|replay| replay.part(frame));
-    let (gain, note) = (stage.switch.gain(), stage.note.clone());
-    let Stage { actuators, drive, session, pages, state, silent, .. } = stage;
+    let replay = stage.cycle.replay.as_ref().map(|replay| replay.part(frame));
+    let (gain, note) = (stage.devices.switch.gain(), stage.devices.note.clone());
+    let Stage { signals, drive, session, pages, cycle, .. } = stage;
+    let Signals { actuators, silent, .. } = signals;
     let each = actuators.iter_mut().map(|actuator| {
         let continuous = actuator.continuous;
         let armed = (actuator.is_real, gain > 0.0);
@@ -145,10 +147,10 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
     json!({
         "type": "status",
         "time_s": time_s,
-        "state": match state { State::Running => "running", State::Stopped => "stopped", State::Failed => "failed" },
+        "state": match cycle.state { State::Running => "running", State::Stopped => "stopped", State::Failed => "failed" },
         "recording_s": recording_s,
         "replay": replay,
-        "pages": pages.len(),
+        "pages": pages.list.len(),
         "behind_ms": pace.as_ref().map_or(0.0, |pace| pace.behind_ms()),
         "late": pace.as_ref().map_or(0, |pace| pace.late()),
         "xruns": xruns,

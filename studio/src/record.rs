@@ -4,9 +4,9 @@
 //! same frames gives the same samples, since everything else in a run follows from the graph and its seed.
 //! Pointer events are stored as integers, which any text format preserves.
 
-use super::drive::DrivenBy;
 use super::load::Source;
 use super::run_cycle::NextRun;
+use super::run_page::PageSignals;
 use super::stage::{Stage, StageError};
 use super::wire::{MAX_DEG, MAX_M, MAX_N, Pointer};
 use haptograph_signal::files;
@@ -300,6 +300,23 @@ impl Recording {
     }
 }
 
+/// The recording of a run, and where it is kept.
+#[derive(Default)]
+pub struct Recorder {
+    /// The folder for recorded runs, and the folder of this run.
+    pub out: Option<PathBuf>,
+    pub folder: Option<PathBuf>,
+    /// The folders that were made there, whose pages may be seen.
+    pub made: Vec<PathBuf>,
+    pub recording: Option<Recording>,
+    /// The file that keeps the recording meanwhile.
+    pub appended: Option<Appended>,
+    /// Signals recorded for the page in that folder.
+    pub signals: Option<PageSignals>,
+    /// Error of writing that page.
+    pub page_error: Option<String>,
+}
+
 impl Stage {
     /// Starts or ends a recording; either restarts the run.
     ///
@@ -319,40 +336,40 @@ impl Stage {
 
     /// True if a recording goes on, or begins once the run has fallen to zero.
     pub fn records(&self) -> bool {
-        match self.is_stopping {
-            true => matches!(self.next_run, NextRun::Record),
-            false => self.recorder.is_some(),
+        match self.cycle.is_stopping {
+            true => matches!(self.cycle.next_run, NextRun::Record),
+            false => self.recorder.recording.is_some(),
         }
     }
 
     /// Ends the recording at the present frame.
     pub fn close_recording(&mut self) {
-        if let (Some(recording), Some(drive)) = (&mut self.recorder, &self.drive) {
+        if let (Some(recording), Some(drive)) = (&mut self.recorder.recording, &self.drive) {
             recording.frames = drive.between_frames(|frame| frame);
         }
     }
 
     /// Begins to record a run, whose folder keeps what is recorded.
     pub fn begin_recording(&mut self) {
-        let mut recording = Recording::begin(&self.source, &self.loaded.text, self.rate_hz);
-        if self.host.driven_by == DrivenBy::Caller {
+        let mut recording = Recording::begin(&self.source, &self.loaded.text, self.signals.rate_hz);
+        if self.host.is_driven_by_caller {
             // A page's audio thread records without allocating. Elsewhere 32 MB that are freed after each recording would
             // let the system's allocator keep as much for each thread.
             recording.moves.reserve(MAX_EVENTS);
         }
-        let folder = self.folder.as_deref();
+        let folder = self.recorder.folder.as_deref();
         // The complete recording would meet the same error, and states it.
-        self.appended = folder.and_then(|folder| Appended::begin(folder, &recording).ok());
-        self.recorder = Some(recording);
+        self.recorder.appended = folder.and_then(|folder| Appended::begin(folder, &recording).ok());
+        self.recorder.recording = Some(recording);
     }
 
     /// Appends what was recorded since the last call to the file of the run.
     pub fn append_recording(&mut self) {
-        let (Some(recording), Some(drive)) = (&self.recorder, &self.drive) else {
+        let (Some(recording), Some(drive)) = (&self.recorder.recording, &self.drive) else {
             return;
         };
         let frames = drive.pace.frames();
-        if let Some(appended) = &mut self.appended {
+        if let Some(appended) = &mut self.recorder.appended {
             // What could not be written, as on a full disk, is written with the next part.
             let _ = appended.append(recording, frames);
         }
@@ -360,8 +377,8 @@ impl Stage {
 
     /// Saves a recording if there is a folder for it, and sends it to the page that made it.
     pub fn deliver_recording(&mut self, recording: &Recording) {
-        let page_error = self.page_error.take();
-        let written = self.folder.take().map(|folder| {
+        let page_error = self.recorder.page_error.take();
+        let written = self.recorder.folder.take().map(|folder| {
             let path = folder.join(STROKES);
             let text = serde_json::to_vec(recording).map_err(io::Error::other);
             text.and_then(|text| files::write_atomically(&path, &text))?;
@@ -369,7 +386,7 @@ impl Stage {
             let _ = std::fs::remove_file(folder.join(APPENDED));
             Ok::<_, io::Error>(folder)
         });
-        self.appended = None;
+        self.recorder.appended = None;
         let (saved, error) = match written {
             None => (None, None),
             Some(Ok(folder)) => {
@@ -390,13 +407,13 @@ impl Stage {
 
     /// Creates a folder with this name and a number, where runs are stored.
     pub fn new_folder(&mut self, name: &str) -> io::Result<Option<PathBuf>> {
-        let Some(out) = &self.out else { return Ok(None) };
+        let Some(out) = &self.recorder.out else { return Ok(None) };
         std::fs::create_dir_all(out)?;
         for number in 1..MAX_FOLDERS {
             let folder = out.join(format!("{name}-{number}"));
             match std::fs::create_dir(&folder) {
                 Ok(()) => {
-                    self.made.push(folder.clone());
+                    self.recorder.made.push(folder.clone());
                     return Ok(Some(folder));
                 }
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}

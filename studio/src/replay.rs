@@ -1,7 +1,7 @@
 //! Replay of a recording on the running graph.
 
 use super::actuators::driven;
-use super::drive::{Drive, DrivenBy};
+use super::drive::Drive;
 use super::record::{Move, Recording, SettingChange};
 use super::run_cycle::NextRun;
 use super::stage::{Stage, StageError};
@@ -68,7 +68,7 @@ impl Stage {
             return Err(other(&"a recording is running; end it first"));
         }
         self.refuse_after_stop("replay the recording")?;
-        recording.check(self.rate_hz).map_err(|error| other(&error))?;
+        recording.check(self.signals.rate_hz).map_err(|error| other(&error))?;
         let same = recording.is_of(&self.source, &self.loaded.text);
         self.restart(NextRun::Replay(recording));
         let is_exact = same && driven(&self.loaded.graph).is_empty();
@@ -100,12 +100,12 @@ impl Stage {
 
     /// Replays the events that are due; returns the number of frames until the next one.
     fn replay_due_events(&mut self) -> u64 {
-        while let (Some(replay), Some(drive)) = (&mut self.replay, &self.drive) {
+        while let (Some(replay), Some(drive)) = (&mut self.cycle.replay, &self.drive) {
             let frame = drive.pace.frames();
             match replay.next(frame) {
                 ReplayStep::Move(made) => {
                     let (due_s, pointer) = made.pointer();
-                    if let Some(pad) = self.pads.get_mut(made.pad) {
+                    if let Some(pad) = self.signals.pads.get_mut(made.pad) {
                         pad.move_to(due_s, &pointer);
                     }
                 }
@@ -117,7 +117,7 @@ impl Stage {
                 }
                 ReplayStep::Until(next) => return next - frame,
                 ReplayStep::Over => {
-                    (self.replay, self.next_run) = (None, NextRun::Live);
+                    (self.cycle.replay, self.cycle.next_run) = (None, NextRun::Live);
                     if let Some(session) = &self.session {
                         session.stop();
                     }
@@ -130,13 +130,13 @@ impl Stage {
     /// If a thread drives the run: replays the events for the elapsed time `passed`.
     pub fn advance_replay(&mut self, passed: Duration) {
         let is_ours = self.drive.as_ref().is_some_and(Drive::is_the_callers);
-        if self.host.driven_by == DrivenBy::Caller || !is_ours {
-            self.pending_s = 0.0;
+        if self.host.is_driven_by_caller || !is_ours {
+            self.cycle.pending_s = 0.0;
             return;
         }
-        self.pending_s = (self.pending_s + passed.as_secs_f64()).min(MAX_ADVANCE_S);
-        let frames = (self.pending_s * self.rate_hz).floor();
-        self.pending_s -= frames / self.rate_hz;
+        self.cycle.pending_s = (self.cycle.pending_s + passed.as_secs_f64()).min(MAX_ADVANCE_S);
+        let frames = (self.cycle.pending_s * self.signals.rate_hz).floor();
+        self.cycle.pending_s -= frames / self.signals.rate_hz;
         self.run(frames as usize);
     }
 }

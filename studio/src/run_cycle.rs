@@ -1,7 +1,7 @@
 //! Begin and end of the runs of a stage.
 
 use super::actuators::driven;
-use super::drive::{Drive, DrivenBy, Timing};
+use super::drive::{Drive, DrivenBy};
 use super::levels::Costs;
 use super::pads::Pad;
 use super::publish::send_samples;
@@ -11,7 +11,6 @@ use super::run_page::{self, PageSignals};
 use super::scope::{self, Port, Scope};
 use super::stage::{Stage, StageError, State, other};
 use haptograph_engine::host::{HostError, PlayOptions, Player};
-use haptograph_live::Connections;
 use haptograph_live::soundcard::{Inputs, card_requests};
 use serde_json::json;
 use std::sync::Arc;
@@ -21,6 +20,19 @@ use std::time::Duration;
 const STOPPING: Duration = Duration::from_secs(2);
 /// How long the end of the program waits for it.
 const CLOSING: Duration = Duration::from_secs(60);
+
+/// State of the run, and what follows it.
+#[derive(Debug, Default)]
+pub struct RunCycle {
+    pub state: State,
+    /// True from a stop until the next run begins.
+    pub is_stopping: bool,
+    /// The run that follows this one.
+    pub next_run: NextRun,
+    pub replay: Option<Replay>,
+    /// Time still to be run in a replay, s.
+    pub pending_s: f64,
+}
 
 /// The run that follows when the outputs of the present one have fallen to zero.
 #[derive(Debug, Default)]
@@ -44,17 +56,17 @@ impl Stage {
 
     /// Starts a run. Real actuators start as warm as their limits allow, since their temperature is unknown.
     pub fn start_as(&mut self, how: NextRun) -> Result<(), StageError> {
-        if self.state == State::Running {
+        if self.cycle.state == State::Running {
             // It is falling to zero, more slowly than a page waits.
-            if self.is_stopping {
-                self.next_run = how;
+            if self.cycle.is_stopping {
+                self.cycle.next_run = how;
             }
             return Ok(());
         }
-        self.is_stopping = false;
+        self.cycle.is_stopping = false;
         let begun = self.begin(how);
         if begun.is_err() {
-            self.release();
+            self.devices.release(&self.source.registry);
         }
         begun
     }
@@ -63,7 +75,7 @@ impl Stage {
         // The queues of endpoints serve one run only.
         self.loaded = self.source.load(&self.loaded.text)?;
         let ports = scope::ports(&self.loaded.graph);
-        self.folder = match how {
+        self.recorder.folder = match how {
             NextRun::Record => self
                 .new_folder(&format!("{}-strokes", self.source.name()))
                 .map_err(|error| other(format!("there is no folder to record to: {error}")))?,
@@ -75,8 +87,8 @@ impl Stage {
         // A replay drives nothing real, and hears nothing that was not recorded.
         let is_live = self.host.can_drive && !matches!(how, NextRun::Replay(_));
         if is_live {
-            self.card_requests = Some(card_requests(&self.loaded.graph).map_err(other)?);
-            self.network.connect(&mut self.loaded.graph).map_err(other)?;
+            self.devices.card_requests = Some(card_requests(&self.loaded.graph).map_err(other)?);
+            self.devices.network.connect(&mut self.loaded.graph).map_err(other)?;
             self.note_refusals();
         }
         let graph = &self.loaded.graph;
@@ -89,31 +101,31 @@ impl Stage {
             error => other(error),
         })?;
         if is_live {
-            self.inputs = Inputs::open(graph, [player.live_mut()]).map_err(other)?;
+            self.devices.inputs = Inputs::open(graph, [player.live_mut()]).map_err(other)?;
         }
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
-        self.pads = pads.collect::<Result<_, _>>().map_err(other)?;
+        self.signals.pads = pads.collect::<Result<_, _>>().map_err(other)?;
         let scope = |port: Port| player.any_probe(&port.name).map(|frames| Scope::from_start(port, frames));
         let scopes = ports.into_iter().map(scope);
-        self.scopes = scopes.collect::<Result<_, _>>().map_err(other)?;
-        self.costs = Costs::default();
+        self.signals.scopes = scopes.collect::<Result<_, _>>().map_err(other)?;
+        self.signals.costs = Costs::default();
         let rate_of = |driver: &usize| graph.clocks()[*driver].rate.hz();
-        self.rate_hz = graph.drivers().first().map_or(1.0, rate_of);
+        self.signals.rate_hz = graph.drivers().first().map_or(1.0, rate_of);
         self.drive = Some(self.drive_by(player, &how, is_live)?);
         if is_live {
-            self.network.keep(&self.loaded.graph);
+            self.devices.network.keep(&self.loaded.graph);
         }
         self.begin_recording_or_replay(how);
         self.session = Some(session);
-        self.state = State::Running;
+        self.cycle.state = State::Running;
         self.describe_actuators();
         Ok(())
     }
 
     /// Shows what devices lack, as a guard.
     pub fn note_refusals(&mut self) {
-        let refused = self.network.status().into_iter().flat_map(|known| known.refused);
-        self.note = refused.last().or(self.note.take());
+        let refused = self.devices.network.status().into_iter().flat_map(|known| known.refused);
+        self.devices.note = refused.last().or(self.devices.note.take());
     }
 
     /// Options of a run with these probes.
@@ -121,30 +133,28 @@ impl Stage {
         let mut options = PlayOptions::default();
         options.sample_costs = true;
         options.probes = probes.iter().map(|port| port.name.clone()).collect();
-        options.folder = self.folder.clone();
+        options.folder = self.recorder.folder.clone();
         // Outputs of a pad's endpoint are not connected.
         let mut devices = self.loaded.graph.devices().iter();
         options.live.rested =
             devices.all(|device| device.entry.spec.simulated || self.loaded.is_pad(&device.name));
-        options.live.arm = Some(Arc::clone(&self.switch));
+        options.live.arm = Some(Arc::clone(&self.devices.switch));
         options
     }
 
-    /// Starts the driver of the player: the soundcard that the graph plays on, a thread, or the caller.
+    /// Starts the driver of the player: the soundcard that the graph plays on, a timer, or the caller.
     fn drive_by(&self, player: Player, how: &NextRun, is_live: bool) -> Result<Drive, StageError> {
-        let requests = self.card_requests.as_ref().filter(|_| is_live);
+        let requests = self.devices.card_requests.as_ref().filter(|_| is_live);
         if let Some(request) = requests.and_then(|requests| requests.output.clone()) {
             return Drive::start_by_card(player, request).map_err(other);
         }
-        let timing = match self.host.can_drive && !driven(&self.loaded.graph).is_empty() {
-            true => Timing::STRICT,
-            false => Timing::EASY,
-        };
+        let is_real = self.host.can_drive && !driven(&self.loaded.graph).is_empty();
         let driven_by = match how {
             NextRun::Replay(_) => DrivenBy::Caller,
-            _ => self.host.driven_by,
+            _ if self.host.is_driven_by_caller => DrivenBy::Caller,
+            _ => DrivenBy::Timer { is_real },
         };
-        Drive::start(player, driven_by, (self.rate_hz, timing)).map_err(other)
+        Drive::start(player, driven_by).map_err(other)
     }
 
     /// Begins the recording or the replay of a run.
@@ -153,10 +163,10 @@ impl Stage {
             NextRun::Record => {
                 self.begin_recording();
                 // Without a folder there is no page.
-                let has_page = self.folder.is_some();
-                self.page_signals = has_page.then(|| PageSignals::of(&self.loaded.graph));
+                let has_page = self.recorder.folder.is_some();
+                self.recorder.signals = has_page.then(|| PageSignals::of(&self.loaded.graph));
             }
-            NextRun::Replay(recording) => self.replay = Some(Replay::of(*recording)),
+            NextRun::Replay(recording) => self.cycle.replay = Some(Replay::of(*recording)),
             NextRun::None | NextRun::Live => {}
         }
     }
@@ -169,14 +179,14 @@ impl Stage {
             return;
         };
         session.stop();
-        self.is_stopping = true;
+        self.cycle.is_stopping = true;
         if drive.is_done_within(longest) {
             self.end();
         }
     }
 
     pub fn end(&mut self) {
-        if self.recorder.as_ref().is_some_and(|recording| recording.frames == 0) {
+        if self.recorder.recording.as_ref().is_some_and(|recording| recording.frames == 0) {
             self.close_recording();
         }
         let now_s = self.now_s();
@@ -185,28 +195,21 @@ impl Stage {
         };
         self.disarm();
         let ended = drive.join().map(|player| player.finish(session));
-        self.release();
+        self.devices.release(&self.source.registry);
         // The last frames: what begins next has scopes of its own.
         self.look_at_scopes(now_s);
         send_samples(self);
-        let kept = std::mem::take(&mut self.page_signals);
-        if let (Some(folder), Some(ended), Some(kept)) = (&self.folder, &ended, kept) {
+        let kept = std::mem::take(&mut self.recorder.signals);
+        if let (Some(folder), Some(ended), Some(kept)) = (&self.recorder.folder, &ended, kept) {
             let (graph, outcome) = (&self.loaded.graph, &ended.outcome);
             let written = run_page::write(folder, &self.source, graph, outcome, &kept);
-            self.page_error = written.err().map(|error| error.to_string());
+            self.recorder.page_error = written.err().map(|error| error.to_string());
         }
         let failed = ended.is_none_or(|ended| ended.panicked);
-        self.state = if failed { State::Failed } else { State::Stopped };
-        self.pads.clear();
-        self.silent.clear();
+        self.cycle.state = if failed { State::Failed } else { State::Stopped };
+        self.signals.pads.clear();
+        self.signals.silent.clear();
         self.start_next_run();
-    }
-
-    /// Disconnects the real devices, after a last zero to each.
-    fn release(&mut self) {
-        self.network = Connections::new(&self.source.registry);
-        (self.inputs, self.note) = (Inputs::default(), None);
-        self.heard.clear();
     }
 
     /// Refuses an action that starts another run, after a STOP and in its course: only a resume ends it.
@@ -214,8 +217,8 @@ impl Stage {
     /// # Errors
     /// [`StageError`] with the remedy.
     pub fn refuse_after_stop(&self, action: &str) -> Result<(), StageError> {
-        let is_halting = self.is_stopping && matches!(self.next_run, NextRun::None);
-        match self.state == State::Running && !is_halting {
+        let is_halting = self.cycle.is_stopping && matches!(self.cycle.next_run, NextRun::None);
+        match self.cycle.state == State::Running && !is_halting {
             true => Ok(()),
             false => Err(other(format_args!("cannot {action}: the run is stopped; resume it first"))),
         }
@@ -224,7 +227,7 @@ impl Stage {
     /// Stops the run without a successor.
     pub fn halt(&mut self) {
         self.close_recording();
-        (self.next_run, self.replay) = (NextRun::None, None);
+        (self.cycle.next_run, self.cycle.replay) = (NextRun::None, None);
         self.stop_within(STOPPING);
     }
 
@@ -235,7 +238,7 @@ impl Stage {
 
     /// Stops the run, and starts this one after it, within this time or later.
     pub fn restart_within(&mut self, longest: Duration, next: NextRun) {
-        (self.next_run, self.replay) = (next, None);
+        (self.cycle.next_run, self.cycle.replay) = (next, None);
         match self.session {
             Some(_) => self.stop_within(longest),
             None => self.start_next_run(),
@@ -244,11 +247,11 @@ impl Stage {
 
     /// Delivers the recording of the finished run and starts the next run.
     pub fn start_next_run(&mut self) {
-        if let Some(recording) = self.recorder.take() {
+        if let Some(recording) = self.recorder.recording.take() {
             self.deliver_recording(&recording);
         }
-        let next = std::mem::take(&mut self.next_run);
-        if matches!(next, NextRun::None) || self.state == State::Failed {
+        let next = std::mem::take(&mut self.cycle.next_run);
+        if matches!(next, NextRun::None) || self.cycle.state == State::Failed {
             return;
         }
         match self.start_as(next) {

@@ -1,32 +1,29 @@
 //! A running graph with its connected pages, and the actions that these may take.
 
 use super::actuators::{Actuator, Sound};
-use super::drive::{Drive, DrivenBy};
-use super::envelope::{Confirmed, Proposal};
+use super::devices::Devices;
+use super::drive::Drive;
+use super::envelope::Permitted;
 use super::levels::Costs;
 use super::load::{Loaded, Source};
 use super::pads::Pad;
-use super::pages::Page;
-use super::record::{Appended, Move, Recording};
-use super::replay::Replay;
-use super::run_cycle::NextRun;
-use super::run_page::PageSignals;
+use super::pages::Pages;
+use super::record::{Move, Recorder, Recording};
+use super::run_cycle::RunCycle;
 use super::scope::Scope;
 use super::wire::Pointer;
 use haptograph_engine::diagnostic::Diagnostics;
-use haptograph_engine::run::{ArmSwitch, Session};
-use haptograph_live::soundcard::{CardRequests, Inputs};
-use haptograph_live::{BackendEvent, Connections};
+use haptograph_engine::run::Session;
+use haptograph_live::BackendEvent;
 use serde_json::{Value, json};
-use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::Duration;
 
 /// State of the run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum State {
     Running,
     /// Stopped by a page: actuators are at zero.
+    #[default]
     Stopped,
     /// A node panicked: actuators are at zero.
     Failed,
@@ -37,7 +34,8 @@ pub enum State {
 pub struct Host {
     /// Name in the message `hello`.
     pub name: &'static str,
-    pub driven_by: DrivenBy,
+    /// True if the caller runs the frames, as a page's audio thread does.
+    pub is_driven_by_caller: bool,
     pub can_save: bool,
     pub can_learn: bool,
     /// Real devices, where the graph has them.
@@ -79,58 +77,30 @@ pub struct Stage {
     pub loaded: Loaded,
     /// The text of the file when it was last read or saved.
     pub on_disk: String,
-    /// Limits and devices that no edit may exceed; `None` if no real device can be reached.
-    pub confirmed: Option<Arc<Confirmed>>,
-    /// The latest edit beyond them, and the number of such edits.
-    pub proposal: Option<Proposal>,
-    pub proposals: u64,
-    pub state: State,
+    pub permitted: Permitted,
     pub session: Option<Session>,
     pub drive: Option<Drive>,
-    /// Arms the real actuators; the same for all runs.
-    pub switch: Arc<ArmSwitch>,
-    /// The driven devices that sent data before the last look.
-    pub heard: Vec<String>,
-    /// The real devices of other programs, the soundcards that are listened to, and the streams requested of soundcards.
-    pub network: Connections,
-    pub inputs: Inputs,
-    pub card_requests: Option<CardRequests>,
-    /// The latest event of a real device.
-    pub note: Option<String>,
+    pub cycle: RunCycle,
+    pub devices: Devices,
+    pub signals: Signals,
+    pub pages: Pages,
+    pub recorder: Recorder,
+}
+
+/// The signals of the run that pages write, see and hear.
+#[derive(Default)]
+pub struct Signals {
     pub pads: Vec<Pad>,
     pub scopes: Vec<Scope>,
     pub costs: Costs,
     pub actuators: Vec<Actuator>,
     pub sound: Option<Sound>,
-    pub pages: Vec<Page>,
-    /// The page that controls the pads and the settings.
-    pub owner: Option<u64>,
     /// Silent live inputs, with the time of the run since which they are silent, s.
     pub silent: Vec<(String, f64)>,
-    /// The folder for recorded runs, and the folder of this run.
-    pub out: Option<PathBuf>,
-    pub folder: Option<PathBuf>,
-    /// The folders that were made there, whose pages may be seen.
-    pub made: Vec<PathBuf>,
-    pub recorder: Option<Recording>,
-    /// The file that keeps it meanwhile.
-    pub appended: Option<Appended>,
-    /// Signals recorded for the page in that folder.
-    pub page_signals: Option<PageSignals>,
-    /// Error of writing that page.
-    pub page_error: Option<String>,
-    pub replay: Option<Replay>,
-    /// The run that follows this one.
-    pub next_run: NextRun,
-    /// True from a stop until the next run begins.
-    pub is_stopping: bool,
-    /// Time still to be run in a replay, s.
-    pub pending_s: f64,
     /// Delays from the arrival of pointers to their ticks, s.
-    latencies_s: Vec<f64>,
+    pub latencies_s: Vec<f64>,
     /// Rate of the driver, Hz.
     pub rate_hz: f64,
-    pub next_page: u64,
 }
 
 impl Stage {
@@ -141,44 +111,18 @@ impl Stage {
             .map_err(|error| other(format!("cannot read {}: {error}", source.path.display())))?;
         let loaded = source.load(&text)?;
         let mut stage = Self {
-            network: Connections::new(&source.registry),
             host,
+            devices: Devices::new(&source.registry),
             source,
             loaded,
             on_disk: text,
-            confirmed: None,
-            proposal: None,
-            proposals: 0,
-            state: State::Stopped,
+            permitted: Permitted::default(),
             session: None,
             drive: None,
-            switch: Arc::default(),
-            heard: Vec::new(),
-            inputs: Inputs::default(),
-            card_requests: None,
-            note: None,
-            pads: Vec::new(),
-            scopes: Vec::new(),
-            costs: Costs::default(),
-            actuators: Vec::new(),
-            sound: None,
-            pages: Vec::new(),
-            owner: None,
-            silent: Vec::new(),
-            out: None,
-            folder: None,
-            made: Vec::new(),
-            recorder: None,
-            appended: None,
-            page_signals: None,
-            page_error: None,
-            replay: None,
-            next_run: NextRun::None,
-            is_stopping: false,
-            pending_s: 0.0,
-            latencies_s: Vec::new(),
-            rate_hz: 1.0,
-            next_page: 0,
+            cycle: RunCycle::default(),
+            signals: Signals { rate_hz: 1.0, ..Signals::default() },
+            pages: Pages::default(),
+            recorder: Recorder::default(),
         };
         stage.start()?;
         Ok(stage)
@@ -187,13 +131,13 @@ impl Stage {
     /// Time of the run, s.
     pub fn now_s(&self) -> f64 {
         let frames = self.drive.as_ref().map_or(0, |drive| drive.pace.frames());
-        frames as f64 / self.rate_hz
+        frames as f64 / self.signals.rate_hz
     }
 
     /// Updates the timing if the caller drives: wall-clock time and computing time since the last call.
     pub fn keep_time(&mut self, passed: Duration, busy: Duration) {
         if let Some(drive) = &mut self.drive {
-            drive.keep_time(passed, busy, self.rate_hz);
+            drive.keep_time(passed, busy, self.signals.rate_hz);
         }
     }
 
@@ -201,11 +145,11 @@ impl Stage {
     pub fn look(&mut self) {
         let now_s = self.now_s();
         let notes = self.drive.as_mut().map(Drive::poll).unwrap_or_default();
-        for note in notes.into_iter().chain(self.inputs.poll()) {
+        for note in notes.into_iter().chain(self.devices.inputs.poll()) {
             if let BackendEvent::Changed(note) = note {
                 // What is plugged in anew is not what was armed.
                 self.disarm();
-                self.note = Some(note);
+                self.devices.note = Some(note);
             }
         }
         if let Some(session) = &mut self.session {
@@ -217,25 +161,25 @@ impl Stage {
 
     /// Ends runs and replays that are over, after their last data have been sent to the pages.
     pub fn end_what_is_over(&mut self) {
-        if self.state == State::Running && self.drive.as_ref().is_some_and(|drive| drive.pace.is_over()) {
+        if self.cycle.state == State::Running && self.drive.as_ref().is_some_and(Drive::is_over) {
             self.end();
         }
-        if self.recorder.as_ref().is_some_and(Recording::is_full) {
+        if self.recorder.recording.as_ref().is_some_and(Recording::is_full) {
             // A run that is stopping ends it too.
             let _ = self.record(false);
         }
     }
 
     pub fn look_at_scopes(&mut self, now_s: f64) {
-        for scope in &mut self.scopes {
+        for scope in &mut self.signals.scopes {
             scope.look(now_s);
         }
-        if let Some(signals) = &mut self.page_signals {
-            signals.take(&self.scopes);
+        if let Some(signals) = &mut self.recorder.signals {
+            signals.take(&self.signals.scopes);
         }
-        for actuator in &mut self.actuators {
+        for actuator in &mut self.signals.actuators {
             let port = format!("{}.delivered", actuator.name);
-            if let Some(scope) = self.scopes.iter().find(|scope| scope.port.name == port) {
+            if let Some(scope) = self.signals.scopes.iter().find(|scope| scope.port.name == port) {
                 actuator.delivered.take(scope, actuator.window_s);
             }
         }
@@ -245,8 +189,8 @@ impl Stage {
     /// Real-time code: it does not allocate if [`look`](Self::look) is called often enough.
     pub fn process(&mut self, frames: usize) -> impl Iterator<Item = f64> {
         self.run(frames);
-        let scopes = &mut self.scopes;
-        let played = self.sound.as_ref().and_then(|sound| {
+        let scopes = &mut self.signals.scopes;
+        let played = self.signals.sound.as_ref().and_then(|sound| {
             let scope = scopes.iter_mut().find(|scope| scope.port.name == sound.port)?;
             Some((scope.take_in(), sound.peak))
         });
@@ -257,34 +201,35 @@ impl Stage {
     /// Applies pointer events of a page to a pad; ignored for pages that do not own the pads, and during a
     /// replay.
     pub fn point(&mut self, page: u64, number: usize, points: &[Pointer]) {
-        if self.owner != Some(page) || self.replay.is_some() {
+        if self.pages.owner != Some(page) || self.cycle.replay.is_some() {
             return;
         }
-        let page = self.pages.iter_mut().find(|known| known.id == page);
-        let (Some(page), Some(pad), Some(drive)) = (page, self.pads.get_mut(number), &self.drive) else {
+        let page = self.pages.list.iter_mut().find(|known| known.id == page);
+        let (Some(page), Some(pad), Some(drive)) = (page, self.signals.pads.get_mut(number), &self.drive)
+        else {
             return;
         };
         drive.between_frames(|frame| {
-            let now_s = frame as f64 / self.rate_hz;
+            let now_s = frame as f64 / self.signals.rate_hz;
             for point in points {
                 let due_s = page.clock.due_s(point.at_s, now_s);
                 // The recorded event is the one that is applied.
                 let made = Move::new(frame, number, due_s, point);
                 let (due_s, point) = made.pointer();
                 pad.move_to(due_s, &point);
-                self.latencies_s.push((due_s - now_s).max(0.0));
-                if let Some(recording) = &mut self.recorder {
+                self.signals.latencies_s.push((due_s - now_s).max(0.0));
+                if let Some(recording) = &mut self.recorder.recording {
                     recording.moves.push(made);
                 }
             }
         });
-        let most = self.latencies_s.len().saturating_sub(1000);
-        self.latencies_s.drain(..most);
+        let most = self.signals.latencies_s.len().saturating_sub(1000);
+        self.signals.latencies_s.drain(..most);
     }
 
     /// Statistics of the delays from pointer arrival to tick since the last call.
     pub fn pointer_latency(&mut self) -> Value {
-        let mut all = std::mem::take(&mut self.latencies_s);
+        let mut all = std::mem::take(&mut self.signals.latencies_s);
         all.sort_by(f64::total_cmp);
         let middle = all.get(all.len() / 2).copied().unwrap_or(0.0);
         let most = all.last().copied().unwrap_or(0.0);
@@ -296,12 +241,12 @@ impl Stage {
         let (Some(session), Some(drive)) = (&mut self.session, &self.drive) else {
             return Err(other("the run is stopped"));
         };
-        if self.replay.is_some() {
+        if self.cycle.replay.is_some() {
             return Err(other("a replay is running; stop it first"));
         }
         drive.between_frames(|frame| {
             session.set_by_name(name, value).map_err(other)?;
-            if let Some(recording) = &mut self.recorder {
+            if let Some(recording) = &mut self.recorder.recording {
                 recording.add_setting_change(frame, name, value);
             }
             Ok(())

@@ -1,8 +1,10 @@
 //! The swap of the running graph for another.
 
+use super::actuators::driven;
 use super::load::{Loaded, Source};
 use super::scope::{self, Scope};
 use super::stage::{Stage, StageError, other};
+use haptograph_engine::graph::Graph;
 use haptograph_live::soundcard::card_requests;
 
 impl Stage {
@@ -18,30 +20,32 @@ impl Stage {
         }
         let ports = scope::ports(&next.graph);
         let names: Vec<String> = ports.iter().map(|port| port.name.clone()).collect();
-        if self.host.can_drive {
-            self.network.connect(&mut next.graph).map_err(other)?;
-        }
-        self.disarm_unless_same(&next);
+        // What is driven with other settings is not what was armed.
+        let disarms = driven(&self.loaded.graph) != driven(&next.graph);
         let Some(session) = self.session.as_mut() else {
             return Err(other("the run is stopped"));
         };
-        let changed = session.change_and_probe(&next.graph, None, &names);
-        let (changed, mut probes) = changed.map_err(|error| {
-            self.network.undo();
-            other(error)
-        })?;
-        self.network.keep(&next.graph);
+        let mut change = |graph: &Graph| {
+            if disarms {
+                self.devices.switch.disarm();
+            }
+            session.change_and_probe(graph, None, &names)
+        };
+        let (changed, mut probes) = match self.host.can_drive {
+            true => self.devices.network.replace(&mut next.graph, change).map_err(other)?,
+            false => change(&next.graph).map_err(other)?,
+        };
         self.note_refusals();
-        self.scopes.retain(|scope| ports.contains(&scope.port));
+        self.signals.scopes.retain(|scope| ports.contains(&scope.port));
         for port in ports {
-            if !self.scopes.iter().any(|scope| scope.port == port) {
+            if !self.signals.scopes.iter().any(|scope| scope.port == port) {
                 let frames = probes.take_any(&port.name);
-                self.scopes.extend(frames.map(|frames| Scope::of(port, frames)));
+                self.signals.scopes.extend(frames.map(|frames| Scope::of(port, frames)));
             }
         }
         (self.loaded, self.source) = (next, source);
         // The new pads have the same channels.
-        for (pad, spec) in self.pads.iter_mut().zip(&self.loaded.pads) {
+        for (pad, spec) in self.signals.pads.iter_mut().zip(&self.loaded.pads) {
             pad.lay_on(spec);
         }
         self.describe_actuators();
@@ -50,10 +54,12 @@ impl Stage {
 
     /// Reason why a graph cannot be swapped in without a new run.
     fn obstacle(&self, next: &Loaded) -> Option<String> {
-        if self.recorder.is_some() || self.replay.is_some() {
+        if self.recorder.recording.is_some() || self.cycle.replay.is_some() {
             return Some("a recording or a replay keeps its graph; end it first".to_owned());
         }
-        if self.card_requests.is_some() && self.card_requests != card_requests(&next.graph).ok() {
+        if self.devices.card_requests.is_some()
+            && self.devices.card_requests != card_requests(&next.graph).ok()
+        {
             return Some(
                 "the graph requests another soundcard; stop the run, apply the graph, then resume".to_owned(),
             );

@@ -98,7 +98,7 @@ fn refused(error: &dyn std::fmt::Display) -> Response {
 }
 
 fn act(stage: &mut Stage, page: u64, message: ClientMessage) -> Response {
-    let of_page = stage.pages.iter().find(|known| known.id == page);
+    let of_page = stage.pages.list.iter().find(|known| known.id == page);
     if message.is_for_machine() && of_page.is_none_or(|page| page.reach != Reach::Machine) {
         return refused_because(&message, NOT_HERE);
     }
@@ -113,7 +113,7 @@ fn act(stage: &mut Stage, page: u64, message: ClientMessage) -> Response {
         ClientMessage::Check { request, text } => return done_later(request, Work::Check(text)),
         // Also of a page that is no longer the owner.
         ClientMessage::Cancel { request } => return Response::Cancel { request },
-        message if stage.owner == Some(page) => return act_as_owner(stage, page, message),
+        message if stage.pages.owner == Some(page) => return act_as_owner(stage, page, message),
         // A page that was the owner until now.
         ClientMessage::Hold => {}
         message => return refused_because(&message, NOT_OWNER),
@@ -144,7 +144,7 @@ fn refused_because(message: &ClientMessage, why: &str) -> Response {
 /// # Errors
 /// [`StageError`] if the page left or another page took over.
 pub fn is_owner(stage: &Stage, page: u64) -> Result<(), StageError> {
-    match stage.owner == Some(page) {
+    match stage.pages.owner == Some(page) {
         true => Ok(()),
         false => Err(StageError::Other(NOT_OWNER.to_owned())),
     }
@@ -157,13 +157,13 @@ fn act_as_owner(stage: &mut Stage, page: u64, message: ClientMessage) -> Respons
             Ok(()) => tell_graph(stage),
             Err(error) => return refused(&error),
         },
-        ClientMessage::Gain { gain } => stage.switch.set_gain(gain),
+        ClientMessage::Gain { gain } => stage.devices.switch.set_gain(gain),
         ClientMessage::Arm => {
             if let Err(error) = stage.arm() {
                 return refused(&error);
             }
         }
-        ClientMessage::Hold => stage.switch.hold(),
+        ClientMessage::Hold => stage.devices.switch.hold(),
         ClientMessage::Set { name, value } => {
             if let Err(error) = stage.set(&name, value) {
                 return refused(&format_args!("`{name}` was not changed: {error}"));
@@ -237,10 +237,10 @@ fn listed(wrong: &Diagnostics) -> Value {
 /// Sends the running graph to all pages.
 pub fn tell_graph(stage: &mut Stage) {
     let message = text(&describe::graph(stage));
-    stage.pages.iter_mut().for_each(|page| page.send(message.clone()));
+    stage.pages.list.iter_mut().for_each(|page| page.send(message.clone()));
 }
 
 fn tell_others(stage: &mut Stage, page: u64, value: &Value) {
-    let others = stage.pages.iter_mut().filter(|known| known.id != page);
+    let others = stage.pages.list.iter_mut().filter(|known| known.id != page);
     others.for_each(|page| page.send(text(value)));
 }

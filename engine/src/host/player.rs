@@ -48,13 +48,14 @@ impl PlayOptions {
 /// The real-time side of a graph whose driver is the caller: each call of [`process`](Self::process) runs it further.
 pub struct Player {
     live: Live,
-    /// Interval of the checks for silent endpoints, frames. It makes them independent of the calls.
-    check_interval: u64,
     probes: Probes,
     _playing: Playing,
 }
 
 impl Driven for Player {
+    fn rate_hz(&self) -> f64 {
+        self.live.run().rate_hz()
+    }
     fn run_frames(&mut self, frames: usize) {
         self.process(frames);
     }
@@ -104,13 +105,13 @@ impl Player {
         }
         let playing = claim(graph)?;
         let (mut live, mut session) = Session::open(sinks, &options.live).map_err(|error| system(&error))?;
-        let check_interval = live.block() as u64;
-        live.follow_inputs_every(check_interval);
+        // At fixed frames, so that the checks for silent endpoints do not depend on the calls.
+        live.follow_inputs_every(live.block() as u64);
         if options.sample_costs && !cfg!(target_family = "wasm") {
             live.sample_costs();
         }
         let probes = Probes::new(names, session.handed());
-        let player = Self { live, check_interval, probes, _playing: playing };
+        let player = Self { live, probes, _playing: playing };
         Ok((player, session))
     }
 
@@ -133,12 +134,8 @@ impl Player {
     /// Runs `frames` frames of the driver. Real-time code: it does not allocate, lock, make system calls or panic.
     /// Queued inputs are taken at the ticks at which they are due; outputs and probes have their frames afterwards.
     pub fn process(&mut self, frames: usize) {
-        let mut left = frames as u64;
-        while left > 0 {
-            let to_boundary = self.check_interval - self.live.frames() % self.check_interval;
-            let part = left.min(to_boundary);
-            self.live.callback(part as usize, |_, _| {});
-            left -= part;
+        if frames > 0 {
+            self.live.callback(frames, |_, _| {});
         }
     }
 

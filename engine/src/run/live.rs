@@ -68,6 +68,8 @@ pub enum LiveState {
 
 /// The object that a driver runs: a live run, or a wrapper of one that uses its frames.
 pub trait Driven: Send + 'static {
+    /// Rate of the driver, Hz.
+    fn rate_hz(&self) -> f64;
     /// Runs `frames` frames of the driver. Real-time code.
     fn run_frames(&mut self, frames: usize);
     /// Largest number of frames that it runs at once.
@@ -83,6 +85,9 @@ pub trait Driven: Send + 'static {
 }
 
 impl Driven for Live {
+    fn rate_hz(&self) -> f64 {
+        self.run.rate_hz()
+    }
     fn run_frames(&mut self, frames: usize) {
         self.callback(frames, |_, _| {});
     }
@@ -141,9 +146,25 @@ impl Live {
     /// Catches a panic of a node: the engine then ramps the actuators to zero, outside the plan. A device that panics
     /// during this ramp receives no further output.
     pub fn callback(&mut self, frames: usize, mut each: impl FnMut(&mut Run, usize)) {
+        let mut left = frames;
+        loop {
+            let part = match self.follows_every {
+                0 => left,
+                every => left.min((every - self.frames % every) as usize),
+            };
+            self.run_part(part, &mut each);
+            left -= part;
+            if left == 0 {
+                break;
+            }
+        }
+    }
+
+    /// Runs the frames of a callback up to the next check for silent live inputs.
+    fn run_part(&mut self, frames: usize, each: &mut impl FnMut(&mut Run, usize)) {
         let done = self.frames;
         // A panic can leave the plan's state inconsistent: the plan does not run again.
-        if catch_unwind(AssertUnwindSafe(|| self.run_plan(frames, &mut each))).is_err() {
+        if catch_unwind(AssertUnwindSafe(|| self.run_plan(frames, each))).is_err() {
             self.state = LiveState::Panicked;
         }
         if matches!(self.state, LiveState::Panicked | LiveState::Finished) {

@@ -5,7 +5,7 @@
 //! catch up in a burst would run a force loop through many ticks with the same hand position. A device that was
 //! given zeros meanwhile begins from zero.
 
-use haptograph_engine::run::{Live, Wake};
+use haptograph_engine::run::{Driven, Live, Wake};
 use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -20,12 +20,14 @@ pub struct Timer {
     pub spin: Duration,
     /// A delay beyond this is a stall of the machine: its frames are skipped.
     pub stall: Duration,
+    /// True if the thread requests real-time scheduling and locked memory.
+    pub is_real_time: bool,
 }
 
 impl Default for Timer {
     fn default() -> Self {
         let (spin, stall) = (Duration::from_micros(200), Duration::from_millis(20));
-        Self { wakes_hz: 1000.0, spin, stall }
+        Self { wakes_hz: 1000.0, spin, stall, is_real_time: true }
     }
 }
 
@@ -38,36 +40,37 @@ pub struct TimerNotes {
 }
 
 /// A thread that drives a live run.
-pub struct TimerThread {
+pub struct TimerThread<D = Live> {
     /// Real-time privileges of the thread.
     pub notes: TimerNotes,
-    thread: JoinHandle<Live>,
+    thread: JoinHandle<D>,
 }
 
-impl TimerThread {
+impl<D> TimerThread<D> {
     /// True if the run is over.
     pub fn is_finished(&self) -> bool {
         self.thread.is_finished()
     }
 
     /// Waits for the end of the run; `None` if the thread panicked.
-    pub fn join(self) -> Option<Live> {
+    pub fn join(self) -> Option<D> {
         self.thread.join().ok()
     }
 }
 
 impl Timer {
-    /// Starts a real-time thread that runs until the run is over.
+    /// Starts a thread that runs until the run is over.
     ///
     /// # Errors
     /// System errors if no thread can be started.
-    pub fn start(self, mut live: Live) -> std::io::Result<TimerThread> {
+    pub fn start<D: Driven>(self, mut driven: D) -> std::io::Result<TimerThread<D>> {
         let (notes_in, notes) = channel();
         let thread = std::thread::Builder::new().name("haptograph-timer".into()).spawn(move || {
+            let notes = if self.is_real_time { self.prepare_thread() } else { TimerNotes::default() };
             // The receiver may be gone.
-            let _ = notes_in.send(self.prepare_thread());
-            self.run(&mut live);
-            live
+            let _ = notes_in.send(notes);
+            self.run(&mut driven);
+            driven
         })?;
         let notes = notes.recv().unwrap_or_default();
         Ok(TimerThread { notes, thread })
@@ -114,12 +117,12 @@ impl Timer {
     }
 
     /// Runs on the calling thread until the run is over and every actuator is at zero.
-    pub fn run(&self, live: &mut Live) {
-        let rate_hz = live.run().rate_hz();
+    pub fn run(&self, driven: &mut impl Driven) {
+        let rate_hz = driven.rate_hz();
         let mut start = Instant::now();
         let period = Duration::from_secs_f64(1.0 / self.wakes_hz);
         let (mut wake, mut done, mut lost) = (0_u64, 0_u64, 0_u32);
-        while !live.is_idle() {
+        while !driven.is_idle() {
             wake += 1;
             let deadline = start + Duration::from_secs_f64(wake as f64 / self.wakes_hz);
             let due = (wake as f64 / self.wakes_hz * rate_hz).floor() as u64;
@@ -132,10 +135,10 @@ impl Timer {
                 lost = (late.as_secs_f64() * self.wakes_hz) as u32;
             }
             let frames = due.saturating_sub(done);
-            live.callback(frames as usize, |_, _| {});
+            driven.run_frames(frames as usize);
             done = due;
             let work = began.elapsed();
-            live.report(Wake {
+            driven.report(Wake {
                 late_ns: late.as_nanos() as u64,
                 work_ns: work.as_nanos() as u64,
                 frames: frames as u32,

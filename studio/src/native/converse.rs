@@ -118,9 +118,9 @@ pub async fn run(socket: WebSocket, shared: Shared, pass: Pass) {
     let (line, out) = channel(MAX_QUEUED);
     let greeted = with_stage(&stage, move |stage| {
         // Several may have been let in at once.
-        (stage.pages.len() < max_pages).then(|| {
+        (stage.pages.list.len() < max_pages).then(|| {
             let greeted = talk::greet(stage, Box::new(line), reach);
-            (greeted, Arc::clone(&stage.switch))
+            (greeted, Arc::clone(&stage.devices.switch))
         })
     });
     let Some(((page, first), switch)) = greeted.await.flatten() else {
@@ -332,7 +332,7 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
     let (confirmed, (source, text)) = {
         let stage = lock(stage);
         talk::is_owner(&stage, page)?;
-        (stage.confirmed.clone(), work.graph(&stage))
+        (stage.permitted.confirmed.clone(), work.graph(&stage))
     };
     // The limits of a text with errors are unknown, so it is not saved either.
     let loaded = source.load(&text)?;
@@ -345,7 +345,7 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
         let mut stage = lock(stage);
         // Whoever listens to the network could ask for it.
         let is_far = |known: &Page| known.id == page && known.reach == Reach::Network;
-        if stage.pages.iter().any(is_far) {
+        if stage.pages.list.iter().any(is_far) {
             let why = format!("a page on the network cannot change limits or devices: {}", beyond.join("; "));
             return Err(StageError::Other(why));
         }
@@ -369,7 +369,7 @@ fn learned(
 ) -> Result<(String, Option<String>), StageError> {
     let graph = {
         let stage = lock(stage);
-        if !stage.pages.iter().any(|known| known.id == page) {
+        if !stage.pages.list.iter().any(|known| known.id == page) {
             return failed();
         }
         stage.source.folder().to_owned()
@@ -424,7 +424,7 @@ mod tests {
         let (mut page, _) = connect(request(&studio)).expect("it is let in");
         page.read().expect("it is greeted");
         let stage = lock(&studio.stage);
-        stage.switch.arm(0.1);
+        stage.devices.switch.arm(0.1);
         // What waits for the stage: a message of the page, and another page.
         let text = |text: &str| tungstenite::Message::text(text.to_owned());
         page.send(text(r#"{"type":"set","name":"out.gain","value":0.5}"#)).expect("sent");
@@ -433,10 +433,10 @@ mod tests {
         std::thread::sleep(Duration::from_millis(50));
         page.send(text(r#"{"type":"stop"}"#)).expect("sent");
         let sent = Instant::now();
-        while stage.switch.is_armed() && sent.elapsed() < Duration::from_secs(60) {
+        while stage.devices.switch.is_armed() && sent.elapsed() < Duration::from_secs(60) {
             std::thread::yield_now();
         }
-        assert!(!stage.switch.is_armed());
+        assert!(!stage.devices.switch.is_armed());
         drop(stage);
         assert!(another.join().expect("no panic"));
     }

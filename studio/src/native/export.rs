@@ -204,7 +204,7 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Si
     Ok(SiteGraph {
         name,
         about: graph.about().to_owned(),
-        rate_hz: stage.sound.as_ref().map_or(stage.rate_hz, |sound| sound.rate_hz),
+        rate_hz: stage.signals.sound.as_ref().map_or(stage.signals.rate_hz, |sound| sound.rate_hz),
         path: stage.source.path.clone(),
         set: set.to_vec(),
         files,

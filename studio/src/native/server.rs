@@ -5,7 +5,6 @@ use super::converse::{self, ExclusiveWork};
 use super::learn::Learner;
 use super::visits::{Pass, Reception, Visits};
 use super::{blocking, listen, lock, pump, with_stage};
-use crate::drive::DrivenBy;
 use crate::envelope::Confirmed;
 use crate::load::Source;
 use crate::pages::Reach;
@@ -37,7 +36,7 @@ const MAX_PAGES: usize = 16;
 const TOKEN_LETTERS: usize = 32;
 /// The host of an engine on this machine.
 const HOST: Host =
-    Host { name: "native", driven_by: DrivenBy::Thread, can_save: true, can_learn: true, can_drive: true };
+    Host { name: "native", is_driven_by_caller: false, can_save: true, can_learn: true, can_drive: true };
 /// Content security policy of the page: its own files only, besides the WebSocket of its own server.
 const POLICY: &str = "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; \
                       frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
@@ -196,7 +195,7 @@ impl Studio {
     /// its number, and each excess in one sentence. The sentences quote the edit, control characters included.
     pub fn proposal(&self) -> Option<(u64, Vec<String>)> {
         let stage = lock(&self.stage);
-        let proposal = stage.proposal.as_ref()?;
+        let proposal = stage.permitted.proposal.as_ref()?;
         Some((proposal.number, proposal.beyond.clone()))
     }
 
@@ -265,8 +264,8 @@ fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> 
     // The graph's own folder comes first.
     stage.source.surfaces = roots.folders().iter().skip(1).cloned().collect();
     stage.source.roots = Some(Arc::new(roots.and_files(named)));
-    stage.confirmed = Some(Arc::new(confirmed));
-    stage.out = Some(options.out.clone());
+    stage.permitted.confirmed = Some(Arc::new(confirmed));
+    stage.recorder.out = Some(options.out.clone());
     // Draws the swatches, which takes a while, before any page waits for them.
     let _ = crate::describe::graph(&stage);
     Ok(stage)
@@ -395,7 +394,7 @@ async fn report(
         return locked(&query);
     }
     let made = with_stage(&shared.stage, move |stage| {
-        let made = stage.made.iter();
+        let made = stage.recorder.made.iter();
         { made }.find(|made| made.file_name().is_some_and(|name| *name == *folder)).cloned()
     });
     let made = made.await.flatten();
@@ -443,7 +442,7 @@ async fn live(
     }
     pass.know();
     let max_bytes = converse::longest(shared.reach);
-    let pages = with_stage(&shared.stage, |stage| stage.pages.len()).await;
+    let pages = with_stage(&shared.stage, |stage| stage.pages.list.len()).await;
     if pages.is_none_or(|pages| pages >= shared.max_pages()) {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages").into_response();
     }
