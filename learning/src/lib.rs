@@ -13,7 +13,7 @@ pub mod batch;
 pub mod evaluate;
 pub mod learn;
 pub mod metrics;
+pub mod parts;
 pub mod processing;
 pub mod recording;
 pub mod select;
-pub mod shard;

@@ -10,6 +10,7 @@ pub mod fft;
 pub mod files;
 pub mod filter;
 pub mod noise;
+pub mod parallel;
 pub mod prediction;
 pub mod quantity;
 pub mod resample;

@@ -11,9 +11,9 @@ use super::{
 use crate::engine::registry::Registry;
 use crate::learning::evaluate::{RecordingName, Study, StudyHead, StudyPart};
 use crate::learning::learn::{self as library, LearnSettings};
+use crate::learning::parts::Shard;
 use crate::learning::recording::ImportSettings;
-use crate::learning::shard::Shard;
-use crate::signal::files;
+use crate::signal::{files, parallel};
 use crate::surfaces::{Surface, files as surface_files};
 use clap::{Subcommand, ValueEnum};
 use serde_json::{Value, json};
@@ -25,7 +25,7 @@ use std::fs;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 
 /// Setting of a learned surface that holds the hash of its inputs and settings.
 const INPUTS: &str = "inputs sha256";
@@ -219,13 +219,20 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
     }
     let stop = run::stop_on_interrupt()?;
     let progress = Progress::of("learning");
-    let outcomes =
-        on_all_cores(&items, &stop, &progress, &|item| match learn_item(given, item, &import, &settings) {
-            Ok((surface, kept)) => Outcome::Learned(Box::new(surface), kept),
-            Err(failure) => Outcome::Failed(failure.to_string()),
-        });
+    let one = |item: &&Item| {
+        if stop.load(Ordering::Relaxed) {
+            return None;
+        }
+        // A panic fails only its own item.
+        Some(match catch_unwind(AssertUnwindSafe(|| learn_item(given, item, &import, &settings))) {
+            Ok(Ok((surface, kept))) => Outcome::Learned(Box::new(surface), kept),
+            Ok(Err(failure)) => Outcome::Failed(failure.to_string()),
+            Err(_) => Outcome::Failed("haptograph panicked; the message is above".to_owned()),
+        })
+    };
+    let outcomes = parallel::map(parallel::cores(), &items, &|part| progress.at(part), one);
     drop(progress);
-    let stopped = stop.load(Ordering::Relaxed) && outcomes.len() < items.len();
+    let stopped = outcomes.iter().any(Option::is_none);
     let counted = report(given, &items, outcomes)?;
     if stopped {
         let missing = items.len() - counted.0;
@@ -243,38 +250,6 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
             items.len()
         ))),
     }
-}
-
-/// Processes the items on all cores until none is left or `stop` is set. Returns the outcomes in the order of
-/// the items.
-fn on_all_cores(
-    items: &[&Item],
-    stop: &AtomicBool,
-    progress: &Progress,
-    one: &(dyn Fn(&Item) -> Outcome + Sync),
-) -> Vec<(usize, Outcome)> {
-    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let work = || {
-        let mut finished = vec![];
-        while !stop.load(Ordering::Relaxed) {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(number) else { break };
-            // A panic fails only its own item.
-            let outcome = catch_unwind(AssertUnwindSafe(|| one(item)));
-            let panicked = |_| Outcome::Failed("haptograph panicked; the message is above".to_owned());
-            finished.push((number, outcome.unwrap_or_else(panicked)));
-            progress.at((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / items.len() as f64);
-        }
-        finished
-    };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut outcomes: Vec<_> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads.min(items.len())).map(|_| scope.spawn(work)).collect();
-        let joined = workers.into_iter().filter_map(|worker| worker.join().ok());
-        joined.flatten().collect()
-    });
-    outcomes.sort_by_key(|(number, _)| *number);
-    outcomes
 }
 
 /// The surface of an item, and true if it existed already.
@@ -316,17 +291,17 @@ fn learn_item(
 fn report(
     given: &learn::Arguments,
     items: &[&Item],
-    outcomes: Vec<(usize, Outcome)>,
+    outcomes: Vec<Option<Outcome>>,
 ) -> Result<(usize, usize), Failure> {
     let (mut surfaces, mut kept, mut failed) = (vec![], 0, vec![]);
-    for (number, outcome) in outcomes {
-        let item = items[number];
+    for (&item, outcome) in items.iter().zip(outcomes) {
         match outcome {
-            Outcome::Learned(surface, was_there) => {
+            None => {}
+            Some(Outcome::Learned(surface, was_there)) => {
                 kept += usize::from(was_there);
                 surfaces.push((item, surface));
             }
-            Outcome::Failed(why) => failed.push((item, why)),
+            Some(Outcome::Failed(why)) => failed.push((item, why)),
         }
     }
     let counts = (surfaces.len(), failed.len());

@@ -2,7 +2,8 @@
 
 use super::chunk::file_name;
 use super::document::Document;
-use super::plan::{Batch, MAX_CHUNKS, count, identify};
+use super::plan::{Batch, Input, MAX_CHUNKS, count, identify};
+use crate::parts::Part;
 use haptograph_signal::files;
 use haptograph_signal::files::write_atomically;
 use serde::{Deserialize, Serialize};
@@ -12,26 +13,6 @@ use std::path::Path;
 
 /// The name of a manifest.
 pub const MANIFEST: &str = "manifest.json";
-
-/// A file named in a plan.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Input {
-    pub kind: String,
-    /// The path in the plan.
-    pub file: String,
-    pub sha256: String,
-    /// Origin and source of a surface.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub origin: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub source: Option<String>,
-}
-
-impl Input {
-    pub fn new(kind: &str, file: &str, sha256: String) -> Self {
-        Self { kind: kind.to_owned(), file: file.to_owned(), sha256, origin: None, source: None }
-    }
-}
 
 /// A chunk in a folder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -131,6 +112,12 @@ impl Manifest {
             }
         }
         Ok(())
+    }
+
+    /// The part of the batch in a folder.
+    pub fn part<'a>(&'a self, folder: &'a Path) -> Part<'a, Self, ChunkEntry> {
+        let head = Self { complete: false, chunks: vec![], ..self.clone() };
+        Part { path: folder, head, items: self.chunks.iter().map(|entry| (entry.chunk, entry)).collect() }
     }
 
     /// Writes the manifest atomically.

@@ -1,11 +1,11 @@
 //! Merges the parts of a batch.
 
-use super::chunk::verify;
+use super::chunk::{file_name, verify};
 use super::folder::{Claim, FolderError};
 use super::manifest::{ChunkEntry, Manifest};
+use crate::parts::{PartsError, whole};
 use haptograph_signal::files;
 use haptograph_signal::files::write_atomically_by;
-use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,8 +14,6 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum MergeError {
-    #[error("there is nothing to merge; name the folders of the parts")]
-    Nothing,
     #[error(
         "{} is not the folder of a completely rendered part: cannot read its manifest ({source}); render the part again, \
          which goes on where it stopped",
@@ -24,12 +22,8 @@ pub enum MergeError {
     NoManifest { path: PathBuf, source: io::Error },
     #[error("the manifest in {} is invalid: {why}; render its part again into a new folder", path.display())]
     Manifest { path: PathBuf, why: String },
-    #[error("{} and {} are not parts of one batch: their plans, files or versions differ", first.display(), second.display())]
-    Different { first: PathBuf, second: PathBuf },
-    #[error("chunk {chunk} is in both {} and {}; name only one of them", first.display(), second.display())]
-    Twice { chunk: u64, first: PathBuf, second: PathBuf },
-    #[error("{missing} of {whole} chunks are missing, the first is chunk {first}; render the missing shards")]
-    Missing { missing: u64, whole: u64, first: u64 },
+    #[error(transparent)]
+    Parts(#[from] PartsError),
     #[error("{} is damaged: {why}; render its part again to repair it", path.display())]
     Broken { path: PathBuf, why: String },
     #[error(transparent)]
@@ -55,19 +49,19 @@ pub struct Merged {
 /// # Errors
 /// [`MergeError`] if a chunk is missing, duplicate, damaged or of another batch; the target then has no complete manifest.
 pub fn merge(folders: &[PathBuf], into: &Path, progress: &dyn Fn(f64)) -> Result<Merged, MergeError> {
-    let parts = read(folders)?;
-    let Some((_, first)) = parts.first() else {
-        return Err(MergeError::Nothing);
-    };
-    let chunks = whole(&parts)?;
+    let manifests = folders.iter().map(|folder| read(folder)).collect::<Result<Vec<_>, _>>()?;
+    let first = manifests.first().ok_or(PartsError::Nothing)?;
+    let parts: Vec<_> =
+        { folders.iter().zip(&manifests) }.map(|(folder, manifest)| manifest.part(folder)).collect();
+    let chunks = whole(&parts, first.whole(), |entry: &ChunkEntry| format!("chunk {}", entry.chunk))?;
     let _claim = Claim::of(into, &first.batch)?;
-    for (number, (from, entry)) in chunks.values().enumerate() {
+    for (number, (from, entry)) in chunks.iter().enumerate() {
         take(from, into, entry, &first.batch)?;
         progress((number + 1) as f64 / chunks.len() as f64);
     }
     let merged = Manifest {
         complete: true,
-        chunks: chunks.values().map(|(_, entry)| (*entry).clone()).collect(),
+        chunks: chunks.iter().map(|(_, entry)| (*entry).clone()).collect(),
         ..first.clone()
     };
     let path = into.join(super::MANIFEST);
@@ -75,47 +69,20 @@ pub fn merge(folders: &[PathBuf], into: &Path, progress: &dyn Fn(f64)) -> Result
     Ok(Merged { chunks: merged.whole(), jobs: merged.jobs })
 }
 
-/// The manifests of all parts, of one batch.
-fn read(folders: &[PathBuf]) -> Result<Vec<(PathBuf, Manifest)>, MergeError> {
-    let mut parts: Vec<(PathBuf, Manifest)> = vec![];
-    for path in folders {
-        let manifest = Manifest::read(path);
-        let manifest = manifest.map_err(|source| MergeError::NoManifest { path: path.clone(), source })?;
-        manifest.check().map_err(|why| MergeError::Manifest { path: path.clone(), why })?;
-        if let Some((first, other)) = parts.first() {
-            let without_chunks = |of: &Manifest| Manifest { complete: false, chunks: vec![], ..of.clone() };
-            if without_chunks(other) != without_chunks(&manifest) {
-                let (first, second) = (first.clone(), path.clone());
-                return Err(MergeError::Different { first, second });
-            }
-        }
-        parts.push((path.clone(), manifest));
-    }
-    Ok(parts)
-}
-
-/// Every chunk of the batch once, with the folder that it is in.
-fn whole(parts: &[(PathBuf, Manifest)]) -> Result<BTreeMap<u64, (&Path, &ChunkEntry)>, MergeError> {
-    let mut chunks: BTreeMap<u64, (&Path, &ChunkEntry)> = BTreeMap::new();
-    for (folder, manifest) in parts {
-        for entry in &manifest.chunks {
-            if let Some((first, _)) = chunks.insert(entry.chunk, (folder, entry)) {
-                let (first, second) = (first.to_owned(), folder.clone());
-                return Err(MergeError::Twice { chunk: entry.chunk, first, second });
-            }
-        }
-    }
-    let whole = parts.first().map_or(0, |(_, manifest)| manifest.whole());
-    let mut missing = (0..whole).filter(|chunk| !chunks.contains_key(chunk));
-    match missing.next() {
-        None => Ok(chunks),
-        Some(first) => Err(MergeError::Missing { missing: 1 + missing.count() as u64, whole, first }),
-    }
+/// The manifest of a part.
+fn read(folder: &Path) -> Result<Manifest, MergeError> {
+    let path = folder.to_owned();
+    let manifest = match Manifest::read(folder) {
+        Ok(manifest) => manifest,
+        Err(source) => return Err(MergeError::NoManifest { path, source }),
+    };
+    manifest.check().map_err(|why| MergeError::Manifest { path, why })?;
+    Ok(manifest)
 }
 
 /// Copies or links a chunk into the folder, unless it is already there, and verifies it.
 fn take(from: &Path, into: &Path, entry: &ChunkEntry, identity: &str) -> Result<(), MergeError> {
-    let name = super::chunk::file_name(entry.chunk);
+    let name = file_name(entry.chunk);
     let (source, target) = (from.join(&name), into.join(&name));
     let is_whole = |path: &Path| match verify(path, identity, entry.chunk) {
         Ok(hash) if hash == entry.sha256 => Ok(()),

@@ -17,7 +17,7 @@ mod problem;
 mod render;
 mod table;
 
-pub use crate::shard::Shard;
+pub use crate::parts::Shard;
 pub use chunk::vibration;
 pub use folder::FolderError;
 pub use manifest::{ChunkEntry, MANIFEST};

@@ -1,13 +1,13 @@
 //! A plan with all files that it names.
 
 use super::document::{Document, Jobs, Part, Samples, Signal, place_of};
-use super::manifest::Input;
 use super::motion::Source;
 use super::problem::{PlanError, PlanProblem, find};
 use super::{hash, hex, pattern, table};
 use haptograph_signal::files;
 use haptograph_surfaces::TextureModel;
 use haptograph_surfaces::files::{FileError, read_surface};
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::ops::Range;
 use std::path::Path;
@@ -18,6 +18,26 @@ pub(super) const MAX_CHUNKS: u64 = 200_000;
 const _: () = assert!(2 * MAX_CHUNKS < haptograph_signal::files::MAX_NAMES as u64);
 /// Largest memory of a chunk during rendering, bytes.
 const MAX_CHUNK_BYTES: u64 = 2 << 30;
+
+/// A file named in a plan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Input {
+    pub kind: String,
+    /// The path in the plan.
+    pub file: String,
+    pub sha256: String,
+    /// Origin and source of a surface.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+}
+
+impl Input {
+    pub fn new(kind: &str, file: &str, sha256: String) -> Self {
+        Self { kind: kind.to_owned(), file: file.to_owned(), sha256, origin: None, source: None }
+    }
+}
 
 /// A vibration to be rendered.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,13 +4,13 @@ use super::chunk::{Chunk, file_name, verify};
 use super::folder::{Claim, FolderError};
 use super::manifest::Manifest;
 use super::plan::Batch;
-use crate::shard::Shard;
+use crate::parts::Shard;
+use haptograph_signal::parallel;
 use haptograph_surfaces::rendering::SynthesisError;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Settings for rendering a batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub struct RenderSettings {
 impl Default for RenderSettings {
     /// The whole batch, on all cores.
     fn default() -> Self {
-        Self { shard: None, threads: std::thread::available_parallelism().map_or(1, usize::from) }
+        Self { shard: None, threads: parallel::cores() }
     }
 }
 
@@ -61,9 +61,8 @@ pub enum RenderError {
 enum Outcome {
     Reused(String),
     Rendered(String, Option<String>),
-    /// The chunk is neither in the shard nor in the folder.
+    /// The chunk is neither in the shard nor in the folder, or the run was stopped before it.
     Absent,
-    Stopped,
 }
 
 /// Renders the missing chunks of a batch, or of a shard of it, into a folder, and writes the manifest.
@@ -81,26 +80,8 @@ pub fn render(
     stop: &AtomicBool,
 ) -> Result<Rendered, RenderError> {
     let _claim = Claim::of(folder, batch.identity())?;
-    let work = Work {
-        batch,
-        folder,
-        shard: settings.shard,
-        progress,
-        stop,
-        next: AtomicU64::new(0),
-        ended: AtomicU64::new(0),
-        state: Mutex::default(),
-    };
-    std::thread::scope(|scope| {
-        let threads = (settings.threads.max(1) as u64).min(batch.chunks());
-        for _ in 0..threads {
-            scope.spawn(|| work.run());
-        }
-    });
-    let State { failure, outcomes } = work.state.into_inner().unwrap_or_else(PoisonError::into_inner);
-    if let Some(error) = failure {
-        return Err(error);
-    }
+    let take = |chunk: usize| take(batch, folder, settings.shard, chunk as u64, stop);
+    let outcomes = parallel::try_map(settings.threads, 0..batch.chunks() as usize, progress, take)?;
     let (mut rendered, found) = summary(batch, folder, settings.shard, outcomes);
     rendered.was_stopped = rendered.kept + rendered.rendered < rendered.chunks;
     let manifest = Manifest::of(batch, &found);
@@ -114,75 +95,35 @@ pub fn render(
     Ok(rendered)
 }
 
-/// The state shared by the threads.
-struct Work<'a> {
-    batch: &'a Batch,
-    folder: &'a Path,
+/// Verifies a chunk, and renders it if it is missing or damaged and in this shard.
+fn take(
+    batch: &Batch,
+    folder: &Path,
     shard: Option<Shard>,
-    progress: &'a (dyn Fn(f64) + Sync),
-    stop: &'a AtomicBool,
-    next: AtomicU64,
-    ended: AtomicU64,
-    state: Mutex<State>,
-}
-
-/// The results so far.
-#[derive(Default)]
-struct State {
-    failure: Option<RenderError>,
-    outcomes: BTreeMap<u64, Outcome>,
-}
-
-impl Work<'_> {
-    /// Processes chunks until none is left or one fails.
-    fn run(&self) {
-        let chunks = self.batch.chunks();
-        loop {
-            let chunk = self.next.fetch_add(1, Ordering::Relaxed);
-            if chunk >= chunks || self.stop.load(Ordering::Relaxed) || self.state().failure.is_some() {
-                return;
-            }
-            let taken = self.take(chunk);
-            let mut state = self.state();
-            match taken {
-                Ok(outcome) => {
-                    state.outcomes.insert(chunk, outcome);
-                }
-                Err(error) => {
-                    state.failure.get_or_insert(error);
-                }
-            }
-            drop(state);
-            let ended = self.ended.fetch_add(1, Ordering::Relaxed) + 1;
-            (self.progress)(ended as f64 / chunks as f64);
+    chunk: u64,
+    stop: &AtomicBool,
+) -> Result<Outcome, RenderError> {
+    if stop.load(Ordering::Relaxed) {
+        return Ok(Outcome::Absent);
+    }
+    let path = folder.join(file_name(chunk));
+    let mut broken = None;
+    if path.symlink_metadata().is_ok() {
+        match verify(&path, batch.identity(), chunk) {
+            Ok(hash) => return Ok(Outcome::Reused(hash)),
+            Err(why) => broken = Some(why),
         }
     }
-
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    if !shard.is_none_or(|shard| shard.has(chunk)) {
+        return Ok(Outcome::Absent);
     }
-
-    /// Verifies a chunk, and renders it if it is missing or damaged and in this shard.
-    fn take(&self, chunk: u64) -> Result<Outcome, RenderError> {
-        let path = self.folder.join(file_name(chunk));
-        let mut broken = None;
-        if path.symlink_metadata().is_ok() {
-            match verify(&path, self.batch.identity(), chunk) {
-                Ok(hash) => return Ok(Outcome::Reused(hash)),
-                Err(why) => broken = Some(why),
-            }
-        }
-        if !self.shard.is_none_or(|shard| shard.has(chunk)) {
-            return Ok(Outcome::Absent);
-        }
-        let rendered = Chunk::render(self.batch, chunk, self.stop);
-        let Some(rendered) = rendered.map_err(|(job, source)| RenderError::Job { job, source })? else {
-            return Ok(Outcome::Stopped);
-        };
-        let written = rendered.write(self.batch, &path);
-        let hash = written.map_err(|source| RenderError::Io { path, source })?;
-        Ok(Outcome::Rendered(hash, broken))
-    }
+    let rendered = Chunk::render(batch, chunk, stop);
+    let Some(rendered) = rendered.map_err(|(job, source)| RenderError::Job { job, source })? else {
+        return Ok(Outcome::Absent);
+    };
+    let written = rendered.write(batch, &path);
+    let hash = written.map_err(|source| RenderError::Io { path, source })?;
+    Ok(Outcome::Rendered(hash, broken))
 }
 
 /// The result, and the chunks in the folder.
@@ -190,7 +131,7 @@ fn summary(
     batch: &Batch,
     folder: &Path,
     shard: Option<Shard>,
-    outcomes: BTreeMap<u64, Outcome>,
+    outcomes: Vec<Outcome>,
 ) -> (Rendered, BTreeMap<u64, String>) {
     let is_own = |chunk: u64| shard.is_none_or(|shard| shard.has(chunk));
     let mut done = Rendered {
@@ -198,7 +139,7 @@ fn summary(
         ..Rendered::default()
     };
     let mut found = BTreeMap::new();
-    for (chunk, outcome) in outcomes {
+    for (chunk, outcome) in (0..).zip(outcomes) {
         match outcome {
             Outcome::Reused(hash) => {
                 done.kept += u64::from(is_own(chunk));
@@ -209,7 +150,7 @@ fn summary(
                 done.replaced.extend(broken.map(|why| (folder.join(file_name(chunk)), why)));
                 found.insert(chunk, hash);
             }
-            Outcome::Absent | Outcome::Stopped => {}
+            Outcome::Absent => {}
         }
     }
     (done, found)

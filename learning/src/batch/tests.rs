@@ -1,4 +1,5 @@
 use super::*;
+use crate::parts::PartsError;
 use haptograph_signal::noise::stream_seed;
 use haptograph_surfaces::files::save;
 use haptograph_surfaces::hull::Hull;
@@ -81,9 +82,15 @@ fn parts_in_any_number_merge_to_the_bytes_of_one_run() {
         assert_eq!(content(&merged), content(&at("whole")));
         // Again: nothing to do.
         merge(&parts, &merged, &|_| ()).unwrap();
-        assert!(matches!(merge(&parts[1..], &at("less"), &|_| ()), Err(MergeError::Missing { .. })));
+        assert!(matches!(
+            merge(&parts[1..], &at("less"), &|_| ()),
+            Err(MergeError::Parts(PartsError::Missing { .. }))
+        ));
         let twice = [&parts[..1], &parts[..]].concat();
-        assert!(matches!(merge(&twice, &at("less"), &|_| ()), Err(MergeError::Twice { chunk: 0, .. })));
+        assert!(matches!(
+            merge(&twice, &at("less"), &|_| ()),
+            Err(MergeError::Parts(PartsError::Twice { .. }))
+        ));
         assert!(!at("less").exists());
     }
 }
@@ -163,7 +170,10 @@ fn another_plan_another_folder() {
     assert!(matches!(refused(&data), RenderError::Folder(FolderError::Other { .. })));
     render_to(&changed, &part, Some("2/2"), 1);
     let parts = [data.clone(), part.clone()];
-    assert!(matches!(merge(&parts, &folder.path().join("all"), &|_| ()), Err(MergeError::Different { .. })));
+    assert!(matches!(
+        merge(&parts, &folder.path().join("all"), &|_| ()),
+        Err(MergeError::Parts(PartsError::Different { .. }))
+    ));
     let foreign = folder.path().join("surfaces");
     assert!(matches!(refused(&foreign), RenderError::Folder(FolderError::Foreign { .. })));
     assert_eq!(fs::read_dir(foreign).unwrap().count(), 2);

@@ -6,11 +6,11 @@ use super::scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
 use crate::metrics::{
     Deviations, ErrorStatistics, MetricError, Pooling, WindowSettings, WindowedSpectra, all_pairs,
 };
+use haptograph_signal::parallel;
 use haptograph_signal::statistics::mean;
 use haptograph_surfaces::TextureModel;
 use haptograph_surfaces::rendering::{RandomWalk, SynthesisError, SynthesisSettings, Trajectory, synthesise};
 use std::collections::BTreeSet;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Settings of a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,33 +148,16 @@ fn play_all(
     settings: &MapSettings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Vec<WindowedSpectra>, MapError> {
-    let done = AtomicUsize::new(0);
-    let play = |number: usize| {
-        let (name, _, texture) = &textures[number];
+    let play = |(number, (name, _, texture)): (usize, &(String, String, &TextureModel))| {
         let seed = settings.synthesis.seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
         let synthesis = SynthesisSettings { seed, ..settings.synthesis };
         let vibration = synthesise(texture, trajectory, &synthesis)
             .map_err(|source| MapError::Synthesis { name: name.clone(), source })?;
         let rate_hz = texture.rate_hz();
         let windows = settings.windows.unwrap_or_else(|| WindowSettings::comparison_at(rate_hz));
-        let spectra = WindowedSpectra::new(&vibration, rate_hz, &windows)?;
-        progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / textures.len() as f64);
-        Ok(spectra)
+        Ok(WindowedSpectra::new(&vibration, rate_hz, &windows)?)
     };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(textures.len());
-    let mut spectra: Vec<Option<Result<WindowedSpectra, MapError>>> = textures.iter().map(|_| None).collect();
-    let share = textures.len().div_ceil(threads);
-    std::thread::scope(|scope| {
-        for (group, slots) in spectra.chunks_mut(share).enumerate() {
-            let play = &play;
-            scope.spawn(move || {
-                for (i, slot) in slots.iter_mut().enumerate() {
-                    *slot = Some(play(group * share + i));
-                }
-            });
-        }
-    });
-    spectra.into_iter().flatten().collect()
+    parallel::try_map(parallel::cores(), textures.iter().enumerate(), progress, play)
 }
 
 fn differences(errors: &[ErrorStatistics], pooling: Pooling) -> Vec<f64> {

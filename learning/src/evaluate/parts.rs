@@ -7,6 +7,7 @@ use super::study::{
     Compared, Evaluation, RecordingName, Study, StudyError, StudySettings, TakeSource, conclude,
 };
 use crate::metrics::{ErrorStatistics, Pooling};
+use crate::parts::{Part, PartsError, whole};
 use haptograph_surfaces::files::{ReadError, native};
 use haptograph_surfaces::{Origin, Provenance, Surface};
 use serde::{Deserialize, Serialize};
@@ -60,24 +61,12 @@ struct Item {
 #[non_exhaustive]
 #[allow(missing_docs)] // see the messages
 pub enum StudyPartError {
-    #[error("no part given; name the files of all parts")]
-    Nothing,
     #[error("{} is not a part of an evaluation: {message}", path.display())]
     Syntax { path: PathBuf, message: String },
     #[error("the texture of {name} in {} cannot be read: {source}", path.display())]
     Texture { path: PathBuf, name: String, source: Box<ReadError> },
-    #[error(
-        "{} and {} are parts of different evaluations: their recordings, settings or versions differ",
-        first.display(),
-        second.display()
-    )]
-    Different { first: PathBuf, second: PathBuf },
-    #[error("{name} is in both {} and {}; name one of them", first.display(), second.display())]
-    Twice { name: String, first: PathBuf, second: PathBuf },
-    #[error("{} has item {number}, but the evaluation has {of}; evaluate that part again", path.display())]
-    Number { path: PathBuf, number: usize, of: usize },
-    #[error("{missing} of {of} textures are in none of the parts; evaluate the missing shards")]
-    Missing { missing: usize, of: usize },
+    #[error(transparent)]
+    Parts(#[from] PartsError),
     #[error(transparent)]
     Study(#[from] StudyError),
 }
@@ -146,43 +135,20 @@ impl StudyPart {
     ///
     /// # Errors
     /// [`StudyPartError`] if a part is missing, given twice, or belongs to another study.
-    pub fn merged(
-        parts: &[(PathBuf, Self)],
+    pub fn merged<'a>(
+        parts: &'a [(PathBuf, Self)],
         settings: &StudySettings,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Evaluation, StudyPartError> {
-        let (first, head) = match parts {
-            [] => return Err(StudyPartError::Nothing),
-            [(path, part), ..] => (path, &part.head),
+        let head = &parts.first().ok_or(PartsError::Nothing)?.1.head;
+        let part = |(path, part): &'a (PathBuf, Self)| Part {
+            path,
+            head: &part.head,
+            items: part.items.iter().map(|item| (item.number as u64, item)).collect(),
         };
-        let mut items: BTreeMap<usize, (&Path, &Item)> = BTreeMap::new();
-        for (path, part) in parts {
-            if part.head != *head {
-                let (first, second) = (first.clone(), path.clone());
-                return Err(StudyPartError::Different { first, second });
-            }
-            for item in &part.items {
-                if item.number >= head.of {
-                    return Err(StudyPartError::Number {
-                        path: path.clone(),
-                        number: item.number,
-                        of: head.of,
-                    });
-                }
-                if let Some((first, _)) = items.insert(item.number, (path, item)) {
-                    return Err(StudyPartError::Twice {
-                        name: item.name.to_string(),
-                        first: first.to_owned(),
-                        second: path.clone(),
-                    });
-                }
-            }
-        }
-        if items.len() < head.of {
-            return Err(StudyPartError::Missing { missing: head.of - items.len(), of: head.of });
-        }
-        let compared = items.into_values().map(compared);
-        let compared = compared.collect::<Result<Vec<_>, _>>()?;
+        let parts: Vec<_> = parts.iter().map(part).collect();
+        let items = whole(&parts, head.of as u64, |item: &Item| item.name.to_string())?;
+        let compared = items.into_iter().map(compared).collect::<Result<Vec<_>, _>>()?;
         Ok(conclude(&head.expert, &compared, settings, progress)?)
     }
 }

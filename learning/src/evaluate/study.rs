@@ -9,9 +9,10 @@ use super::tables::{DifferenceTable, Reference, TableError, TableSettings};
 use crate::learn::TextureMethod;
 use crate::learn::texture::{LearnTextureError, TextureReport};
 use crate::metrics::ErrorStatistics;
+use crate::parts::Shard;
 use crate::processing::{ProcessingError, ProcessingSettings, processed};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
-use crate::shard::Shard;
+use haptograph_signal::parallel;
 use haptograph_surfaces::Origin;
 use haptograph_surfaces::TextureModel;
 use haptograph_surfaces::rendering::SynthesisError;
@@ -20,8 +21,6 @@ use std::borrow::Cow;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
-use std::panic::resume_unwind;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Material, person and take of a recording, from its file name.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -277,14 +276,14 @@ impl<'t> Study<'t> {
         let items: Vec<(usize, &dyn TakeSource)> = { self.firsts.iter().copied().enumerate() }
             .filter(|(number, _)| shard.is_none_or(|shard| shard.has(*number as u64)))
             .collect();
-        let of_all = items.len() + self.tests.len();
-        let done = AtomicUsize::new(0);
-        let step = || progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / of_all as f64);
-        let learned = on_all_cores(&items, &|(_, take)| {
-            let learned = learn_one(*take, settings);
-            step();
-            learned
-        })?;
+        // The first part of the work is learning, the rest comparing.
+        let part = items.len() as f64 / (items.len() + self.tests.len()) as f64;
+        let learned = parallel::try_map(
+            parallel::cores(),
+            &items,
+            &|learned| progress(part * learned),
+            |(_, take)| learn_one(*take, settings),
+        )?;
         // The expert's textures are played along the tests of all materials, those of others along the same material's.
         let is_along = |row: &Learned, test: &RecordingName| {
             row.name.person == self.expert || row.name.material == test.material
@@ -295,7 +294,7 @@ impl<'t> Study<'t> {
             let number = of_material.map_or(0, |(number, _)| number + 1);
             tests.push((number, *take));
         }
-        let found = on_all_cores(&tests, &|(number, take)| {
+        let along = |(number, take): &(usize, &dyn TakeSource)| {
             let rows: Vec<_> = learned.iter().map(|row| is_along(row, take.name())).collect();
             let reference = match rows.contains(&true) {
                 true => Some(Reference::new(
@@ -312,10 +311,10 @@ impl<'t> Study<'t> {
                     .map(|reference| reference.errors(&row.name.to_string(), &row.texture, &settings.table));
                 errors.transpose().map_err(StudyError::Table)
             });
-            let errors = errors.collect::<Result<Vec<_>, StudyError>>();
-            step();
-            errors
-        })?;
+            errors.collect::<Result<Vec<_>, StudyError>>()
+        };
+        let compared = |compared: f64| progress(part + (1.0 - part) * compared);
+        let found = parallel::try_map(parallel::cores(), &tests, &compared, along)?;
         let compared = |(row, ((number, _), learned)): (usize, (&(usize, &dyn TakeSource), &Learned))| {
             let mut errors: BTreeMap<String, Vec<ErrorStatistics>> = BTreeMap::new();
             for ((_, test), found) in tests.iter().zip(&found) {
@@ -329,33 +328,6 @@ impl<'t> Study<'t> {
         let compared: Vec<Compared> = items.iter().zip(&learned).enumerate().map(compared).collect();
         Ok(learned.into_iter().zip(compared).collect())
     }
-}
-
-/// The results for all items in order, or the first error.
-fn on_all_cores<I: Sync, T: Send>(
-    items: &[I],
-    one: &(dyn Fn(&I) -> Result<T, StudyError> + Sync),
-) -> Result<Vec<T>, StudyError> {
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let mut finished = vec![];
-        loop {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(number) else {
-                return finished;
-            };
-            finished.push((number, one(item)));
-        }
-    };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut finished: Vec<_> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads.min(items.len())).map(|_| scope.spawn(work)).collect();
-        let joined =
-            workers.into_iter().map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)));
-        joined.flatten().collect()
-    });
-    finished.sort_by_key(|(number, _)| *number);
-    finished.into_iter().map(|(_, item)| item).collect()
 }
 
 /// Computes tables and map of all items of a study, given in order. [`Evaluation::learned`] stays empty,
@@ -447,6 +419,7 @@ mod tests {
     use super::*;
     use crate::evaluate::{StudyHead, StudyPart, StudyPartError};
     use crate::metrics::Pooling;
+    use crate::parts::PartsError;
     use crate::recording::tests::synthetic::drag;
     use haptograph_surfaces::rendering::RandomWalk;
 
@@ -509,18 +482,21 @@ mod tests {
                 shards.iter().map(|shard| through_text((shard, study_of(&takes, Some(shard))))).collect();
             assert_eq!(merged(&parts).unwrap(), whole);
             if parts.len() > 1 {
-                assert!(matches!(merged(&parts[1..]), Err(StudyPartError::Missing { .. })));
+                assert!(matches!(
+                    merged(&parts[1..]),
+                    Err(StudyPartError::Parts(PartsError::Missing { .. }))
+                ));
                 let twice = [&parts[..1], &parts[..]].concat();
-                assert!(matches!(merged(&twice), Err(StudyPartError::Twice { .. })));
+                assert!(matches!(merged(&twice), Err(StudyPartError::Parts(PartsError::Twice { .. }))));
                 let mut other = parts.clone();
                 other[1].1.head.study = "other".to_owned();
-                assert!(matches!(merged(&other), Err(StudyPartError::Different { .. })));
+                assert!(matches!(merged(&other), Err(StudyPartError::Parts(PartsError::Different { .. }))));
                 let mut beyond = parts.clone();
                 beyond.iter_mut().for_each(|(_, part)| part.head.of = 1);
-                assert!(matches!(merged(&beyond), Err(StudyPartError::Number { .. })));
+                assert!(matches!(merged(&beyond), Err(StudyPartError::Parts(PartsError::Number { .. }))));
             }
         }
-        assert!(matches!(merged(&[]), Err(StudyPartError::Nothing)));
+        assert!(matches!(merged(&[]), Err(StudyPartError::Parts(PartsError::Nothing))));
         assert!(matches!(StudyPart::parse(&path("x"), "(of: 1)"), Err(StudyPartError::Syntax { .. })));
     }
 

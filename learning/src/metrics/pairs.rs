@@ -1,5 +1,7 @@
 //! Comparison of every pair of many signals on all cores.
 
+use haptograph_signal::parallel;
+
 use super::spectral::{ErrorStatistics, MetricError, WindowedSpectra};
 
 /// Windows processed at a time, so that the spectra of all signals stay in the cache.
@@ -22,18 +24,16 @@ pub fn all_pairs(
             errors: ErrorStatistics::default(),
         });
     }
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = parallel::cores();
     let share = work.len().div_ceil(threads).max(1);
-    std::thread::scope(|scope| {
-        for (thread, pairs) in work.chunks_mut(share).enumerate() {
-            // One thread reports for all, since their shares are equal.
-            let report = move |part| {
-                if thread == 0 {
-                    progress(part)
-                }
-            };
-            scope.spawn(move || pulp::Arch::new().dispatch(Compare { signals, pairs, report }));
-        }
+    parallel::map(threads, work.chunks_mut(share).enumerate(), &|_| (), |(thread, pairs)| {
+        // One thread reports for all, since their shares are equal.
+        let report = |part| {
+            if thread == 0 {
+                progress(part)
+            }
+        };
+        pulp::Arch::new().dispatch(Compare { signals, pairs, report });
     });
     progress(1.0);
     Ok(work.into_iter().map(|pair| pair.errors).collect())

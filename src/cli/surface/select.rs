@@ -8,13 +8,13 @@ use crate::cli::{eprint, print, print_json};
 use crate::learning::evaluate::centre_of;
 use crate::learning::select::{Features, Selection, features, select};
 use crate::signal::files::entries;
+use crate::signal::parallel;
 use crate::surfaces::files::{self, merge};
 use crate::surfaces::rendering::RandomWalk;
 use crate::surfaces::{Surface, TextureModel};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Select a few surfaces that represent all in a folder
 ///
@@ -162,24 +162,11 @@ fn joined(mut known: Surface, mut next: Surface) -> Surface {
 /// The features of all surfaces, computed on all cores.
 fn measure(surfaces: &[Surface], seed: u64) -> Result<Vec<Features>, Failure> {
     let progress = Progress::of("playing");
-    let done = AtomicUsize::new(0);
     let walk = RandomWalk { seed, ..RandomWalk::default() };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let share = surfaces.len().div_ceil(threads).max(1);
-    let work = |surfaces: &[Surface]| -> Vec<_> {
-        let one = |surface: &Surface| {
-            let found = features(surface, &walk, seed)
-                .map_err(|error| Failure::Message(format!("cannot render {}: {error}", surface.name)));
-            progress.at((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / surfaces.len() as f64);
-            found
-        };
-        surfaces.iter().map(one).collect()
-    };
-    let found: Vec<Result<Features, Failure>> = std::thread::scope(|scope| {
-        let workers: Vec<_> = surfaces.chunks(share).map(|share| scope.spawn(|| work(share))).collect();
-        workers.into_iter().filter_map(|worker| worker.join().ok()).flatten().collect()
-    });
-    found.into_iter().collect()
+    parallel::try_map(parallel::cores(), surfaces, &|part| progress.at(part), |surface| {
+        features(surface, &walk, seed)
+            .map_err(|error| Failure::Message(format!("cannot render {}: {error}", surface.name)))
+    })
 }
 
 fn to_json(found: &[Features], selection: &Selection) -> serde_json::Value {

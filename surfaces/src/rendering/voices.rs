@@ -5,10 +5,10 @@ mod group;
 use super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, UpdatePoints, check, check_points};
 use crate::TextureModel;
 use group::{Group, LANES};
+use haptograph_signal::parallel;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 /// A vibration to synthesise: see [`synthesise`](super::synthesise).
 #[derive(Debug, Clone, Copy)]
@@ -128,23 +128,7 @@ pub fn synthesise_into(
         let done = done.fetch_add(samples, Ordering::Relaxed) + samples;
         progress(done as f64 / all.max(1) as f64)
     };
-    let threads = threads.min(groups.len());
-    let groups = Mutex::new(groups.into_iter());
-    let work = || {
-        // No panic leaves the iterator between two of its states.
-        let next = || groups.lock().unwrap_or_else(PoisonError::into_inner).next();
-        std::iter::from_fn(next).try_for_each(|group| play(group, &advance))
-    };
-    if threads <= 1 {
-        return work();
-    }
-    std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        let ended = workers.into_iter().map(|worker| worker.join());
-        let ended: Vec<_> =
-            ended.map(|ended| ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect();
-        ended.into_iter().collect()
-    })
+    parallel::try_map(threads, groups, &|_| (), |group| play(group, &advance)).map(drop)
 }
 
 /// Voices that share lanes, with their numbers.

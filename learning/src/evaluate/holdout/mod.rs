@@ -24,10 +24,10 @@ use crate::learn::TextureMethod;
 use crate::learn::texture::LearnTextureError;
 use crate::processing::{ProcessingSettings, processed};
 use crate::recording::{Gesture, ProcessedRecording, RecordingError};
+use haptograph_signal::parallel;
 use haptograph_surfaces::rendering::SynthesisError;
 use measures::{Target, measured};
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Settings of a hold-out evaluation.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,14 +120,10 @@ pub fn hold_out(
             }
         }
     }
-    let done = AtomicUsize::new(0);
-    let count = jobs.len();
-    let work = |(number, name, split, fold): &(usize, &String, Split, Fold)| {
-        let result = one_fold(*number, name, *split, fold, settings);
-        progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / count as f64);
-        result
+    let work = |(number, name, split, fold): (usize, &String, Split, Fold)| {
+        one_fold(number, name, split, &fold, settings)
     };
-    let results = on_all_cores(&jobs, &work).into_iter().collect::<Result<_, _>>()?;
+    let results = parallel::try_map(parallel::cores(), jobs, progress, work)?;
     Ok(Holdout { materials, seeds: settings.seeds, folds: results })
 }
 
@@ -192,27 +188,6 @@ fn one_fold(
         unexplained_level_db: target.unexplained_level_db(),
         estimator_db: target.estimator_db(settings.seeds),
     })
-}
-
-/// Runs the jobs on all cores; returns their results in order.
-fn on_all_cores<J: Sync, R: Send>(jobs: &[J], work: &(dyn Fn(&J) -> R + Sync)) -> Vec<R> {
-    let next = AtomicUsize::new(0);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(jobs.len());
-    let take = || {
-        let mut finished = vec![];
-        while let Some((number, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
-            .and_then(|number| jobs.get(number).map(|job| (number, job)))
-        {
-            finished.push((number, work(job)));
-        }
-        finished
-    };
-    let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(take)).collect();
-        workers.into_iter().filter_map(|worker| worker.join().ok()).flatten().collect()
-    });
-    results.sort_by_key(|(number, _)| *number);
-    results.into_iter().map(|(_, result)| result).collect()
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@
 use super::objective::Objective;
 use super::variance::Estimator;
 use super::{Segmentation, SegmentationSettings};
+use haptograph_signal::parallel;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::time::{Duration, Instant};
@@ -75,7 +76,7 @@ pub(super) fn best_found<E: Estimator>(
 ) -> Segmentation {
     let began = Instant::now();
     let mut islands: Vec<Island> = (0..genetic.islands).map(|i| Island::new(i, genetic)).collect();
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(islands.len());
+    let threads = parallel::cores().min(islands.len());
     let mut best: Option<Chromosome> = None;
     let mut unchanged = 0;
     let mut generation = 0;
@@ -83,13 +84,9 @@ pub(super) fn best_found<E: Estimator>(
         let interval = genetic.migration_interval.clamp(1, genetic.generations - generation);
         let moments = objective.moments;
         let share = islands.len().div_ceil(threads);
-        std::thread::scope(|scope| {
-            for group in islands.chunks_mut(share) {
-                scope.spawn(move || {
-                    let mut objective = Objective::<E>::new(moments, settings);
-                    group.iter_mut().for_each(|island| island.evolve(&mut objective, genetic, interval));
-                });
-            }
+        parallel::map(threads, islands.chunks_mut(share), &|_| (), |group| {
+            let mut objective = Objective::<E>::new(moments, settings);
+            group.iter_mut().for_each(|island| island.evolve(&mut objective, genetic, interval));
         });
         generation += interval;
         unchanged += 1;

@@ -1,0 +1,98 @@
+//! Work in parts: its items are numbered, each is a pure function of the work and its number, and processes share them.
+//!
+//! A finished item or part is a file that was renamed into place, so that going on is looking at what is there, and merging too.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// One of `of` parts, of about equal size, of a list of numbered items.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    number: u64,
+    of: u64,
+}
+
+impl Shard {
+    /// Part `number`, from 1, of `of`; `None` if there is no such part.
+    pub fn new(number: u64, of: u64) -> Option<Self> {
+        (1..=of).contains(&number).then_some(Self { number, of })
+    }
+
+    /// True if the part contains the item of this number, from 0.
+    pub fn has(&self, item: u64) -> bool {
+        item % self.of == self.number - 1
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text
+            .split_once('/')
+            .and_then(|(number, of)| Self::new(number.trim().parse().ok()?, of.trim().parse().ok()?));
+        parts.ok_or_else(|| "write it as K/N, with K from 1 to N".to_owned())
+    }
+}
+
+/// A computed part: the file or folder that it is in, what all parts of the work have in common, and its items by number.
+#[derive(Debug)]
+pub struct Part<'a, H, T> {
+    /// The file or folder.
+    pub path: &'a Path,
+    /// Equal in all parts of the work.
+    pub head: H,
+    /// Items with their numbers, from 0.
+    pub items: Vec<(u64, &'a T)>,
+}
+
+/// An error of putting parts together.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // see the messages
+pub enum PartsError {
+    #[error("there is nothing to merge; name all parts")]
+    Nothing,
+    #[error("{} and {} are not parts of one whole: their plans, recordings, settings or versions differ", first.display(), second.display())]
+    Different { first: PathBuf, second: PathBuf },
+    #[error("{item} is in both {} and {}; name one of them", first.display(), second.display())]
+    Twice { item: String, first: PathBuf, second: PathBuf },
+    #[error("{} has item {number}, but the whole has {of}; compute that part again", path.display())]
+    Number { path: PathBuf, number: u64, of: u64 },
+    #[error(
+        "{missing} of {of} are in none of the parts, the first is number {first} (from 0); compute the missing shards"
+    )]
+    Missing { missing: u64, of: u64, first: u64 },
+}
+
+/// Every one of `of` items once, in order, with the part that it is in. `name` is that of an item in messages.
+///
+/// # Errors
+/// [`PartsError`] if an item is missing or there twice, or a part belongs to other work.
+pub fn whole<'a, H: PartialEq, T>(
+    parts: &[Part<'a, H, T>],
+    of: u64,
+    name: impl Fn(&T) -> String,
+) -> Result<Vec<(&'a Path, &'a T)>, PartsError> {
+    let first = parts.first().ok_or(PartsError::Nothing)?;
+    let mut found: BTreeMap<u64, (&Path, &T)> = BTreeMap::new();
+    for part in parts {
+        if part.head != first.head {
+            let (first, second) = (first.path.to_owned(), part.path.to_owned());
+            return Err(PartsError::Different { first, second });
+        }
+        for &(number, item) in &part.items {
+            if number >= of {
+                return Err(PartsError::Number { path: part.path.to_owned(), number, of });
+            }
+            if let Some((first, _)) = found.insert(number, (part.path, item)) {
+                let (first, second) = (first.to_owned(), part.path.to_owned());
+                return Err(PartsError::Twice { item: name(item), first, second });
+            }
+        }
+    }
+    match (0..of).find(|number| !found.contains_key(number)) {
+        Some(first) => Err(PartsError::Missing { missing: of - found.len() as u64, of, first }),
+        None => Ok(found.into_values().collect()),
+    }
+}
