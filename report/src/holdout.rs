@@ -11,7 +11,7 @@ use super::svg::escape;
 use super::theme::Ink;
 use haptograph_learning::evaluate::Holdout;
 use haptograph_learning::evaluate::holdout::{
-    BandMean, ContactResult, Mean, Method, MethodMean, SplitResult,
+    BandMean, ContactResult, Mean, Measure, Method, MethodMean, SplitResult,
 };
 use tables::{Measures, Table};
 
@@ -40,7 +40,7 @@ pub fn page(title: &str, found: &Holdout, contact: &[ContactResult], simulated: 
 fn result(split: &SplitResult) -> String {
     let of = |label: &str, method: Method| {
         let found = split.methods.iter().find(|found| found.method == method)?;
-        let Mean { mean, error } = found.lsd_db;
+        let Mean { mean, error } = found.mean(Measure::Lsd)?;
         let error = error.map_or_else(String::new, |error| format!(" ± {error:.2}"));
         let title = match method {
             Method::Default => "log-spectral distance to the held-out part",
@@ -133,10 +133,10 @@ fn by_band(split: &SplitResult, error: fn(&BandMean) -> f64) -> Plot {
 fn by_material(found: &Holdout, split: &SplitResult) -> Plot {
     let dots = |method: &MethodMean| {
         let style = Style::named(ink(method.method), method.method.title()).weight(Weight::Bold);
-        let points = method.by_material.lsd_db.iter().enumerate();
+        let points = method.by_material(Measure::Lsd).iter().enumerate();
         Mark::Dots(style, points.map(|(at, lsd)| (at as f64, *lsd)).collect())
     };
-    let values = split.methods.iter().flat_map(|method| &method.by_material.lsd_db);
+    let values = split.methods.iter().flat_map(|method| method.by_material(Measure::Lsd));
     let most = values.fold(1.0_f64, |most, lsd| most.max(*lsd));
     let names = found.materials.iter().enumerate();
     Plot {

@@ -1,7 +1,8 @@
 //! Units: as suffixes of the names of columns and settings (`stylus.force_n`, `speed_mm_s`), and as displayed symbols.
 
-use crate::quantity::Quantity;
+pub mod decimal;
 
+use crate::quantity::Quantity;
 use std::borrow::Cow;
 
 /// The unit of a setting, by the suffix of its name.
@@ -11,6 +12,46 @@ pub struct Unit {
     pub symbol: Cow<'static, str>,
     /// The quantity, and the SI value of one unit; `None` for °C and dB, which no factor converts.
     pub scale: Option<(Quantity, f64)>,
+}
+
+/// The conversion of numbers in a unit to SI.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Scale {
+    /// SI.
+    One,
+    /// Thousandths of SI. It is exact, because it only moves the decimal point.
+    Thousandth,
+    /// SI per unit.
+    Factor(f64),
+}
+
+impl Scale {
+    /// The conversion of a unit.
+    pub fn of(si_per_unit: f64) -> Self {
+        match si_per_unit {
+            1.0 => Self::One,
+            1e-3 => Self::Thousandth,
+            factor => Self::Factor(factor),
+        }
+    }
+
+    /// A number in SI.
+    pub fn si(self, value: f64) -> f64 {
+        match self {
+            Self::One => value,
+            Self::Thousandth => value / 1000.0,
+            Self::Factor(factor) => value * factor,
+        }
+    }
+
+    /// The number of a text in SI, correctly rounded but for a factor.
+    pub fn read(self, text: &str) -> Option<f64> {
+        match self {
+            Self::One => text.parse().ok(),
+            Self::Thousandth => decimal::parse_thousandth(text),
+            Self::Factor(factor) => Some(text.parse::<f64>().ok()? * factor),
+        }
+    }
 }
 
 struct Row {

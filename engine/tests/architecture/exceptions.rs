@@ -25,10 +25,6 @@ pub const LONG_MACROS: &[&str] =
 
 /// Files in circles of more than three, by crate.
 pub const CIRCLES: &[&str] = &[
-    "learning/src/batch/chunk.rs",
-    "learning/src/batch/manifest.rs",
-    "learning/src/batch/plan.rs",
-    "learning/src/batch/table.rs",
     "studio/src/actuators.rs",
     "studio/src/channels.rs",
     "studio/src/describe.rs",

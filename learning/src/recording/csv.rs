@@ -20,7 +20,7 @@ mod units;
 mod write;
 
 pub(super) use table::{
-    Cells, ColumnSelection, Fault, SignalColumns, Table, check_mapping, missing_columns, number,
+    Cells, ColumnSelection, Fault, SignalColumns, Table, Taken, check_mapping, missing_columns, number,
 };
 #[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
 pub(super) use table::{is_wanted, words_without_units};
@@ -31,7 +31,7 @@ pub(super) use units::{parse_name, parse_unit};
 pub use write::write_csv;
 
 use super::import::{Finding, ImportSettings, plausibility};
-use super::{AnyRecording, Calibration, Gesture, Pose, ReadError, Recording, Series, Wrench};
+use super::{AnyRecording, Calibration, Gesture, Pose, ReadError, Recording, Wrench};
 use haptograph_signal::csv::{Rows, cell_start};
 use haptograph_signal::files::MAX_LINE_BYTES;
 use haptograph_surfaces::bounds::largest;
@@ -192,7 +192,7 @@ fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result
     refuse_missing(tables, all.collect())?;
     let mut sensor = |names: &[&str]| {
         let place = place(tables, names[0]);
-        tables[place].sensor(names)
+        tables[place].conform(names, Taken::Filled)
     };
     let acceleration = sensor(&["accel_x", "accel_y", "accel_z"])?;
     let poses = sensor(&[
@@ -209,15 +209,17 @@ fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result
     if tables[forces].has("torque_x") {
         load.extend(["torque_x", "torque_y", "torque_z"]);
     }
-    let load = tables[forces].sensor(&load)?;
-    let three = |row: &[f64], from: usize| std::array::from_fn(|i| row.get(from + i).copied().unwrap_or(0.0));
-    let pose =
-        |row: &Vec<f64>| Pose { position_m: three(row, 0), orientation: std::array::from_fn(|i| row[3 + i]) };
-    let wrench = |row: &Vec<f64>| Wrench { force_n: three(row, 0), torque_n_m: three(row, 3) };
+    let load = tables[forces].conform(&load, Taken::Filled)?;
+    let has_torque = load.columns.len() > 3;
+    let pose = |i: usize| Pose { position_m: poses.at(i, 0), orientation: poses.at(i, 3) };
+    let wrench = |i: usize| Wrench {
+        force_n: load.at(i, 0),
+        torque_n_m: if has_torque { load.at(i, 3) } else { [0.0; 3] },
+    };
     Ok(Recording::new(
-        series(&poses, pose),
-        series(&load, wrench),
-        series(&acceleration, |row| three(row, 0)),
+        poses.series(pose),
+        load.series(wrench),
+        acceleration.series(|i| acceleration.at(i, 0)),
         Calibration::default(),
         gesture,
         provenance,
@@ -239,10 +241,6 @@ pub(super) fn refuse_missing(tables: &[Table], wanted: Vec<String>) -> Result<()
         true => Ok(()),
         false => Err(missing_columns(&tables.iter().collect::<Vec<_>>(), missing)),
     }
-}
-
-fn series<T>(rows: &Series<Vec<f64>>, make: impl Fn(&Vec<f64>) -> T) -> Series<T> {
-    Series { rate_hz: rows.rate_hz, start_s: rows.start_s, samples: rows.samples.iter().map(make).collect() }
 }
 
 impl ReadError {

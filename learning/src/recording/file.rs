@@ -1,6 +1,6 @@
 //! Recordings on disk. The content of a file decides how it is read.
 
-use super::csv::{self, ColumnSelection, Table};
+use super::csv::{self, ColumnSelection, Table, Taken};
 use super::formats::{self, Workbook};
 use super::import::{Finding, ImportSettings};
 use super::{
@@ -107,7 +107,7 @@ pub fn load_sweep(path: &Path, import: &ImportSettings) -> Result<(Sweep, Vec<Fi
     csv::check_mapping(std::slice::from_ref(&table), import).map_err(wrong)?;
     let wanted = ["current", "accel"].map(str::to_owned).to_vec();
     csv::refuse_missing(std::slice::from_ref(&table), wanted).map_err(wrong)?;
-    let even = table.take(&["current", "accel"]).map_err(|fault| wrong(fault.error))?;
+    let even = table.conform(&["current", "accel"], Taken::All).map_err(|fault| wrong(fault.error))?;
     let mut columns = even.columns.into_iter();
     let sweep = Sweep {
         current_a: columns.next().unwrap_or_default(),

@@ -2,8 +2,8 @@
 //! (Table A.1 of the thesis). They are read as a stream. The origin, for which the toolkit has no field, is in a comment.
 
 use super::{Gesture, ProcessedRecording, ReadError, Signals, WorldAxes};
+use haptograph_signal::units::decimal::format_thousandfold;
 use haptograph_surfaces::bounds::{MAX_FORCE_N, MAX_POSITION_M};
-use haptograph_surfaces::files::decimal::format_thousandfold;
 use haptograph_surfaces::files::hatt::{Xml, parse_label};
 use haptograph_surfaces::{Origin, Provenance};
 use quick_xml::Reader;

@@ -2,7 +2,7 @@
 
 use haptograph_learning::evaluate::Holdout;
 use haptograph_learning::evaluate::holdout::{
-    BASELINES, ByMaterial, Contact, ContactResult, Mean, Method, MethodMean, SplitResult,
+    BASELINES, Contact, ContactResult, Mean, Measure, Method, MethodMean, SplitResult,
 };
 
 /// A table of text: a header, and rows whose first cell is a name.
@@ -25,65 +25,55 @@ pub enum Measures {
     Others,
 }
 
-/// The heads of a method's row after its name, and the table that shows the column.
-const MEASURES: [(&str, Measures); 13] = [
-    ("LSD", Measures::First),
-    ("over the floor", Measures::First),
-    ("over the best plain", Measures::First),
-    ("100-500 Hz", Measures::First),
-    ("20-40 Hz", Measures::First),
-    ("total", Measures::First),
-    ("felt", Measures::Others),
-    ("absolute", Measures::Others),
-    ("misplaced %", Measures::Others),
-    ("kurtosis", Measures::Others),
-    ("envelope (its seeds)", Measures::Others),
-    ("NSE", Measures::Others),
-    ("PE", Measures::Others),
+/// A column of a method's row: its head, the table that shows it, its digits, whether it is signed, and whether it has its
+/// standard error.
+type Column = (&'static str, Measures, Measure, usize, bool, bool);
+
+/// The columns after the name.
+const COLUMNS: [Column; 13] = [
+    ("LSD", Measures::First, Measure::Lsd, 2, false, true),
+    ("over the floor", Measures::First, Measure::AboveFloor, 2, true, true),
+    ("over the best plain", Measures::First, Measure::AboveBaseline, 2, true, true),
+    ("100-500 Hz", Measures::First, Measure::MiddleLsd, 2, false, true),
+    ("20-40 Hz", Measures::First, Measure::Low, 1, true, true),
+    ("total", Measures::First, Measure::Total, 2, true, false),
+    ("felt", Measures::Others, Measure::PacinianLsd, 2, false, false),
+    ("absolute", Measures::Others, Measure::Absolute, 2, false, false),
+    ("misplaced %", Measures::Others, Measure::Misplaced, 1, false, false),
+    ("kurtosis", Measures::Others, Measure::Kurtosis, 2, true, false),
+    ("envelope (its seeds)", Measures::Others, Measure::Envelope, 2, false, false),
+    ("NSE", Measures::Others, Measure::Nse, 4, false, false),
+    ("PE", Measures::Others, Measure::Pe, 3, false, false),
 ];
 
 /// The measures of every method, by its title or, in narrow tables, its name; `*` marks a method that is worse than a
 /// plain baseline.
 pub fn methods(split: &SplitResult, measures: Measures) -> Table {
-    let row = |name: String, cells: [String; 13]| -> Vec<String> {
-        let shown = cells.into_iter().zip(MEASURES);
-        let shown = shown.filter(|(_, (_, of))| measures == Measures::All || *of == measures);
-        std::iter::once(name).chain(shown.map(|(cell, _)| cell)).collect()
-    };
+    let columns = || COLUMNS.iter().filter(|column| measures == Measures::All || column.1 == measures);
     let rows = split.methods.iter().map(|method| {
         let name = match measures {
             Measures::All => method.method.title(),
             _ => method.method.as_str(),
         };
         let star = if method.loses { " *" } else { "" };
-        row(format!("{name}{star}"), cells(method))
+        let cells = columns().map(|column| cell(method, column));
+        std::iter::once(format!("{name}{star}")).chain(cells).collect()
     });
-    Table { head: row(String::new(), MEASURES.map(|(head, _)| head.to_owned())), rows: rows.collect() }
+    let heads = columns().map(|column| column.0.to_owned());
+    Table { head: std::iter::once(String::new()).chain(heads).collect(), rows: rows.collect() }
 }
 
-fn cells(method: &MethodMean) -> [String; 13] {
-    let envelope = match (method.envelope_db, method.envelope_floor_db) {
-        (Some(error), Some(floor)) => format!("{:.2} ({:.2})", error.mean, floor.mean),
-        _ => "–".to_owned(),
-    };
-    let alone = |value: Option<Mean>, digits: usize| {
-        value.map_or_else(|| "–".to_owned(), |value| format!("{:.digits$}", value.mean))
-    };
-    [
-        shown(Some(method.lsd_db), 2, false),
-        shown(Some(method.above_floor_db), 2, true),
-        shown(Some(method.above_baseline_db), 2, true),
-        shown(method.middle_lsd_db, 2, false),
-        shown(method.low_db, 1, true),
-        format!("{:+.2}", method.total_db.mean),
-        format!("{:.2}", method.pacinian_lsd_db.mean),
-        format!("{:.2}", method.absolute_db.mean),
-        format!("{:.1}", 100.0 * method.misplaced.mean),
-        format!("{:+.2}", method.kurtosis.mean),
-        envelope,
-        alone(method.nse, 4),
-        alone(method.pe, 3),
-    ]
+fn cell(method: &MethodMean, &(_, _, measure, digits, signed, with_error): &Column) -> String {
+    let factor = if measure == Measure::Misplaced { 100.0 } else { 1.0 };
+    let mean = method
+        .mean(measure)
+        .map(|Mean { mean, error }| Mean { mean: factor * mean, error: error.filter(|_| with_error) });
+    let cell = shown(mean, digits, signed);
+    match (measure, mean, method.mean(Measure::EnvelopeFloor)) {
+        (Measure::Envelope, Some(_), Some(floor)) => format!("{cell} ({:.2})", floor.mean),
+        (Measure::Envelope, ..) => "–".to_owned(),
+        _ => cell,
+    }
 }
 
 /// A mean with its standard error.
@@ -95,36 +85,33 @@ fn shown(value: Option<Mean>, digits: usize, signed: bool) -> String {
     error.map_or_else(|| mean.clone(), |error| format!("{mean} ±{error:.digits$}"))
 }
 
-/// A measure of a method on each material.
-type OnMaterials = fn(&ByMaterial) -> &[f64];
-
-/// The measures that are shown by material: name, value, and whether it is signed.
-const ON_MATERIALS: [(&str, OnMaterials, bool); 4] = [
-    ("LSD, dB", |on| &on.lsd_db, false),
-    ("100-500 Hz, dB", |on| &on.middle_lsd_db, false),
-    ("20-40 Hz, dB", |on| &on.low_db, true),
-    ("total, dB", |on| &on.total_db, true),
+/// The measures that are shown by material: name, and whether it is signed.
+const ON_MATERIALS: [(&str, Measure, bool); 4] = [
+    ("LSD, dB", Measure::Lsd, false),
+    ("100-500 Hz, dB", Measure::MiddleLsd, false),
+    ("20-40 Hz, dB", Measure::Low, true),
+    ("total, dB", Measure::Total, true),
 ];
 
 /// A table of materials and methods for each measure that all materials have; `*` marks a method that is worse than a
 /// plain baseline on that material.
 pub fn materials(found: &Holdout, split: &SplitResult) -> Vec<Table> {
     let tables = ON_MATERIALS.into_iter();
-    tables.filter_map(|(name, on, signed)| on_materials(found, split, (name, on, signed))).collect()
+    tables.filter_map(|shown| on_materials(found, split, shown)).collect()
 }
 
 fn on_materials(
     found: &Holdout,
     split: &SplitResult,
-    (name, on, signed): (&str, OnMaterials, bool),
+    (name, measure, signed): (&str, Measure, bool),
 ) -> Option<Table> {
-    let complete = |method: &MethodMean| on(&method.by_material).len() == found.materials.len();
+    let complete = |method: &MethodMean| method.by_material(measure).len() == found.materials.len();
     if !split.methods.iter().all(complete) {
         return None;
     }
     let words = split.methods.iter().map(|method| method.method.as_str().to_owned());
     let rows = found.materials.iter().enumerate().map(|(material, name)| {
-        let off = |method: &MethodMean| on(&method.by_material)[material];
+        let off = |method: &MethodMean| method.by_material(measure)[material];
         let plain = split.methods.iter().filter(|m| BASELINES.contains(&m.method));
         let best = plain.map(|m| off(m).abs()).fold(f64::INFINITY, f64::min);
         let cells = split.methods.iter().map(|method| {

@@ -4,7 +4,7 @@ use crate::cli::Failure;
 use crate::cli::progress::Progress;
 use crate::cli::table::table;
 use crate::learning::evaluate::holdout::{
-    BandMean, ContactResult, Mean, MethodMean, SplitResult, hold_out_contact,
+    BandMean, ContactResult, Mean, Measure, MethodMean, SplitResult, hold_out_contact,
 };
 use crate::learning::evaluate::{Holdout, HoldoutSettings, Take, hold_out};
 use crate::learning::processing::ProcessingSettings;
@@ -99,31 +99,19 @@ fn contact_json(result: &ContactResult) -> Value {
 }
 
 fn method_json(method: &MethodMean) -> Value {
-    let some = |mean: Mean| mean_json(Some(mean));
-    json!({
+    let mut json = json!({
         "method": method.method.as_str(),
         "loses": method.loses,
-        "lsd_by_material_db": method.by_material.lsd_db,
-        "lsd_100_500_by_material_db": method.by_material.middle_lsd_db,
-        "error_20_40_by_material_db": method.by_material.low_db,
-        "error_total_by_material_db": method.by_material.total_db,
-        "lsd_db": some(method.lsd_db),
-        "above_floor_db": some(method.above_floor_db),
-        "above_baseline_db": some(method.above_baseline_db),
-        "lsd_100_500_db": mean_json(method.middle_lsd_db),
-        "above_floor_100_500_db": mean_json(method.middle_above_floor_db),
-        "lsd_pacinian_db": some(method.pacinian_lsd_db),
-        "absolute_db": some(method.absolute_db),
-        "error_20_40_db": mean_json(method.low_db),
-        "error_total_db": some(method.total_db),
-        "misplaced": some(method.misplaced),
-        "kurtosis_error": some(method.kurtosis),
-        "envelope_db": mean_json(method.envelope_db),
-        "envelope_between_seeds_db": mean_json(method.envelope_floor_db),
-        "nse": mean_json(method.nse),
-        "pe": mean_json(method.pe),
+        "lsd_by_material_db": method.by_material(Measure::Lsd),
+        "lsd_100_500_by_material_db": method.by_material(Measure::MiddleLsd),
+        "error_20_40_by_material_db": method.by_material(Measure::Low),
+        "error_total_by_material_db": method.by_material(Measure::Total),
         "signed_error_db": method.by_band.iter().map(band_json).collect::<Vec<_>>(),
-    })
+    });
+    for measure in Measure::all() {
+        json[measure.as_str()] = mean_json(method.mean(measure));
+    }
+    json
 }
 
 fn band_json(band: &BandMean) -> Value {

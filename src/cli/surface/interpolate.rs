@@ -3,7 +3,7 @@
 use super::{Failure, load, texture};
 use crate::cli::{print, snippet};
 use crate::signal::files;
-use crate::surfaces::files::decimal::{format_thousandfold, parse_thousandth};
+use crate::signal::units::decimal::{format_thousandfold, parse_thousandth};
 use crate::surfaces::{Coefficients, Interpolator, Spot};
 use serde::Serialize;
 use std::path::PathBuf;

@@ -3,7 +3,7 @@
 use super::{Failure, load};
 use crate::cli::table::{facts, significant, table};
 use crate::cli::{print, print_json};
-use crate::surfaces::files::decimal::format_thousandfold;
+use crate::signal::units::decimal::format_thousandfold;
 use crate::surfaces::{Provenance, Surface, Taps, TextureModel, VertexKind};
 use serde_json::{Value, json};
 use std::path::PathBuf;

@@ -3,7 +3,6 @@
 //! The content decides the format. Any bytes give a surface or an error with location and remedy, in time and memory
 //! bounded by the file's size. Writing preserves every bit of every number.
 
-pub mod decimal;
 pub mod hatt;
 mod latest;
 mod malformed;

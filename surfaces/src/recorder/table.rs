@@ -2,8 +2,8 @@
 
 use super::{AXES, Calibration, Gesture, Pose, RawHead, Wrench};
 use crate::Provenance;
-use crate::files::decimal::format_thousandfold;
 use crate::provenance::TOUCH;
+use haptograph_signal::units::decimal::format_thousandfold;
 use std::collections::VecDeque;
 use std::io::{BufWriter, Write};
 

@@ -17,7 +17,7 @@ pub use contact::{Contact, ContactResult, hold_out_contact};
 pub use folds::{Fold, Split};
 pub use measures::Measures;
 pub use methods::{BASELINES, Method, Player};
-pub use summary::{BandMean, ByMaterial, Holdout, Mean, MethodMean, SplitResult};
+pub use summary::{BandMean, Holdout, Mean, Measure, MethodMean, SplitResult};
 
 use super::study::{RecordingName, StudyError};
 use crate::learn::TextureMethod;

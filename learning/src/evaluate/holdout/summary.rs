@@ -35,17 +35,78 @@ impl Mean {
     }
 }
 
-/// Errors on each material, the means over its folds, dB; none of those that a fold does not have.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ByMaterial {
-    /// Log-spectral distance.
-    pub lsd_db: Vec<f64>,
-    /// Log-spectral distance from 100 to 500 Hz.
-    pub middle_lsd_db: Vec<f64>,
-    /// Signed error from 20 to 40 Hz.
-    pub low_db: Vec<f64>,
-    /// Signed error of the total power.
-    pub total_db: Vec<f64>,
+/// A measure of a method over all materials.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)] // see the table
+pub enum Measure {
+    Lsd,
+    AboveFloor,
+    AboveBaseline,
+    MiddleLsd,
+    MiddleAboveFloor,
+    PacinianLsd,
+    Absolute,
+    Low,
+    Total,
+    Misplaced,
+    Kurtosis,
+    Envelope,
+    EnvelopeFloor,
+    Nse,
+    Pe,
+}
+
+/// What is subtracted from a measure, in the same fold.
+#[derive(Clone, Copy)]
+enum Less {
+    Nothing,
+    /// The same measure of the floor.
+    Floor,
+    /// The same measure of the better plain baseline.
+    Baseline,
+}
+
+/// Key in files, what is subtracted, and the value on a test part.
+type Row = (Measure, &'static str, Less, fn(&Measures) -> Option<f64>);
+
+/// The measures in the order of [`Measure`].
+const MEASURES: [Row; 15] = [
+    // Log-spectral distance, dB.
+    (Measure::Lsd, "lsd_db", Less::Nothing, |m| Some(m.bands.lsd_db)),
+    (Measure::AboveFloor, "above_floor_db", Less::Floor, |m| Some(m.bands.lsd_db)),
+    (Measure::AboveBaseline, "above_baseline_db", Less::Baseline, |m| Some(m.bands.lsd_db)),
+    // The same from 100 to 500 Hz.
+    (Measure::MiddleLsd, "lsd_100_500_db", Less::Nothing, |m| m.bands.middle_lsd_db),
+    (Measure::MiddleAboveFloor, "above_floor_100_500_db", Less::Floor, |m| m.bands.middle_lsd_db),
+    // The same weighted by tactile sensitivity.
+    (Measure::PacinianLsd, "lsd_pacinian_db", Less::Nothing, |m| Some(m.bands.pacinian_lsd_db)),
+    // Mean absolute error over bands, dB.
+    (Measure::Absolute, "absolute_db", Less::Nothing, |m| Some(m.bands.absolute_db)),
+    // Signed error from 20 to 40 Hz, and of the total power, dB.
+    (Measure::Low, "error_20_40_db", Less::Nothing, |m| m.bands.low_db),
+    (Measure::Total, "error_total_db", Less::Nothing, |m| Some(m.bands.total_db)),
+    // Energy in the wrong one of nine bands, 0 to 1.
+    (Measure::Misplaced, "misplaced", Less::Nothing, |m| Some(m.bands.misplaced)),
+    // Error of the excess kurtosis.
+    (Measure::Kurtosis, "kurtosis_error", Less::Nothing, |m| Some(m.kurtosis)),
+    // Error of levels over 50 ms, and the same between seeds, dB.
+    (Measure::Envelope, "envelope_db", Less::Nothing, |m| m.envelope_db),
+    (Measure::EnvelopeFloor, "envelope_between_seeds_db", Less::Nothing, |m| m.envelope_floor_db),
+    // Normalized spectral error, and power error.
+    (Measure::Nse, "nse", Less::Nothing, |m| m.nse_pe.map(|(nse, _)| nse)),
+    (Measure::Pe, "pe", Less::Nothing, |m| m.nse_pe.map(|(_, pe)| pe)),
+];
+
+impl Measure {
+    /// All measures.
+    pub fn all() -> impl Iterator<Item = Self> {
+        MEASURES.iter().map(|row| row.0)
+    }
+
+    /// Name in files; it ends in the unit.
+    pub fn as_str(self) -> &'static str {
+        MEASURES[self as usize].1
+    }
 }
 
 /// Error of one third octave over all materials.
@@ -59,48 +120,29 @@ pub struct BandMean {
     pub absolute_db: f64,
 }
 
-/// The means of a method over all materials.
+/// The errors of a method over all materials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MethodMean {
     /// The method.
     pub method: Method,
-    /// Errors by material.
-    pub by_material: ByMaterial,
-    /// Log-spectral distance over materials, dB.
-    pub lsd_db: Mean,
-    /// Log-spectral distance minus that of the floor in the same fold, dB.
-    pub above_floor_db: Mean,
-    /// Log-spectral distance minus that of the better plain baseline over all materials, in the same folds,
-    /// dB.
-    pub above_baseline_db: Mean,
-    /// Log-spectral distance from 100 to 500 Hz, dB.
-    pub middle_lsd_db: Option<Mean>,
-    /// The same minus that of the floor, dB.
-    pub middle_above_floor_db: Option<Mean>,
-    /// Log-spectral distance weighted by tactile sensitivity, dB.
-    pub pacinian_lsd_db: Mean,
-    /// Mean absolute error over bands, dB.
-    pub absolute_db: Mean,
-    /// Signed error from 20 to 40 Hz, dB.
-    pub low_db: Option<Mean>,
-    /// Signed error of the total power, dB.
-    pub total_db: Mean,
-    /// Energy in the wrong one of nine bands, 0 to 1.
-    pub misplaced: Mean,
-    /// Error of the excess kurtosis.
-    pub kurtosis: Mean,
-    /// Error of levels over 50 ms, dB.
-    pub envelope_db: Option<Mean>,
-    /// The same between seeds, dB.
-    pub envelope_floor_db: Option<Mean>,
-    /// Normalized spectral error.
-    pub nse: Option<Mean>,
-    /// Power error.
-    pub pe: Option<Mean>,
+    /// By measure: means over the folds of each material, where all folds have a value.
+    measures: Vec<Option<Vec<f64>>>,
     /// Errors by band, means over materials, where all materials have the same bands.
     pub by_band: Vec<BandMean>,
     /// True if this is not a plain baseline and its mean over materials is worse than that of one.
     pub loses: bool,
+}
+
+impl MethodMean {
+    /// The values of a measure on each material; empty if a fold has none.
+    pub fn by_material(&self, measure: Measure) -> &[f64] {
+        self.measures[measure as usize].as_deref().unwrap_or_default()
+    }
+
+    /// The mean of a measure over materials; `None` if a fold has no value.
+    pub fn mean(&self, measure: Measure) -> Option<Mean> {
+        self.measures[measure as usize].as_deref().map(Mean::of)
+    }
 }
 
 /// The result of one kind of split over all materials.
@@ -118,8 +160,6 @@ pub struct SplitResult {
     /// the mean over seeds.
     pub estimator_db: (f64, f64),
 }
-
-type Value = dyn Fn(&Measures) -> Option<f64>;
 
 impl Holdout {
     /// The results of all kinds of splits that have folds.
@@ -168,47 +208,26 @@ impl Holdout {
     }
 
     fn method(&self, folds: &[&FoldResult], method: Method, best: Method) -> MethodMean {
-        let over = |value: &dyn Fn(&FoldResult) -> Option<f64>| self.over_materials(folds, value);
-        let maybe = |value: &Value| over(&|fold| value(fold.of(method))).map(|values| Mean::of(&values));
-        let sure = |value: &Value| maybe(value).unwrap_or(Mean { mean: 0.0, error: None });
-        // Differences within the same fold.
-        let above = |other: Method, value: &Value| {
-            over(&|fold| Some(value(fold.of(method))? - value(fold.of(other))?))
-                .map(|values| Mean::of(&values))
+        let measure = |(_, _, less, value): &Row| {
+            let other = match less {
+                Less::Nothing => None,
+                Less::Floor => Some(Method::Floor),
+                Less::Baseline => Some(best),
+            };
+            self.over_materials(folds, &|fold| {
+                let own = value(fold.of(method))?;
+                other.map_or(Some(own), |other| Some(own - value(fold.of(other))?))
+            })
         };
-        let lsd: &Value = &|m| Some(m.bands.lsd_db);
-        let middle: &Value = &|m| m.bands.middle_lsd_db;
-        let low: &Value = &|m| m.bands.low_db;
-        let total: &Value = &|m| Some(m.bands.total_db);
-        let each = |value: &Value| over(&|fold| value(fold.of(method))).unwrap_or_default();
-        let none = Mean { mean: 0.0, error: None };
-        let above_baseline_db = above(best, lsd).unwrap_or(none);
-        MethodMean {
+        let mut found = MethodMean {
             method,
-            by_material: ByMaterial {
-                lsd_db: each(lsd),
-                middle_lsd_db: each(middle),
-                low_db: each(low),
-                total_db: each(total),
-            },
-            lsd_db: sure(lsd),
-            above_floor_db: above(Method::Floor, lsd).unwrap_or(none),
-            above_baseline_db,
-            middle_lsd_db: maybe(middle),
-            middle_above_floor_db: above(Method::Floor, middle),
-            pacinian_lsd_db: sure(&|m| Some(m.bands.pacinian_lsd_db)),
-            absolute_db: sure(&|m| Some(m.bands.absolute_db)),
-            low_db: maybe(low),
-            total_db: sure(total),
-            misplaced: sure(&|m| Some(m.bands.misplaced)),
-            kurtosis: sure(&|m| Some(m.kurtosis)),
-            envelope_db: maybe(&|m| m.envelope_db),
-            envelope_floor_db: maybe(&|m| m.envelope_floor_db),
-            nse: maybe(&|m| m.nse_pe.map(|(nse, _)| nse)),
-            pe: maybe(&|m| m.nse_pe.map(|(_, pe)| pe)),
+            measures: MEASURES.iter().map(measure).collect(),
             by_band: self.by_band(folds, method),
-            loses: matches!(method, Method::Default | Method::Thesis) && above_baseline_db.mean > 0.0,
-        }
+            loses: false,
+        };
+        found.loses = matches!(method, Method::Default | Method::Thesis)
+            && found.mean(Measure::AboveBaseline).is_some_and(|above| above.mean > 0.0);
+        found
     }
 
     fn by_band(&self, folds: &[&FoldResult], method: Method) -> Vec<BandMean> {

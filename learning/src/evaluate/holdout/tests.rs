@@ -65,35 +65,32 @@ fn a_method_that_knows_the_process_comes_near_the_floor_and_a_plain_one_is_shown
         assert_eq!(split.methods.len(), Method::ALL.len());
         let of = |method: Method| &split.methods[method as usize];
         let (floor, law) = (of(Method::Floor), of(Method::Default));
-        assert_eq!(floor.above_floor_db.mean, 0.0);
-        assert!(law.lsd_db.mean < floor.lsd_db.mean + 0.5, "{law:?}");
-        let each = &law.by_material;
-        for (each, mean) in [
-            (&each.lsd_db, law.lsd_db.mean),
-            (&each.middle_lsd_db, law.middle_lsd_db.unwrap().mean),
-            (&each.low_db, law.low_db.unwrap().mean),
-            (&each.total_db, law.total_db.mean),
-        ] {
+        let mean = |of: &MethodMean, measure: Measure| of.mean(measure).unwrap().mean;
+        assert_eq!(mean(floor, Measure::AboveFloor), 0.0);
+        assert!(mean(law, Measure::Lsd) < mean(floor, Measure::Lsd) + 0.5, "{law:?}");
+        for measure in [Measure::Lsd, Measure::MiddleLsd, Measure::Low, Measure::Total] {
+            let each = law.by_material(measure);
             assert_eq!(each.len(), 2);
-            assert!((each.iter().sum::<f64>() / 2.0 - mean).abs() < 1e-12);
+            assert!((each.iter().sum::<f64>() / 2.0 - mean(law, measure)).abs() < 1e-12);
         }
+        assert!(Measure::all().enumerate().all(|(number, measure)| measure as usize == number));
         // The mean of sizes is at least the size of the mean, and over all bands it is the one of the table.
         let (bands, sizes): (Vec<_>, Vec<_>) =
             law.by_band.iter().map(|b| (b.signed_db, b.absolute_db)).unzip();
         assert!(bands.iter().zip(&sizes).all(|(signed, size)| signed.abs() <= *size + 1e-12));
         assert!(bands.iter().zip(&sizes).any(|(signed, size)| signed.abs() + 0.01 < *size));
         let over_all = sizes.iter().sum::<f64>() / sizes.len() as f64;
-        assert!((over_all - law.absolute_db.mean).abs() < 1e-9, "{over_all} {law:?}");
-        assert!(law.total_db.mean.abs() < 1.0 && law.kurtosis.mean.abs() < 1.0);
+        assert!((over_all - mean(law, Measure::Absolute)).abs() < 1e-9, "{over_all} {law:?}");
+        assert!(mean(law, Measure::Total).abs() < 1.0 && mean(law, Measure::Kurtosis).abs() < 1.0);
         // Here levels follow force and speed, up to the estimation error of 500 samples.
         assert!(split.unexplained_level_db.unwrap().mean < 1.5);
-        assert!(law.envelope_db.unwrap().mean < 2.0 * law.envelope_floor_db.unwrap().mean);
+        assert!(mean(law, Measure::Envelope) < 2.0 * mean(law, Measure::EnvelopeFloor));
         assert!(split.estimator_db.1 < split.estimator_db.0);
         // One model for all speeds has the wrong level at each speed.
-        assert!(of(Method::OneModel).envelope_db.unwrap().mean > law.envelope_db.unwrap().mean);
+        assert!(mean(of(Method::OneModel), Measure::Envelope) > mean(law, Measure::Envelope));
         assert!(!floor.loses && !of(Method::OneModel).loses);
         for method in [Method::Default, Method::Thesis] {
-            assert_eq!(of(method).loses, of(method).above_baseline_db.mean > 0.0);
+            assert_eq!(of(method).loses, mean(of(method), Measure::AboveBaseline) > 0.0);
         }
     }
 }
@@ -112,7 +109,7 @@ fn a_method_that_is_worse_than_a_plain_one_loses() {
     };
     let found = hold_out(&takes(), &poor, &|_| ()).unwrap().splits();
     let law = &found[0].methods[Method::Default as usize];
-    assert!(law.loses && law.above_baseline_db.mean > 1.0, "{law:?}");
+    assert!(law.loses && law.mean(Measure::AboveBaseline).unwrap().mean > 1.0, "{law:?}");
 }
 
 #[test]

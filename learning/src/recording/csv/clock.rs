@@ -1,7 +1,7 @@
 //! Times as loggers write them: numbers from zero, large ones that count from an epoch, and dates with a time of day.
 
 use super::table::number;
-use super::units::Scale;
+use haptograph_signal::units::Scale;
 
 /// A first time beyond this counts from an epoch, whatever its unit.
 const EPOCH: f64 = 1e6;

@@ -1,7 +1,7 @@
 //! Builds processed recordings from one table, or from several that share a clock: one has the vibration, others slower signals.
 
 use super::super::{ImportSettings, ProcessedRecording, ReadError, Series, Signals};
-use super::table::{Even, Fault, Table};
+use super::table::{Even, Fault, Table, Taken};
 use super::{AXES, Gesture, refuse_missing};
 use crate::processing::{self, ProcessingSettings};
 use crate::recording::import::{Finding, shown};
@@ -92,19 +92,12 @@ pub(super) fn processed(
         }
     }
     names.extend(&here);
-    let mut taken = vibration.take(&names)?;
+    let mut taken = vibration.conform(&names, Taken::All)?;
     let mut slow = vec![];
     for (name, table) in there {
-        let one = others[table].take(&[name])?;
+        let one = others[table].conform(&[name], Taken::All)?;
         files.push(names_of_files[table + 1].as_str());
-        slow.push((
-            name,
-            Series {
-                rate_hz: one.rate_hz,
-                start_s: one.start_s,
-                samples: one.columns.into_iter().next().unwrap_or_default(),
-            },
-        ));
+        slow.push((name, one.series(|i| one.columns[0][i])));
     }
     if let Some((file, series)) = &speed {
         files.push(file);
@@ -162,12 +155,11 @@ const POSITIONS: [&str; 3] = ["position_x", "position_y", "position_z"];
 fn speed_of_position(table: &mut Table, import: &ImportSettings) -> Result<(String, Series<f64>), Fault> {
     let columns = table.columns_of(&POSITIONS);
     let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
-    let even = table.take(&names)?;
-    let samples = even.columns.first().map_or(0, Vec::len);
+    let even = table.conform(&names, Taken::All)?;
     let tip = |i: usize| -> [f64; 3] {
         std::array::from_fn(|axis| even.columns.get(axis).map_or(0.0, |column| column[i]))
     };
-    let tips: Vec<[f64; 3]> = (0..samples).map(tip).collect();
+    let tips: Vec<[f64; 3]> = (0..even.samples()).map(tip).collect();
     let usual = ProcessingSettings::default();
     let settings = ProcessingSettings {
         velocity_lowpass_hz: import.velocity_lowpass_hz.unwrap_or(usual.velocity_lowpass_hz),
@@ -205,9 +197,7 @@ const UNUSED_S: f64 = 0.1;
 
 /// Findings for files of one take that begin or end at different times: the unused part of the longest.
 fn cuts(taken: &Even, series: &[(&str, Series<f64>)], own: &str, files: &[&str]) -> Vec<Finding> {
-    let samples = taken.columns.first().map_or(0, Vec::len);
-    let own_end = taken.start_s + samples.saturating_sub(1) as f64 / taken.rate_hz;
-    let spans: Vec<(&str, f64, f64)> = std::iter::once((own, taken.start_s, own_end))
+    let spans: Vec<(&str, f64, f64)> = std::iter::once((own, taken.start_s, taken.end_s()))
         .chain(series.iter().zip(files).map(|((_, s), file)| (*file, s.start_s, s.end_s())))
         .collect();
     let extremes = |begins: bool| {
@@ -230,10 +220,8 @@ fn cuts(taken: &Even, series: &[(&str, Series<f64>)], own: &str, files: &[&str])
 
 /// Keeps the samples that lie in the time of all series.
 fn cut_to_common_time(taken: &mut Even, series: &[(&str, Series<f64>)]) -> Result<(), String> {
-    let samples = taken.columns.first().map_or(0, Vec::len);
     let begin = series.iter().map(|(_, s)| s.start_s).fold(taken.start_s, f64::max);
-    let own_end = taken.start_s + samples.saturating_sub(1) as f64 / taken.rate_hz;
-    let end = series.iter().map(|(_, s)| s.end_s()).fold(own_end, f64::min);
+    let end = series.iter().map(|(_, s)| s.end_s()).fold(taken.end_s(), f64::min);
     if begin >= end {
         return Err(format!(
             "the files do not overlap in time: the last begins at {} s, the first ends at {} s",
@@ -243,7 +231,7 @@ fn cut_to_common_time(taken: &mut Even, series: &[(&str, Series<f64>)]) -> Resul
     }
     let place = |time: f64| (time - taken.start_s) * taken.rate_hz;
     let first = (place(begin) - 1e-6).ceil().max(0.0) as usize;
-    let past = ((place(end) + 1e-6).floor() as usize + 1).min(samples);
+    let past = ((place(end) + 1e-6).floor() as usize + 1).min(taken.samples());
     for column in &mut taken.columns {
         column.truncate(past);
         column.drain(..first);

@@ -1,35 +1,7 @@
 //! Quantities and units in the names of columns.
 
 use haptograph_signal::quantity::Quantity;
-use haptograph_signal::units;
-
-/// The conversion of a column's unit to SI.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::recording) enum Scale {
-    One,
-    /// Exact, because it only moves the decimal point.
-    Thousandth,
-    Factor(f64),
-}
-
-impl Scale {
-    fn of(si_per_unit: f64) -> Self {
-        match si_per_unit {
-            1.0 => Self::One,
-            1e-3 => Self::Thousandth,
-            factor => Self::Factor(factor),
-        }
-    }
-
-    /// Converts a number to SI.
-    pub fn si(self, value: f64) -> f64 {
-        match self {
-            Self::One => value,
-            Self::Thousandth => value / 1000.0,
-            Self::Factor(factor) => value * factor,
-        }
-    }
-}
+use haptograph_signal::units::{self, Scale};
 
 /// The quantities of a recording's columns, as in `--column` and `--unit`.
 pub const QUANTITIES: [&str; 21] = [

@@ -1,7 +1,7 @@
 //! Recordings written as CSV.
 
 use super::super::{AnyRecording, ProcessedRecording, Recording, Series};
-use haptograph_surfaces::files::decimal::format_thousandfold;
+use haptograph_signal::units::decimal::format_thousandfold;
 use haptograph_surfaces::recorder::{Clock, RawTable, origin_lines};
 use std::io::Write;
 

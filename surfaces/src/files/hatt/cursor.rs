@@ -2,7 +2,8 @@
 //! grow with the file, and expands no entities.
 
 use super::HattProblem;
-use crate::files::{Place, decimal};
+use crate::files::Place;
+use haptograph_signal::units::decimal;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 

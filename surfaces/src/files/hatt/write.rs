@@ -1,8 +1,8 @@
 //! Writes toolkit files.
 
 use super::{HattWriteError, KEPT, TAP_RATE_HZ, TAP_SAMPLES, label};
-use crate::files::decimal::format_thousandfold;
 use crate::{ArmaModel, ModelAt, Provenance, Surface, TextureModel};
+use haptograph_signal::units::decimal::format_thousandfold;
 use quick_xml::escape::escape;
 use std::fmt::Write;
 

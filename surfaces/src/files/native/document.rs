@@ -1,8 +1,9 @@
 //! The structure of the file, field by field. Other types of the crate do not use serde.
 
-use crate::files::{MAX_MODELS, MAX_TAP_SAMPLES, MAX_TAPS, decimal};
+use crate::files::{MAX_MODELS, MAX_TAP_SAMPLES, MAX_TAPS};
 use crate::lines::MAX_LINES;
 use crate::{MAX_ORDER, Origin};
+use haptograph_signal::units::decimal;
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use std::collections::BTreeMap;

@@ -1,11 +1,11 @@
 use super::*;
-use crate::files::decimal::format_thousandfold;
 use crate::files::{Malformed, Place, Problem, read_surface};
 use crate::hull::Hull;
 use crate::{
     ArmaModel, Crackle, Friction, ModelAt, Origin, Provenance, SpatialLine, Stiffness, Surface, Tap, Taps,
     TextureModel, VertexKind,
 };
+use haptograph_signal::units::decimal::format_thousandfold;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;

@@ -1,8 +1,8 @@
 //! Writes a surface as RON with its own layout, because RON's printer puts each number on a line.
 
 use super::FORMAT;
-use crate::files::decimal::{format_shifted, format_thousandfold};
 use crate::{Surface, Taps, TextureModel, VertexKind};
+use haptograph_signal::units::decimal::{format_shifted, format_thousandfold};
 use std::fmt::Write;
 
 /// Writes the text of a `.ron` file. Reading it gives a bitwise equal surface.

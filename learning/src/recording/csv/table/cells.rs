@@ -1,8 +1,7 @@
 //! Cells as they stand in a file, and the lines that they stand on.
 
-use crate::recording::csv::units::Scale;
 use haptograph_signal::csv::decimal;
-use haptograph_surfaces::files::decimal::parse_thousandth;
+use haptograph_signal::units::Scale;
 use std::collections::BTreeMap;
 
 /// The line of each row; stores only the rows whose line does not follow the previous one.
@@ -50,14 +49,6 @@ pub(in crate::recording) struct Cells {
 
 /// The finite number in a cell, in SI.
 pub(in crate::recording) fn number(cell: &[u8], scale: Scale) -> Option<f64> {
-    let value = scaled(&decimal(cell)?, scale)?;
+    let value = scale.read(&decimal(cell)?)?;
     value.is_finite().then_some(value)
-}
-
-fn scaled(text: &str, scale: Scale) -> Option<f64> {
-    match scale {
-        Scale::One => text.parse().ok(),
-        Scale::Thousandth => parse_thousandth(text),
-        Scale::Factor(factor) => Some(text.parse::<f64>().ok()? * factor),
-    }
 }

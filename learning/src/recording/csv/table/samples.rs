@@ -24,6 +24,38 @@ pub(in crate::recording) struct Even {
     pub columns: Vec<Vec<f64>>,
 }
 
+impl Even {
+    /// Number of samples.
+    pub fn samples(&self) -> usize {
+        self.columns.first().map_or(0, Vec::len)
+    }
+
+    /// Time of the last sample, s.
+    pub fn end_s(&self) -> f64 {
+        self.start_s + self.samples().saturating_sub(1) as f64 / self.rate_hz
+    }
+
+    /// Sample `index` of the columns from `first` on.
+    pub fn at<const N: usize>(&self, index: usize, first: usize) -> [f64; N] {
+        std::array::from_fn(|column| self.columns[first + column][index])
+    }
+
+    /// A series of what `sample` makes of each index.
+    pub fn series<T>(&self, sample: impl Fn(usize) -> T) -> Series<T> {
+        let samples = (0..self.samples()).map(sample).collect();
+        Series { rate_hz: self.rate_hz, start_s: self.start_s, samples }
+    }
+}
+
+/// The rows that samples are taken from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::recording) enum Taken {
+    /// All; what is missing in few of them is interpolated, or refused if that is not allowed.
+    All,
+    /// Those where the columns of one sensor have values; the others are those of faster sensors.
+    Filled,
+}
+
 /// One signal, or its three axes.
 pub(in crate::recording) struct SignalColumns {
     pub name: String,
@@ -93,20 +125,31 @@ impl Table {
         Ok((found, times))
     }
 
-    /// The samples of columns without empty cells, which are taken out of the table.
-    pub(in crate::recording) fn take(&mut self, names: &[&str]) -> Result<Even, Fault> {
-        self.taken(names).map_err(|error| self.at_fault(error))
+    /// The samples of columns, which are taken out of the table, at one rate.
+    pub(in crate::recording) fn conform(&mut self, names: &[&str], rows: Taken) -> Result<Even, Fault> {
+        self.conformed(names, rows).map_err(|error| self.at_fault(error))
     }
 
-    fn taken(&mut self, names: &[&str]) -> Result<Even, ReadError> {
+    fn conformed(&mut self, names: &[&str], taken: Taken) -> Result<Even, ReadError> {
         let places: Vec<usize> = names.iter().map(|name| self.needed(name)).collect::<Result<_, _>>()?;
-        let (timing, times) = self.timing(None)?;
+        let rows = match taken {
+            Taken::All => None,
+            Taken::Filled => Some(self.filled(names, &places)?),
+        };
+        let (timing, times) = self.timing(rows.as_deref())?;
         let mut columns = vec![];
         for (name, place) in names.iter().zip(places) {
             let mut values = std::mem::take(&mut self.columns[place].values);
-            self.check_bound(place, &values, |row| self.lines.of(row))?;
+            if let Some(rows) = &rows {
+                values = rows.iter().map(|&row| values[row]).collect();
+            }
+            let line = |index: usize| self.lines.of(rows.as_ref().map_or(index, |rows| rows[index]));
+            self.check_bound(place, &values, line)?;
             self.inspect(name, &values, &timing);
-            self.repair(name, place, &mut values, timing.rate_hz)?;
+            match &rows {
+                None => self.repair(name, place, &mut values, timing.rate_hz)?,
+                Some(rows) => self.fill(name, place, &mut values, rows)?,
+            }
             columns.push(match timing.is_uneven {
                 true => resampled(&times, &values, &timing, is_vibration(name)),
                 false => values,
@@ -116,6 +159,39 @@ impl Table {
         let found = timing.finding.filter(|finding| !self.findings.contains(finding));
         self.findings.extend(found);
         Ok(Even { rate_hz: timing.rate_hz, start_s: timing.start_s, columns })
+    }
+
+    /// The rows where the columns of a sensor have values.
+    fn filled(&self, names: &[&str], places: &[usize]) -> Result<Vec<usize>, ReadError> {
+        let mut rows = vec![];
+        for row in 0..self.lines.rows() {
+            let there = places.iter().filter(|&&place| !self.columns[place].values[row].is_nan()).count();
+            if there == names.len() {
+                rows.push(row);
+            } else if there > 0 {
+                let message = format!("{} must all have values or all be empty", names.join(", "));
+                return Err(self.error(self.lines.of(row), message));
+            }
+        }
+        Ok(rows)
+    }
+
+    /// Interpolates what could not be read in the rows of a sensor.
+    fn fill(
+        &mut self,
+        name: &str,
+        place: usize,
+        values: &mut [f64],
+        rows: &[usize],
+    ) -> Result<(), ReadError> {
+        let unreadable = interpolate_missing(values, LONGEST_REPAIR).map_err(|at| {
+            let message = format!("{name} is unreadable in {} rows from here on", at.len());
+            self.cell_error(self.lines.of(rows[at.start]), self.columns[place].number, message)
+        })?;
+        if unreadable > 0 {
+            self.note_interpolated(place, [unreadable, 0], values.len());
+        }
+        Ok(())
     }
 
     fn repair(
@@ -219,50 +295,6 @@ impl Table {
         }
     }
 
-    /// Samples of columns that belong together, from the rows where they are not empty.
-    pub(in crate::recording) fn sensor(&mut self, names: &[&str]) -> Result<Series<Vec<f64>>, Fault> {
-        self.sensed(names).map_err(|error| self.at_fault(error))
-    }
-
-    fn sensed(&mut self, names: &[&str]) -> Result<Series<Vec<f64>>, ReadError> {
-        let places: Vec<usize> = names.iter().map(|name| self.needed(name)).collect::<Result<_, _>>()?;
-        let mut rows = vec![];
-        for row in 0..self.lines.rows() {
-            let there = places.iter().filter(|&&place| !self.columns[place].values[row].is_nan()).count();
-            if there == names.len() {
-                rows.push(row);
-            } else if there > 0 {
-                let message = format!("{} must all have values or all be empty", names.join(", "));
-                return Err(self.error(self.lines.of(row), message));
-            }
-        }
-        let (timing, times) = self.timing(Some(&rows))?;
-        let mut columns = vec![];
-        for (name, &place) in names.iter().zip(&places) {
-            let mut values: Vec<f64> = rows.iter().map(|&row| self.columns[place].values[row]).collect();
-            self.check_bound(place, &values, |index| self.lines.of(rows[index]))?;
-            self.inspect(name, &values, &timing);
-            let unreadable = interpolate_missing(&mut values, LONGEST_REPAIR).map_err(|at| {
-                let message = format!("{name} is unreadable in {} rows from here on", at.len());
-                self.cell_error(self.lines.of(rows[at.start]), self.columns[place].number, message)
-            })?;
-            if unreadable > 0 {
-                self.note_interpolated(place, [unreadable, 0], values.len());
-            }
-            columns.push(match timing.is_uneven {
-                true => resampled(&times, &values, &timing, is_vibration(name)),
-                false => values,
-            });
-        }
-        self.findings.extend(timing.finding);
-        let samples = columns.first().map_or(0, Vec::len);
-        Ok(Series {
-            rate_hz: timing.rate_hz,
-            start_s: timing.start_s,
-            samples: (0..samples).map(|i| columns.iter().map(|column| column[i]).collect()).collect(),
-        })
-    }
-
     /// The column that was selected as a signal, without unit conversion. In the table of a raw recording, where slower
     /// sensors leave cells empty, empty cells are skipped.
     pub(in crate::recording) fn unscaled(&mut self) -> Result<Vec<f64>, ReadError> {
@@ -308,17 +340,8 @@ impl Table {
         if !has_rate {
             self.given_rate_hz = Some(*RATES_HZ.start());
         }
-        let (rate_hz, values) = match self.is_raw() {
-            true => {
-                let series = self.sensed(&names)?;
-                let column = |index: usize| series.samples.iter().map(|row| row[index]).collect();
-                (series.rate_hz, (0..names.len()).map(column).collect())
-            }
-            false => {
-                let even = self.taken(&names)?;
-                (even.rate_hz, even.columns)
-            }
-        };
+        let rows = if self.is_raw() { Taken::Filled } else { Taken::All };
+        let Even { rate_hz, columns: values, .. } = self.conformed(&names, rows)?;
         Ok(SignalColumns { name, unit, rate_hz: has_rate.then_some(rate_hz), values })
     }
 }

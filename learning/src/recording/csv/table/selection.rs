@@ -3,12 +3,11 @@
 use super::{Column, SIGNAL, TIME, Table, is_vibration};
 use crate::recording::ReadError;
 use crate::recording::csv::alias::{is_like_ours, taken_as};
-use crate::recording::csv::units::{
-    QUANTITIES, Scale, is_of, parse_unit, plain_name, unit_in_file, unit_of_column,
-};
+use crate::recording::csv::units::{QUANTITIES, is_of, parse_unit, plain_name, unit_in_file, unit_of_column};
 use crate::recording::error::listed;
 use crate::recording::import::{Finding, ImportSettings};
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::Scale;
 
 /// The columns of a table to read.
 #[derive(Debug, Clone, Copy)]
