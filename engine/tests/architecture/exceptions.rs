@@ -4,10 +4,6 @@
 pub const LONG_FUNCTIONS: &[(&str, &str)] = &[
     ("engine/src/document/text/tokens.rs: scan", "to be split"),
     ("engine/src/plan/build.rs: new", "to be split"),
-    ("learning/src/learn/law.rs: fit_law", "to be split"),
-    ("learning/src/learn/learn.rs: learn", "to be split"),
-    ("learning/src/recording/csv/join.rs: processed", "to be split"),
-    ("learning/src/recording/csv/table/selection.rs: chosen", "to be split"),
     ("learning/src/recording/import.rs: fmt", "one match: a text for each finding"),
     ("report/src/layout/rows.rs: stack", "to be split"),
     ("report/src/learning.rs: segments", "to be split"),

@@ -14,10 +14,10 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS};
 /// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 10] = [
-    ("signal", 5_300, 4_800),
+    ("signal", 5_450, 4_800),
     ("engine", 19_100, 15_500),
-    ("surfaces", 6_100, 6_000),
-    ("learning", 13_950, 9_500),
+    ("surfaces", 6_000, 6_000),
+    ("learning", 13_800, 9_500),
     ("nodes", 15_900, 13_000),
     ("live", 6_700, 6_000),
     ("report", 7_700, 6_000),

@@ -100,38 +100,11 @@ pub(super) fn fit_law(
         return Err(LearnTextureError::Order { order: settings.order });
     }
     let warping = settings.warping.unwrap_or_else(|| warping_for(rate_hz));
-    let mut segments = vec![];
-    let mut windows = vec![];
+    let (mut segments, mut windows) = (vec![], vec![]);
     for (number, recording) in recordings.iter().enumerate() {
-        let span = ((settings.span_s * rate_hz) as usize).clamp(2, recording.samples().max(2));
-        let spectrum = CellSpectrum::new(span, rate_hz, warping, settings.highpass_hz);
-        let signals = recording.signals();
-        for start in (0..=recording.samples().saturating_sub(span)).step_by(span) {
-            let samples = start..start + span;
-            let stretch = &signals.acceleration_m_s2[samples.clone()];
-            let mut segment = SegmentReport {
-                recording: number,
-                order: settings.order,
-                speed_m_s: median(&signals.speed_m_s[samples.clone()]),
-                force_n: median(&signals.force_normal_n[samples.clone()]),
-                features: features(stretch, rate_hz),
-                residuals: [None; 5],
-                fate: Fate::NotDragged,
-                samples,
-            };
-            if segment.speed_m_s > settings.min_speed_m_s && segment.force_n > settings.min_force_n {
-                segment.fate = judge(stretch);
-            }
-            if segment.fate == Fate::Kept {
-                let cells = spectrum.of(stretch);
-                windows.push(Observation {
-                    speed_m_s: segment.speed_m_s,
-                    force_n: segment.force_n,
-                    power: spectrum.power(&cells),
-                    cells,
-                });
-            }
+        for (segment, window) in stretches_of(number, recording, warping, settings) {
             segments.push(segment);
+            windows.extend(window);
         }
         progress(0.5 * (number + 1) as f64 / recordings.len() as f64);
     }
@@ -152,6 +125,44 @@ pub(super) fn fit_law(
     let axis = Axis { rate_hz, warping, order: settings.order };
     let fitted = Fitted { law, axis, highpass_hz: settings.highpass_hz, stretches };
     Ok((fitted, report))
+}
+
+/// The windows of a recording, with what is observed in those that are kept.
+fn stretches_of(
+    number: usize,
+    recording: &ProcessedRecording,
+    warping: f64,
+    settings: &LawSettings,
+) -> Vec<(SegmentReport, Option<Observation>)> {
+    let (signals, rate_hz) = (recording.signals(), recording.rate_hz());
+    let span = ((settings.span_s * rate_hz) as usize).clamp(2, recording.samples().max(2));
+    let spectrum = CellSpectrum::new(span, rate_hz, warping, settings.highpass_hz);
+    let of = |start: usize| {
+        let samples = start..start + span;
+        let stretch = &signals.acceleration_m_s2[samples.clone()];
+        let speed_m_s = median(&signals.speed_m_s[samples.clone()]);
+        let force_n = median(&signals.force_normal_n[samples.clone()]);
+        let fate = match speed_m_s > settings.min_speed_m_s && force_n > settings.min_force_n {
+            true => judge(stretch),
+            false => Fate::NotDragged,
+        };
+        let window = (fate == Fate::Kept).then(|| {
+            let cells = spectrum.of(stretch);
+            Observation { speed_m_s, force_n, power: spectrum.power(&cells), cells }
+        });
+        let segment = SegmentReport {
+            recording: number,
+            order: settings.order,
+            speed_m_s,
+            force_n,
+            features: features(stretch, rate_hz),
+            residuals: [None; 5],
+            fate,
+            samples,
+        };
+        (segment, window)
+    };
+    (0..=recording.samples().saturating_sub(span)).step_by(span).map(of).collect()
 }
 
 fn judge(stretch: &[f64]) -> Fate {

@@ -203,17 +203,7 @@ pub fn learn(
         let settings = &mut surface.provenance.settings;
         settings.insert(HIGHEST_HZ.to_owned(), band.highest_hz().to_string());
     }
-
-    for (recording, drag) in of(Gesture::Drag) {
-        let drag = processed(drag, &settings.processing)
-            .map_err(|source| LearnError::Processing { recording, source })?;
-        if is_still(&drag) {
-            let samples = drag.samples();
-            return Err(LearnError::Still { recording, samples });
-        }
-        report.drags.push(drag);
-        progress(0.3 * (recording + 1) as f64 / recordings.len() as f64);
-    }
+    report.drags = drags(recordings, settings, progress)?;
     if !report.drags.is_empty() {
         let advance = |part| progress(0.3 + 0.5 * part);
         let (texture, found) = settings.texture.learn(&report.drags, &advance)?;
@@ -251,6 +241,26 @@ pub fn learn(
         Some(missing) if empty => Err(missing.reason.clone()),
         _ => Ok((surface, report)),
     }
+}
+
+/// The processed drags.
+fn drags(
+    recordings: &[AnyRecording],
+    settings: &LearnSettings,
+    progress: &dyn Fn(f64),
+) -> Result<Vec<ProcessedRecording>, LearnError> {
+    let mut drags = vec![];
+    for (recording, drag) in recordings.iter().enumerate().filter(|(_, r)| r.gesture() == Gesture::Drag) {
+        let drag = processed(drag, &settings.processing)
+            .map_err(|source| LearnError::Processing { recording, source })?;
+        if is_still(&drag) {
+            let samples = drag.samples();
+            return Err(LearnError::Still { recording, samples });
+        }
+        drags.push(drag);
+        progress(0.3 * (recording + 1) as f64 / recordings.len() as f64);
+    }
+    Ok(drags)
 }
 
 /// What the vibration of drags and taps lacks because of its rate; an error if a rate is too low and not accepted.

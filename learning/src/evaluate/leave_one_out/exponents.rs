@@ -1,7 +1,7 @@
 //! Exponents of the power of textures over speed and force, used as the prior of a law.
 
 use crate::learn::spectral_law::{Observation, POWER_SLOPES};
-use haptograph_signal::statistics::mean;
+use haptograph_signal::statistics::{mean, standard_deviation};
 use nalgebra::{Matrix2, Vector2};
 
 /// Minimum number of other textures for a prior.
@@ -75,12 +75,7 @@ impl PowerExponents {
         let pooled = Moments::sum(textures.iter()).solved()?;
         let alone: Vec<[f64; 2]> = textures.iter().filter_map(Moments::solved).collect();
         let each = |k: usize| -> Vec<f64> { alone.iter().map(|slopes| slopes[k]).collect() };
-        let deviation = |k: usize| {
-            let values = each(k);
-            let middle = mean(&values);
-            let squares: f64 = values.iter().map(|x| (x - middle).powi(2)).sum();
-            (squares / (values.len() as f64 - 1.0).max(1.0)).sqrt()
-        };
+        let deviation = |k: usize| standard_deviation(&each(k));
         Some(Self {
             pooled,
             mean: [mean(&each(0)), mean(&each(1))],

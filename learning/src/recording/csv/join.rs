@@ -2,7 +2,7 @@
 
 use super::super::{ImportSettings, ProcessedRecording, ReadError, Series, Signals};
 use super::table::{Even, Fault, Table, Taken};
-use super::{AXES, Gesture, refuse_missing};
+use super::{Gesture, refuse_missing};
 use crate::processing::{self, ProcessingSettings};
 use crate::recording::import::{Finding, shown};
 use haptograph_surfaces::Provenance;
@@ -10,6 +10,8 @@ use std::collections::BTreeMap;
 
 /// The quantities besides the vibration.
 const SLOW: [&str; 3] = ["force_normal", "speed", "force_tangential"];
+/// The axes of the vibration.
+const ACCELERATIONS: [&str; 3] = ["accel_x", "accel_y", "accel_z"];
 
 /// Counts the times of all tables from the first of their origins.
 pub(super) fn share_clock(tables: &mut [Table]) {
@@ -38,98 +40,119 @@ pub(super) fn set_constants(tables: &mut [Table], constants: &BTreeMap<String, f
     }
 }
 
+/// A signal that is not in the table of the vibration, and its file.
+struct Slow {
+    name: &'static str,
+    file: String,
+    series: Series<f64>,
+}
+
 pub(super) fn processed(
     tables: &mut [Table],
     import: &ImportSettings,
     gesture: Gesture,
     provenance: Provenance,
 ) -> Result<ProcessedRecording, Fault> {
-    let has_axes = |table: &Table| AXES.iter().all(|axis| table.has(&format!("accel_{axis}")));
-    let has_axes_somewhere = tables.iter().any(has_axes);
     let positions = place_of_positions(tables);
-    let mut wanted = vec!["force_normal".to_owned()];
-    if positions.is_none() {
-        wanted.push("speed".to_owned());
+    refuse_missing(tables, needed(tables, positions.is_some()))?;
+    let first = place_of_vibration(tables)?;
+    let speed = positions.map(|place| speed_of_position(&mut tables[place], import)).transpose()?;
+    tables.swap(0, first);
+    let Some((vibration, others)) = tables.split_first_mut() else {
+        return Err(ReadError::Io("there are no tables".to_owned()).into());
+    };
+    let mut names = vec![];
+    if vibration.has("accel") || !has_axes(vibration) {
+        names.push("accel");
     }
-    match has_axes_somewhere && !tables.iter().any(|table| table.has("accel")) {
-        true => wanted.extend(AXES.map(|axis| format!("accel_{axis}"))),
-        false => wanted.insert(0, "accel".to_owned()),
+    if has_axes(vibration) {
+        names.extend(ACCELERATIONS);
     }
-    refuse_missing(tables, wanted)?;
-    let has_vibration = |table: &Table| table.has("accel") || has_axes(table);
-    let mut vibrating = tables.iter().filter(|table| has_vibration(table));
-    if let (Some(one), Some(other)) = (vibrating.next(), vibrating.next()) {
+    let (here, there): (Vec<&'static str>, Vec<_>) = { SLOW.into_iter() }
+        .filter(|name| *name != "speed" || speed.is_none())
+        .partition(|name| vibration.has(name));
+    names.extend(here);
+    let mut taken = vibration.conform(&names, Taken::All)?;
+    let mut slow = vec![];
+    for name in there {
+        if let Some(table) = others.iter_mut().find(|table| table.has(name)) {
+            let one = table.conform(&[name], Taken::All)?;
+            slow.push(Slow { name, file: table.label.clone(), series: one.series(|i| one.columns[0][i]) });
+        }
+    }
+    slow.extend(speed);
+    vibration.findings.extend(cuts(&taken, &vibration.label, &slow));
+    cut_to_common_time(&mut taken, &slow)
+        .map_err(|message| vibration.fault(vibration.header_line, message))?;
+    Ok(ProcessedRecording::new(signals(vibration, taken, &names, &slow, import)?, gesture, provenance)?)
+}
+
+/// The columns that some table must have.
+fn needed(tables: &[Table], has_positions: bool) -> Vec<String> {
+    let mut needed = vec!["force_normal"];
+    if !has_positions {
+        needed.push("speed");
+    }
+    match tables.iter().any(has_axes) && !tables.iter().any(|table| table.has("accel")) {
+        true => needed.extend(ACCELERATIONS),
+        false => needed.insert(0, "accel"),
+    }
+    needed.into_iter().map(str::to_owned).collect()
+}
+
+fn has_axes(table: &Table) -> bool {
+    ACCELERATIONS.iter().all(|axis| table.has(axis))
+}
+
+/// The only table with the vibration.
+fn place_of_vibration(tables: &[Table]) -> Result<usize, Fault> {
+    let vibrating = |table: &&Table| table.has("accel") || has_axes(table);
+    let mut all = tables.iter().filter(vibrating);
+    if let (Some(one), Some(other)) = (all.next(), all.next()) {
         let message = format!(
             "{} and {} both have an acceleration; leave one out, or put the axes into one file",
             one.label, other.label
         );
         return Err(other.fault(other.header_line, message));
     }
-    let first = tables.iter().position(has_vibration).unwrap_or(0);
-    let speed = positions.map(|place| speed_of_position(&mut tables[place], import)).transpose()?;
-    tables.swap(0, first);
-    let names_of_files: Vec<String> = tables.iter().map(|table| table.label.clone()).collect();
-    let Some((vibration, others)) = tables.split_first_mut() else {
-        return Err(ReadError::Io("there are no tables".to_owned()).into());
-    };
-    let (header_line, axes) = (vibration.header_line, has_axes(vibration));
-    let mut names = vec![];
-    if vibration.has("accel") || !axes {
-        names.push("accel");
-    }
-    if axes {
-        names.extend(["accel_x", "accel_y", "accel_z"]);
-    }
-    let elsewhere = |name: &str| others.iter().position(|table| table.has(name));
-    let (mut here, mut there) = (vec![], vec![]);
-    let mut files = vec![];
-    for name in SLOW {
-        match elsewhere(name) {
-            _ if name == "speed" && speed.is_some() => {}
-            Some(table) if !vibration.has(name) => there.push((name, table)),
-            _ if name == "force_tangential" && !vibration.has(name) => {}
-            _ => here.push(name),
+    Ok(tables.iter().position(|table| vibrating(&table)).unwrap_or(0))
+}
+
+/// The signals at the times of the vibration, whose columns have these names.
+fn signals(
+    vibration: &mut Table,
+    taken: Even,
+    names: &[&'static str],
+    slow: &[Slow],
+    import: &ImportSettings,
+) -> Result<Signals, Fault> {
+    let (start_s, rate_hz, samples) = (taken.start_s, taken.rate_hz, taken.samples());
+    let mut signals = Signals { rate_hz, ..Signals::default() };
+    let (mut acceleration, mut axes) = (None, vec![]);
+    for (name, values) in names.iter().zip(taken.columns) {
+        match *name {
+            "accel" => acceleration = Some(values),
+            axis if axis.starts_with("accel") => axes.push(values),
+            name => put(&mut signals, name, values),
         }
     }
-    names.extend(&here);
-    let mut taken = vibration.conform(&names, Taken::All)?;
-    let mut slow = vec![];
-    for (name, table) in there {
-        let one = others[table].conform(&[name], Taken::All)?;
-        files.push(names_of_files[table + 1].as_str());
-        slow.push((name, one.series(|i| one.columns[0][i])));
-    }
-    if let Some((file, series)) = &speed {
-        files.push(file);
-        slow.push(("speed", series.clone()));
-    }
-    let cuts = cuts(&taken, &slow, &names_of_files[0], &files);
-    vibration.findings.extend(cuts);
-    cut_to_common_time(&mut taken, &slow).map_err(|message| vibration.fault(header_line, message))?;
-    let mut columns = taken.columns.into_iter();
-    let acceleration = names.contains(&"accel").then(|| columns.next().unwrap_or_default());
-    let axes_m_s2 = axes.then(|| zipped(std::array::from_fn(|_| columns.next().unwrap_or_default())));
-    let mut signals = Signals { rate_hz: taken.rate_hz, axes_m_s2, ..Signals::default() };
-    for (name, values) in here.into_iter().zip(columns) {
-        put(&mut signals, name, values);
-    }
+    signals.axes_m_s2 = <[Vec<f64>; 3]>::try_from(axes).ok().map(zipped);
     signals.acceleration_m_s2 = match acceleration {
         Some(mut values) => {
             let has_unit = import.units.get("accel").is_none_or(|unit| unit != "1");
             if !import.keeps_offset {
-                let taken = vibration.take_offset("accel", has_unit, &mut values, signals.rate_hz);
+                let taken = vibration.take_offset("accel", has_unit, &mut values, rate_hz);
                 taken.map_err(|error| vibration.at_fault(error))?;
             }
             values
         }
-        None => combined(&signals).map_err(|message| vibration.fault(header_line, message))?,
+        None => combined(&signals).map_err(|message| vibration.fault(vibration.header_line, message))?,
     };
-    for (name, series) in slow {
-        let time = |i: usize| taken.start_s + i as f64 / taken.rate_hz;
-        let values = (0..signals.acceleration_m_s2.len()).map(|i| series.at(time(i))).collect();
+    for Slow { name, series, .. } in slow {
+        let values = (0..samples).map(|i| series.at(start_s + i as f64 / rate_hz)).collect();
         put(&mut signals, name, values);
     }
-    Ok(ProcessedRecording::new(signals, gesture, provenance)?)
+    Ok(signals)
 }
 
 /// The table from whose positions the speed is derived, if no table has a speed.
@@ -151,8 +174,8 @@ fn place_of_positions(tables: &mut [Table]) -> Option<usize> {
 
 const POSITIONS: [&str; 3] = ["position_x", "position_y", "position_z"];
 
-/// The speed from the positions of a table, computed as for raw recordings, and the name of its file.
-fn speed_of_position(table: &mut Table, import: &ImportSettings) -> Result<(String, Series<f64>), Fault> {
+/// The speed from the positions of a table, computed as for raw recordings.
+fn speed_of_position(table: &mut Table, import: &ImportSettings) -> Result<Slow, Fault> {
     let columns = table.columns_of(&POSITIONS);
     let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
     let even = table.conform(&names, Taken::All)?;
@@ -172,7 +195,7 @@ fn speed_of_position(table: &mut Table, import: &ImportSettings) -> Result<(Stri
         cutoff_hz: settings.velocity_lowpass_hz.min(0.45 * even.rate_hz),
     });
     let series = Series { rate_hz: even.rate_hz, start_s: even.start_s, samples };
-    Ok((table.label.clone(), series))
+    Ok(Slow { name: "speed", file: table.label.clone(), series })
 }
 
 fn put(signals: &mut Signals, name: &str, values: Vec<f64>) {
@@ -196,10 +219,10 @@ fn zipped([x, y, z]: [Vec<f64>; 3]) -> Vec<[f64; 3]> {
 const UNUSED_S: f64 = 0.1;
 
 /// Findings for files of one take that begin or end at different times: the unused part of the longest.
-fn cuts(taken: &Even, series: &[(&str, Series<f64>)], own: &str, files: &[&str]) -> Vec<Finding> {
-    let spans: Vec<(&str, f64, f64)> = std::iter::once((own, taken.start_s, taken.end_s()))
-        .chain(series.iter().zip(files).map(|((_, s), file)| (*file, s.start_s, s.end_s())))
-        .collect();
+fn cuts(taken: &Even, own: &str, slow: &[Slow]) -> Vec<Finding> {
+    let others = slow.iter().map(|Slow { file, series, .. }| (&**file, series.start_s, series.end_s()));
+    let spans: Vec<(&str, f64, f64)> =
+        std::iter::once((own, taken.start_s, taken.end_s())).chain(others).collect();
     let extremes = |begins: bool| {
         let at = |&(file, begin, end): &(&str, f64, f64)| (file.to_owned(), if begins { begin } else { end });
         let all = spans.iter().map(at);
@@ -219,9 +242,9 @@ fn cuts(taken: &Even, series: &[(&str, Series<f64>)], own: &str, files: &[&str])
 }
 
 /// Keeps the samples that lie in the time of all series.
-fn cut_to_common_time(taken: &mut Even, series: &[(&str, Series<f64>)]) -> Result<(), String> {
-    let begin = series.iter().map(|(_, s)| s.start_s).fold(taken.start_s, f64::max);
-    let end = series.iter().map(|(_, s)| s.end_s()).fold(taken.end_s(), f64::min);
+fn cut_to_common_time(taken: &mut Even, slow: &[Slow]) -> Result<(), String> {
+    let begin = slow.iter().map(|slow| slow.series.start_s).fold(taken.start_s, f64::max);
+    let end = slow.iter().map(|slow| slow.series.end_s()).fold(taken.end_s(), f64::min);
     if begin >= end {
         return Err(format!(
             "the files do not overlap in time: the last begins at {} s, the first ends at {} s",

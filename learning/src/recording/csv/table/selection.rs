@@ -112,39 +112,42 @@ impl Table {
                 self.findings.push(Finding::TimesNotUsed { column });
                 continue;
             }
-            let wrong = |message| self.cell_error(self.header_line, index + 1, message);
             if self.has(&plain) {
-                return Err(wrong(format!("this is a second column of {plain}")));
+                let message = format!("this is a second column of {plain}");
+                return Err(self.cell_error(self.header_line, index + 1, message));
             }
             let mut column = Column::new(plain, name, index);
-            let scale = match &*column.name {
-                SIGNAL => {
-                    let (scale, unit) = scale_of_signal(name, below(index), import).map_err(wrong)?;
-                    column.unit = unit;
-                    scale
-                }
-                plain => {
-                    let found = scale(name, below(index), plain, import);
-                    let (scale, contradicted) = match found {
-                        // Times of a calendar have no unit: what they are is seen at the first row.
-                        Err(message) if plain == TIME => {
-                            self.time_without_unit = Some(message);
-                            (Scale::One, None)
-                        }
-                        found => found.map_err(wrong)?,
-                    };
-                    self.findings
-                        .extend(contradicted.map(|given| Finding::OtherUnit { column: name.clone(), given }));
-                    scale
-                }
-            };
-            if column.name == TIME {
-                self.time_scale = scale;
-            }
+            let scale = self.scale(&mut column, below(index), import);
+            let scale = scale.map_err(|message| self.cell_error(self.header_line, index + 1, message))?;
             chosen.push((index, scale));
             self.columns.push(column);
         }
         Ok(chosen)
+    }
+
+    /// The scale of a column, with findings about its unit.
+    fn scale(&mut self, column: &mut Column, below: &str, import: &ImportSettings) -> Result<Scale, String> {
+        if column.name == SIGNAL {
+            let (scale, unit) = scale_of_signal(&column.header, below, import)?;
+            column.unit = unit;
+            return Ok(scale);
+        }
+        match scale(&column.header, below, &column.name, import) {
+            // Times of a calendar have no unit: what they are is seen at the first row.
+            Err(message) if column.name == TIME => {
+                self.time_without_unit = Some(message);
+                Ok(Scale::One)
+            }
+            Err(message) => Err(message),
+            Ok((scale, contradicted)) => {
+                let column_of = |given| Finding::OtherUnit { column: column.header.clone(), given };
+                self.findings.extend(contradicted.map(column_of));
+                if column.name == TIME {
+                    self.time_scale = scale;
+                }
+                Ok(scale)
+            }
+        }
     }
 
     /// Keeps the requested column as the signal, else the acceleration or the only column; and the times.
