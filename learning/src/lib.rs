@@ -17,3 +17,4 @@ pub mod parts;
 pub mod processing;
 pub mod recording;
 pub mod select;
+pub mod signals;

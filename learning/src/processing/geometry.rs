@@ -1,7 +1,7 @@
 //! Directions: the surface's normal, the tool's orientation.
 
 use super::ProcessingError;
-use crate::recording::{Pose, Recording, Series};
+use crate::signals::{Pose, Recording, Series};
 pub(super) use haptograph_surfaces::recorder::vector::{along, dot, rotate};
 use nalgebra::{Matrix3, SymmetricEigen};
 

@@ -14,7 +14,7 @@ pub use geometry::SurfaceNormal;
 pub use rate::LOWEST_RATE_HZ;
 pub use reduction::{AxisReduction, reduce};
 
-use crate::recording::{
+use crate::signals::{
     AnyRecording, ProcessedRecording, Recording, RecordingError, Series, Signals, WorldAxes, Wrench,
 };
 use geometry::{Vector, along, dot, interpolated_orientation, norm, rotate};

@@ -1,7 +1,7 @@
 //! Resamples processed signals to a lower rate, at which models of the same order span more time.
 
 use super::ProcessingError;
-use crate::recording::{Series, Signals};
+use crate::signals::{Series, Signals};
 use haptograph_signal::resample::{Quality, resample_whole};
 use haptograph_signal::time::Rate;
 

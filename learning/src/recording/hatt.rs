@@ -314,8 +314,11 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_again_with_all_axes_and_its_origin() {
-        let mut recording = read(&triple()).unwrap();
-        recording.provenance = Provenance::new(Origin::Simulated, "a test");
+        let imported = read(&triple()).unwrap();
+        let provenance = Provenance::new(Origin::Simulated, "a test");
+        let signals = imported.signals().clone();
+        let recording = ProcessedRecording::new(signals, imported.gesture(), provenance).unwrap();
+        let recording = recording.with_world(imported.world().clone()).unwrap();
         let written = write_hatt(&recording);
         assert_eq!(read(&written).unwrap(), recording);
         for (file, names) in written.iter().zip([

@@ -4,9 +4,10 @@ pub(crate) mod synthetic;
 
 use self::synthetic::{circle, drag, normal, provenance};
 use super::*;
-use haptograph_surfaces::Origin;
 use haptograph_surfaces::provenance::TOUCH;
+use haptograph_surfaces::{Origin, Provenance};
 use proptest::prelude::*;
+use std::collections::BTreeMap;
 
 fn raw() -> AnyRecording {
     AnyRecording::Raw(circle(0.2, 0.03, 1.0, 1.0, 0.3))
