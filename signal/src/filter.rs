@@ -40,7 +40,7 @@ pub struct Biquad {
 
 impl Biquad {
     /// The section that passes the signal unchanged.
-    pub const IDENTITY: Self = Self { b: [1.0, 0.0, 0.0], a: [0.0, 0.0] };
+    pub(crate) const IDENTITY: Self = Self { b: [1.0, 0.0, 0.0], a: [0.0, 0.0] };
 
     /// True if both poles lie inside the unit circle.
     pub fn is_stable(&self) -> bool {

@@ -2,9 +2,9 @@
 //! spectra; bounded reading and atomic writing of files; the reader of CSV tables; and suggestions for misspelt names. It does not depend on graphs or
 //! surfaces.
 
+#![warn(unreachable_pub)]
 pub mod arma;
 pub mod csv;
-pub mod delay;
 pub mod elementwise;
 pub mod fft;
 pub mod files;

@@ -153,16 +153,6 @@ pub fn ar_to_reflection(ar: &[f64]) -> Result<Vec<f64>, PredictionError> {
     Ok(reflection)
 }
 
-/// The polynomial with these reflection coefficients (step-up recursion); stable when all lie between -1 and 1.
-pub fn reflection_to_ar(reflection: &[f64]) -> Vec<f64> {
-    let mut ar = reflection.to_vec();
-    for m in 1..=ar.len() {
-        let k = ar[m - 1];
-        raise_order(&mut ar[..m], k);
-    }
-    ar
-}
-
 /// The power of white noise of variance 1 after `B(z)/A(z)`, both monic: `[b_1, ..., b_q]` over `[a_1, ..., a_p]`.
 ///
 /// Exact up to rounding: a sum of squares over the orthogonal backward signals of the lattice (Gray and Markel 1973).
@@ -175,50 +165,6 @@ pub fn power_gain(ar: &[f64], ma: &[f64]) -> Result<f64, PredictionError> {
     let (mut sine, mut cosine, mut scratch) = (vec![0.0; order], vec![0.0; order], vec![0.0; order]);
     ladder(ar, ma, &mut sine, &mut cosine, &mut taps, &mut scratch)?;
     Ok(taps.iter().map(|v| v * v).sum())
-}
-
-/// Autocovariances at lags 0..=max_lag of white noise of this variance after `B(z)/A(z)`, in unit squared.
-///
-/// # Errors
-/// [`PredictionError::Unstable`] and [`PredictionError::NotFinite`].
-pub fn arma_autocovariance(
-    ar: &[f64],
-    ma: &[f64],
-    variance: f64,
-    max_lag: usize,
-) -> Result<Vec<f64>, PredictionError> {
-    let q = ma.len();
-    let plain = ar_autocovariance(ar, variance, max_lag + q)?;
-    let b = |i: usize| if i == 0 { 1.0 } else { ma[i - 1] };
-    let correlation: Vec<f64> = (0..=q).map(|lag| (lag..=q).map(|i| b(i) * b(i - lag)).sum()).collect();
-    Ok((0..=max_lag)
-        .map(|lag| {
-            let both_sides = (1..=q).map(|j| correlation[j] * (plain[lag + j] + plain[lag.abs_diff(j)]));
-            correlation[0] * plain[lag] + both_sides.sum::<f64>()
-        })
-        .collect())
-}
-
-/// As [`arma_autocovariance`] with B(z) = 1: Levinson's recursion run from the model to the lags.
-fn ar_autocovariance(ar: &[f64], variance: f64, max_lag: usize) -> Result<Vec<f64>, PredictionError> {
-    let p = ar.len();
-    let reflection = ar_to_reflection(ar)?;
-    let mut error = variance / reflection.iter().map(|k| 1.0 - k * k).product::<f64>();
-    let mut r = vec![error];
-    let mut lower: Vec<f64> = Vec::with_capacity(p);
-    for m in 1..=max_lag.max(p) {
-        let model = if m <= p { &lower[..] } else { ar };
-        let predicted: f64 = model.iter().enumerate().map(|(i, a)| -a * r[m - 1 - i]).sum();
-        let k = reflection.get(m - 1).copied().unwrap_or(0.0);
-        r.push(predicted - k * error);
-        if m <= p {
-            lower.push(0.0);
-            raise_order(&mut lower, k);
-            error *= 1.0 - k * k;
-        }
-    }
-    r.truncate(max_lag + 1);
-    Ok(r)
 }
 
 /// Turns `[a_1, ..., a_p]` into `[k_1, ..., k_p]` in place.
@@ -391,4 +337,4 @@ fn lower_order(ar: &mut [f64]) -> Result<(), PredictionError> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

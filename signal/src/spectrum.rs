@@ -41,19 +41,6 @@ pub struct Spectrogram {
     pub density: Vec<f64>,
 }
 
-/// A band a third of an octave wide.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ThirdOctaveBand {
-    /// Exact centre, `1000 * 10^(k/10)` Hz.
-    pub centre_hz: f64,
-    /// Lower edge in Hz.
-    pub low_hz: f64,
-    /// Upper edge in Hz.
-    pub high_hz: f64,
-    /// Power between the edges, in the signal's unit squared.
-    pub power: f64,
-}
-
 /// Error of a spectrum.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SpectrumError {
@@ -163,24 +150,6 @@ impl Psd {
     /// Total power in the signal's unit squared.
     pub fn power(&self) -> f64 {
         self.density.iter().sum::<f64>() * self.resolution_hz()
-    }
-
-    /// Third-octave bands (base ten, centres `1000 * 10^(k/10)` Hz) that lie wholly between the first bin above 0
-    /// and the Nyquist frequency.
-    pub fn third_octave_bands(&self) -> Vec<ThirdOctaveBand> {
-        let (lowest, highest) = (self.resolution_hz(), self.frequency_hz.last().copied().unwrap_or(0.0));
-        let half = 10_f64.powf(0.05);
-        (-40..=60)
-            .map(|k| 1000.0 * 10_f64.powf(f64::from(k) / 10.0))
-            .map(|centre_hz| (centre_hz / half, centre_hz, centre_hz * half))
-            .filter(|(low_hz, _, high_hz)| *low_hz >= lowest && *high_hz <= highest)
-            .map(|(low_hz, centre_hz, high_hz)| ThirdOctaveBand {
-                centre_hz,
-                low_hz,
-                high_hz,
-                power: self.power_between(low_hz, high_hz),
-            })
-            .collect()
     }
 }
 
@@ -309,7 +278,8 @@ impl Periodogram {
 mod tests {
     use super::*;
     use crate::noise::Gaussian;
-    use crate::prediction::{arma_autocovariance, power_gain, reflection_to_ar};
+    use crate::prediction::power_gain;
+    use crate::prediction::tests::{arma_autocovariance, reflection_to_ar};
     use std::f64::consts::TAU;
 
     fn sine(amplitude: f64, frequency_hz: f64, rate_hz: f64, n: usize) -> Vec<f64> {
@@ -333,7 +303,7 @@ mod tests {
         Gaussian::new(4).fill(&mut x);
         for segment in [20, 21] {
             let psd = welch(&x[..segment], 50.0, segment, 0, Window::Hamming).unwrap();
-            let w = crate::window::hamming(segment, Symmetry::Periodic);
+            let w = Window::Hamming.samples(segment, Symmetry::Periodic);
             let energy: f64 = w.iter().map(|w| w * w).sum();
             for (bin, density) in psd.density.iter().enumerate() {
                 let sum: Complex64 = (0..segment)
@@ -375,7 +345,7 @@ mod tests {
         let (rate_hz, segment) = (1000.0, 64);
         let r = arma_autocovariance(&ar, &ma, 2.0, segment).unwrap();
         let got = expected_welch(&r, rate_hz, segment, Window::Hamming).unwrap();
-        let w = crate::window::hamming(segment, Symmetry::Periodic);
+        let w = Window::Hamming.samples(segment, Symmetry::Periodic);
         let energy: f64 = w.iter().map(|w| w * w).sum();
         let fine = 4096;
         for (bin, f) in got.frequency_hz.iter().enumerate() {
@@ -409,15 +379,12 @@ mod tests {
     }
 
     #[test]
-    fn third_octave_bands_tile_the_axis_and_split_its_power() {
+    fn bands_split_the_power_of_the_axis() {
         let psd = Psd { frequency_hz: (0..=5000).map(f64::from).collect(), density: vec![2.0; 5001] };
-        let bands = psd.third_octave_bands();
-        assert!(bands.iter().any(|b| (b.centre_hz - 1000.0).abs() < 1e-9));
-        for pair in bands.windows(2) {
-            assert!((pair[0].high_hz / pair[1].low_hz - 1.0).abs() < 1e-12);
-        }
-        for band in &bands {
-            assert!((band.power - 2.0 * (band.high_hz - band.low_hz)).abs() < 1e-6);
+        let edges: Vec<f64> = (-20..=6).map(|k| 1000.0 * 10_f64.powf((f64::from(k) + 0.5) / 10.0)).collect();
+        for pair in edges.windows(2) {
+            let power = psd.power_between(pair[0], pair[1]);
+            assert!((power - 2.0 * (pair[1] - pair[0])).abs() < 1e-6, "{pair:?}");
         }
     }
 

@@ -184,7 +184,7 @@ pub fn gcd(mut a: u64, mut b: u64) -> u64 {
 }
 
 /// Least common multiple, if it fits.
-pub fn lcm(a: u64, b: u64) -> Option<u64> {
+pub(crate) fn lcm(a: u64, b: u64) -> Option<u64> {
     (a / gcd(a, b).max(1)).checked_mul(b)
 }
 

@@ -103,7 +103,8 @@ pub fn cell_autocovariance(cells: &[f64], max_lag: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prediction::{levinson, power_gain as plain_gain, reflection_to_ar};
+    use crate::prediction::tests::reflection_to_ar;
+    use crate::prediction::{levinson, power_gain as plain_gain};
     use rand_xoshiro::Xoshiro256PlusPlus;
     use rand_xoshiro::rand_core::{Rng, SeedableRng};
 

@@ -16,9 +16,9 @@ pub enum Symmetry {
 pub enum Window {
     /// All ones.
     Rectangular,
-    /// `0.54 - 0.46 cos`.
+    /// `0.54 - 0.46 cos(2 pi n / period)`.
     Hamming,
-    /// `0.5 - 0.5 cos`.
+    /// `0.5 - 0.5 cos(2 pi n / period)`.
     Hann,
 }
 
@@ -27,20 +27,10 @@ impl Window {
     pub fn samples(self, length: usize, symmetry: Symmetry) -> Vec<f64> {
         match self {
             Self::Rectangular => vec![1.0; length],
-            Self::Hamming => hamming(length, symmetry),
-            Self::Hann => hann(length, symmetry),
+            Self::Hamming => raised_cosine(length, symmetry, 0.54),
+            Self::Hann => raised_cosine(length, symmetry, 0.5),
         }
     }
-}
-
-/// Hamming's window, `0.54 - 0.46 cos(2 pi n / period)`.
-pub fn hamming(length: usize, symmetry: Symmetry) -> Vec<f64> {
-    raised_cosine(length, symmetry, 0.54)
-}
-
-/// Hann's window, `0.5 - 0.5 cos(2 pi n / period)`.
-pub fn hann(length: usize, symmetry: Symmetry) -> Vec<f64> {
-    raised_cosine(length, symmetry, 0.5)
 }
 
 fn raised_cosine(length: usize, symmetry: Symmetry, mean: f64) -> Vec<f64> {
@@ -60,9 +50,9 @@ mod tests {
 
     #[test]
     fn symmetric_windows_have_their_textbook_ends_and_middle() {
-        let w = hamming(9, Symmetry::Symmetric);
+        let w = Window::Hamming.samples(9, Symmetry::Symmetric);
         assert!((w[0] - 0.08).abs() < 1e-15 && (w[8] - 0.08).abs() < 1e-15 && (w[4] - 1.0).abs() < 1e-15);
-        let w = hann(5, Symmetry::Symmetric);
+        let w = Window::Hann.samples(5, Symmetry::Symmetric);
         for (got, want) in w.iter().zip([0.0, 0.5, 1.0, 0.5, 0.0]) {
             assert!((got - want).abs() < 1e-15);
         }

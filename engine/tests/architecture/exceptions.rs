@@ -2,8 +2,6 @@
 
 /// File and function of more than 60 lines, and why.
 pub const LONG_FUNCTIONS: &[(&str, &str)] = &[
-    ("engine/src/document/text/tokens.rs: scan", "to be split"),
-    ("engine/src/plan/build.rs: new", "to be split"),
     ("learning/src/recording/import.rs: fmt", "one match: a text for each finding"),
     ("report/src/layout/rows.rs: stack", "to be split"),
     ("report/src/learning.rs: segments", "to be split"),

@@ -15,7 +15,7 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS};
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 10] = [
     ("signal", 5_450, 4_800),
-    ("engine", 19_100, 15_500),
+    ("engine", 19_000, 15_500),
     ("surfaces", 6_000, 6_000),
     ("learning", 13_800, 9_500),
     ("nodes", 15_900, 13_000),

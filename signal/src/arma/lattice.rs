@@ -40,14 +40,14 @@ pub(super) struct Coefficients {
 }
 
 impl Coefficients {
-    pub const IDENTITY: Self = {
+    pub(super) const IDENTITY: Self = {
         let mut taps = [0.0; MAX_ORDER + 1];
         taps[0] = 1.0;
         Self { order: 0, sine: [0.0; MAX_ORDER], cosine: [1.0; MAX_ORDER], taps, has_ladder: false }
     };
 
     /// Computes the rotations from the polynomials; see [`Lattice::set_coefficients`].
-    pub fn new(ar: &[f64], ma: &[f64], gain: f64) -> Result<Self, ArmaError> {
+    pub(super) fn new(ar: &[f64], ma: &[f64], gain: f64) -> Result<Self, ArmaError> {
         check(ar, ma, gain)?;
         let order = ar.len().max(ma.len());
         let mut this = Self { order, has_ladder: !ma.is_empty(), ..Self::IDENTITY };

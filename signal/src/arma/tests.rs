@@ -1,6 +1,7 @@
 use super::*;
 use crate::noise::{Gaussian, Uniform};
-use crate::prediction::{arma_autocovariance, power_gain};
+use crate::prediction::power_gain;
+use crate::prediction::tests::arma_autocovariance;
 use crate::spectrum::{expected_welch, welch};
 use crate::window::Window;
 use std::f64::consts::TAU;

@@ -148,3 +148,54 @@ fn arma_autocovariance_is_that_of_the_impulse_response() {
     assert_eq!(arma_autocovariance(&[], &[], 2.0, 2).unwrap(), [2.0, 0.0, 0.0]);
     assert!(arma_autocovariance(&[1.5], &[], 2.0, 2).is_err());
 }
+
+/// The polynomial with these reflection coefficients (step-up recursion); stable when all lie between -1 and 1.
+pub(crate) fn reflection_to_ar(reflection: &[f64]) -> Vec<f64> {
+    let mut ar = reflection.to_vec();
+    for m in 1..=ar.len() {
+        let k = ar[m - 1];
+        raise_order(&mut ar[..m], k);
+    }
+    ar
+}
+
+/// Autocovariances at lags 0..=max_lag of white noise of this variance after `B(z)/A(z)`, in unit squared.
+pub(crate) fn arma_autocovariance(
+    ar: &[f64],
+    ma: &[f64],
+    variance: f64,
+    max_lag: usize,
+) -> Result<Vec<f64>, PredictionError> {
+    let q = ma.len();
+    let plain = ar_autocovariance(ar, variance, max_lag + q)?;
+    let b = |i: usize| if i == 0 { 1.0 } else { ma[i - 1] };
+    let correlation: Vec<f64> = (0..=q).map(|lag| (lag..=q).map(|i| b(i) * b(i - lag)).sum()).collect();
+    Ok((0..=max_lag)
+        .map(|lag| {
+            let both_sides = (1..=q).map(|j| correlation[j] * (plain[lag + j] + plain[lag.abs_diff(j)]));
+            correlation[0] * plain[lag] + both_sides.sum::<f64>()
+        })
+        .collect())
+}
+
+/// As [`arma_autocovariance`] with B(z) = 1: Levinson's recursion run from the model to the lags.
+fn ar_autocovariance(ar: &[f64], variance: f64, max_lag: usize) -> Result<Vec<f64>, PredictionError> {
+    let p = ar.len();
+    let reflection = ar_to_reflection(ar)?;
+    let mut error = variance / reflection.iter().map(|k| 1.0 - k * k).product::<f64>();
+    let mut r = vec![error];
+    let mut lower: Vec<f64> = Vec::with_capacity(p);
+    for m in 1..=max_lag.max(p) {
+        let model = if m <= p { &lower[..] } else { ar };
+        let predicted: f64 = model.iter().enumerate().map(|(i, a)| -a * r[m - 1 - i]).sum();
+        let k = reflection.get(m - 1).copied().unwrap_or(0.0);
+        r.push(predicted - k * error);
+        if m <= p {
+            lower.push(0.0);
+            raise_order(&mut lower, k);
+            error *= 1.0 - k * k;
+        }
+    }
+    r.truncate(max_lag + 1);
+    Ok(r)
+}

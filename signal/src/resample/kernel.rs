@@ -21,7 +21,7 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
-    pub fn new(input: Rate, output: Rate, quality: Quality) -> Result<Self, ResampleError> {
+    pub(super) fn new(input: Rate, output: Rate, quality: Quality) -> Result<Self, ResampleError> {
         let Quality { passband, stopband, attenuation_db } = quality;
         let sound = 0.0 < passband && passband < stopband && stopband <= 2.0;
         if !(sound && (20.0..=180.0).contains(&attenuation_db)) {
@@ -45,7 +45,7 @@ impl Kernel {
     }
 
     /// Refuses a table of taps for so many positions if it would be too large.
-    pub fn check_table(&self, phases: u64, input: Rate, output: Rate) -> Result<(), ResampleError> {
+    pub(super) fn check_table(&self, phases: u64, input: Rate, output: Rate) -> Result<(), ResampleError> {
         let (taps, most) = (phases.saturating_mul(self.width() as u64), MAX_TAPS);
         if taps <= most {
             return Ok(());
@@ -54,13 +54,13 @@ impl Kernel {
     }
 
     /// Inputs each output depends on.
-    pub fn width(&self) -> usize {
+    pub(super) fn width(&self) -> usize {
         2 * self.half_width
     }
 
     /// The taps of an output that lies `fraction` (0 to 1) of an input sample after the newest input, oldest input
     /// first, scaled so that constants pass unchanged.
-    pub fn taps(&self, fraction: f64) -> Vec<f64> {
+    pub(super) fn taps(&self, fraction: f64) -> Vec<f64> {
         let width = self.width();
         let time = |i: usize| fraction + (width - 1 - i) as f64 - self.half_width as f64;
         let taps: Vec<f64> = (0..width).map(|i| self.at(time(i))).collect();
@@ -142,11 +142,11 @@ pub(super) struct History {
 
 impl History {
     /// All zero. Allocates here only.
-    pub fn new(width: usize) -> Self {
+    pub(super) fn new(width: usize) -> Self {
         Self { samples: vec![0.0; width + width.max(512)].into_boxed_slice(), width, end: width }
     }
 
-    pub fn push(&mut self, x: &[f64]) {
+    pub(super) fn push(&mut self, x: &[f64]) {
         for x in x.chunks(self.samples.len() - self.width) {
             if self.end + x.len() > self.samples.len() {
                 self.samples.copy_within(self.end - self.width..self.end, 0);
@@ -158,17 +158,17 @@ impl History {
     }
 
     /// The last `width` inputs, oldest first.
-    pub fn window(&self) -> &[f64] {
+    pub(super) fn window(&self) -> &[f64] {
         &self.samples[self.end - self.width..self.end]
     }
 
     /// Copies the history of another one, which has the same width.
-    pub fn copy_from(&mut self, other: &Self) {
+    pub(super) fn copy_from(&mut self, other: &Self) {
         self.samples.copy_from_slice(&other.samples);
         self.end = other.end;
     }
 
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.samples.fill(0.0);
         self.end = self.width;
     }

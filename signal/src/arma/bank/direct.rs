@@ -94,7 +94,7 @@ fn replace(rows: &mut [Lanes], lane: usize, old: usize, new: &[f64]) {
 #[expect(clippy::needless_range_loop, reason = "constant indices keep the sums in registers")]
 impl DirectGroup {
     /// See [`VoiceBank::set_coefficients`](super::VoiceBank::set_coefficients).
-    pub fn set_coefficients(
+    pub(super) fn set_coefficients(
         &mut self,
         lane: usize,
         ar: &[f64],

@@ -66,7 +66,7 @@ impl Group for LatticeGroup {
 
 impl LatticeGroup {
     /// See [`VoiceBank::set_coefficients`](super::VoiceBank::set_coefficients).
-    pub fn set_coefficients(
+    pub(super) fn set_coefficients(
         &mut self,
         lane: usize,
         ar: &[f64],
@@ -91,7 +91,7 @@ impl LatticeGroup {
     }
 
     /// See [`VoiceBank::set_group`](super::VoiceBank::set_group).
-    pub fn set_all(
+    pub(super) fn set_all(
         &mut self,
         arch: Arch,
         ar: &[Lanes],

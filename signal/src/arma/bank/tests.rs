@@ -1,7 +1,7 @@
 use super::*;
 use crate::arma::warped::WarpedLattice;
 use crate::noise::Gaussian;
-use crate::prediction::reflection_to_ar;
+use crate::prediction::tests::reflection_to_ar;
 use crate::warped::power_gain;
 
 const GROUP: usize = WarpedBank::GROUP;

@@ -130,7 +130,12 @@ impl WarpedGroup {
     }
 
     /// See [`WarpedBank::set_group`](super::WarpedBank::set_group).
-    pub fn set_all(&mut self, ar: &[Lanes], warping: f64, power: &Lanes) -> Result<(), (usize, ArmaError)> {
+    pub(super) fn set_all(
+        &mut self,
+        ar: &[Lanes],
+        warping: f64,
+        power: &Lanes,
+    ) -> Result<(), (usize, ArmaError)> {
         let (arch, group) = (self.arch, self);
         let is_set = arch.dispatch(SetAll { group, ar, warping, power });
         let wrong = |lane: usize, ar: &[f64]| Stages::new(arch, ar, warping, power[lane]).map(drop);

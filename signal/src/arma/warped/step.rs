@@ -7,9 +7,9 @@ use crate::warped::MAX_WARPING;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Rows of the largest step matrix.
-pub const ROWS: usize = MAX_ORDER;
+pub(super) const ROWS: usize = MAX_ORDER;
 /// Sums that a product of matrix and state is split into, so that none waits for the other: column j goes to sum j % 2.
-pub const SUMS: usize = 2;
+pub(super) const SUMS: usize = 2;
 
 /// A column of a step matrix.
 type Column = [f64; ROWS];
@@ -21,7 +21,7 @@ type Column = [f64; ROWS];
 /// across two of them would take twice as long to load.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
-pub struct Step {
+pub(super) struct Step {
     pub columns: [Column; MAX_ORDER],
     pub drive: Column,
     pub order: usize,
@@ -31,7 +31,7 @@ pub struct Step {
 }
 
 impl Step {
-    pub const SILENT: Self = Self {
+    pub(super) const SILENT: Self = Self {
         columns: [[0.0; ROWS]; MAX_ORDER],
         drive: [0.0; ROWS],
         order: 0,
@@ -40,7 +40,7 @@ impl Step {
     };
 
     /// Takes other stages.
-    pub fn set(&mut self, arch: Arch, stages: &Stages) {
+    pub(super) fn set(&mut self, arch: Arch, stages: &Stages) {
         (self.order, self.warping, self.out_scale) = (stages.order, stages.warping, stages.out_scale);
         arch.dispatch(Write { stages, step: self });
         // What is beyond the order may be left from before.
@@ -52,7 +52,7 @@ impl Step {
 
 /// The stages of a warped lattice; the step takes the sines `k_m` and cosines `c_m` of their angles into what the formulas below need
 /// of them. Beyond the order they pass on and turn nothing.
-pub struct Stages {
+pub(crate) struct Stages {
     pub order: usize,
     pub warping: f64,
     /// `c_m delta_m`: what goes on upwards as `beta_m` and downwards as `f_{m-1}`.
@@ -67,7 +67,7 @@ pub struct Stages {
 
 impl Stages {
     /// See [`WarpedLattice::set_coefficients`](super::WarpedLattice::set_coefficients).
-    pub fn new(arch: Arch, ar: &[f64], warping: f64, gain: f64) -> Result<Self, ArmaError> {
+    pub(crate) fn new(arch: Arch, ar: &[f64], warping: f64, gain: f64) -> Result<Self, ArmaError> {
         check(ar, &[], gain)?;
         if ar.is_empty() || !(0.0..=MAX_WARPING).contains(&warping) {
             return Err(PredictionError::NotFinite.into());
@@ -81,7 +81,7 @@ impl Stages {
     }
 
     /// Builds the step from up to [`MAX_ORDER`] reflection coefficients between -1 and 1.
-    pub fn of_reflection(arch: Arch, reflection: &[f64], warping: f64, gain: f64) -> Self {
+    pub(crate) fn of_reflection(arch: Arch, reflection: &[f64], warping: f64, gain: f64) -> Self {
         arch.dispatch(Solve { reflection, warping, gain })
     }
 }

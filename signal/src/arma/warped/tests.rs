@@ -1,6 +1,6 @@
 use super::*;
 use crate::noise::Gaussian;
-use crate::prediction::reflection_to_ar;
+use crate::prediction::tests::reflection_to_ar;
 use crate::warped::{power_gain, warp};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
