@@ -38,7 +38,7 @@ impl Sources {
     }
 
     /// Adds a text without a file, shown by this name.
-    pub fn add_text(&mut self, name: &str, text: Arc<str>) -> SourceId {
+    pub(crate) fn add_text(&mut self, name: &str, text: Arc<str>) -> SourceId {
         self.put(name.into(), text, false)
     }
 
@@ -149,6 +149,17 @@ impl Diagnostic {
     /// A warning at `span`.
     pub fn warning(code: &'static str, span: Span, message: impl Into<String>) -> Self {
         Self::new(code, Severity::Warning, span, message)
+    }
+
+    /// A field that `owner`, as messages name it, needs; `help` says how to add it.
+    pub(crate) fn missing(span: Span, owner: &str, field: &str, help: impl Into<String>) -> Self {
+        let message = format!("{owner} needs `{field}`");
+        Self::error("E0205", span, message).label(format!("`{field}` is missing")).help(help)
+    }
+
+    /// A name that is declared again, with its first place.
+    pub(crate) fn declared_twice(span: Span, message: String, first: Span) -> Self {
+        Self::error("E0105", span, message).label("declared again here").also(first, "first declared here")
     }
 
     /// Removes the place.

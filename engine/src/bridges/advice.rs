@@ -107,14 +107,14 @@ impl Crossing<'_> {
     }
 
     /// Refuses a delay, which stays on one clock.
-    pub fn delay(&self) -> Result<(), Refusal> {
+    pub(crate) fn delay(&self) -> Result<(), Refusal> {
         self.flows("Delay", false)?;
         let help = format!("{}; delay on one side of it", self.choices());
         refusal("`Delay` stays on one clock", format!("this connection goes {}", self.ends()), help)
     }
 
     /// Checks a ring.
-    pub fn ring(&self, latency_s: f64) -> Result<(), Refusal> {
+    pub(crate) fn ring(&self, latency_s: f64) -> Result<(), Refusal> {
         self.flows("Ring", false)?;
         if !self.has_two_drivers() {
             let label = format!("both ends have driver `{}`", self.from.driver);
@@ -146,7 +146,7 @@ impl Crossing<'_> {
     }
 
     /// Checks a bridge between clocks of one driver.
-    pub fn between(&self, bridge: BridgeEntry) -> Result<(), Refusal> {
+    pub(crate) fn between(&self, bridge: BridgeEntry) -> Result<(), Refusal> {
         let name = bridge.spec.name;
         self.flows(name, bridge.is_hold())?;
         if self.has_two_drivers() {
@@ -169,7 +169,7 @@ impl Crossing<'_> {
     }
 
     /// Help: the possible bridges and their descriptions.
-    pub fn choices(&self) -> String {
+    pub(crate) fn choices(&self) -> String {
         let is_linear = self.kind.is_none_or(Kind::is_linear);
         if self.has_two_drivers() {
             return match (is_linear, self.flow) {

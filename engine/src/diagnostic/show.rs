@@ -31,7 +31,7 @@ pub fn render(diagnostics: &Diagnostics, colour: bool) -> String {
 }
 
 /// Largest number of findings that are shown.
-pub const MAX_SHOWN: usize = 100;
+pub(crate) const MAX_SHOWN: usize = 100;
 
 /// The findings that are shown, in their order: errors come before warnings where there is no room for all.
 fn shown(list: &[Diagnostic]) -> impl Iterator<Item = &Diagnostic> + Clone {

@@ -47,13 +47,9 @@ pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Doc
 /// The document of the value of a graph file, whose text is the only source.
 pub(super) fn value(sources: Sources, value: Value, options: &LoadOptions) -> Result<Document, Diagnostics> {
     let bytes: usize = sources.iter().map(|source| source.text.len()).sum();
-    let mut loader = Loader {
-        max_bytes: options.max_bytes,
-        left_bytes: options.max_bytes.saturating_sub(bytes as u64),
-        open: sources.iter().map(|source| canonical(&source.path)).collect(),
-        document: empty(sources, Vec::new()),
-        loaded: HashSet::new(),
-    };
+    let open = sources.iter().map(|source| canonical(&source.path)).collect();
+    let left_bytes = options.max_bytes.saturating_sub(bytes as u64);
+    let mut loader = Loader { max_bytes: options.max_bytes, left_bytes, open, ..Loader::of(empty(sources)) };
     if loader.graph(value).is_none() {
         return Err(Diagnostics { sources: loader.document.sources, list: loader.document.findings });
     }
@@ -61,7 +57,7 @@ pub(super) fn value(sources: Sources, value: Value, options: &LoadOptions) -> Re
 }
 
 /// A document with nothing in it yet.
-fn empty(sources: Sources, findings: Vec<Diagnostic>) -> Document {
+fn empty(sources: Sources) -> Document {
     Document {
         sources,
         span: Span::default(),
@@ -74,7 +70,7 @@ fn empty(sources: Sources, findings: Vec<Diagnostic>) -> Document {
         endpoints: Vec::new(),
         templates: Vec::new(),
         library: Vec::new(),
-        findings,
+        findings: Vec::new(),
     }
 }
 
@@ -82,13 +78,7 @@ fn empty(sources: Sources, findings: Vec<Diagnostic>) -> Document {
 pub(super) fn parts_alone(name: &str, text: &str) -> Document {
     let mut sources = Sources::default();
     let id = sources.add_text(name, Arc::from(text));
-    let mut loader = Loader {
-        max_bytes: 0,
-        left_bytes: 0,
-        document: empty(sources, Vec::new()),
-        open: Vec::new(),
-        loaded: HashSet::new(),
-    };
+    let mut loader = Loader::of(empty(sources));
     if let Some(value) = ron_text::read(id, text, &mut loader.document.findings) {
         loader.parts(value);
     }
@@ -97,8 +87,7 @@ pub(super) fn parts_alone(name: &str, text: &str) -> Document {
 
 /// Reads the parts of the library that a document includes, and those that they include.
 pub(super) fn library(document: Document, library: &[(&'static str, &'static str)]) -> Document {
-    let mut loader =
-        Loader { max_bytes: 0, left_bytes: 0, document, open: Vec::new(), loaded: HashSet::new() };
+    let mut loader = Loader::of(document);
     let mut read = 0;
     while let Some(Name { text: name, span }) = loader.document.library.get(read).cloned() {
         read += 1;
@@ -136,6 +125,11 @@ struct Loader {
 }
 
 impl Loader {
+    /// A loader that includes no files.
+    fn of(document: Document) -> Self {
+        Self { max_bytes: 0, left_bytes: 0, document, open: Vec::new(), loaded: HashSet::new() }
+    }
+
     fn report(&mut self, diagnostic: Diagnostic) {
         self.document.findings.push(diagnostic);
     }
@@ -153,6 +147,12 @@ impl Loader {
         });
         self.document.findings = diagnostics;
         read
+    }
+
+    /// Reports a value that is not of the expected type.
+    fn mismatch<T>(&mut self, value: &Value, expected: &Expected) -> Option<T> {
+        self.reading(|reading| reading.mismatch(value, expected));
+        None
     }
 
     fn graph(&mut self, value: Value) -> Option<()> {
@@ -290,11 +290,7 @@ impl Loader {
                 }
             };
             if let Some(first) = seen.get(&text) {
-                let diagnostic = Diagnostic::error("E0105", span, format!("there are two {what}s `{text}`"))
-                    .label("declared again here")
-                    .also(*first, "first declared here")
-                    .help("rename or remove one of them");
-                self.report(diagnostic);
+                self.report(twice(span, what, &text, *first));
                 continue;
             }
             seen.insert(text.clone(), span);
@@ -309,7 +305,7 @@ impl Loader {
         };
         let Shape::List(files) = &value.shape else {
             let expected = Expected::Described(Form::List, "a list of paths, [\"parts.ron\"]".into());
-            self.reading(|reading| reading.mismatch(&value, &expected));
+            self.mismatch::<()>(&value, &expected);
             return;
         };
         for file in files {
@@ -378,12 +374,7 @@ impl Loader {
     fn templates(&mut self, fields: &mut Fields) {
         for (name, value) in self.entries(fields, "templates", "template") {
             if let Some(known) = self.document.templates.iter().find(|known| known.name.text == name.text) {
-                let diagnostic =
-                    Diagnostic::error("E0105", name.span, format!("there are two templates `{}`", name.text))
-                        .label("declared again here")
-                        .also(known.name.span, "first declared here")
-                        .help("rename or remove one of them");
-                self.report(diagnostic);
+                self.report(twice(name.span, "template", &name.text, known.name.span));
                 continue;
             }
             if let Some(template) = self.template(name, &value) {
@@ -413,12 +404,8 @@ impl Loader {
         for input in &template.inputs {
             if let Some((twice, _)) = template.settings.iter().find(|(name, _)| name.text == input.text) {
                 let message = format!("`{}` is an input and a setting", input.text);
-                self.report(
-                    Diagnostic::error("E0105", twice.span, message)
-                        .label("declared again here")
-                        .also(input.span, "first declared here")
-                        .help("rename one of them: both are fields of the template's uses"),
-                );
+                let help = "rename one of them: both are fields of the template's uses";
+                self.report(Diagnostic::declared_twice(twice.span, message, input.span).help(help));
             }
         }
         Some(template)
@@ -435,13 +422,11 @@ impl Loader {
             Shape::Tagged(Tagged { name: Some(written), .. }) if closest(&written.text, [name]).is_some() => {
                 let expected = Expected::described(format!("`{name}(...)` with fields"));
                 let at = Value { span: written.span, shape: value.shape.clone() };
-                self.reading(|reading| reading.mismatch(&at, &expected));
-                None
+                self.mismatch(&at, &expected)
             }
             _ => {
                 let words = format!("`{name}(inputs: [...], nodes: {{...}}, outputs: {{...}})`");
-                self.reading(|reading| reading.mismatch(value, &Expected::described(words)));
-                None
+                self.mismatch(value, &Expected::described(words))
             }
         }
     }
@@ -461,16 +446,19 @@ impl Loader {
             };
             if let Some(first) = names.iter().find(|name| name.text == text) {
                 let message = format!("there are two inputs `{text}`");
-                let diagnostic = Diagnostic::error("E0105", item.span, message)
-                    .label("declared again here")
-                    .also(first.span, "first declared here");
-                self.report(diagnostic);
+                self.report(Diagnostic::declared_twice(item.span, message, first.span));
                 continue;
             }
             names.push(Name { span: item.span, text });
         }
         names
     }
+}
+
+/// The error of a name that is declared again.
+fn twice(span: Span, what: &str, name: &str, first: Span) -> Diagnostic {
+    let message = format!("there are two {what}s `{name}`");
+    Diagnostic::declared_twice(span, message, first).help("rename or remove one of them")
 }
 
 fn check_names(entries: &[(Name, Value)], what: &str, findings: &mut Vec<Diagnostic>) {

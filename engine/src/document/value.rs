@@ -209,7 +209,7 @@ impl Line {
 
 impl Value {
     /// Short form for display: numbers to four digits, the last part of a path.
-    pub fn brief(&self) -> String {
+    pub(crate) fn brief(&self) -> String {
         let number = |number: f64, text: &str| match text.len() {
             0..=7 => text.to_owned(),
             _ => brief_number(number),

@@ -24,18 +24,18 @@ pub(super) struct Writer {
 
 impl Writer {
     /// A writer of the source of this number.
-    pub fn of(source: SourceId) -> Self {
+    pub(super) fn of(source: SourceId) -> Self {
         Self { source, ..Self::default() }
     }
 
     /// Writes a file: one structure, each field on its lines.
-    pub fn file(&mut self, value: &mut Value) {
+    pub(super) fn file(&mut self, value: &mut Value) {
         self.value_as(value, Layout::Lines);
         self.text.push('\n');
     }
 
     /// Writes a value. Maps have a line for each entry.
-    pub fn value(&mut self, value: &mut Value) {
+    pub(super) fn value(&mut self, value: &mut Value) {
         self.value_as(value, Layout::Row);
     }
 

@@ -41,7 +41,7 @@ impl Deref for Clocked {
 
 impl Clocked {
     /// Rate of a node's clock.
-    pub fn rate_of(&self, node: usize) -> Option<Rate> {
+    pub(super) fn rate_of(&self, node: usize) -> Option<Rate> {
         Some(self.clocks.list[self.clock_of[node]?].rate)
     }
 }
@@ -122,11 +122,8 @@ fn declared<'a>(
             },
             None => {
                 clock.broken = true;
-                cx.report(
-                    Diagnostic::error("E0205", kind.span, "`Derived` needs `of`")
-                        .label("`of` is missing")
-                        .help("name the clock it is derived from: `of: \"audio\"`"),
-                );
+                let help = "name the clock it is derived from: `of: \"audio\"`";
+                cx.report(Diagnostic::missing(kind.span, "`Derived`", "of", help));
             }
         }
     }
@@ -135,11 +132,10 @@ fn declared<'a>(
             clock.rate_span = rate.span;
             clock.rate = read_rate(cx, &rate);
         }
-        None => cx.report(
-            Diagnostic::error("E0205", kind.span, format!("`{}` needs `rate_hz`", kind.text))
-                .label("`rate_hz` is missing")
-                .help("add `rate_hz: ...`, its ticks per second"),
-        ),
+        None => {
+            let help = "add `rate_hz: ...`, its ticks per second";
+            cx.report(Diagnostic::missing(kind.span, &format!("`{}`", kind.text), "rate_hz", help));
+        }
     }
     cx.reading(|reading| fields.finish(reading));
     clock
@@ -156,9 +152,7 @@ fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
         }
         _ => {
             let words = "a rate in hertz, a number or a ratio (1000, 3)";
-            let expected = Expected::Described(Form::Number, words.into());
-            cx.reading(|reading| reading.mismatch(value, &expected));
-            return None;
+            return cx.mismatch(value, &Expected::Described(Form::Number, words.into()));
         }
     };
     match rate {

@@ -36,7 +36,7 @@ pub(super) struct Wire {
 
 impl Wire {
     /// Adds the place where a template passes the connection on.
-    pub fn via(&self, diagnostic: Diagnostic) -> Diagnostic {
+    pub(super) fn via(&self, diagnostic: Diagnostic) -> Diagnostic {
         match self.via {
             Some(span) if span != self.span => diagnostic.also(span, "passed on here"),
             _ => diagnostic,
@@ -44,12 +44,12 @@ impl Wire {
     }
 
     /// True if a loop through the connection has no declared delay.
-    pub fn is_immediate(&self) -> bool {
+    pub(super) fn is_immediate(&self) -> bool {
         !matches!(self.bridge, Some((Bridge::Delay { .. } | Bridge::Ring { .. }, _)))
     }
 
     /// True if both ends are on one clock.
-    pub fn keeps_clock(&self) -> bool {
+    pub(super) fn keeps_clock(&self) -> bool {
         matches!(self.bridge, None | Some((Bridge::Delay { .. }, _)))
     }
 }
@@ -291,9 +291,7 @@ fn needed(
 ) -> Option<Value> {
     let given = fields.take(name);
     if given.is_none() {
-        let diagnostic = Diagnostic::error("E0205", form.span, format!("`{}` needs `{name}`", form.text))
-            .label(format!("`{name}` is missing"))
-            .help(help);
+        let diagnostic = Diagnostic::missing(form.span, &format!("`{}`", form.text), name, help);
         reading.diagnostics.push(diagnostic);
     }
     given

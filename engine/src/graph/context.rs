@@ -26,45 +26,45 @@ pub(super) struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    pub fn new(document: &'a Document, registry: &'a Registry) -> Self {
+    pub(super) fn new(document: &'a Document, registry: &'a Registry) -> Self {
         let (sources, diagnostics) = (document.sources.clone(), Vec::new());
         Self { document, registry, sources, diagnostics, files: Vec::new(), faulty: HashSet::new() }
     }
 
-    pub fn report(&mut self, diagnostic: Diagnostic) {
+    pub(super) fn report(&mut self, diagnostic: Diagnostic) {
         self.diagnostics.push(diagnostic);
     }
 
     /// Reports the error that leaves nothing to return.
-    pub fn fail<T>(&mut self, diagnostic: Diagnostic) -> Option<T> {
+    pub(super) fn fail<T>(&mut self, diagnostic: Diagnostic) -> Option<T> {
         self.report(diagnostic);
         None
     }
 
     /// Reports a diagnostic of a node, with the place of the template's use if it is inside one.
-    pub fn report_of(&mut self, node: &Declared, diagnostic: Diagnostic) {
+    pub(super) fn report_of(&mut self, node: &Declared, diagnostic: Diagnostic) {
         let diagnostic = self.in_use(node, diagnostic);
         self.report(diagnostic);
     }
 
     /// Reports an error of a node, after which errors that follow from it are not reported.
-    pub fn refuse(&mut self, node: &Declared, diagnostic: Diagnostic) {
+    pub(super) fn refuse(&mut self, node: &Declared, diagnostic: Diagnostic) {
         self.blame(node);
         self.report_of(node, diagnostic);
     }
 
     /// Notes that an error of the node was reported.
-    pub fn blame(&mut self, node: &Declared) {
+    pub(super) fn blame(&mut self, node: &Declared) {
         if !self.is_faulty(node) {
             self.faulty.insert(node.path.clone());
         }
     }
 
-    pub fn is_faulty(&self, node: &Declared) -> bool {
+    pub(super) fn is_faulty(&self, node: &Declared) -> bool {
         self.faulty.contains(&node.path)
     }
 
-    pub fn has_errors(&self) -> bool {
+    pub(super) fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 
@@ -79,7 +79,7 @@ impl<'a> Context<'a> {
     }
 
     /// Adds the place of use to the diagnostics of values of parameters and settings, from the one with this index on.
-    pub fn explain(&mut self, from: usize, uses: &[(Span, Span)]) {
+    pub(super) fn explain(&mut self, from: usize, uses: &[(Span, Span)]) {
         for diagnostic in &mut self.diagnostics[from..] {
             let Some(at) = diagnostic.primary.as_ref().map(|label| label.span) else {
                 continue;
@@ -93,7 +93,7 @@ impl<'a> Context<'a> {
     }
 
     /// The same for a node, with the place of the template's use if it is inside one.
-    pub fn explain_node(&mut self, from: usize, node: &Declared) {
+    pub(super) fn explain_node(&mut self, from: usize, node: &Declared) {
         self.explain(from, &node.uses);
         for i in from..self.diagnostics.len() {
             self.diagnostics[i] = self.in_use(node, self.diagnostics[i].clone());
@@ -101,7 +101,7 @@ impl<'a> Context<'a> {
     }
 
     /// Calls `read` with a reader of settings that reports to this context.
-    pub fn reading<T>(&mut self, read: impl FnOnce(&mut Reading<'_>) -> T) -> T {
+    pub(super) fn reading<T>(&mut self, read: impl FnOnce(&mut Reading<'_>) -> T) -> T {
         let Self { document, sources, diagnostics, files, .. } = self;
         let from_files = document.sources.iter().count();
         read(&mut Reading {
@@ -117,20 +117,25 @@ impl<'a> Context<'a> {
         })
     }
 
+    /// Reports a value that is not of the expected type.
+    pub(crate) fn mismatch<T>(&mut self, value: &Value, expected: &Expected) -> Option<T> {
+        self.reading(|reading| reading.mismatch(value, expected));
+        None
+    }
+
     /// The fields of a structure of this kind.
-    pub fn fields(&mut self, kind: &Name, entries: Vec<(Name, Value)>) -> Fields {
+    pub(super) fn fields(&mut self, kind: &Name, entries: Vec<(Name, Value)>) -> Fields {
         self.reading(|reading| Fields::new(format!("`{}`", kind.text), kind.span, entries, reading))
     }
 
     /// Name and fields of `Kind(field: value)`; reports any other value.
-    pub fn parts<'v>(
+    pub(super) fn parts<'v>(
         &mut self,
         value: &'v Value,
         expected: &'static str,
     ) -> Option<(&'v Name, &'v [(Name, Value)])> {
         let Shape::Tagged(Tagged { name: Some(name), body }) = &value.shape else {
-            self.reading(|reading| reading.mismatch(value, &Expected::described(expected)));
-            return None;
+            return self.mismatch(value, &Expected::described(expected));
         };
         let at = match body {
             Body::Bare => return Some((name, &[])),
@@ -154,7 +159,7 @@ impl<'a> Context<'a> {
     }
 
     /// Reports a set of endpoints that the graph does not have.
-    pub fn refuse_unknown_set(&mut self, set: &str, span: Span) {
+    pub(super) fn refuse_unknown_set(&mut self, set: &str, span: Span) {
         let document = self.document;
         let declared = || document.endpoints.iter().map(|(name, _)| name.text.as_str());
         if declared().all(|known| known != set) {
@@ -172,7 +177,7 @@ impl<'a> Context<'a> {
     }
 
     /// The names in order, as long as [`suggest`](Self::suggest) still needs them.
-    pub fn in_order<'n, T>(&self, known: &'n HashMap<String, T>) -> std::vec::IntoIter<&'n str> {
+    pub(super) fn in_order<'n, T>(&self, known: &'n HashMap<String, T>) -> std::vec::IntoIter<&'n str> {
         let mut names: Vec<&str> = match self.is_suggesting() {
             true => known.keys().map(String::as_str).collect(),
             false => Vec::new(),
@@ -182,7 +187,7 @@ impl<'a> Context<'a> {
     }
 
     /// Adds "did you mean", or what there is to choose from, to findings that can still be shown.
-    pub fn suggest<'n>(
+    pub(super) fn suggest<'n>(
         &self,
         diagnostic: Diagnostic,
         word: &str,
@@ -207,7 +212,7 @@ impl<'a> Context<'a> {
     }
 
     /// Sorts the findings by place and removes duplicates: an error in a template is found in each of its uses.
-    pub fn put_in_order(&mut self) {
+    pub(super) fn put_in_order(&mut self) {
         let place = |d: &Diagnostic| d.primary.as_ref().map(|label| (label.span.source, label.span.start));
         self.diagnostics.sort_by_key(place);
         let mut seen = HashSet::new();
@@ -220,7 +225,7 @@ impl<'a> Context<'a> {
         });
     }
 
-    pub fn into_diagnostics(self) -> Diagnostics {
+    pub(super) fn into_diagnostics(self) -> Diagnostics {
         Diagnostics { sources: self.sources, list: self.diagnostics }
     }
 }

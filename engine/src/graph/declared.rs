@@ -29,7 +29,7 @@ pub(super) struct Declared {
 
 impl Declared {
     /// Number of outputs; the members of the family of outputs follow one another in the place of it.
-    pub fn output_count(&self) -> usize {
+    pub(super) fn output_count(&self) -> usize {
         match (self.entry.spec.family(), &self.members) {
             (Some(family), Some(members)) => family + members.len(),
             _ => self.entry.spec.outputs.len(),
@@ -37,7 +37,7 @@ impl Declared {
     }
 
     /// Name of an output in messages: `tone.out`.
-    pub fn output_name(&self, output: usize) -> String {
+    pub(super) fn output_name(&self, output: usize) -> String {
         match self.port_name(output) {
             Some(port) => format!("{}.{port}", self.path),
             None => self.path.clone(),
@@ -45,7 +45,7 @@ impl Declared {
     }
 
     /// Name of an output in the graph file.
-    pub fn port_name(&self, output: usize) -> Option<&str> {
+    pub(super) fn port_name(&self, output: usize) -> Option<&str> {
         let spec = self.entry.spec;
         match (spec.family(), &self.members) {
             (Some(family), Some(members)) if output >= family => {

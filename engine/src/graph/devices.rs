@@ -50,7 +50,7 @@ impl Deref for Bound {
 
 impl Bound {
     /// The channel of the device from which a source's output comes.
-    pub fn sensed(&self, node: usize, output: usize) -> Option<&'static Channel> {
+    pub(super) fn sensed(&self, node: usize, output: usize) -> Option<&'static Channel> {
         let entry = self.nodes[node].entry;
         let device = self.device_of[node].filter(|_| !entry.is_actuator())?;
         let name = entry.spec.output(output)?.name;

@@ -233,12 +233,9 @@ impl Expansion<'_> {
             let required = library::is_required(default);
             let value = match given {
                 None if required && !reported => {
-                    let message = format!("`{}` needs `{}`", kind.text, setting.text);
-                    let diagnostic = Diagnostic::error("E0205", kind.span, message)
-                        .label(format!("`{}` is missing", setting.text))
-                        .also(setting.span, "required here")
-                        .help(format!("add `{}: ...`", setting.text));
-                    fields.miss(&setting.text, diagnostic);
+                    let (owner, name) = (format!("`{}`", kind.text), &setting.text);
+                    let missing = Diagnostic::missing(kind.span, &owner, name, format!("add `{name}: ...`"));
+                    fields.miss(name, missing.also(setting.span, "required here"));
                     None
                 }
                 None if required || reported => None,

@@ -54,7 +54,7 @@ fn spans(fields: &[(Name, Value)]) -> Vec<(String, Span)> {
 }
 
 impl Places {
-    pub fn of(fields: &Fields) -> Self {
+    pub(super) fn of(fields: &Fields) -> Self {
         let written = fields.remaining();
         let structures = written.iter().flat_map(|(name, value)| structures(name, value));
         Self {
@@ -66,7 +66,10 @@ impl Places {
     }
 
     /// Inputs are where their first connection is: name of the port, place of the connection, and that of its name.
-    pub fn and_inputs(mut self, connections: impl Iterator<Item = (&'static str, Span, Span)>) -> Self {
+    pub(super) fn and_inputs(
+        mut self,
+        connections: impl Iterator<Item = (&'static str, Span, Span)>,
+    ) -> Self {
         for (port, span, name) in connections {
             self.fields.push((port.to_owned(), span));
             self.connections.push((port, name));
@@ -74,7 +77,7 @@ impl Places {
         self
     }
 
-    pub fn or_report<T>(&self, cx: &mut Context<'_>, built: Result<T, BuildError>) -> Option<T> {
+    pub(super) fn or_report<T>(&self, cx: &mut Context<'_>, built: Result<T, BuildError>) -> Option<T> {
         match built {
             Ok(built) => Some(built),
             Err(error) => {
@@ -91,7 +94,7 @@ impl Places {
         }
     }
 
-    pub fn warn(&self, cx: &mut Context<'_>, doubt: BuildError) {
+    pub(super) fn warn(&self, cx: &mut Context<'_>, doubt: BuildError) {
         let make = |span, message| Diagnostic::warning("W0107", span, message);
         let diagnostic = self.finding(&cx.sources, doubt, make);
         cx.report(diagnostic);

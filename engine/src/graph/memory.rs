@@ -21,7 +21,7 @@ pub(super) struct Memory {
 
 impl Memory {
     /// Adds the delays and rings of all connections.
-    pub fn connections(&mut self, cx: &mut Context<'_>, graph: &Attached) {
+    pub(super) fn connections(&mut self, cx: &mut Context<'_>, graph: &Attached) {
         for (node, bridges) in graph.nodes.iter().zip(&graph.bridges) {
             for (slot, wire) in node.wires() {
                 let kind = graph.carried(wire).kind.unwrap_or(Kind::SCALAR);
@@ -39,7 +39,7 @@ impl Memory {
     }
 
     /// Adds memory of a node. Returns whether the sum is within the bound.
-    pub fn add(&mut self, cx: &mut Context<'_>, bytes: u64, span: Span, path: &str) -> bool {
+    pub(super) fn add(&mut self, cx: &mut Context<'_>, bytes: u64, span: Span, path: &str) -> bool {
         let all = self.bytes.saturating_add(bytes);
         if all <= MAX_BYTES {
             self.bytes = all;

@@ -200,7 +200,7 @@ pub(crate) enum Work {
 
 impl Work {
     /// The device that a source reads.
-    pub fn source_device(&self) -> Option<usize> {
+    pub(crate) fn source_device(&self) -> Option<usize> {
         match self {
             Work::Source { device, .. } => Some(*device),
             _ => None,
@@ -208,7 +208,7 @@ impl Work {
     }
 
     /// The device that a sink drives.
-    pub fn sink_device(&self) -> Option<usize> {
+    pub(crate) fn sink_device(&self) -> Option<usize> {
         match self {
             Work::Actuator { device, .. } => Some(*device),
             _ => None,

@@ -73,12 +73,12 @@ fn sensed(graph: &Clocked, node: usize) -> Vec<Type> {
 
 impl Typed {
     /// Type of the output that a connection reads.
-    pub fn carried(&self, wire: &Wire) -> Type {
+    pub(super) fn carried(&self, wire: &Wire) -> Type {
         self.types[wire.from][wire.output]
     }
 
     /// Type of the output that is connected to a slot.
-    pub fn arriving(&self, slot: &Slot) -> Option<Type> {
+    pub(super) fn arriving(&self, slot: &Slot) -> Option<Type> {
         slot.wire.as_ref().map(|wire| self.carried(wire))
     }
 
@@ -95,7 +95,7 @@ impl Typed {
     }
 
     /// The kind that a rule of `node` stands for, as far as it is known.
-    pub fn kind_of(&self, node: usize, rule: KindRule) -> Option<Kind> {
+    pub(super) fn kind_of(&self, node: usize, rule: KindRule) -> Option<Kind> {
         match rule {
             KindRule::Is(kind) => Some(kind),
             // An output without a rule carries scalars.
@@ -111,7 +111,7 @@ impl Typed {
     }
 
     /// The quantity that a rule of `node` stands for, as far as it is known.
-    pub fn quantity_of(&self, node: usize, rule: QuantityRule) -> Option<Quantity> {
+    pub(super) fn quantity_of(&self, node: usize, rule: QuantityRule) -> Option<Quantity> {
         let of = |input: &'static str| match self.arriving_at(node, input) {
             Some(arriving) => arriving.into_iter().find_map(|carried| carried.quantity),
             None => match port(&self.nodes[node], input)?.quantity {
@@ -204,13 +204,9 @@ pub(super) fn missing_quantities(node: &Connected) -> impl Iterator<Item = (&'st
     rules.filter_map(move |rule| {
         let QuantityRule::Setting(name) = rule else { return None };
         settings.iter().find(|spec| spec.name == name && spec.default.is_none())?;
-        let message = format!("`{}` needs `{name}`", spec.name);
-        let missing = Diagnostic::error("E0205", node.fields.span, message)
-            .label(format!("`{name}` is missing"))
-            .help(format!(
-                "add `{name}: \"...\"`, the name of a quantity, one of {}",
-                quantity_names().join(", ")
-            ));
+        let names = quantity_names().join(", ");
+        let help = format!("add `{name}: \"...\"`, the name of a quantity, one of {names}");
+        let missing = Diagnostic::missing(node.fields.span, &format!("`{}`", spec.name), name, help);
         Some((name, missing))
     })
 }

@@ -50,7 +50,7 @@ const NO_PARAMETERS: &str = "it has no parameters";
 
 impl Parameters {
     /// Reads the defaults; those of the set of endpoints and then the given values override them.
-    pub fn read(cx: &mut Context<'_>, options: &CheckOptions) -> Self {
+    pub(super) fn read(cx: &mut Context<'_>, options: &CheckOptions) -> Self {
         let endpoints = options.endpoints.as_str();
         let mut values: HashMap<String, Parameter> = HashMap::new();
         for (name, value) in &cx.document.parameters {
@@ -122,7 +122,7 @@ impl Parameters {
     }
 
     /// Reports unused parameters.
-    pub fn warn_unused(&self, cx: &mut Context<'_>) {
+    pub(super) fn warn_unused(&self, cx: &mut Context<'_>) {
         for (name, _) in &cx.document.parameters {
             if self.values.get(&name.text).is_some_and(|parameter| !parameter.used) {
                 let message = format!("parameter `{}` is never used", name.text);
@@ -136,7 +136,7 @@ impl Parameters {
     }
 
     /// The value with every name replaced; `None` after a reported error. Adds to `uses` the places of replaced values.
-    pub fn replace(
+    pub(super) fn replace(
         &mut self,
         cx: &mut Context<'_>,
         value: &Value,
@@ -337,8 +337,7 @@ fn only_text(body: &Body) -> Option<(&str, Span)> {
 
 fn malformed<T>(cx: &mut Context<'_>, value: &Value, name: &str) -> Option<T> {
     let inside = if name == "Expr" { "2 * 40" } else { "name" };
-    cx.reading(|reading| reading.mismatch(value, &Expected::described(format!("`{name}(\"{inside}\")`"))));
-    None
+    cx.mismatch(value, &Expected::described(format!("`{name}(\"{inside}\")`")))
 }
 
 /// Values within a value, and its levels.

@@ -50,29 +50,29 @@ impl Deref for Connected {
 
 impl Connected {
     /// True if an input of it has a reported error.
-    pub fn has_broken_input(&self) -> bool {
+    pub(super) fn has_broken_input(&self) -> bool {
         self.inputs.iter().any(|slot| slot.broken)
     }
 
     /// The connections, with the index of each slot.
-    pub fn wires(&self) -> impl Iterator<Item = (usize, &Wire)> {
+    pub(super) fn wires(&self) -> impl Iterator<Item = (usize, &Wire)> {
         let slots = self.inputs.iter().enumerate();
         slots.filter_map(|(i, slot)| Some((i, slot.wire.as_ref()?)))
     }
 
     /// Slots of the input called `name`.
-    pub fn slots_of(&self, name: &str) -> impl Iterator<Item = &Slot> {
+    pub(super) fn slots_of(&self, name: &str) -> impl Iterator<Item = &Slot> {
         let spec = self.entry.spec;
         self.inputs.iter().filter(move |slot| spec.inputs[slot.port].name == name)
     }
 
     /// True if the slot is a connection of a list or map.
-    pub fn is_many(&self, slot: &Slot) -> bool {
+    pub(super) fn is_many(&self, slot: &Slot) -> bool {
         self.entry.spec.inputs[slot.port].presence.is_several()
     }
 
     /// Name of the port of each connection, place of the connection, and that of its name.
-    pub fn places(&self) -> impl Iterator<Item = (&'static str, Span, Span)> {
+    pub(super) fn places(&self) -> impl Iterator<Item = (&'static str, Span, Span)> {
         self.wires().map(|(slot, wire)| {
             let slot = &self.inputs[slot];
             let name = slot.name.as_ref().map_or(wire.span, |name| name.span);
@@ -81,14 +81,14 @@ impl Connected {
     }
 
     /// The names that tell its connections apart.
-    pub fn connection_names(&self) -> Vec<String> {
+    pub(super) fn connection_names(&self) -> Vec<String> {
         self.inputs.iter().filter_map(|slot| Some(slot.name.as_ref()?.text.clone())).collect()
     }
 }
 
 impl Wired {
     /// For each node the nodes that read it by connections for which `follows` holds.
-    pub fn readers(&self, follows: impl Fn(&Wire) -> bool) -> Vec<Vec<usize>> {
+    pub(super) fn readers(&self, follows: impl Fn(&Wire) -> bool) -> Vec<Vec<usize>> {
         let mut readers: Vec<Vec<usize>> = vec![Vec::new(); self.nodes.len()];
         for (to, node) in self.nodes.iter().enumerate() {
             for (_, wire) in node.wires().filter(|(_, wire)| follows(wire)) {
@@ -99,7 +99,7 @@ impl Wired {
     }
 
     /// Name in messages of the output that a connection reads: `tone.out`.
-    pub fn source_name(&self, wire: &Wire) -> String {
+    pub(super) fn source_name(&self, wire: &Wire) -> String {
         self.nodes[wire.from].output_name(wire.output)
     }
 }

@@ -3,39 +3,19 @@
 mod rings;
 
 use super::order::{Group, delay_frames, order};
-use super::resolve::{self, Places};
+use super::resolve::{self, Places, Port, StepDraft};
 use super::slots::Demand;
 use super::{
     ActuatorPlan, BridgePlan, BridgeWork, DelayPlan, Delivered, DevicePlan, MAX_BLOCK, NodeKey, Plan,
     PlanOptions, StepTime, StepWork, Tap,
 };
-use crate::graph::{Bridge, Edge, Graph, NodeId, Reach, Work, id_of};
+use crate::graph::{Bridge, Edge, Graph, GraphDevice, NodeId, Reach, Work, id_of};
 use crate::io::{Form, LINE, Placing};
 use crate::node::Stream;
 use petgraph::graph::{EdgeIndex, NodeIndex};
 use petgraph::visit::EdgeRef;
 use std::collections::HashMap;
 use std::sync::Arc;
-
-/// A port before buffers are placed: its demand, and its place in it.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Port {
-    pub demand: usize,
-    pub placing: Placing,
-    clock: u32,
-}
-
-/// A step before buffers are placed.
-pub(super) struct StepDraft {
-    pub work: StepWork,
-    pub clock: u32,
-    /// The demand that it writes.
-    pub out: Option<usize>,
-    pub inputs: Vec<(Port, Form)>,
-    pub outputs: Vec<Placing>,
-    pub node: NodeId,
-    pub label: Arc<str>,
-}
 
 /// Key of a bridge, for sharing between readers.
 type Crossing = (NodeIndex, usize, &'static str, usize, bool, usize);
@@ -84,67 +64,67 @@ pub(super) fn build(graph: &Graph, driver: usize, options: &PlanOptions) -> Plan
     builder.finish(&options.taps)
 }
 
+/// A plan with the clocks, devices and live settings of a graph, and no steps yet.
+fn unfilled(graph: &Graph, driver: usize, options: &PlanOptions) -> Plan {
+    let live = graph.live_settings().into_iter();
+    Plan {
+        block: if options.block == 0 { 64 } else { options.block.min(MAX_BLOCK) },
+        driver,
+        base: graph.base.clone(),
+        rates: graph.clocks.iter().map(|clock| clock.rate).collect(),
+        periods_s: graph.clocks.iter().map(|clock| clock.rate.period_s()).collect(),
+        clock_names: graph.clocks.iter().map(|clock| clock.name.clone()).collect(),
+        steps: Vec::new(),
+        slots: Vec::new(),
+        pacings: Vec::new(),
+        processors: Vec::new(),
+        singles: Vec::new(),
+        processor_keys: Vec::new(),
+        devices: graph.devices.iter().map(DevicePlan::of).collect(),
+        actuators: Vec::new(),
+        delivered: Arc::new([]),
+        times: Arc::new([]),
+        bridges: Vec::new(),
+        delays: Vec::new(),
+        taps: Vec::new(),
+        tap_places: Vec::new(),
+        ring_writes: Vec::new(),
+        ring_reads: Vec::new(),
+        live: live.filter(|live| graph.driver_of(live.node) == Some(driver)).collect(),
+        live_works: Vec::new(),
+        data_frames: graph.frames_of_data(graph.clocks[driver].rate),
+    }
+}
+
+impl DevicePlan {
+    fn of(device: &GraphDevice) -> Self {
+        Self {
+            name: device.name.clone(),
+            key: NodeKey {
+                path: device.name.as_str().into(),
+                kind: device.entry.spec.name,
+                fingerprint: device.fingerprint,
+            },
+            clock: device.clock,
+            senses: device.senses.clone(),
+            driven_by: Vec::new(),
+            device: device.device.clone_box(),
+            input: device.device.live_input(),
+            reads: Vec::new(),
+            writes: Vec::new(),
+        }
+    }
+}
+
 impl<'a> Builder<'a> {
     fn new(graph: &'a Graph, driver: usize, options: &PlanOptions) -> Self {
-        let block = if options.block == 0 { 64 } else { options.block.min(MAX_BLOCK) };
         let mut sinks_left = vec![0; graph.devices.len()];
-        for node in graph.nodes.node_weights() {
-            if let Some(device) = node.work.sink_device() {
-                sinks_left[device] += 1;
-            }
+        for device in graph.nodes.node_weights().filter_map(|node| node.work.sink_device()) {
+            sinks_left[device] += 1;
         }
-        let plan = Plan {
-            block,
-            driver,
-            base: graph.base.clone(),
-            rates: graph.clocks.iter().map(|clock| clock.rate).collect(),
-            periods_s: graph.clocks.iter().map(|clock| clock.rate.period_s()).collect(),
-            clock_names: graph.clocks.iter().map(|clock| clock.name.clone()).collect(),
-            steps: Vec::new(),
-            slots: Vec::new(),
-            pacings: Vec::new(),
-            processors: Vec::new(),
-            singles: Vec::new(),
-            processor_keys: Vec::new(),
-            devices: graph
-                .devices
-                .iter()
-                .map(|device| DevicePlan {
-                    name: device.name.clone(),
-                    key: NodeKey {
-                        path: device.name.as_str().into(),
-                        kind: device.entry.spec.name,
-                        fingerprint: device.fingerprint,
-                    },
-                    clock: device.clock,
-                    senses: device.senses.clone(),
-                    driven_by: Vec::new(),
-                    device: device.device.clone_box(),
-                    input: device.device.live_input(),
-                    reads: Vec::new(),
-                    writes: Vec::new(),
-                })
-                .collect(),
-            actuators: Vec::new(),
-            delivered: Arc::new([]),
-            times: Arc::new([]),
-            bridges: Vec::new(),
-            delays: Vec::new(),
-            taps: Vec::new(),
-            tap_places: Vec::new(),
-            ring_writes: Vec::new(),
-            ring_reads: Vec::new(),
-            live: graph
-                .live_settings()
-                .into_iter()
-                .filter(|live| graph.driver_of(live.node) == Some(driver))
-                .collect(),
-            live_works: Vec::new(),
-            data_frames: graph.frames_of_data(graph.clocks[driver].rate),
-        };
         Self {
             graph,
-            plan,
+            plan: unfilled(graph, driver, options),
             steps: Vec::new(),
             device_ports: vec![DevicePorts::default(); graph.devices.len()],
             demands: Vec::new(),

@@ -273,7 +273,7 @@ pub(crate) struct Delivered {
 
 impl Delivered {
     /// Writes the number of ticks in which each limit acted since the run began.
-    pub fn put_clipped(&self, counts: ClipCounts) {
+    pub(crate) fn put_clipped(&self, counts: ClipCounts) {
         let ClipCounts { ticks, peak, continuous, slew, fault } = counts;
         let counts = [ticks, peak, continuous, slew, fault];
         for (to, count) in self.clipped.iter().zip(counts) {
@@ -282,32 +282,32 @@ impl Delivered {
     }
 
     /// The counts that were written last.
-    pub fn clipped(&self) -> ClipCounts {
+    pub(crate) fn clipped(&self) -> ClipCounts {
         let [ticks, peak, continuous, slew, fault] = self.clipped.each_ref().map(|count| count.load(Relaxed));
         ClipCounts { ticks, peak, continuous, slew, fault }
     }
 
     /// Writes the largest magnitude over the axes, and whether a silent input keeps it at zero.
-    pub fn put(&self, largest: f64, at_zero: bool) {
+    pub(crate) fn put(&self, largest: f64, at_zero: bool) {
         self.largest.store(largest.to_bits(), Relaxed);
         self.at_zero.store(at_zero, Relaxed);
     }
 
     /// Reads the largest magnitude and whether it is kept at zero.
-    pub fn get(&self) -> (f64, bool) {
+    pub(crate) fn get(&self) -> (f64, bool) {
         let largest = f64::from_bits(self.largest.load(Relaxed));
         (largest, self.at_zero.load(Relaxed))
     }
 
     /// Writes the present level and the largest magnitude since the last write.
-    pub fn put_level(&self, level: f64, peak: f64) {
+    pub(crate) fn put_level(&self, level: f64, peak: f64) {
         self.level.store(level.to_bits(), Relaxed);
         // Non-negative numbers have the order of their bits.
         self.peak.fetch_max(peak.to_bits(), Relaxed);
     }
 
     /// Reads the present level, and the largest magnitude since the last call.
-    pub fn take_level(&self) -> (f64, f64) {
+    pub(crate) fn take_level(&self) -> (f64, f64) {
         let level = f64::from_bits(self.level.load(Relaxed));
         (level, f64::from_bits(self.peak.swap(0, Relaxed)))
     }
@@ -322,13 +322,13 @@ pub(crate) struct StepTime {
 
 impl StepTime {
     /// Adds the time between two clock reads, ns.
-    pub fn add(&self, ns: u64) {
+    pub(crate) fn add(&self, ns: u64) {
         self.ns.store(self.ns.load(Relaxed).wrapping_add(ns), Relaxed);
         self.looks.store(self.looks.load(Relaxed).wrapping_add(1), Relaxed);
     }
 
     /// Returns the sum, ns, and the number of samples.
-    pub fn get(&self) -> (u64, u64) {
+    pub(crate) fn get(&self) -> (u64, u64) {
         (self.ns.load(Relaxed), self.looks.load(Relaxed))
     }
 }

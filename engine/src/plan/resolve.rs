@@ -1,11 +1,31 @@
 //! The last pass of planning: drafts of steps become steps whose inputs and outputs have places in memory.
 
-use super::build::{Port, StepDraft};
 use super::slots::Demand;
 use super::{Plan, SingleStep, Step, StepWork, slots};
 use crate::graph::NodeId;
-use crate::io::{Extent, Placing, ResolvedInput, Wires};
+use crate::io::{Extent, Form, Placing, ResolvedInput, Wires};
 use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A port before buffers are placed: its demand, and its place in it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Port {
+    pub demand: usize,
+    pub placing: Placing,
+    pub clock: u32,
+}
+
+/// A step before buffers are placed.
+pub(super) struct StepDraft {
+    pub work: StepWork,
+    pub clock: u32,
+    /// The demand that it writes.
+    pub out: Option<usize>,
+    pub inputs: Vec<(Port, Form)>,
+    pub outputs: Vec<Placing>,
+    pub node: NodeId,
+    pub label: Arc<str>,
+}
 
 /// The places of all buffers.
 pub(super) struct Places {

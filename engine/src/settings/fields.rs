@@ -164,11 +164,10 @@ impl Fields {
                 let special = self.missing.iter().find(|(missing, _)| missing == name);
                 let diagnostic = match special {
                     Some((_, special)) => special.clone(),
-                    None => Some(
-                        Diagnostic::error("E0205", self.span, format!("{} needs `{name}`", self.owner))
-                            .label(format!("`{name}` is missing"))
-                            .help(format!("add `{name}: ...`, {}", T::expected())),
-                    ),
+                    None => {
+                        let help = format!("add `{name}: ...`, {}", T::expected());
+                        Some(Diagnostic::missing(self.span, &self.owner, name, help))
+                    }
                 };
                 self.missed.extend(diagnostic.map(|diagnostic| (name.to_owned(), diagnostic)));
             }

@@ -37,125 +37,198 @@ pub(super) struct Lexeme {
 
 /// All tokens of `text`. Text that is not a token is reported, and replaced by the most likely token.
 pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Vec<Lexeme> {
-    let mut lexemes: Vec<Lexeme> = Vec::new();
-    let (mut at, mut tried) = (0, 0);
-    while let Some(c) = text[at..].chars().next() {
-        let rest = &text[at..];
-        let start = at;
-        if tried < MAX_TRIED && is_arithmetic(rest, c, at, lexemes.last()) {
+    let mut scanner = Scanner { source, text, at: 0, lexemes: Vec::new(), diagnostics };
+    let mut tried = 0;
+    while let Some(c) = scanner.rest().chars().next() {
+        if tried < MAX_TRIED && scanner.is_arithmetic(c) {
             tried += 1;
-            if let Some(found) = arithmetic(text, start, c) {
-                at = found.end;
-                found.report(source, text, &mut lexemes, diagnostics);
+            if let Some(found) = arithmetic(text, scanner.at, c) {
+                scanner.at = found.end;
+                scanner.refuse_arithmetic(&found);
                 continue;
             }
         }
-        let token = match c {
-            '\u{feff}' if at == 0 => None,
-            c if WHITE.contains(&c) => None,
-            '/' if rest.starts_with("//") => {
-                at += rest.find('\n').unwrap_or(rest.len());
-                continue;
+        let Some((token, length)) = scanner.next(c) else { break };
+        let start = scanner.at;
+        scanner.at += length;
+        scanner.lexemes.extend(token.map(|token| Lexeme { token, start, end: start + length }));
+    }
+    scanner.lexemes
+}
+
+struct Scanner<'a> {
+    source: SourceId,
+    text: &'a str,
+    at: usize,
+    lexemes: Vec<Lexeme>,
+    diagnostics: &'a mut Vec<Diagnostic>,
+}
+
+impl<'a> Scanner<'a> {
+    fn rest(&self) -> &'a str {
+        &self.text[self.at..]
+    }
+
+    /// The place of the next `length` bytes.
+    fn span(&self, length: usize) -> Span {
+        Span { source: self.source, start: self.at, end: self.at + length }
+    }
+
+    /// The token at hand, which begins with `c`, none for white space and comments, and its length; `None` if it never ends,
+    /// which is reported.
+    fn next(&mut self, c: char) -> Option<(Option<Token>, usize)> {
+        let rest = self.rest();
+        let token = |token, length| Some((Some(token), length));
+        let line = || rest.find('\n').unwrap_or(rest.len());
+        match c {
+            '\u{feff}' if self.at == 0 => Some((None, c.len_utf8())),
+            c if WHITE.contains(&c) => Some((None, c.len_utf8())),
+            '/' if rest.starts_with("//") => Some((None, line())),
+            '/' if rest.starts_with("/*") => {
+                let length = comment_length(rest);
+                if length.is_none() {
+                    let error = Diagnostic::error("E0103", self.span(2), "this comment is never closed");
+                    self.diagnostics.push(error.label("opened here").help("close it with `*/`"));
+                }
+                Some((None, length?))
             }
-            '/' if rest.starts_with("/*") => match comment_length(rest) {
-                Some(length) => {
-                    at += length;
-                    continue;
-                }
-                None => {
-                    let span = Span { source, start, end: start + 2 };
-                    diagnostics.push(
-                        Diagnostic::error("E0103", span, "this comment is never closed")
-                            .label("opened here")
-                            .help("close it with `*/`"),
-                    );
-                    break;
-                }
-            },
-            '(' | '[' | '{' => Some((Token::Open, 1)),
-            ')' | ']' | '}' => Some((Token::Close, 1)),
-            ',' => Some((Token::Comma, 1)),
-            ':' => Some((Token::Colon, 1)),
-            '"' => match string_length(rest) {
-                Some(length) => Some((Token::String, length)),
-                None => {
-                    diagnostics.push(unclosed_string(source, text, start, &lexemes));
-                    break;
-                }
-            },
-            'r' if rest[1..].starts_with(['"', '#']) => match raw_string_length(rest) {
-                Some(length) => Some((Token::RawString, length)),
-                None => {
-                    diagnostics.push(unclosed_string(source, text, start, &lexemes));
-                    break;
-                }
-            },
+            '(' | '[' | '{' => token(Token::Open, 1),
+            ')' | ']' | '}' => token(Token::Close, 1),
+            ',' => token(Token::Comma, 1),
+            ':' => token(Token::Colon, 1),
+            '"' => self.closed(Token::String, string_length(rest)),
+            'r' if rest[1..].starts_with(['"', '#']) => {
+                self.closed(Token::RawString, raw_string_length(rest))
+            }
             '#' if rest.starts_with("#![") => {
-                let length = rest.find(']').map_or(rest.len(), |i| i + 1);
-                Some((Token::Attribute, length))
+                token(Token::Attribute, rest.find(']').map_or(rest.len(), |i| i + 1))
             }
-            '#' | '%' if begins_comment(c, text, &lexemes, start) => {
-                at += rest.find('\n').unwrap_or(rest.len());
-                refuse_comment(Span { source, start, end: at }, diagnostics);
-                continue;
+            '#' | '%' if self.begins_comment(c) => {
+                self.refuse_comment(line());
+                Some((None, line()))
             }
             c if is_xid_start(c) || c == '_' => {
-                let length = rest.find(|c| !is_xid_continue(c));
-                Some((Token::Name, length.unwrap_or(rest.len())))
+                token(Token::Name, rest.find(|c| !is_xid_continue(c)).unwrap_or(rest.len()))
             }
             c if c.is_ascii_digit() || (matches!(c, '+' | '-' | '.') && number_follows(rest)) => {
-                Some((Token::Number, number_length(rest)))
+                token(Token::Number, number_length(rest))
             }
-            _ => Some(mistaken(source, start, text, c, diagnostics)),
-        };
-        match token {
-            None => at += c.len_utf8(),
-            Some((token, length)) => {
-                at += length;
-                lexemes.push(Lexeme { token, start, end: at });
+            _ => {
+                let (mistaken, length) = self.mistaken(c);
+                token(mistaken, length)
             }
         }
     }
-    lexemes
+
+    /// A string; one without an end is reported.
+    fn closed(&mut self, token: Token, length: Option<usize>) -> Option<(Option<Token>, usize)> {
+        if length.is_none() {
+            self.refuse_unclosed_string();
+        }
+        Some((Some(token), length?))
+    }
+
+    /// True if a sign begins a comment, as it does in other languages. A percent sign does where no value can be before it.
+    fn begins_comment(&self, sign: char) -> bool {
+        let is_between = |last: &Lexeme| {
+            matches!(last.token, Token::Comma | Token::Open) || self.text[last.end..self.at].contains('\n')
+        };
+        sign == '#' || self.lexemes.last().is_some_and(is_between)
+    }
+
+    /// Reports a comment of another language; all of them as one.
+    fn refuse_comment(&mut self, length: usize) {
+        const CODE: &str = "E0111";
+        let span = self.span(length);
+        // One that is not among the last findings is told again: no file may make this long.
+        let known = self.diagnostics.iter_mut().rev().take(500).find(|known| {
+            let place = known.primary.as_ref().map(|label| label.span.source);
+            known.code == CODE && place == Some(span.source)
+        });
+        match known {
+            Some(known) if known.secondary.len() >= MORE_COMMENTS => {}
+            Some(known) => *known = known.clone().also(span, "and this"),
+            None => self.diagnostics.push(
+                Diagnostic::error(CODE, span, "comments begin with `//`")
+                    .label("not a comment in RON")
+                    .help("write `//` in its place"),
+            ),
+        }
+    }
+
+    /// The quote at hand has no partner. Where a string before it holds a line break, that one is the likely culprit.
+    fn refuse_unclosed_string(&mut self) {
+        let over_lines = self.lexemes.iter().find(|lexeme| {
+            lexeme.token == Token::String && self.text[lexeme.start..lexeme.end].contains('\n')
+        });
+        let start = over_lines.map_or(self.at, |lexeme| lexeme.start);
+        let end = self.text[start..].find('\n').map_or(self.text.len(), |i| start + i);
+        let span = Span { source: self.source, start, end };
+        let error = Diagnostic::error("E0103", span, "this string is never closed");
+        self.diagnostics.push(error.label("opened here").help("close it with `\"`"));
+    }
+
+    /// Reports a character that begins no token, and returns the most likely token in its place.
+    fn mistaken(&mut self, c: char) -> (Token, usize) {
+        let (rest, own) = (self.rest(), c.len_utf8());
+        let until = |close: char| {
+            let line = &rest[own..rest.find('\n').unwrap_or(rest.len())];
+            line.find(close).map_or(own, |i| own + i + close.len_utf8())
+        };
+        let (token, length, help) = match c {
+            '\'' => (Token::Mistaken, until('\''), "strings are written in double quotes: \"...\""),
+            '\u{201c}' | '\u{201d}' => (Token::Mistaken, until('\u{201d}'), "use straight quotes: \"...\""),
+            '=' => (Token::Colon, 1, "a field is written `name: value`"),
+            ';' => (Token::Comma, 1, "separate with `,`"),
+            '-' | '+' => (Token::Mistaken, 1, "a sign stands right before its number: `-2`"),
+            '\u{2212}' | '\u{2013}' => (Token::Mistaken, own, "write the minus sign of the keyboard: `-2`"),
+            _ => (Token::Mistaken, own, "remove it"),
+        };
+        let help = output_of(self.text, self.at).unwrap_or_else(|| help.to_owned());
+        let error = Diagnostic::error("E0101", self.span(length), format!("unexpected `{c}`"));
+        self.diagnostics.push(error.label("not part of RON").help(help));
+        (token, length)
+    }
+
+    /// True if the character is a sign of arithmetic, and not that of a number or of a comment.
+    fn is_arithmetic(&self, sign: char) -> bool {
+        let ends_value = |token| matches!(token, Token::Number | Token::Name | Token::Close);
+        let (rest, before) = (self.rest(), self.lexemes.last());
+        let follows = before.is_some_and(|lexeme| lexeme.end == self.at && ends_value(lexeme.token));
+        match sign {
+            '/' => !rest.starts_with("//") && !rest.starts_with("/*"),
+            '+' | '-' => follows || !number_follows(rest),
+            _ => matches!(sign, '*' | '%' | '^'),
+        }
+    }
+
+    /// Reports how to write arithmetic, and uses its first number as the value, so that no missing value is reported too.
+    fn refuse_arithmetic(&mut self, &Arithmetic { start, end, result }: &Arithmetic) {
+        let expression = &self.text[start..end];
+        let help = match result {
+            Some(result) => format!("write `Expr(\"{expression}\")`, or the result: `{result}`"),
+            None => format!("write `Expr(\"{expression}\")`; names in it are parameters"),
+        };
+        let source = self.source;
+        // What was said of a part of it, `1 + 2` in `(1 + 2) * 3`, is said of the whole.
+        let is_part = |at: Span| at.source == source && start <= at.start && at.end <= end;
+        self.diagnostics.retain(|known| !known.primary.as_ref().is_some_and(|label| is_part(label.span)));
+        let message = "arithmetic has to be written in `Expr(\"...\")`";
+        let error = Diagnostic::error("E0101", Span { source, start, end }, message);
+        self.diagnostics.push(error.label("RON has no arithmetic").help(help));
+        self.lexemes.truncate(self.lexemes.partition_point(|lexeme| lexeme.start < start));
+        let first = expression.find(|c: char| c.is_ascii_digit()).map(|digit| start + digit);
+        let number = first.map(|first| (first, first + number_length(&self.text[first..end])));
+        let from = number.map_or(start, |(_, end)| end);
+        self.lexemes.extend(number.map(|(start, end)| Lexeme { token: Token::Number, start, end }));
+        self.lexemes.push(Lexeme { token: Token::Mistaken, start: from, end });
+    }
 }
 
 /// True if a text is one name, and no other value.
 pub(in crate::document) fn is_name(text: &str) -> bool {
     let begins = text.starts_with(|c| is_xid_start(c) || c == '_');
     begins && text.chars().all(is_xid_continue) && !["true", "false", "inf", "NaN"].contains(&text)
-}
-
-/// True if a sign begins a comment, as it does in other languages. A percent sign does where no value can be before it.
-fn begins_comment(sign: char, text: &str, before: &[Lexeme], start: usize) -> bool {
-    sign == '#'
-        || match before.last() {
-            None => false,
-            Some(last) => {
-                matches!(last.token, Token::Comma | Token::Open) || text[last.end..start].contains('\n')
-            }
-        }
-}
-
-/// Reports a comment of another language; all of them as one.
-fn refuse_comment(span: Span, diagnostics: &mut Vec<Diagnostic>) {
-    const CODE: &str = "E0111";
-    // One that is not among the last findings is told again: no file may make this long.
-    let known = diagnostics.iter_mut().rev().take(500).find(|known| {
-        let place = known.primary.as_ref().map(|label| label.span.source);
-        known.code == CODE && place == Some(span.source)
-    });
-    match known {
-        Some(known) => {
-            if known.secondary.len() < MORE_COMMENTS {
-                *known = known.clone().also(span, "and this");
-            }
-        }
-        None => diagnostics.push(
-            Diagnostic::error(CODE, span, "comments begin with `//`")
-                .label("not a comment in RON")
-                .help("write `//` in its place"),
-        ),
-    }
 }
 
 /// Further comments of another language that are shown.
@@ -226,52 +299,6 @@ fn number_length(rest: &str) -> usize {
     rest.len()
 }
 
-/// The quote at `start` has no partner. Where a string before it holds a line break, that one is the likely culprit.
-fn unclosed_string(source: SourceId, text: &str, start: usize, before: &[Lexeme]) -> Diagnostic {
-    let over_lines = before
-        .iter()
-        .find(|lexeme| lexeme.token == Token::String && text[lexeme.start..lexeme.end].contains('\n'));
-    let start = over_lines.map_or(start, |lexeme| lexeme.start);
-    let end = text[start..].find('\n').map_or(text.len(), |i| start + i);
-    let span = Span { source, start, end };
-    Diagnostic::error("E0103", span, "this string is never closed")
-        .label("opened here")
-        .help("close it with `\"`")
-}
-
-/// Reports a character that begins no token, and returns the most likely token in its place.
-fn mistaken(
-    source: SourceId,
-    start: usize,
-    text: &str,
-    c: char,
-    diagnostics: &mut Vec<Diagnostic>,
-) -> (Token, usize) {
-    let rest = &text[start..];
-    let until = |close: char| {
-        let line = &rest[..rest.find('\n').unwrap_or(rest.len())];
-        let inner = &line[c.len_utf8()..];
-        inner.find(close).map_or(c.len_utf8(), |i| c.len_utf8() + i + close.len_utf8())
-    };
-    let (token, length, help) = match c {
-        '\'' => (Token::Mistaken, until('\''), "strings are written in double quotes: \"...\""),
-        '\u{201c}' | '\u{201d}' => (Token::Mistaken, until('\u{201d}'), "use straight quotes: \"...\""),
-        '=' => (Token::Colon, 1, "a field is written `name: value`"),
-        ';' => (Token::Comma, 1, "separate with `,`"),
-        '-' | '+' => (Token::Mistaken, 1, "a sign stands right before its number: `-2`"),
-        '\u{2212}' | '\u{2013}' => {
-            (Token::Mistaken, c.len_utf8(), "write the minus sign of the keyboard: `-2`")
-        }
-        _ => (Token::Mistaken, c.len_utf8(), "remove it"),
-    };
-    let span = Span { source, start, end: start + length };
-    let help = output_of(text, start).unwrap_or_else(|| help.to_owned());
-    diagnostics.push(
-        Diagnostic::error("E0101", span, format!("unexpected `{c}`")).label("not part of RON").help(help),
-    );
-    (token, length)
-}
-
 /// Help for `tone.out` without quotes, whose dot is at `start`.
 fn output_of(text: &str, start: usize) -> Option<String> {
     let port = text[start..].strip_prefix('.')?;
@@ -296,17 +323,6 @@ struct Arithmetic {
 /// Largest number of signs in a file that are checked for arithmetic around them, and of bytes on each side.
 const MAX_TRIED: usize = 200;
 const MAX_BYTES: usize = 4096;
-
-/// True if the character is a sign of arithmetic, and not that of a number or of a comment.
-fn is_arithmetic(rest: &str, sign: char, at: usize, before: Option<&Lexeme>) -> bool {
-    let ends_value = |token| matches!(token, Token::Number | Token::Name | Token::Close);
-    let follows = before.is_some_and(|lexeme| lexeme.end == at && ends_value(lexeme.token));
-    match sign {
-        '/' => !rest.starts_with("//") && !rest.starts_with("/*"),
-        '+' | '-' => follows || !number_follows(rest),
-        _ => matches!(sign, '*' | '%' | '^'),
-    }
-}
 
 /// The arithmetic around its sign at `at`, if what stands there can be computed or named.
 fn arithmetic(text: &str, at: usize, sign: char) -> Option<Arithmetic> {
@@ -358,42 +374,6 @@ fn expression_end(rest: &str) -> Option<usize> {
         }
     }
     Some(rest.len())
-}
-
-impl Arithmetic {
-    /// Reports how to write it, and uses its first number as the value, so that no missing value is reported too.
-    fn report(
-        &self,
-        source: SourceId,
-        text: &str,
-        lexemes: &mut Vec<Lexeme>,
-        diagnostics: &mut Vec<Diagnostic>,
-    ) {
-        let Self { start, end, result } = *self;
-        let expression = &text[start..end];
-        let help = match result {
-            Some(result) => format!("write `Expr(\"{expression}\")`, or the result: `{result}`"),
-            None => format!("write `Expr(\"{expression}\")`; names in it are parameters"),
-        };
-        let span = Span { source, start, end };
-        // What was said of a part of it, `1 + 2` in `(1 + 2) * 3`, is said of the whole.
-        let is_part = |at: Span| at.source == source && start <= at.start && at.end <= end;
-        diagnostics.retain(|known| !known.primary.as_ref().is_some_and(|label| is_part(label.span)));
-        diagnostics.push(
-            Diagnostic::error("E0101", span, "arithmetic has to be written in `Expr(\"...\")`")
-                .label("RON has no arithmetic")
-                .help(help),
-        );
-        lexemes.truncate(lexemes.partition_point(|lexeme| lexeme.start < start));
-        let digit = expression.find(|c: char| c.is_ascii_digit());
-        let from = digit.map_or(start, |digit| {
-            let first = start + digit;
-            let length = number_length(&text[first..end]);
-            lexemes.push(Lexeme { token: Token::Number, start: first, end: first + length });
-            first + length
-        });
-        lexemes.push(Lexeme { token: Token::Mistaken, start: from, end });
-    }
 }
 
 /// For each opening bracket the index of its closing one; `None` where they do not match, which is reported.
