@@ -60,7 +60,7 @@ pub enum PartsError {
     #[error("{} has item {number}, but the whole has {of}; compute that part again", path.display())]
     Number { path: PathBuf, number: u64, of: u64 },
     #[error(
-        "{missing} of {of} are in none of the parts, the first is number {first} (from 0); compute the missing shards"
+        "{missing} of {of} items are in none of the parts, the first is item {first} (from 0); compute the missing shards"
     )]
     Missing { missing: u64, of: u64, first: u64 },
 }
