@@ -1,18 +1,21 @@
 //! haptograph: a dataflow signal-processing graph engine that renders the feel of real surfaces.
 //!
 //! Facade of the workspace: it re-exports the engine, the nodes, live runs, the reports, the signal library, the
-//! surfaces and learning, and holds the command line.
+//! surfaces and learning, and holds the command line. A program that embeds graphs needs no command line:
+//! `default-features = false`.
 //!
 //! # Features
 //!
 //! | feature | adds |
 //! |---|---|
+//! | `command` (default) | [`cli`]: the command line and its server |
 //! | `soundcard` | soundcards; on Linux this needs the headers of ALSA |
 //! | `evdev` | tablets and mice, on Linux |
 //! | `midi` | MIDI; on Linux this needs the headers of ALSA |
 //! | `midi-jack` | MIDI by JACK or PipeWire in place of ALSA's sequencer; the headers of ALSA are needed too |
 //! | `serial` | serial ports, on Linux and macOS |
 
+#[cfg(feature = "command")]
 pub mod cli;
 pub mod recorder;
 

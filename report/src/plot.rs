@@ -2,9 +2,6 @@
 
 mod figure;
 mod marks;
-mod matrix;
-
-pub use matrix::Matrix;
 
 use super::scale::{Scale, padded};
 use super::svg::{Anchor, Rect, Svg, num, text_width};
