@@ -228,12 +228,12 @@ fn breakable(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::recorder;
-    use haptograph_engine::node::{FrameWriter, Stream};
+    use crate::record::Reduction;
+    use haptograph_engine::node::Stream;
     use haptograph_signal::time::Rate;
 
     fn signal(name: &str, kind: Kind, quantity: Quantity, hz: u64, value: impl Fn(f64) -> f64) -> Recorded {
-        let (mut recorder, record) = recorder(Stream {
+        let mut recorded = Recorded::of(Stream {
             name: name.into(),
             kind,
             quantity,
@@ -242,8 +242,8 @@ mod tests {
         });
         let width = kind.width();
         let frames = (0..2 * hz).flat_map(|i| vec![value(i as f64 / hz as f64); width]);
-        recorder.write(0, &frames.collect::<Vec<_>>()).unwrap();
-        record.content()
+        recorded.extend(&frames.collect::<Vec<_>>());
+        recorded
     }
 
     fn value(found: &[Headline], label: &str) -> (String, String) {

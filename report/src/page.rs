@@ -2,18 +2,20 @@
 
 pub(super) mod signals;
 
-use super::figures;
+use super::{drawing, figures};
 use super::headlines::{Headline, cards, of_signals};
 use super::inks::Inks;
 use super::player;
 use super::plot::Plot;
 use super::plot_request::{PlotRequest, RunTraces, Trace};
-use super::record::{Friction, Recorded};
+use super::plotted::{PlottedSignals, textures};
+use super::record::{Friction, Recorded, friction};
 use super::sound::Sound;
 use super::svg::escape;
 use super::theme;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use haptograph_engine::graph::Graph;
 use haptograph_surfaces::TextureModel;
 use sha2::{Digest, Sha256};
 
@@ -39,11 +41,11 @@ pub struct Page<'a> {
     /// The sound to play.
     pub sound: Option<&'a Sound>,
     /// The plots requested by the graph, each with a trace per signal.
-    pub requests: Vec<(&'a PlotRequest, &'a [Trace])>,
+    pub requests: Vec<(&'a PlotRequest, Vec<Trace>)>,
     /// The signals.
     pub signals: Vec<Recorded>,
     /// The texture of a signal on a map, by the signal's name.
-    pub textures: Vec<(String, &'a TextureModel)>,
+    pub textures: Vec<(String, TextureModel)>,
     /// The drawing of the graph.
     pub drawing: String,
 }
@@ -87,7 +89,21 @@ impl Simulation {
 const ALL_SIMULATED: &str = "All devices in this run were simulated: the results show the behaviour of their models, not a \
     measurement.";
 
-impl Page<'_> {
+impl<'a> Page<'a> {
+    /// The page of a run with its signals, plots and sound, without facts, headlines and files.
+    pub fn of(graph: &Graph, plotted: &'a PlottedSignals, sound: Option<&'a Sound>) -> Self {
+        Self {
+            about: graph.about().to_owned(),
+            friction: friction(graph),
+            sound,
+            requests: plotted.plots(),
+            signals: plotted.signals(),
+            textures: textures(graph),
+            drawing: drawing::svg(graph, ""),
+            ..Self::default()
+        }
+    }
+
     /// The page as HTML.
     pub fn to_html(&self) -> String {
         let mut headlines = of_signals(self.sound, &self.signals, self.friction.as_ref());
@@ -128,8 +144,7 @@ impl Page<'_> {
     fn maps(&self) -> impl Iterator<Item = Plot> {
         self.signals.iter().filter_map(|signal| {
             let texture = self.textures.iter().find(|(name, _)| *name == signal.stream.name);
-            let texture = texture.map(|(_, texture)| *texture);
-            figures::strokes_on_map(&[("stroke", signal)], texture)
+            figures::strokes_on_map(&[("stroke", signal)], texture.map(|(_, texture)| texture))
         })
     }
 

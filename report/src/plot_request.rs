@@ -15,7 +15,7 @@ use haptograph_engine::node::Stream;
 use haptograph_nodes::contact::Contact;
 use haptograph_nodes::sinks::plots::GROUP;
 use haptograph_signal::quantity::Quantity;
-pub use trace::{Trace, Tracer, tracer};
+pub use trace::Trace;
 
 /// A plot requested by a graph.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,7 +82,7 @@ pub struct RunTraces<'a> {
 impl RunTraces<'_> {
     fn equals(&self, other: &Self) -> bool {
         let mut pairs = self.traces.iter().zip(other.traces);
-        self.traces.len() == other.traces.len() && pairs.all(|(a, b)| a.kept() == b.kept())
+        self.traces.len() == other.traces.len() && pairs.all(|(a, b)| a.content == b.content)
     }
 }
 
@@ -204,7 +204,7 @@ impl PlotRequest {
             .iter()
             .filter_map(|curve| {
                 let x_trace = runs.get(curve.run)?.traces.first()?;
-                let points = paired(&x_trace.points(), &curve.trace.points());
+                let points = paired(x_trace.points(), curve.trace.points());
                 let shown = points.into_iter().map(|(x, y)| (x_unit.show(x), y_unit.show(y)));
                 Some(dots(curve, shown.collect()))
             })
@@ -218,8 +218,8 @@ impl PlotRequest {
         let curves = curves(self, runs, true, inks, |run| run.traces.iter().collect());
         let line = |curve: &Curve<'_>| {
             let unit = Unit::of(curve.trace.way_quantity());
-            let points = curve.trace.points().into_iter();
-            let shown = points.map(|(x, y)| (unit.show(x), unit.show(y)));
+            let points = curve.trace.points().iter();
+            let shown = points.map(|(x, y)| (unit.show(*x), unit.show(*y)));
             let style = match curve.is_dashed {
                 true => curve.style(),
                 false => curve.style().weight(Weight::Hair),

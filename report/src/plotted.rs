@@ -1,103 +1,76 @@
 //! The signals that the page of a run shows and plays, recorded while it runs.
 
-use super::plot_request::{PlotRequest, Trace, plot_requests, tracer};
-use super::record::{Record, Recorded, WatchedOutput, recorder, watch, watched};
-use super::sound::{Clip, ClipRecord, Sound, audible, clip};
+use super::plot_request::{PlotRequest, Trace, plot_requests};
+use super::record::{Record, Recorded, Reduction, WatchedOutput, recorder, watch, watched};
+use super::sound::{Clip, Sound, audible};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::node::{FrameWriter, OutputRole};
-use haptograph_surfaces::{Surface, files};
-use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
-use std::sync::atomic::Ordering::Relaxed;
+use haptograph_surfaces::{TextureModel, files};
 
 /// Recorders of the plots and the sound of a page.
 #[derive(Debug)]
 pub struct PlottedSignals {
     /// Signals plotted by default.
-    records: Vec<Record>,
+    signals: Vec<Record<Recorded>>,
     /// The plots requested by the graph, each with a trace per signal.
-    pub requests: Vec<(PlotRequest, Vec<Trace>)>,
+    requests: Vec<(PlotRequest, Vec<Record<Trace>>)>,
     /// Beginnings of the signals that may be played, the most suitable first.
-    clips: Vec<ClipRecord>,
-    shortfalls: Vec<Shortfalls>,
+    clips: Vec<Record<Clip>>,
+    shortfalls: Vec<(Shortfalls, Record<TickCounts>)>,
 }
 
-/// The ticks in which a node could not do what was asked of it.
+/// An output that states in which ticks its node could not do what was asked of it.
 #[derive(Debug)]
 struct Shortfalls {
     output: String,
     reasons: &'static [&'static str],
-    ticks: TickCounts,
 }
 
-/// The ticks without a shortfall, and those of each reason.
-type TickCounts = Arc<[AtomicU64]>;
+/// The number of ticks without a shortfall, and of those of each reason.
+#[derive(Debug, Clone)]
+struct TickCounts(Vec<u64>);
 
-struct ShortfallWriter(TickCounts);
-
-impl FrameWriter for ShortfallWriter {
-    fn write(&mut self, _: usize, frames: &[f64]) -> std::io::Result<()> {
+impl Reduction for TickCounts {
+    fn extend(&mut self, frames: &[f64]) {
         for reason in frames {
-            if let Some(ticks) = self.0.get(*reason as usize) {
-                ticks.fetch_add(1, Relaxed);
+            if let Some(ticks) = self.0.get_mut(*reason as usize) {
+                *ticks += 1;
             }
         }
-        Ok(())
-    }
-
-    fn finish(self: Box<Self>) -> std::io::Result<()> {
-        Ok(())
     }
 }
 
 impl PlottedSignals {
     /// Recorders for a graph; `attach` gives each writer the frames of its output.
     pub fn of(graph: &Graph, mut attach: impl FnMut(&WatchedOutput, Box<dyn FrameWriter>)) -> Self {
-        let mut records = Vec::new();
+        let mut plotted =
+            Self { signals: Vec::new(), requests: Vec::new(), clips: Vec::new(), shortfalls: Vec::new() };
         for watch in watched(graph) {
-            let (writer, record) = recorder(watch.stream.clone());
-            attach(&watch, Box::new(writer));
-            records.push(record);
+            let recorded = Recorded::of(watch.stream.clone());
+            plotted.signals.push(attached(&watch, recorded, &mut attach));
         }
-        let mut requests = Vec::new();
         for request in plot_requests(graph) {
-            let mut traces = Vec::new();
-            for watch in &request.signals {
-                let (writer, trace) = tracer(&watch.stream, request.form);
-                attach(watch, Box::new(writer));
-                traces.push(trace);
-            }
-            requests.push((request, traces));
+            let trace = |watch: &WatchedOutput| {
+                attached(watch, Trace::of(watch.stream.clone(), request.form), &mut attach)
+            };
+            let traces = request.signals.iter().map(trace).collect();
+            plotted.requests.push((request, traces));
         }
-        let mut clips = Vec::new();
         for watch in audible(graph) {
-            let (writer, record) = clip(watch.stream.clone());
-            attach(&watch, Box::new(writer));
-            clips.push(record);
+            plotted.clips.push(attached(&watch, Clip::of(watch.stream.clone()), &mut attach));
         }
-        let mut shortfalls = Vec::new();
-        for node in graph.nodes().ids() {
-            for output in 0..graph.nodes()[node].outputs.len() {
-                let role = graph.nodes()[node].output_spec(output).map(|spec| spec.role);
-                let Some(OutputRole::Shortfall(reasons)) = role else {
-                    continue;
-                };
-                let Some(watch) = watch(graph, node, output) else {
-                    continue;
-                };
-                let ticks: TickCounts = (0..=reasons.len()).map(|_| AtomicU64::new(0)).collect();
-                attach(&watch, Box::new(ShortfallWriter(Arc::clone(&ticks))));
-                shortfalls.push(Shortfalls { output: watch.stream.name, reasons, ticks });
-            }
+        for (watch, reasons) in shortfalls(graph) {
+            let ticks = attached(&watch, TickCounts(vec![0; reasons.len() + 1]), &mut attach);
+            plotted.shortfalls.push((Shortfalls { output: watch.stream.name, reasons }, ticks));
         }
-        Self { records, requests, clips, shortfalls }
+        plotted
     }
 
     /// Warnings of the nodes that could not do what was asked of them: the reason, and the number of ticks.
     pub fn shortfalls(&self) -> Vec<String> {
         let mut list = Vec::new();
-        for Shortfalls { output, reasons, ticks } in &self.shortfalls {
-            let ticks: Vec<u64> = ticks.iter().map(|ticks| ticks.load(Relaxed)).collect();
+        for (Shortfalls { output, reasons }, ticks) in &self.shortfalls {
+            let TickCounts(ticks) = ticks.content();
             let all: u64 = ticks.iter().sum();
             let struck = reasons.iter().zip(&ticks[1..]).filter(|(_, count)| **count > 0);
             list.extend(
@@ -109,18 +82,18 @@ impl PlottedSignals {
 
     /// The signals plotted by default.
     pub fn signals(&self) -> Vec<Recorded> {
-        self.records.iter().map(Record::content).collect()
+        self.signals.iter().map(Record::content).collect()
     }
 
     /// The requested plots, each with its traces.
-    pub fn plots(&self) -> Vec<(&PlotRequest, &[Trace])> {
+    pub fn plots(&self) -> Vec<(&PlotRequest, Vec<Trace>)> {
         let each = self.requests.iter();
-        each.map(|(request, traces)| (request, traces.as_slice())).collect()
+        each.map(|(request, traces)| (request, traces.iter().map(Record::content).collect())).collect()
     }
 
     /// The sound to play; `None` if nothing vibrates.
     pub fn sound(&self) -> Option<Sound> {
-        let clips: Vec<Clip> = self.clips.iter().map(ClipRecord::content).collect();
+        let clips: Vec<Clip> = self.clips.iter().map(Record::content).collect();
         Sound::of(&clips)
     }
 
@@ -130,17 +103,39 @@ impl PlottedSignals {
     }
 }
 
-/// The surfaces of nodes with a position on a map, by the name of that signal.
-pub fn surfaces(graph: &Graph) -> Vec<(String, Surface)> {
+/// Attaches a writer that reduces an output.
+fn attached<T: Reduction>(
+    watch: &WatchedOutput,
+    reduction: T,
+    attach: &mut impl FnMut(&WatchedOutput, Box<dyn FrameWriter>),
+) -> Record<T> {
+    let (writer, record) = recorder(reduction);
+    attach(watch, Box::new(writer));
+    record
+}
+
+/// The outputs that state shortfalls of their nodes, with the reasons.
+fn shortfalls(graph: &Graph) -> Vec<(WatchedOutput, &'static [&'static str])> {
+    let nodes = graph.nodes();
+    let outputs = nodes.ids().flat_map(|node| (0..nodes[node].outputs.len()).map(move |output| (node, output)));
+    let stated = outputs.filter_map(|(node, output)| match nodes[node].output_spec(output)?.role {
+        OutputRole::Shortfall(reasons) => Some((watch(graph, node, output)?, reasons)),
+        _ => None,
+    });
+    stated.collect()
+}
+
+/// The textures of nodes with a position on a map, by the name of that signal.
+pub fn textures(graph: &Graph) -> Vec<(String, TextureModel)> {
     let mut found = Vec::new();
     for node in graph.nodes().iter() {
         // The graph was built from these files; one that has become unreadable is not drawn.
-        let Some(surface) = node.files.iter().find_map(|path| files::load(path).ok()) else {
+        let surface = node.files.iter().find_map(|path| files::load(path).ok());
+        let Some(texture) = surface.and_then(|surface| surface.texture) else {
             continue;
         };
-        found.extend(
-            node.outputs.iter().map(|port| (format!("{}.{}", node.path, port.name), surface.clone())),
-        );
+        let names = node.outputs.iter().map(|port| format!("{}.{}", node.path, port.name));
+        found.extend(names.map(|name| (name, texture.clone())));
     }
     found
 }

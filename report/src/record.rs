@@ -1,4 +1,4 @@
-//! Recording of signals for a page: selects the signals of a graph and reduces them to what can be displayed.
+//! Recording of signals for a page: selects the signals of a graph and reduces them to what can be displayed or played.
 //! The size of a recording does not depend on the length of the run.
 
 use super::spectra::Spectra;
@@ -150,35 +150,36 @@ pub enum Content {
     Nothing,
 }
 
-/// Writer that records a signal.
-#[derive(Debug)]
-pub struct Recorder {
-    shared: Arc<Mutex<Recorded>>,
+/// What a signal is reduced to during a run.
+pub trait Reduction: Clone + Send + 'static {
+    /// Adds frames.
+    fn extend(&mut self, frames: &[f64]);
 }
+
+/// Writer that reduces a signal.
+#[derive(Debug)]
+pub struct Recorder<T>(Arc<Mutex<T>>);
 
 /// Access to what a [`Recorder`] keeps.
 #[derive(Debug)]
-pub struct Record {
-    shared: Arc<Mutex<Recorded>>,
+pub struct Record<T>(Arc<Mutex<T>>);
+
+/// A recorder that adds to a reduction, and the access to it.
+pub fn recorder<T: Reduction>(reduction: T) -> (Recorder<T>, Record<T>) {
+    let shared = Arc::new(Mutex::new(reduction));
+    (Recorder(Arc::clone(&shared)), Record(shared))
 }
 
-/// A recorder for a signal, and the access to its recording.
-pub fn recorder(stream: Stream) -> (Recorder, Record) {
-    let recorded = Recorded { content: Content::of(&stream), stream, frames: 0 };
-    let shared = Arc::new(Mutex::new(recorded));
-    (Recorder { shared: Arc::clone(&shared) }, Record { shared })
-}
-
-impl Record {
-    /// The recording so far.
-    pub fn content(&self) -> Recorded {
-        self.shared.lock().unwrap_or_else(PoisonError::into_inner).clone()
+impl<T: Reduction> Record<T> {
+    /// The reduction so far.
+    pub fn content(&self) -> T {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
-impl FrameWriter for Recorder {
+impl<T: Reduction> FrameWriter for Recorder<T> {
     fn write(&mut self, _: usize, frames: &[f64]) -> std::io::Result<()> {
-        self.shared.lock().unwrap_or_else(PoisonError::into_inner).extend(frames);
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(frames);
         Ok(())
     }
 
@@ -215,9 +216,8 @@ impl Content {
     }
 }
 
-impl Recorded {
-    /// Adds frames.
-    pub fn extend(&mut self, frames: &[f64]) {
+impl Reduction for Recorded {
+    fn extend(&mut self, frames: &[f64]) {
         let width = self.stream.kind.width();
         let first = self.frames;
         self.frames += (frames.len() / width) as u64;
@@ -254,6 +254,13 @@ impl Recorded {
             Content::Nothing => {}
         }
     }
+}
+
+impl Recorded {
+    /// The empty recording of a signal.
+    pub fn of(stream: Stream) -> Self {
+        Self { content: Content::of(&stream), stream, frames: 0 }
+    }
 
     /// Duration, s.
     pub fn duration_s(&self) -> f64 {
@@ -285,12 +292,12 @@ mod tests {
 
     #[test]
     fn a_fast_scalar_that_vibrates_has_a_spectrum() {
-        let (mut recorder, record) = recorder(stream(Kind::SCALAR, Quantity::ACCELERATION, 10_000));
+        let mut recorded = Recorded::of(stream(Kind::SCALAR, Quantity::ACCELERATION, 10_000));
         let tone: Vec<f64> = (0..50_000).map(|i| (f64::from(i) * 0.1 * std::f64::consts::PI).sin()).collect();
         for block in tone.chunks(777) {
-            recorder.write(0, block).unwrap();
+            recorded.extend(block);
         }
-        let Content::Components(components, Some(mut spectra)) = record.content().content else { panic!() };
+        let Content::Components(components, Some(mut spectra)) = recorded.content else { panic!() };
         spectra.finish();
         assert!((components[0].rms() - 0.5f64.sqrt()).abs() < 1e-3);
         assert!((spectra.strongest_hz().unwrap() - 500.0).abs() < 0.5);
@@ -298,10 +305,11 @@ mod tests {
 
     #[test]
     fn events_keep_their_times_across_blocks() {
-        let (mut recorder, record) = recorder(stream(Kind::EVENT, Quantity::SPEED, 1000));
+        let (mut recorder, record) = recorder(Recorded::of(stream(Kind::EVENT, Quantity::SPEED, 1000)));
         recorder.write(0, &[0.0, 0.0, 1.0, 0.3]).unwrap();
         recorder.write(0, &[0.0, 0.0, 1.0, 0.4]).unwrap();
-        let Content::Events(points, 2) = record.content().content else { panic!() };
+        let recorded = record.content();
+        let Content::Events(points, 2) = recorded.content else { panic!() };
         assert_eq!(points.kept(), [(0.001, 0.3), (0.003, 0.4)]);
     }
 }

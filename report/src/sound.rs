@@ -1,14 +1,13 @@
 //! The vibration of a run as a sound: the signal of an actuator at a safe level, for the page or a soundcard.
 
-use super::record::{WatchedOutput, watch};
+use super::record::{Reduction, WatchedOutput, watch};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
-use haptograph_engine::node::{FrameWriter, Stream};
+use haptograph_engine::node::Stream;
 use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::resample::{Quality, resample_whole};
 use haptograph_signal::time::Rate;
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// Sampling rate of every sound, Hz, supported by all soundcards and browsers.
 pub const RATE_HZ: u32 = 48_000;
@@ -60,40 +59,20 @@ pub struct Clip {
     frames: u64,
 }
 
-/// Writer of a [`Clip`].
-#[derive(Debug)]
-pub struct ClipWriter(Arc<Mutex<Clip>>);
-
-/// Access to the clip of a [`ClipWriter`].
-#[derive(Debug)]
-pub struct ClipRecord(Arc<Mutex<Clip>>);
-
-/// A writer that keeps the first [`LONGEST_S`] of a scalar, and the access to its clip.
-pub fn clip(stream: Stream) -> (ClipWriter, ClipRecord) {
-    let most = (LONGEST_S * stream.rate.hz()) as usize;
-    let shared = Arc::new(Mutex::new(Clip { stream, samples: Vec::new(), most, frames: 0 }));
-    (ClipWriter(Arc::clone(&shared)), ClipRecord(shared))
+impl Clip {
+    /// The empty clip of a scalar, which keeps its first [`LONGEST_S`].
+    pub fn of(stream: Stream) -> Self {
+        let most = (LONGEST_S * stream.rate.hz()) as usize;
+        Self { stream, samples: Vec::new(), most, frames: 0 }
+    }
 }
 
-impl FrameWriter for ClipWriter {
-    fn write(&mut self, _: usize, frames: &[f64]) -> std::io::Result<()> {
-        let mut clip = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let room = clip.most - clip.samples.len();
+impl Reduction for Clip {
+    fn extend(&mut self, frames: &[f64]) {
+        let room = self.most - self.samples.len();
         let finite = |x: &f64| if x.is_finite() { *x as f32 } else { 0.0 };
-        clip.samples.extend(frames.iter().take(room).map(finite));
-        clip.frames += frames.len() as u64;
-        Ok(())
-    }
-
-    fn finish(self: Box<Self>) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
-impl ClipRecord {
-    /// The clip so far.
-    pub fn content(&self) -> Clip {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.samples.extend(frames.iter().take(room).map(finite));
+        self.frames += frames.len() as u64;
     }
 }
 
@@ -182,7 +161,7 @@ mod tests {
     use super::*;
 
     fn sound(hz: u64, samples: &[f64]) -> Option<Sound> {
-        let (mut writer, record) = clip(Stream {
+        let mut clip = Clip::of(Stream {
             name: "out.delivered".into(),
             kind: Kind::SCALAR,
             quantity: Quantity::CURRENT,
@@ -190,9 +169,9 @@ mod tests {
             simulated: true,
         });
         for block in samples.chunks(777) {
-            writer.write(0, block).unwrap();
+            clip.extend(block);
         }
-        Sound::of([&record.content()])
+        Sound::of([&clip])
     }
 
     fn tone(hz: f64, rate_hz: f64, seconds: f64) -> Vec<f64> {

@@ -50,7 +50,7 @@ pub struct SweepPage<'a> {
     /// The runs.
     pub runs: Vec<SweptRun<'a>>,
     /// The texture of a signal on a map, by the signal's name.
-    pub textures: Vec<(String, &'a TextureModel)>,
+    pub textures: Vec<(String, TextureModel)>,
 }
 
 impl SweepPage<'_> {
@@ -164,7 +164,7 @@ impl SweepPage<'_> {
     fn map(&self, strokes: &[(&str, &Recorded)]) -> Option<Plot> {
         let name = &strokes.first()?.1.stream.name;
         let texture = self.textures.iter().find(|(of, _)| of == name);
-        figures::strokes_on_map(strokes, texture.map(|(_, texture)| *texture))
+        figures::strokes_on_map(strokes, texture.map(|(_, texture)| texture))
     }
 
     /// The spectra of the runs, one frame per signal, and whether they are equal in all runs.

@@ -102,9 +102,9 @@ pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::recorder;
+    use crate::record::Reduction;
     use haptograph_engine::frame::{OneKind, Record as _};
-    use haptograph_engine::node::{FrameWriter, Stream};
+    use haptograph_engine::node::Stream;
     use haptograph_nodes::texture::frames::Weights;
     use haptograph_signal::quantity::Quantity;
     use haptograph_signal::time::Rate;
@@ -113,7 +113,7 @@ mod tests {
     fn the_map_shows_what_was_recorded_and_the_stroke_is_broken_in_the_air() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t3-tile.ron");
         let texture = haptograph_surfaces::files::load(&path).unwrap().texture.unwrap();
-        let (mut recorder, record) = recorder(Stream {
+        let mut recorded = Recorded::of(Stream {
             name: "locate.weights".into(),
             kind: Weights::KIND,
             quantity: Quantity::NUMBER,
@@ -122,9 +122,8 @@ mod tests {
         });
         for (speed_m_s, force_n) in [(0.1, 1.0), (0.1, 0.0), (0.12, 1.5)] {
             let weights = Weights { speed_m_s, force_n, ..Weights::default() };
-            recorder.write(0, &weights.to_components()).unwrap();
+            recorded.extend(&weights.to_components());
         }
-        let recorded = record.content();
         let plot = strokes_on_map(&[("stroke", &recorded)], Some(&texture)).unwrap();
         let stroke = plot.marks.iter().find_map(|mark| match mark {
             Mark::Line(_, points) => Some(points),

@@ -13,7 +13,7 @@ use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
 use crate::engine::run::{FileSinks, Offline};
 use crate::report::plot_request::RunTraces;
-use crate::report::plotted::{PlottedSignals, surfaces};
+use crate::report::plotted::{PlottedSignals, textures};
 use crate::report::record::friction;
 use crate::report::sweep::{SweepPage, SweptRun};
 use clap::ArgGroup;
@@ -273,14 +273,12 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
     let Some(first) = done.first() else {
         return String::new();
     };
-    let surfaces = surfaces(&first.graph);
-    let textures =
-        surfaces.iter().filter_map(|(name, surface)| Some((name.clone(), surface.texture.as_ref()?)));
+    let plots: Vec<_> = done.iter().map(|run| run.plotted.plots()).collect();
     let over = match (&*arguments.over, &*arguments.case) {
         ([(name, _)], []) => Some(name.clone()),
         _ => None,
     };
-    let runs = done.iter().enumerate().map(|(number, run)| SweptRun {
+    let runs = done.iter().zip(&plots).enumerate().map(|(number, (run, plots))| SweptRun {
         name: run.label.clone(),
         head: match over {
             Some(_) => run.name.clone(),
@@ -288,12 +286,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
         },
         page: Some(format!("{:02}/report.html", number + 1)),
         signals: run.plotted.signals(),
-        drawn: run
-            .plotted
-            .requests
-            .iter()
-            .map(|(_, traces)| RunTraces { name: &run.label, traces })
-            .collect(),
+        drawn: plots.iter().map(|(_, traces)| RunTraces { name: &run.label, traces }).collect(),
         warnings: run.summary.warnings().to_vec(),
     });
     let fact = |name: &str, value: String| (name.to_owned(), value);
@@ -315,9 +308,9 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
         simulation: first.summary.simulation(),
         friction: friction(&first.graph),
         facts,
-        requests: first.plotted.requests.iter().map(|(request, _)| request).collect(),
+        requests: plots.first().into_iter().flatten().map(|(request, _)| *request).collect(),
         runs: runs.collect(),
-        textures: textures.collect(),
+        textures: textures(&first.graph),
     }
     .to_html()
 }

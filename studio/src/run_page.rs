@@ -6,11 +6,10 @@ use super::scope::Scope;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::node::FrameWriter;
 use haptograph_engine::run::Outcome;
-use haptograph_report::drawing;
 use haptograph_report::facts::{self, Facts};
 use haptograph_report::page::{Page, Simulation};
-use haptograph_report::plotted::{PlottedSignals, surfaces};
-use haptograph_report::record::{WatchedOutput, friction};
+use haptograph_report::plotted::PlottedSignals;
+use haptograph_report::record::WatchedOutput;
 use serde_json::json;
 use std::path::Path;
 
@@ -67,14 +66,9 @@ pub fn write(
 
 fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, plotted: &PlottedSignals) -> String {
     let sound = plotted.sound();
-    let surfaces = surfaces(graph);
-    let textures =
-        surfaces.iter().filter_map(|(path, surface)| Some((path.clone(), surface.texture.as_ref()?)));
     let own = [(super::record::STROKES, "the moves and turns, to be replayed in the studio")];
     Page {
-        friction: friction(graph),
         title: source.name(),
-        about: graph.about().to_owned(),
         simulation: Simulation::Some(
             match driven(graph).is_empty() {
                 true => {
@@ -95,11 +89,7 @@ fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, plotted:
             .collect(),
         warnings: run.warnings.clone(),
         files: facts::files_beside(graph, &own),
-        sound: sound.as_ref(),
-        requests: plotted.plots(),
-        signals: plotted.signals(),
-        textures: textures.collect(),
-        drawing: drawing::svg(graph, ""),
+        ..Page::of(graph, plotted, sound.as_ref())
     }
     .to_html()
 }

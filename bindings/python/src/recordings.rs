@@ -3,13 +3,13 @@
 use crate::errors::Failure;
 use crate::work::apart;
 use haptograph::engine::frame::Kind;
-use haptograph::engine::node::{FrameWriter, Stream};
+use haptograph::engine::node::Stream;
 use haptograph::learning::processing::{ProcessingSettings, processed};
 use haptograph::learning::recording::{
     self as library, AnyRecording, Gesture, ImportSettings, ProcessedRecording, Signals,
 };
 use haptograph::report::figures::over_time;
-use haptograph::report::record::recorder;
+use haptograph::report::record::{Recorded, Reduction};
 use haptograph::report::theme::Ink;
 use haptograph::signal::quantity::Quantity;
 use haptograph::signal::time::Rate;
@@ -238,12 +238,9 @@ pub fn figure(
         return Vec::new();
     };
     let stream = Stream { name: name.to_owned(), kind, quantity, rate, simulated };
-    let (mut writer, record) = recorder(stream);
-    // It keeps what it is given in memory, which does not fail.
-    if writer.write(0, frames).is_err() {
-        return Vec::new();
-    }
-    let plots = over_time(&record.content(), Ink::number(0));
+    let mut recorded = Recorded::of(stream);
+    recorded.extend(frames);
+    let plots = over_time(&recorded, Ink::number(0));
     plots.iter().map(|plot| plot.to_standalone_svg()).collect()
 }
 

@@ -27,7 +27,7 @@ enum Treatment<'a> {
 /// Figures of the signals that the requested plots do not show.
 pub(super) fn section(
     signals: &[Recorded],
-    requests: &[(&PlotRequest, &[Trace])],
+    requests: &[(&PlotRequest, Vec<Trace>)],
     inks: &mut Inks,
 ) -> String {
     let above = PlottedSignals::of(requests);
@@ -90,16 +90,16 @@ fn figures_of(signal: &Recorded, is_above: bool, above: &PlottedSignals<'_>, ink
 #[derive(Default)]
 struct PlottedSignals<'a> {
     /// Signals over time with their extremes; events have none.
-    over_time: Vec<(&'a Stream, Option<Envelope>)>,
+    over_time: Vec<(&'a Stream, Option<&'a Envelope>)>,
     /// Names of contacts and positions seen from above.
     paths: Vec<&'a str>,
 }
 
 impl<'a> PlottedSignals<'a> {
-    fn of(requests: &[(&'a PlotRequest, &[Trace])]) -> Self {
+    fn of(requests: &'a [(&PlotRequest, Vec<Trace>)]) -> Self {
         let mut above = Self::default();
         for (request, traces) in requests {
-            for (signal, trace) in request.signals.iter().zip(*traces) {
+            for (signal, trace) in request.signals.iter().zip(traces) {
                 match request.form {
                     Form::OverTime => above.over_time.push((&signal.stream, trace.envelope())),
                     Form::Path => above.paths.push(&signal.stream.name),
@@ -133,7 +133,7 @@ impl<'a> PlottedSignals<'a> {
             .iter()
             .filter(|(of, _)| of.quantity == signal.stream.quantity && of.kind == signal.stream.kind);
         let found =
-            alike.find(|(_, samples)| samples.as_ref().is_some_and(|samples| fits(component, samples)));
+            alike.find(|(_, samples)| samples.is_some_and(|samples| fits(component, samples)));
         found.map(|(of, _)| of.name.as_str())
     }
 }

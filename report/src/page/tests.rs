@@ -1,9 +1,9 @@
 use super::*;
-use crate::plot_request::{Form, tracer};
-use crate::record::{WatchedOutput, recorder};
-use crate::sound::clip;
+use crate::plot_request::Form;
+use crate::record::{Reduction, WatchedOutput};
+use crate::sound::Clip;
 use haptograph_engine::frame::{Kind, OneKind, Record as _};
-use haptograph_engine::node::{FrameWriter, Stream};
+use haptograph_engine::node::Stream;
 use haptograph_nodes::texture::frames::Weights;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
@@ -16,12 +16,11 @@ fn record(
     frames: impl Iterator<Item = f64>,
 ) -> Recorded {
     let rate = Rate::from_hz(hz).unwrap();
-    let (mut recorder, record) =
-        recorder(Stream { name: name.into(), kind, quantity, rate, simulated: true });
+    let mut recorded = Recorded::of(Stream { name: name.into(), kind, quantity, rate, simulated: true });
     for block in frames.collect::<Vec<_>>().chunks(kind.width() * 64) {
-        recorder.write(0, block).unwrap();
+        recorded.extend(block);
     }
-    record.content()
+    recorded
 }
 
 /// Ten seconds of synthetic touch signals.
@@ -82,7 +81,7 @@ fn written(html: &str) -> String {
 fn a_page_shows_everything_and_fetches_nothing() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t3-tile.ron");
     let surface = haptograph_surfaces::files::load(&path).unwrap();
-    let texture = surface.texture.as_ref().unwrap();
+    let texture = surface.texture.unwrap();
     let sound = sound();
     let page = Page {
         title: "texturepad <b>".into(),
@@ -128,10 +127,10 @@ fn a_page_shows_everything_and_fetches_nothing() {
 /// Ten seconds of a vibration of the page's signals.
 fn sound() -> Sound {
     let stream = signals(1).remove(4).stream;
-    let (mut writer, record) = clip(stream);
+    let mut clip = Clip::of(stream);
     let samples: Vec<f64> = (0..100_000).map(|i| (f64::from(i) * 0.2).sin()).collect();
-    writer.write(0, &samples).unwrap();
-    Sound::of([&record.content()]).unwrap()
+    clip.extend(&samples);
+    Sound::of([&clip]).unwrap()
 }
 
 #[test]
@@ -156,8 +155,8 @@ fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
     let steps = || (0..500).map(f64::from).collect::<Vec<_>>();
     let drawn = |name: &str, values: Vec<f64>| {
         let stream = scalar(name, vec![]).stream;
-        let (mut tracer, trace) = tracer(&stream, Form::OverTime);
-        tracer.write(0, &values).unwrap();
+        let mut trace = Trace::of(stream.clone(), Form::OverTime);
+        trace.extend(&values);
         let (node, output) = (haptograph_engine::graph::NodeId::default(), 0);
         (WatchedOutput { node, output, stream }, trace)
     };
@@ -180,7 +179,7 @@ fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
             record("slow twin", Kind::SCALAR, Quantity::LENGTH, 1000, hum(1000)),
             record("fast twin", Kind::SCALAR, Quantity::LENGTH, 10_000, hum(10_000)),
         ],
-        requests: vec![(&asked, std::slice::from_ref(&trace))],
+        requests: vec![(&asked, vec![trace])],
         ..Page::default()
     };
     let html = page.to_html();

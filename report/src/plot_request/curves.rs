@@ -43,7 +43,7 @@ pub(super) fn curves<'a>(
                 (true, _) => (format!("{signal}, all runs"), Ink::Grey),
                 (false, "") => {
                     let beside: Vec<Ink> = found.iter().map(|curve| curve.ink).collect();
-                    let ink = inks.of(&trace.stream.name, trace.envelope().as_ref(), &beside);
+                    let ink = inks.of(&trace.stream.name, trace.envelope(), &beside);
                     (signal.to_owned(), ink)
                 }
                 (false, name) if traces.len() == 1 => (name.to_owned(), Ink::of_run(run)),
@@ -58,8 +58,8 @@ pub(super) fn curves<'a>(
 
 /// True if all runs have the same trace.
 pub(super) fn all_equal<'a>(mut traces: impl Iterator<Item = Option<&'a Trace>>) -> bool {
-    let first = traces.next().flatten().map(Trace::kept);
-    traces.all(|trace| trace.map(Trace::kept) == first)
+    let first = traces.next().flatten().map(|trace| &trace.content);
+    traces.all(|trace| trace.map(|trace| &trace.content) == first)
 }
 
 /// Sentence about curves that are all constant; `None` otherwise.
@@ -82,7 +82,7 @@ pub(super) fn levels(curves: &[Curve<'_>], is_of_runs: bool) -> String {
     if is_of_runs && curves.len() > FEW {
         return extremes(curves).unwrap_or_default();
     }
-    let level = |curve: &Curve<'_>| figures::level(&curve.trace.stream, &curve.trace.envelope()?);
+    let level = |curve: &Curve<'_>| figures::level(&curve.trace.stream, curve.trace.envelope()?);
     let found = curves.iter().filter_map(|curve| Some((curve, level(curve)?)));
     let levels: Vec<String> = found
         .map(|(curve, level)| match curves {
@@ -142,8 +142,8 @@ impl Curve<'_> {
     pub fn over_time(&self) -> Vec<Mark> {
         let unit = Unit::of(self.trace.stream.quantity);
         let style = self.style();
-        match self.trace.kept() {
-            TraceContent::Signal(envelope) => vec![Mark::signal(style, &envelope, |si| unit.show(si))],
+        match &self.trace.content {
+            TraceContent::Signal(envelope) => vec![Mark::signal(style, envelope, |si| unit.show(si))],
             TraceContent::Points(events) => {
                 let heads: Vec<_> = events.kept().iter().map(|(t, v)| (*t, unit.show(*v))).collect();
                 let foot = unit.show(0.0);

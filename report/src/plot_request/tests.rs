@@ -1,7 +1,7 @@
 use super::*;
+use crate::record::Reduction;
 use haptograph_engine::frame::{Kind, Record};
 use haptograph_engine::graph::NodeId;
-use haptograph_engine::node::FrameWriter;
 
 use haptograph_signal::time::Rate;
 
@@ -13,8 +13,8 @@ fn trace(name: &str, kind: Kind, hz: u64, form: Form, frames: &[f64]) -> (Watche
         rate: Rate::from_hz(hz).unwrap(),
         simulated: true,
     };
-    let (mut tracer, trace) = tracer(&stream, form);
-    tracer.write(0, frames).unwrap();
+    let mut trace = Trace::of(stream.clone(), form);
+    trace.extend(frames);
     let (node, output) = (NodeId::default(), 0);
     (WatchedOutput { node, output, stream }, trace)
 }

@@ -2,12 +2,12 @@
 
 use super::Form;
 use crate::figures::Unit;
+use crate::record::Reduction;
 use crate::thinning::{Decimated, Envelope};
 use haptograph_engine::frame::{Event, Kind, OneKind, Record};
-use haptograph_engine::node::{FrameWriter, Stream};
+use haptograph_engine::node::Stream;
 use haptograph_nodes::contact::Contact;
 use haptograph_signal::quantity::Quantity;
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// The reduced signal.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,65 +18,33 @@ pub(super) enum TraceContent {
     Points(Decimated<(f64, f64)>),
 }
 
-/// Writer that reduces a signal.
-#[derive(Debug)]
-pub struct Tracer {
-    kind: Kind,
-    form: Form,
-    period_s: f64,
-    frames: u64,
-    shared: Arc<Mutex<TraceContent>>,
-}
-
-/// Access to the data that a [`Tracer`] keeps.
-#[derive(Debug)]
+/// A signal of a plot, reduced.
+#[derive(Debug, Clone)]
 pub struct Trace {
     pub(super) stream: Stream,
-    shared: Arc<Mutex<TraceContent>>,
+    form: Form,
+    frames: u64,
+    pub(super) content: TraceContent,
 }
 
 /// Maximum number of kept points.
 const MAX_POINTS: usize = 4000;
 
-/// Creates the writer of a signal for a plot of this form, and the access to its result.
-pub fn tracer(stream: &Stream, form: Form) -> (Tracer, Trace) {
-    let kept = if form == Form::OverTime && stream.kind != Kind::EVENT {
-        TraceContent::Signal(Envelope::new(stream.rate.hz()))
-    } else {
-        TraceContent::Points(Decimated::new(MAX_POINTS))
-    };
-    let shared = Arc::new(Mutex::new(kept));
-    let tracer = Tracer {
-        kind: stream.kind,
-        form,
-        period_s: stream.rate.period_s(),
-        frames: 0,
-        shared: Arc::clone(&shared),
-    };
-    let stream = stream.clone();
-    (tracer, Trace { stream, shared })
-}
-
-impl FrameWriter for Tracer {
-    fn write(&mut self, _: usize, frames: &[f64]) -> std::io::Result<()> {
-        let mut kept = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
-        for frame in frames.chunks_exact(self.kind.width()) {
-            let time_s = self.frames as f64 * self.period_s;
+impl Reduction for Trace {
+    fn extend(&mut self, frames: &[f64]) {
+        let kind = self.stream.kind;
+        for frame in frames.chunks_exact(kind.width()) {
+            let time_s = self.frames as f64 * self.stream.rate.period_s();
             self.frames += 1;
-            match &mut *kept {
+            match &mut self.content {
                 TraceContent::Signal(envelope) => envelope.extend([size(frame)]),
                 TraceContent::Points(points) => {
-                    if let Some(point) = point(self.form, self.kind, time_s, frame) {
+                    if let Some(point) = point(self.form, kind, time_s, frame) {
                         points.push(point);
                     }
                 }
             }
         }
-        Ok(())
-    }
-
-    fn finish(self: Box<Self>) -> std::io::Result<()> {
-        Ok(())
     }
 }
 
@@ -106,42 +74,44 @@ fn point(form: Form, kind: Kind, time_s: f64, frame: &[f64]) -> Option<(f64, f64
 }
 
 impl Trace {
-    pub(super) fn kept(&self) -> TraceContent {
-        self.shared.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    /// The empty trace of a signal for a plot of this form.
+    pub fn of(stream: Stream, form: Form) -> Self {
+        let content = match form == Form::OverTime && stream.kind != Kind::EVENT {
+            true => TraceContent::Signal(Envelope::new(stream.rate.hz())),
+            false => TraceContent::Points(Decimated::new(MAX_POINTS)),
+        };
+        Self { stream, form, frames: 0, content }
     }
 
     /// The extremes of a signal over time.
-    pub(crate) fn envelope(&self) -> Option<Envelope> {
-        match self.kept() {
+    pub(crate) fn envelope(&self) -> Option<&Envelope> {
+        match &self.content {
             TraceContent::Signal(envelope) => Some(envelope),
             TraceContent::Points(_) => None,
         }
     }
 
-    pub(super) fn points(&self) -> Vec<(f64, f64)> {
-        match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
-            TraceContent::Points(points) => points.kept().to_vec(),
-            TraceContent::Signal(_) => Vec::new(),
+    pub(super) fn points(&self) -> &[(f64, f64)] {
+        match &self.content {
+            TraceContent::Points(points) => points.kept(),
+            TraceContent::Signal(_) => &[],
         }
     }
 
     /// Text about a signal that never changes.
     pub(super) fn constant(&self) -> Option<String> {
-        match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
+        match &self.content {
             TraceContent::Signal(envelope) => {
                 let value = Unit::of(self.stream.quantity).text(envelope.constant()?);
                 Some(format!("constant {value}"))
             }
-            TraceContent::Points(events) => {
-                let never = self.stream.kind == Kind::EVENT && events.kept().is_empty();
-                never.then(|| "never".to_owned())
-            }
+            TraceContent::Points(_) => self.is_zero().then(|| "never".to_owned()),
         }
     }
 
     /// True if the signal is zero, or without events, all the time.
     pub(super) fn is_zero(&self) -> bool {
-        match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
+        match &self.content {
             TraceContent::Signal(envelope) => envelope.constant() == Some(0.0),
             TraceContent::Points(events) => self.stream.kind == Kind::EVENT && events.kept().is_empty(),
         }

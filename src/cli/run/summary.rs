@@ -5,12 +5,10 @@ use super::{Arguments, has_end};
 use crate::engine::graph::Graph;
 use crate::engine::run::Outcome;
 use crate::live::soundcard;
-use crate::report::drawing;
 use crate::report::facts::{self, Fact, Facts};
 use crate::report::headlines::Headline;
 use crate::report::page::{Page, Simulation};
-use crate::report::plotted::{PlottedSignals, surfaces};
-use crate::report::record::friction;
+use crate::report::plotted::PlottedSignals;
 use crate::report::sound::{Sound, audible};
 use serde_json::json;
 use std::path::Path;
@@ -116,9 +114,6 @@ impl Summary {
 
     /// The page as HTML.
     pub fn page(&self, graph: &Graph, plotted: &PlottedSignals, sound: Option<&Sound>) -> String {
-        let surfaces = surfaces(graph);
-        let textures =
-            surfaces.iter().filter_map(|(path, surface)| Some((path.clone(), surface.texture.as_ref()?)));
         let facts = self.facts.listed();
         // The list of endpoints already states which devices are simulated or real.
         let facts = facts.filter(|(key, ..)| !["simulated_devices", "real_devices"].contains(key));
@@ -131,18 +126,12 @@ impl Summary {
         });
         Page {
             title: self.name.clone(),
-            about: graph.about().to_owned(),
             simulation: self.simulation(),
             facts: facts.collect(),
             warnings: self.facts.warnings.clone(),
             headlines: self.headlines.clone(),
-            friction: friction(graph),
             files: facts::files_beside(graph, &[("graph.svg", "the drawing of the graph")]),
-            sound,
-            requests: plotted.plots(),
-            signals: plotted.signals(),
-            textures: textures.collect(),
-            drawing: drawing::svg(graph, ""),
+            ..Page::of(graph, plotted, sound)
         }
         .to_html()
     }
