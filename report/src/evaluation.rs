@@ -6,6 +6,7 @@ use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::scale::fixed;
 use super::svg::escape;
+use super::table::grid;
 use super::theme::Ink;
 use super::{learning, map_figures};
 use haptograph_learning::evaluate::{ConditionLoss, DifferenceTable, Evaluation, PerceptualMap};
@@ -103,8 +104,8 @@ fn materials_table(table: &DifferenceTable) -> String {
         )
     };
     let rows = table.rows.iter().enumerate().map(|(row, name)| {
-        let cells: String = (0..table.columns.len()).map(|column| cell(row, column)).collect();
-        format!("<tr><td>virtual {}</td>{cells}</tr>", escape(name))
+        let cells = (0..table.columns.len()).map(|column| cell(row, column));
+        std::iter::once(format!("virtual {}", escape(name))).chain(cells).collect()
     });
     let yes = if table.diagonal_is_least() {
         "Every texture is nearest to its own material, and every material to its own texture."
@@ -112,37 +113,32 @@ fn materials_table(table: &DifferenceTable) -> String {
         "Not every texture is nearest to its own material."
     };
     format!(
-        "<div class=\"scroll\"><table class=\"grid\"><tr><th></th>{}</tr>{}</table></div><p>{yes} Largest expected difference to the own material (mean + 2 SD of the framed): {:.2}.</p>",
-        head(&table.columns),
-        rows.collect::<String>(),
+        "{}<p>{yes} Largest expected difference to the own material (mean + 2 SD of the framed): {:.2}.</p>",
+        grid(GRID, head(&table.columns), rows),
         table.baseline()
     )
 }
 
-fn head(names: &[String]) -> String {
-    names.iter().map(|name| format!("<th>{}</th>", escape(name))).collect()
+const GRID: &str = " class=\"grid\"";
+
+/// The cells of a header, the first of which is empty.
+fn head(names: &[String]) -> impl Iterator<Item = String> {
+    std::iter::once(String::new()).chain(names.iter().map(|name| escape(name)))
 }
 
 /// Table 2.2.
 fn people_table(table: &DifferenceTable) -> String {
+    let shown = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
     let statistics = table.row_statistics();
-    let rows = table.rows.iter().zip(&table.differences).zip(&statistics).map(
-        |((name, cells), (mean, deviation))| {
-            let cells: String = cells
-                .iter()
-                .map(|cell| {
-                    cell.map_or_else(|| "<td>–</td>".to_owned(), |value| format!("<td>{value:.2}</td>"))
-                })
-                .collect();
-            let deviation = deviation.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
-            format!("<tr><td>{}</td>{cells}<td>{mean:.2}</td><td>{deviation}</td></tr>", escape(name))
-        },
-    );
+    let rows = table.rows.iter().zip(&table.differences).zip(&statistics);
+    let rows = rows.map(|((name, cells), (mean, deviation))| {
+        let cells = cells.iter().map(|cell| shown(*cell));
+        let cells = std::iter::once(escape(name)).chain(cells);
+        cells.chain([format!("{mean:.2}"), shown(*deviation)]).collect()
+    });
     format!(
-        "<p>Spectral difference between each person's textures and the same recordings of their own material.</p>\
-         <div class=\"scroll\"><table class=\"grid\"><tr><th></th>{}<th>mean</th><th>sd</th></tr>{}</table></div>",
-        head(&table.columns),
-        rows.collect::<String>()
+        "<p>Spectral difference between each person's textures and the same recordings of their own material.</p>{}",
+        grid(GRID, head(&table.columns).chain(["mean", "sd"].map(str::to_owned)), rows)
     )
 }
 
@@ -187,24 +183,19 @@ fn scree(map: &PerceptualMap) -> Plot {
 
 /// Losses of the reduced conditions, and SD_x of each surface (Eq. 4.5.4).
 fn conditions(losses: &[ConditionLoss]) -> String {
-    let row = |one: &ConditionLoss| {
-        format!(
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-            escape(&one.surface),
-            one.condition.symbol(),
-            fixed(one.loss.power, 3),
-            fixed(one.loss.centroid_hz, 1),
-            one.difference.map_or_else(|| "–".to_owned(), |difference| fixed(difference, 2))
-        )
-    };
     if losses.is_empty() {
         return String::new();
     }
+    let rows = losses.iter().map(|one| {
+        let difference = one.difference.map_or_else(|| "–".to_owned(), |difference| fixed(difference, 2));
+        let (power, centroid) = (fixed(one.loss.power, 3), fixed(one.loss.centroid_hz, 1));
+        vec![escape(&one.surface), one.condition.symbol().to_owned(), power, centroid, difference]
+    });
+    let head = ["surface", "condition", "power ((m/s²)²)", "centroid (Hz)", "SD"].map(str::to_owned);
     format!(
         "<p>Loss of a texture that responds to force only (F), to speed only (S), or to neither (ϕ): variation over time of the windowed \
-         power and spectral centroid, and both together in units of their deviation over the surfaces (SD).</p>\
-         <div class=\"scroll\"><table class=\"grid\"><tr><th>surface</th><th>condition</th><th>power ((m/s²)²)</th><th>centroid (Hz)</th><th>SD</th></tr>{}</table></div>",
-        losses.iter().map(row).collect::<String>()
+         power and spectral centroid, and both together in units of their deviation over the surfaces (SD).</p>{}",
+        grid(GRID, head.into_iter(), rows)
     )
 }
 

@@ -7,20 +7,20 @@ use super::headlines::{Headline, cards};
 use super::learning;
 use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
-use super::svg::escape;
+use super::table::Table;
 use super::theme::Ink;
 use haptograph_learning::evaluate::Holdout;
 use haptograph_learning::evaluate::holdout::{
     BandMean, ContactResult, Mean, Measure, Method, MethodMean, SplitResult,
 };
-use tables::{Measures, Table};
+use tables::Measures;
 
 /// The page as HTML.
 pub fn page(title: &str, found: &Holdout, contact: &[ContactResult], simulated: bool) -> String {
     let splits = found.splits();
     let mut sections = vec![("", splits.first().map_or_else(String::new, result))];
     sections.extend(splits.iter().map(|split| (split.split.as_str(), section(found, split))));
-    let contacts: String = tables::contacts(contact).iter().map(html).collect();
+    let contacts: String = tables::contacts(contact).iter().map(Table::to_html).collect();
     if !contacts.is_empty() {
         sections.push(("Taps, friction and stiffness", format!("{CONTACTS}{contacts}")));
     }
@@ -58,11 +58,11 @@ fn result(split: &SplitResult) -> String {
 }
 
 fn section(found: &Holdout, split: &SplitResult) -> String {
-    let materials: String = tables::materials(found, split).iter().map(html).collect();
+    let materials: String = tables::materials(found, split).iter().map(Table::to_html).collect();
     format!(
         "<p>Mean over materials ± standard error. LSD: root mean square over third octaves from 20 to 1000 Hz of the error of power, dB. \
          * worse than a plain baseline.</p>{}{TERMS}<p>{}</p>{materials}{}",
-        html(&tables::methods(split, Measures::All)),
+        tables::methods(split, Measures::All).to_html(),
         tables::limits(split).replace('\n', " "),
         figures_of(&[signed_by_band(split), size_by_band(split), by_material(found, split)])
     )
@@ -80,20 +80,6 @@ const TERMS: &str = "<p class=\"remark\"><b>floor</b>: the spectrum of the train
 
 const CONTACTS: &str = "<p>Errors at held-out speeds and forces; in brackets the number of materials. * worse than a plain \
     alternative.</p>";
-
-fn html(table: &Table) -> String {
-    let head: String = table.head.iter().map(|name| format!("<th>{}</th>", escape(name))).collect();
-    let row = |row: &Vec<String>| {
-        let (name, cells) = row.split_first().map_or(("", &[][..]), |(name, cells)| (name.as_str(), cells));
-        let cells: String =
-            cells.iter().map(|cell| format!("<td>{}</td>", escape(&cell.replace('-', "\u{2212}")))).collect();
-        format!("<tr><td>{}</td>{cells}</tr>", escape(name))
-    };
-    format!(
-        "<div class=\"scroll\"><table class=\"grid\"><tr>{head}</tr>{}</table></div>",
-        table.rows.iter().map(row).collect::<String>()
-    )
-}
 
 fn ink(method: Method) -> Ink {
     if method == Method::Floor { Ink::Grey } else { Ink::CYCLE[(method as usize - 1) % Ink::CYCLE.len()] }

@@ -28,6 +28,7 @@ pub mod spectra;
 mod svg;
 mod swatch;
 pub mod sweep;
+pub mod table;
 mod texture_map;
 pub mod theme;
 pub mod thinning;

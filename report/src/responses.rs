@@ -4,6 +4,7 @@
 use super::page::figures_of;
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::scale::{fixed, peak};
+use super::table::grid;
 use super::theme::Ink;
 use super::{figures, thinning::Decimated};
 use haptograph_learning::evaluate::{Condition, Responses};
@@ -15,23 +16,16 @@ pub(super) fn section(texture: &TextureModel) -> String {
     let Ok(responses) = Responses::of(texture) else {
         return String::new();
     };
-    let rows: String = responses
-        .losses()
-        .iter()
-        .map(|(condition, loss)| {
-            format!(
-                "<tr><td>{}</td><td>{}</td><td>{}</td></tr>",
-                condition.symbol(),
-                fixed(loss.power, 3),
-                fixed(loss.centroid_hz, 1)
-            )
-        })
-        .collect();
+    let losses = responses.losses();
+    let rows = losses.iter().map(|(condition, loss)| {
+        vec![condition.symbol().to_owned(), fixed(loss.power, 3), fixed(loss.centroid_hz, 1)]
+    });
+    let head = ["condition", "power variation lost ((m/s²)²)", "spectral centroid variation lost (Hz)"];
     format!(
         "<p>Played along one random walk: responding to force and speed (FS), to force at a constant speed (F), to speed at a constant \
-         force (S), and to neither (ϕ).</p>{}<div class=\"scroll\"><table><tr><th>condition</th><th>power variation lost ((m/s²)²)</th>\
-         <th>spectral centroid variation lost (Hz)</th></tr>{rows}</table></div>",
-        figures_of(&plots(texture, &responses))
+         force (S), and to neither (ϕ).</p>{}{}",
+        figures_of(&plots(texture, &responses)),
+        grid("", head.map(str::to_owned).into_iter(), rows)
     )
 }
 

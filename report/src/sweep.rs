@@ -10,6 +10,7 @@ use super::plot_request::{PlotRequest, RunTraces};
 use super::record::{Content, Friction, Recorded};
 use super::scale::plain;
 use super::svg::escape;
+use super::table::grid;
 use super::theme::Ink;
 use haptograph_surfaces::TextureModel;
 
@@ -209,28 +210,24 @@ impl SweepPage<'_> {
     fn table(&self) -> String {
         let heads = self.runs.iter().enumerate().map(|(number, run)| {
             let ink = Ink::of_run(number).class();
-            format!("<th><i class=\"swatch b{ink}\"></i>{}</th>", escape(&run.head))
+            format!("<i class=\"swatch b{ink}\"></i>{}", escape(&run.head))
         });
         let rows = self.distinct().filter_map(|signal| self.row(signal));
         let (mut differing, same): (Vec<Row>, Vec<Row>) = rows.partition(|row| row.spread > SAME);
         differing.sort_by(|a, b| b.spread.total_cmp(&a.spread));
         let friction = self.friction_row();
-        let cells = friction.iter().chain(&differing).map(Row::to_html).collect::<String>();
+        let rows: Vec<Vec<String>> = friction.iter().chain(&differing).map(Row::cells).collect();
         let same: Vec<&str> = same.iter().map(|row| row.name.as_str()).collect();
         let same = match same.as_slice() {
             [] => String::new(),
             names => format!("<p class=\"remark\">The same in all runs: {}.</p>", escape(&names.join(", "))),
         };
-        let table = match cells.as_str() {
-            "" => "<p>No signal differs between the runs.</p>".to_owned(),
-            rows => {
-                let over = self.over.as_ref();
-                let over = over.map_or_else(String::new, |name| format!(", {} =", escape(name)));
-                format!(
-                    "<div class=\"scroll\"><table><tr><th>Root mean square{over}</th>{}<th>largest by smallest</th></tr>{rows}</table></div>",
-                    heads.collect::<String>()
-                )
-            }
+        let over = self.over.as_ref();
+        let over = over.map_or_else(String::new, |name| format!(", {} =", escape(name)));
+        let heads = [format!("Root mean square{over}")].into_iter().chain(heads);
+        let table = match rows.is_empty() {
+            true => "<p>No signal differs between the runs.</p>".to_owned(),
+            false => grid("", heads.chain(["largest by smallest".to_owned()]), rows.into_iter()),
         };
         table + &same
     }
@@ -327,12 +324,11 @@ struct Row {
 }
 
 impl Row {
-    fn to_html(&self) -> String {
-        let cells: String = self.cells.iter().map(|cell| format!("<td>{}</td>", escape(cell))).collect();
+    fn cells(&self) -> Vec<String> {
         let spread = match self.spread.is_finite() {
             true => plain(self.spread),
             false => "only in some".to_owned(),
         };
-        format!("<tr><td>{}</td>{cells}<td>{}</td></tr>", escape(&self.name), escape(&spread))
+        std::iter::once(&self.name).chain(&self.cells).chain([&spread]).map(|cell| escape(cell)).collect()
     }
 }

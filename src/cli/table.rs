@@ -1,30 +1,10 @@
-//! Text tables: columns as wide as needed, words left-aligned, numbers right-aligned.
+//! Text tables of names and values, and numbers with few digits.
+
+use crate::report::table::Table;
 
 /// A table with a header. Rows may be shorter than the header.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
-    let width = |text: &str| text.chars().count();
-    let is_number = |text: &String| {
-        text.is_empty() || text.starts_with(|c: char| c.is_ascii_digit() || "-+–∞*[".contains(c))
-    };
-    let columns: Vec<(usize, bool)> = header
-        .iter()
-        .enumerate()
-        .map(|(column, name)| {
-            let cells = || rows.iter().filter_map(|row| row.get(column));
-            (cells().map(|cell| width(cell)).fold(width(name), usize::max), cells().all(is_number))
-        })
-        .collect();
-    let line = |cells: &mut dyn Iterator<Item = &str>| {
-        let mut line = String::new();
-        for (cell, &(wide, number)) in cells.zip(&columns) {
-            let gap = " ".repeat(wide - width(cell));
-            line += &if number { format!("  {gap}{cell}") } else { format!("  {cell}{gap}") };
-        }
-        line.trim_end().to_owned() + "\n"
-    };
-    let head = line(&mut header.iter().copied());
-    let body = rows.iter().map(|row| line(&mut row.iter().map(String::as_str)));
-    head + &body.collect::<String>()
+    Table::new(header, rows.to_vec()).text()
 }
 
 /// Names and values, one pair per line.
@@ -55,9 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_stand_under_one_another() {
-        let rows = [vec!["canvas".to_owned(), "3.81".to_owned()], vec!["silk".to_owned(), "12.5".to_owned()]];
-        assert_eq!(table(&["name", "SD"], &rows), "  name      SD\n  canvas  3.81\n  silk    12.5\n");
+    fn values_stand_under_one_another() {
         assert_eq!(facts(&[("a", "1".into()), ("long", "2".into())]), "a     1\nlong  2\n");
     }
 

@@ -1,18 +1,10 @@
 //! Tables of a hold-out evaluation, shared by the terminal and the page.
 
+use crate::table::Table;
 use haptograph_learning::evaluate::Holdout;
 use haptograph_learning::evaluate::holdout::{
     BASELINES, Contact, ContactResult, Mean, Measure, Method, MethodMean, SplitResult,
 };
-
-/// A table of text: a header, and rows whose first cell is a name.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Table {
-    /// Column headers; the first is that of the names.
-    pub head: Vec<String>,
-    /// Rows, each as long as the header.
-    pub rows: Vec<Vec<String>>,
-}
 
 /// Selection of the measures that a table shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,13 +2,12 @@
 
 use crate::cli::Failure;
 use crate::cli::progress::Progress;
-use crate::cli::table::table;
 use crate::learning::evaluate::holdout::{
     BandMean, ContactResult, Mean, Measure, MethodMean, SplitResult, hold_out_contact,
 };
 use crate::learning::evaluate::{Holdout, HoldoutSettings, Take, hold_out};
 use crate::learning::processing::ProcessingSettings;
-use crate::report::holdout::tables::{self, Measures, Table};
+use crate::report::holdout::tables::{self, Measures};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -44,19 +43,14 @@ pub fn describe(found: &Holdout) -> String {
 fn of_split(found: &Holdout, split: &SplitResult) -> String {
     let methods = [Measures::First, Measures::Others].map(|measures| tables::methods(split, measures));
     let shown = methods.into_iter().chain(tables::materials(found, split));
-    let shown: String = shown.map(|table| printed(&table) + "\n").collect();
+    let shown: String = shown.map(|table| table.text() + "\n").collect();
     format!("\n{}\n\n{shown}{}\n", split.split.as_str(), tables::limits(split))
-}
-
-fn printed(of: &Table) -> String {
-    let head: Vec<&str> = of.head.iter().map(String::as_str).collect();
-    table(&head, &of.rows)
 }
 
 /// Text: a table of methods for each quantity of a contact.
 pub fn describe_contact(found: &[ContactResult]) -> String {
     let tables = tables::contacts(found);
-    tables.iter().map(|table| format!("\n{}", printed(table))).collect()
+    tables.iter().map(|table| format!("\n{}", table.text())).collect()
 }
 
 /// All measures of all splits, and the distance in each fold.
