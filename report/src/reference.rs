@@ -43,14 +43,61 @@ pub fn bridges(registry: &Registry) -> impl Iterator<Item = (&'static str, Strin
     registered.chain(WITH_SETTINGS.map(|(name, doc)| (name, doc.to_owned())))
 }
 
+/// A kind of node or device, a template or a bridge, as a list shows it.
+#[derive(Debug, Clone)]
+pub struct Listed {
+    /// Name.
+    pub name: String,
+    /// Group.
+    pub group: &'static str,
+    /// Description.
+    pub doc: String,
+    /// Settings; empty for templates and bridges.
+    pub settings: Vec<SettingSpec>,
+}
+
+impl Listed {
+    fn new(name: &str, group: &'static str, doc: &str, settings: Vec<SettingSpec>) -> Self {
+        Self { name: name.to_owned(), group, doc: doc.to_owned(), settings }
+    }
+}
+
+impl From<&NodeEntry> for Listed {
+    fn from(entry: &NodeEntry) -> Self {
+        Self::new(entry.spec.name, entry.spec.group, entry.spec.doc, entry.settings())
+    }
+}
+
+impl From<&DeviceEntry> for Listed {
+    fn from(entry: &DeviceEntry) -> Self {
+        Self::new(entry.spec.name, DEVICES, entry.spec.doc, entry.settings())
+    }
+}
+
+impl From<&LibraryTemplate> for Listed {
+    fn from(template: &LibraryTemplate) -> Self {
+        Self::new(&template.name, TEMPLATES, &template.about, Vec::new())
+    }
+}
+
+/// All kinds of nodes, then the templates, the kinds of devices and the bridges.
+pub fn all(registry: &Registry) -> Vec<Listed> {
+    let templates = templates(registry.library());
+    let nodes = registry.nodes().iter().map(Listed::from);
+    let nodes = nodes.chain(templates.iter().map(Listed::from));
+    let devices = registry.devices().iter().map(Listed::from);
+    let bridges = bridges(registry).map(|(name, doc)| Listed::new(name, BRIDGES, &doc, Vec::new()));
+    nodes.chain(devices).chain(bridges).collect()
+}
+
 impl Filter {
-    /// True if a kind with this name, group, description and settings is selected.
-    pub fn takes(&self, name: &str, group: &str, doc: &str, settings: &[SettingSpec]) -> bool {
-        let mut text = format!("{name} {group} {doc}");
+    /// True if a kind is selected.
+    pub fn takes(&self, kind: &Listed) -> bool {
+        let mut text = format!("{} {} {}", kind.name, kind.group, kind.doc);
         if !self.words.is_empty() {
-            add_words(&mut text, settings);
+            add_words(&mut text, &kind.settings);
         }
-        self.group.as_deref().is_none_or(|wanted| wanted.eq_ignore_ascii_case(group))
+        self.group.as_deref().is_none_or(|group| group.eq_ignore_ascii_case(kind.group))
             && self.words.iter().all(|word| has_word(&text, word))
     }
 }
@@ -82,26 +129,12 @@ fn add_words(text: &mut String, settings: &[SettingSpec]) {
 
 /// A line per kind, by group, wrapped at `width` characters; empty if the filter selects nothing.
 pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
-    let entries = registry
-        .nodes()
-        .iter()
-        .map(|entry| (entry.spec.group, entry.spec.name, entry.spec.doc, entry.settings()));
-    let devices =
-        registry.devices().iter().map(|entry| (DEVICES, entry.spec.name, entry.spec.doc, entry.settings()));
-    let bridges: Vec<_> = bridges(registry).collect();
-    let bridges = bridges.iter().map(|(name, doc)| (BRIDGES, *name, &**doc, Vec::new()));
-    let templates = templates(registry.library());
-    let shelved = templates.iter().map(|template| (TEMPLATES, &*template.name, &*template.about, Vec::new()));
-    let found: Vec<_> = entries
-        .chain(shelved)
-        .chain(devices)
-        .chain(bridges)
-        .filter(|(group, name, doc, settings)| filter.takes(name, group, doc, settings))
-        .collect();
-    let names = found.iter().map(|(_, name, ..)| name.len()).max().unwrap_or(0);
+    let mut found = all(registry);
+    found.retain(|kind| filter.takes(kind));
+    let names = found.iter().map(|kind| kind.name.len()).max().unwrap_or(0);
     let mut text = String::new();
     for group in all_groups(registry) {
-        let mut of_group = found.iter().filter(|(of, ..)| *of == group).peekable();
+        let mut of_group = found.iter().filter(|kind| kind.group == group).peekable();
         if of_group.peek().is_none() {
             continue;
         }
@@ -115,7 +148,7 @@ pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
             group => group,
         };
         text.push('\n');
-        for (_, name, doc, _) in of_group {
+        for Listed { name, doc, .. } in of_group {
             let indent = names + 4;
             let lines = wrapped(&first_sentence(doc), width.saturating_sub(indent).max(20));
             let _ = writeln!(text, "  {name:names$}  {}", lines.join(&format!("\n{:indent$}", "")));
@@ -191,16 +224,12 @@ fn bridge_text(registry: &Registry, name: &str) -> Option<String> {
 }
 
 /// The settings with a choice of this name, each with its kind.
-pub fn choosing(registry: &Registry, name: &str) -> Vec<(&'static str, &'static str)> {
-    let nodes = registry.nodes().iter().map(|entry| (entry.spec.name, entry.settings()));
-    let devices = registry.devices().iter().map(|entry| (entry.spec.name, entry.settings()));
+pub fn choosing(registry: &Registry, name: &str) -> Vec<(String, &'static str)> {
     let mut found = Vec::new();
-    for (kind, settings) in nodes.chain(devices) {
-        for setting in settings {
-            if setting.parts.iter().any(|part| part.choice == Some(name)) {
-                found.push((kind, setting.name));
-            }
-        }
+    for kind in all(registry) {
+        let has_choice = |setting: &&SettingSpec| setting.parts.iter().any(|part| part.choice == Some(name));
+        let settings = kind.settings.iter().filter(has_choice);
+        found.extend(settings.map(|setting| (kind.name.clone(), setting.name)));
     }
     found
 }
@@ -413,7 +442,7 @@ mod tests {
         let registry = haptograph_nodes::registry();
         assert!(kind(&registry, "Linear").is_some_and(|text| text.contains("docs/format.md")));
         assert!(kind(&registry, "Texture").is_some_and(|text| text.contains("std/texture.ron") && text.contains("`surface` (required)")));
-        assert!(choosing(&registry, "ZigZag").contains(&("SimulatedTablet", "stroke")));
+        assert!(choosing(&registry, "ZigZag").contains(&("SimulatedTablet".to_owned(), "stroke")));
         assert_eq!(choosing(&registry, "NoSuchChoice"), []);
     }
 

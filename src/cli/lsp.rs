@@ -11,7 +11,7 @@ use crate::engine::document::Document;
 use crate::engine::graph::{CheckOptions, Graph, check};
 use crate::engine::registry::Registry;
 use crate::engine::settings::SettingSpec;
-use crate::report::reference;
+use crate::report::reference::{self, Listed};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::io::{BufRead, Write};
@@ -160,17 +160,15 @@ impl Server<'_> {
 
     /// The kinds of nodes and devices.
     fn kinds(&self) -> Value {
-        let nodes = self.registry.nodes().iter();
-        let nodes = nodes.map(|entry| (entry.spec.name, entry.spec.group, entry.spec.doc));
-        let devices = self.registry.devices().iter();
-        let devices = devices.map(|entry| (entry.spec.name, reference::DEVICES, entry.spec.doc));
-        let item = |(name, group, doc): (&str, &str, &str)| {
+        let item = |kind: Listed| {
+            let insert = format!("{}($0)", kind.name);
             json!({
-                "label": name, "kind": KIND_CLASS, "detail": group, "documentation": doc,
-                "insertText": format!("{name}($0)"), "insertTextFormat": SNIPPET,
+                "label": kind.name, "kind": KIND_CLASS, "detail": kind.group, "documentation": kind.doc,
+                "insertText": insert, "insertTextFormat": SNIPPET,
             })
         };
-        nodes.chain(devices).map(item).collect()
+        let nodes = self.registry.nodes().iter().map(Listed::from);
+        nodes.chain(self.registry.devices().iter().map(Listed::from)).map(item).collect()
     }
 
     /// The inputs and settings of a kind.

@@ -2,12 +2,12 @@
 //! are checked against.
 
 use super::{Failure, print, print_json};
-use crate::engine::device::Channel;
-use crate::engine::document::library::templates;
-use crate::engine::node::Presence;
+use crate::engine::device::{Channel, DeviceEntry};
+use crate::engine::document::library::{LibraryTemplate, templates};
+use crate::engine::node::{InputSpec, NodeEntry, OutputSpec, Presence};
 use crate::engine::registry::Registry;
 use crate::engine::settings::{Part, SettingSpec, closest};
-use crate::report::reference::{self, Filter};
+use crate::report::reference::{self, Filter, Listed};
 use serde_json::{Value, json};
 
 /// List the kinds of nodes, devices and bridges and the library's templates, or describe one of them
@@ -37,12 +37,10 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let filter = Filter { group: arguments.group.clone(), words: arguments.find.clone() };
     match &arguments.name {
         None if arguments.markdown => print(&reference::book(registry)),
-        None if arguments.json => print_json(&kinds(registry, &|name, group, doc, settings| {
-            filter.takes(name, group, doc, settings)
-        })),
+        None if arguments.json => print_json(&kinds(registry, &|kind| filter.takes(kind))),
         None => print(&listed(registry, &filter)?),
         Some(name) => match reference::kind(registry, name) {
-            Some(text) if arguments.json => match kinds(registry, &|kind, _, _, _| kind == name).get(0) {
+            Some(text) if arguments.json => match kinds(registry, &|kind| kind.name == *name).first() {
                 Some(named) => print_json(named),
                 None => print_json(&json!({ "name": name, "group": reference::BRIDGES, "doc": text })),
             },
@@ -73,92 +71,79 @@ fn listed(registry: &Registry, filter: &Filter) -> Result<String, Failure> {
     }
 }
 
-/// Filter by name, group, doc and settings of a kind; true to list it.
-type Takes<'a> = &'a dyn Fn(&str, &str, &str, &[SettingSpec]) -> bool;
-
-fn kinds(registry: &Registry, takes: Takes<'_>) -> Value {
-    let nodes = registry.nodes().iter();
-    let nodes =
-        nodes.filter(|entry| takes(entry.spec.name, entry.spec.group, entry.spec.doc, &entry.settings()));
-    let nodes = nodes.map(|entry| {
-        let spec = entry.spec;
-        let inputs = spec.inputs.iter().map(|port| {
-            json!({
-                "name": port.name, "kind": reference::kind_rule(port.kind),
-                "quantity": reference::quantity_rule(port.quantity), "doc": port.doc,
-                "required": port.presence != Presence::Optional, "list": port.presence.is_several(),
-                "named": port.presence == Presence::Named,
-            })
-        });
-        let outputs = spec.outputs.iter().map(|port| {
-            json!({
-                "name": port.name, "kind": reference::kind_rule(port.kind),
-                "quantity": reference::quantity_rule(port.quantity), "doc": port.doc,
-                "named_by": port.count.named_by(),
-            })
-        });
-        json!({
-            "name": spec.name, "group": spec.group, "doc": spec.doc, "source": spec.source, "example": spec.example,
-            "inputs": inputs.collect::<Vec<_>>(), "outputs": outputs.collect::<Vec<_>>(),
-            "settings": entry.settings().iter().map(setting).collect::<Vec<_>>(),
-        })
-    });
-    let devices = registry.devices().iter();
-    let devices = devices
-        .filter(|entry| {
-            let spec = entry.spec;
-            takes(spec.name, reference::DEVICES, spec.doc, &entry.settings())
-        })
-        .map(|entry| {
-            let spec = entry.spec;
-            let channel = |channel: &Channel| {
-                json!({
-                    "name": channel.name, "kind": channel.kind.to_string(),
-                    "quantity": channel.quantity.to_string(), "doc": channel.doc,
-                })
-            };
-            json!({
-                "name": spec.name, "group": reference::DEVICES, "doc": spec.doc, "source": spec.source,
-                "simulated": spec.simulated,
-                "senses": spec.senses.iter().map(channel).collect::<Vec<_>>(),
-                "drives": spec.drives.iter().map(channel).collect::<Vec<_>>(),
-                "settings": entry.settings().iter().map(setting).collect::<Vec<_>>(),
-            })
-        });
+/// The selected kinds of nodes, then templates and devices.
+fn kinds(registry: &Registry, takes: &dyn Fn(&Listed) -> bool) -> Vec<Value> {
+    let nodes = registry.nodes().iter().filter(|entry| takes(&Listed::from(*entry))).map(node);
     let templates = templates(registry.library()).into_iter();
-    let templates = templates
-        .filter(|template| takes(&template.name, reference::TEMPLATES, &template.about, &[]))
-        .map(|template| {
-            let named = |names: Vec<String>| names.into_iter().map(|name| json!({ "name": name })).collect::<Vec<_>>();
-            let settings = template.settings.into_iter();
-            let settings = settings.map(|(name, default)| json!({ "name": name, "default": default }));
-            json!({
-                "name": template.name, "group": reference::TEMPLATES, "doc": template.about, "include": template.file,
-                "inputs": named(template.inputs), "outputs": named(template.outputs),
-                "settings": settings.collect::<Vec<_>>(),
-            })
-        });
+    let templates = templates.filter(|one| takes(&Listed::from(one))).map(template);
+    let devices = registry.devices().iter().filter(|entry| takes(&Listed::from(*entry))).map(device);
     nodes.chain(templates).chain(devices).collect()
 }
 
-fn setting(spec: &SettingSpec) -> Value {
-    let part = |part: &Part| {
+fn node(entry: &NodeEntry) -> Value {
+    let spec = entry.spec;
+    let input = |port: &InputSpec| {
         json!({
-            "choice": part.choice, "doc": part.doc, "fields": part.fields.iter().map(setting).collect::<Vec<_>>(),
+            "name": port.name, "kind": reference::kind_rule(port.kind),
+            "quantity": reference::quantity_rule(port.quantity), "doc": port.doc,
+            "required": port.presence != Presence::Optional, "list": port.presence.is_several(),
+            "named": port.presence == Presence::Named,
         })
     };
+    let output = |port: &OutputSpec| {
+        json!({
+            "name": port.name, "kind": reference::kind_rule(port.kind),
+            "quantity": reference::quantity_rule(port.quantity), "doc": port.doc,
+            "named_by": port.count.named_by(),
+        })
+    };
+    json!({
+        "name": spec.name, "group": spec.group, "doc": spec.doc, "source": spec.source, "example": spec.example,
+        "inputs": list(spec.inputs, input), "outputs": list(spec.outputs, output),
+        "settings": list(&entry.settings(), setting),
+    })
+}
+
+fn device(entry: &DeviceEntry) -> Value {
+    let spec = entry.spec;
+    let channel = |channel: &Channel| {
+        json!({
+            "name": channel.name, "kind": channel.kind.to_string(),
+            "quantity": channel.quantity.to_string(), "doc": channel.doc,
+        })
+    };
+    json!({
+        "name": spec.name, "group": reference::DEVICES, "doc": spec.doc, "source": spec.source,
+        "simulated": spec.simulated, "senses": list(spec.senses, channel), "drives": list(spec.drives, channel),
+        "settings": list(&entry.settings(), setting),
+    })
+}
+
+fn template(template: LibraryTemplate) -> Value {
+    let named = |name: &String| json!({ "name": name });
+    json!({
+        "name": template.name, "group": reference::TEMPLATES, "doc": template.about, "include": template.file,
+        "inputs": list(&template.inputs, named), "outputs": list(&template.outputs, named),
+        "settings": list(&template.settings, |(name, default)| json!({ "name": name, "default": default })),
+    })
+}
+
+fn list<T>(items: &[T], shown: impl Fn(&T) -> Value) -> Vec<Value> {
+    items.iter().map(shown).collect()
+}
+
+fn setting(spec: &SettingSpec) -> Value {
+    let part = |part: &Part| json!({ "choice": part.choice, "doc": part.doc, "fields": list(&part.fields, setting) });
     json!({
         "name": spec.name, "doc": spec.doc, "expected": spec.expected.to_string(), "default": spec.default,
         "unit": spec.unit.as_ref().map(|unit| &unit.symbol),
         "si_per_unit": spec.unit.as_ref().and_then(|unit| Some(unit.scale?.1)),
         "min": spec.range.map(|range| range.0), "max": spec.range.map(|range| range.1), "live": spec.live,
-        "parts": spec.parts.iter().map(part).collect::<Vec<_>>(),
+        "parts": list(&spec.parts, part),
     })
 }
 
 fn unknown(registry: &Registry, name: &str) -> Failure {
-    let nodes = registry.nodes().iter().map(|entry| entry.spec.name);
-    let devices = registry.devices().iter().map(|entry| entry.spec.name);
     if let [(kind, setting), more @ ..] = &reference::choosing(registry, name)[..] {
         let others = match more.len() {
             0 => String::new(),
@@ -169,11 +154,8 @@ fn unknown(registry: &Registry, name: &str) -> Failure {
              nodes {kind}` describes it"
         ));
     }
-    let templates = templates(registry.library());
-    let bridges = reference::bridges(registry).map(|(name, _)| name);
-    let mut known: Vec<&str> = nodes.chain(devices).chain(bridges).collect();
-    known.extend(templates.iter().map(|template| template.name.as_str()));
-    let near = closest(name, known);
+    let known = reference::all(registry);
+    let near = closest(name, known.iter().map(|kind| kind.name.as_str()));
     let help = near.map_or_else(
         || format!("`haptograph nodes --find {name}` searches the descriptions"),
         |near| format!("did you mean `{near}`?"),
