@@ -30,6 +30,7 @@ mod panic_hook;
 mod progress;
 mod recording;
 mod recover;
+mod result;
 mod run;
 mod screen;
 mod segment;

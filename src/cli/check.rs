@@ -1,14 +1,17 @@
 //! `haptograph check`: checks a graph.
 
 use super::failure::findings_json;
+use super::result::{CommandResult, show};
 use super::run::{message, refuse_own_files};
 use super::terminal::is_coloured;
-use super::{Failure, GraphArguments, print, print_json, warnings};
-use crate::engine::diagnostic::render;
+use super::{Failure, GraphArguments, warnings};
+use crate::engine::diagnostic::{Diagnostics, render};
+use crate::engine::graph::Graph;
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
 use crate::live;
-use serde_json::json;
+use serde::Serialize;
+use serde_json::Value;
 
 /// Check a graph and report every problem
 #[derive(Debug, clap::Args)]
@@ -34,32 +37,47 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     };
     refuse_own_files(&graph, false).map_err(message)?;
     live::refuse_conflicts(&graph).map_err(message)?;
-    if arguments.json {
-        return print_json(&json!({ "findings": findings_json(&findings) }));
-    }
-    let colour = is_coloured(&std::io::stdout());
-    let (nodes, wires) = (graph.nodes().len(), graph.nodes().connections().count());
-    let clocks: Vec<String> =
-        graph.clocks().iter().map(|clock| format!("{} {}", clock.name, clock.rate)).collect();
-    let file = arguments.graph.graph.display();
-    print(&format!(
-        "{}{file} is sound: {nodes} nodes, {wires} wires, clocks {}\n",
-        render(&findings, colour),
-        clocks.join(", ")
-    ))?;
-    for latency in graph.latencies() {
-        print(&format!(
-            "latency {} -> {}: {:.2} ms transport, {:.2} ms group delay\n",
-            latency.source,
-            latency.sink,
-            latency.transport_s * 1e3,
-            latency.group_delay_s * 1e3
-        ))?;
-    }
-    if arguments.plan {
-        for plan in Plan::of(&graph, &PlanOptions::default()) {
-            print(&plan.to_string())?;
+    let checked = Checked { findings: findings_json(&findings), warnings: findings, graph, arguments };
+    show(&checked, arguments.json)
+}
+
+/// A sound graph.
+#[derive(Serialize)]
+struct Checked<'a> {
+    findings: Value,
+    #[serde(skip)]
+    warnings: Diagnostics,
+    #[serde(skip)]
+    graph: Graph,
+    #[serde(skip)]
+    arguments: &'a Arguments,
+}
+
+impl CommandResult for Checked<'_> {
+    fn text(&self) -> String {
+        let graph = &self.graph;
+        let (nodes, wires) = (graph.nodes().len(), graph.nodes().connections().count());
+        let clocks: Vec<String> =
+            graph.clocks().iter().map(|clock| format!("{} {}", clock.name, clock.rate)).collect();
+        let mut text = format!(
+            "{}{} is sound: {nodes} nodes, {wires} wires, clocks {}\n",
+            render(&self.warnings, is_coloured(&std::io::stdout())),
+            self.arguments.graph.graph.display(),
+            clocks.join(", ")
+        );
+        for latency in graph.latencies() {
+            text += &format!(
+                "latency {} -> {}: {:.2} ms transport, {:.2} ms group delay\n",
+                latency.source,
+                latency.sink,
+                latency.transport_s * 1e3,
+                latency.group_delay_s * 1e3
+            );
         }
+        if self.arguments.plan {
+            let plans = Plan::of(graph, &PlanOptions::default());
+            plans.iter().for_each(|plan| text += &plan.to_string());
+        }
+        text
     }
-    Ok(())
 }

@@ -1,13 +1,14 @@
 //! `haptograph devices`: the hardware of this machine that a graph can use.
 
+use super::Failure;
 use super::built::how_to_build;
-use super::{Failure, print, print_json};
+use super::result::{CommandResult, show};
 use crate::engine::registry::Registry;
 use crate::live::midi::{self, midi_ports};
 use crate::live::soundcard::{self, Ability, Listed, SoundcardError, list};
 use crate::live::{BackendEntry, evdev, serial};
 use crate::signal::files;
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -27,28 +28,69 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         Err(SoundcardError::NotBuilt) => Vec::new(),
         found => found.map_err(|error| Failure::Message(error.to_string()))?,
     };
-    let pointers = paths("/dev/input/by-id", "-event-mouse");
-    let (serial_ports, ports) = (paths("/dev/serial/by-id", ""), midi_ports());
-    if arguments.json {
-        let soundcards: Vec<Value> = found.iter().map(as_json).collect();
-        let all = [soundcard::BACKEND, evdev::BACKEND, serial::BACKEND, midi::BACKEND];
-        let missing = all.iter().filter(|backend| !backend.is_built);
-        let missing: Vec<&str> = missing.map(|backend| backend.feature).collect();
-        return print_json(&json!({
-            "soundcards": soundcards, "pointers": pointers, "serial": serial_ports, "midi": ports,
-            "missing_features": missing,
-        }));
+    let found = Found {
+        formats: arguments.formats,
+        midi: midi_ports(),
+        missing_features: { BACKENDS.iter().filter(|backend| !backend.is_built) }
+            .map(|backend| backend.feature)
+            .collect(),
+        pointers: paths("/dev/input/by-id", "-event-mouse"),
+        serial: paths("/dev/serial/by-id", ""),
+        soundcards: found.into_iter().map(Card::from).collect(),
+    };
+    show(&found, arguments.json)
+}
+
+/// The backends whose devices are listed.
+const BACKENDS: [BackendEntry; 4] = [soundcard::BACKEND, evdev::BACKEND, serial::BACKEND, midi::BACKEND];
+
+/// The devices of this machine.
+#[derive(Serialize)]
+struct Found {
+    #[serde(skip)]
+    formats: bool,
+    midi: Vec<String>,
+    missing_features: Vec<&'static str>,
+    pointers: Vec<String>,
+    serial: Vec<String>,
+    soundcards: Vec<Card>,
+}
+
+#[derive(Serialize)]
+struct Card {
+    about: String,
+    listens: Option<Direction>,
+    name: String,
+    plays: Option<Direction>,
+}
+
+/// What a card can do in one direction.
+#[derive(Serialize)]
+struct Direction {
+    default: bool,
+    formats: Vec<String>,
+}
+
+impl From<Listed> for Card {
+    fn from(card: Listed) -> Self {
+        let direction = |ability: Ability| Direction { default: ability.default, formats: ability.formats };
+        let Listed { name, about, plays, listens, .. } = card;
+        Self { about, listens: listens.map(direction), name, plays: plays.map(direction) }
     }
-    let cards = found.iter().map(|card| shown(card, arguments.formats)).collect();
-    let sections = [
-        (soundcard::BACKEND, "`Soundcard`, `SoundcardAccelerometer` and others", cards),
-        (evdev::BACKEND, "`EvdevDevice`", pointers),
-        (serial::BACKEND, "`SerialInput`", serial_ports),
-        (midi::BACKEND, "`MidiInput`", ports),
-    ];
-    let text: String =
-        sections.iter().map(|(backend, kinds, names)| section(*backend, kinds, names)).collect();
-    print(&text)
+}
+
+impl CommandResult for Found {
+    fn text(&self) -> String {
+        let cards: Vec<String> = self.soundcards.iter().map(|card| shown(card, self.formats)).collect();
+        let sections = [
+            ("`Soundcard`, `SoundcardAccelerometer` and others", &cards),
+            ("`EvdevDevice`", &self.pointers),
+            ("`SerialInput`", &self.serial),
+            ("`MidiInput`", &self.midi),
+        ];
+        let sections = BACKENDS.into_iter().zip(sections);
+        sections.map(|(backend, (kinds, names))| section(backend, kinds, names)).collect()
+    }
 }
 
 /// A section of the list: the names of the devices, or one line that says why there are none.
@@ -65,14 +107,6 @@ fn section(backend: BackendEntry, kinds: &str, names: &[String]) -> String {
     }
 }
 
-fn as_json(card: &Listed) -> Value {
-    let ability = |ability: &Option<Ability>| {
-        let ability = ability.as_ref();
-        ability.map(|ability| json!({ "default": ability.default, "formats": ability.formats }))
-    };
-    json!({ "name": card.name, "about": card.about, "plays": ability(&card.plays), "listens": ability(&card.listens) })
-}
-
 /// The entries of a folder of device links whose names end in `ending`; empty if the folder does not exist.
 fn paths(folder: &str, ending: &str) -> Vec<String> {
     let entries = files::entries(Path::new(folder)).into_iter().flatten().flatten();
@@ -82,7 +116,7 @@ fn paths(folder: &str, ending: &str) -> Vec<String> {
     paths
 }
 
-fn shown(card: &Listed, formats: bool) -> String {
+fn shown(card: &Card, formats: bool) -> String {
     let mut text = card.name.clone();
     if !card.about.is_empty() && card.about != card.name {
         // Some systems describe a card in several lines.

@@ -1,8 +1,9 @@
 //! `haptograph doctor`: checks of this machine for low latency, with advice.
 
+use super::Failure;
 use super::bench::bytes;
+use super::result::{CommandResult, show};
 use super::run::folder::dead_in;
-use super::{Failure, print, print_json};
 use crate::engine::document::Document;
 use crate::engine::graph::{CheckOptions, check};
 use crate::engine::registry::Registry;
@@ -10,7 +11,7 @@ use crate::engine::run::{FileSinks, LiveOptions, Meters, Session};
 use crate::live::soundcard::{SoundcardError, list};
 use crate::live::timer::Timer;
 use crate::signal::files;
-use serde_json::json;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Check this machine for low latency and advise
@@ -22,11 +23,12 @@ pub struct Arguments {
 }
 
 /// The result of one check.
+#[derive(Serialize)]
 struct Finding {
-    what: &'static str,
-    found: String,
     /// The remedy; `None` if nothing is wrong.
     advice: Option<&'static str>,
+    found: String,
+    what: &'static str,
 }
 
 impl Finding {
@@ -49,18 +51,18 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     findings.push(feature());
     findings.push(leftovers());
     findings.push(timer(registry)?);
-    if arguments.json {
-        let finding = |finding: &Finding| json!({ "what": finding.what, "found": finding.found, "advice": finding.advice });
-        return print_json(&findings.iter().map(finding).collect::<Vec<_>>());
+    show(&findings, arguments.json)
+}
+
+impl CommandResult for Vec<Finding> {
+    fn text(&self) -> String {
+        let text: String = self.iter().map(shown).collect();
+        text + &match self.iter().filter(|finding| finding.advice.is_some()).count() {
+            0 => "no problems found\n".to_owned(),
+            1 => "found 1 possible improvement\n".to_owned(),
+            lacking => format!("found {lacking} possible improvements\n"),
+        }
     }
-    let lacking = findings.iter().filter(|finding| finding.advice.is_some()).count();
-    let text: String = findings.iter().map(shown).collect();
-    let end = match lacking {
-        0 => "no problems found\n".to_owned(),
-        1 => "found 1 possible improvement\n".to_owned(),
-        _ => format!("found {lacking} possible improvements\n"),
-    };
-    print(&(text + &end))
 }
 
 fn shown(finding: &Finding) -> String {

@@ -1,11 +1,12 @@
 //! `haptograph draw`: a graph as an SVG drawing, or as text for Graphviz or Mermaid.
 
 use super::output::{Force, Output};
-use super::{Failure, GraphArguments, print, print_json};
+use super::result::{CommandResult, Written, show};
+use super::{Failure, GraphArguments};
 use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
 use crate::report::drawing;
-use serde_json::json;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Draw a graph as SVG, DOT or Mermaid
@@ -29,6 +30,18 @@ struct DrawingFile {
     path: PathBuf,
     draw: fn(&Graph, &str) -> String,
     is_svg: bool,
+}
+
+/// A drawing that is not written into a file.
+#[derive(Serialize)]
+struct Drawing {
+    svg: String,
+}
+
+impl CommandResult for Drawing {
+    fn text(&self) -> String {
+        self.svg.clone()
+    }
 }
 
 fn drawing_file(text: &str) -> Result<DrawingFile, String> {
@@ -62,18 +75,13 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         return Err(Failure::Message(format!("{why}: write a .dot file, which Graphviz's `sfdp` can draw")));
     }
     let Some(DrawingFile { path, draw, .. }) = &arguments.output else {
-        let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
-        return match arguments.json {
-            true => print_json(&json!({ "svg": picture })),
-            false => print(&picture),
-        };
+        return show(
+            &Drawing { svg: drawing::standalone_svg(&graph, &arguments.graph.name()) },
+            arguments.json,
+        );
     };
     arguments.graph.refuse_inputs(&graph, path)?;
     let output = Output::claim(path, arguments.force)?;
     let picture = draw(&graph, &arguments.graph.name());
-    let written = output.write(&picture)?;
-    match arguments.json {
-        true => print_json(&json!({ "written": [written] })),
-        false => print(&format!("wrote {}\n", written.display())),
-    }
+    show(&Written::new(&output.write(&picture)?, String::new()), arguments.json)
 }

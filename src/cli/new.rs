@@ -1,9 +1,9 @@
 //! `haptograph new`: writes a first graph.
 
-use super::{Failure, print, print_json};
+use super::Failure;
+use super::result::{Written, show};
 use crate::engine::registry::Registry;
 use crate::signal::files;
-use serde_json::json;
 use std::path::PathBuf;
 
 /// Write a commented graph to start from
@@ -27,11 +27,8 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     }
     files::write_atomically(path, STARTER.as_bytes())
         .map_err(|error| Failure::file("write", path, &error))?;
-    if arguments.json {
-        return print_json(&json!({ "written": [path] }));
-    }
     let shown = path.display();
-    print(&format!(
-        "wrote {shown}\n\nrun it:   haptograph run {shown}\ndraw it:  haptograph draw {shown} -o graph.svg\n"
-    ))
+    let advice =
+        format!("\nrun it:   haptograph run {shown}\ndraw it:  haptograph draw {shown} -o graph.svg\n");
+    show(&Written::new(path, advice), arguments.json)
 }

@@ -11,7 +11,7 @@ use crate::engine::registry::Registry;
 use crate::nodes::wav::{Repair, repair};
 use crate::signal::files;
 use crate::surfaces::recorder::assemble;
-use serde_json::json;
+use serde::Serialize;
 use std::fs::{self, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -32,23 +32,30 @@ pub struct Arguments {
 const DEPTH: usize = 8;
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
-    let (mut failed, mut repaired) = (false, Vec::new());
+    let mut repaired = Repaired { complete: true, done: Vec::new() };
     for path in &arguments.paths {
         for done in recover(path)? {
             match done {
-                Ok(text) if arguments.json => repaired.push(text),
+                Ok(text) if arguments.json => repaired.done.push(text),
                 Ok(text) => print(&(text + "\n"))?,
                 Err(failure) => {
                     eprint(&format!("error: {failure}\n"));
-                    failed = true;
+                    repaired.complete = false;
                 }
             }
         }
     }
     if arguments.json {
-        print_json(&json!({ "done": repaired, "complete": !failed }))?;
+        print_json(&repaired)?;
     }
-    if failed { Err(Failure::Reported) } else { Ok(()) }
+    if repaired.complete { Ok(()) } else { Err(Failure::Reported) }
+}
+
+/// What was repaired. As text each repair is printed when it is done.
+#[derive(Serialize)]
+struct Repaired {
+    complete: bool,
+    done: Vec<String>,
 }
 
 /// The change made to a file, or the reason of a failure.

@@ -2,9 +2,9 @@
 
 use super::{Failure, claim, load, save};
 use crate::cli::output::Force;
-use crate::cli::{print, print_json, refuse_overwrite};
+use crate::cli::refuse_overwrite;
+use crate::cli::result::{Written, show};
 use crate::surfaces::files::merge;
-use serde_json::json;
 use std::path::PathBuf;
 
 /// Convert a surface between haptograph's .ron and the toolkit's (HaTT) .xml
@@ -38,8 +38,5 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     // Clap requires at least one file.
     let Some(surface) = surface else { return Ok(()) };
     let output = save(&surface, &output)?;
-    match arguments.json {
-        true => print_json(&json!({ "written": [output] })),
-        false => print(&format!("wrote {}\n", output.display())),
-    }
+    show(&Written::new(&output, String::new()), arguments.json)
 }

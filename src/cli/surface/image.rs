@@ -1,12 +1,12 @@
 //! `haptograph surface image`: visual roughness and fineness of a photograph (thesis 3.2.1 and 3.2.4).
 
 use super::Failure;
+use crate::cli::result::{CommandResult, show};
 use crate::cli::table::{facts, significant};
-use crate::cli::{print, print_json};
 use crate::learning::metrics::{GrayImage, fineness_per_mm, roughness};
 use crate::signal::files;
 use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
-use serde_json::json;
+use serde::Serialize;
 use std::io::Cursor;
 use std::path::PathBuf;
 
@@ -45,28 +45,38 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Picture { width, height, gray } = Picture::read(&bytes).map_err(|error| failed(&error))?;
     let pixels_per_mm = width as f64 / arguments.mm;
     let image = GrayImage::new(width, height, pixels_per_mm, gray).map_err(|error| failed(&error))?;
-    let (roughness, fineness_per_mm) = (roughness(&image), fineness_per_mm(&image));
-    if arguments.json {
-        return print_json(&json!({
-            "width_px": width,
-            "height_px": height,
-            "pixels_per_mm": pixels_per_mm,
-            "angular_second_moment": roughness,
-            "fineness_per_mm": fineness_per_mm,
-        }));
-    }
-    let scale = significant(pixels_per_mm, 4);
-    print(&facts(&[
-        ("picture", format!("{width} x {height} pixels, {scale} pixels/mm")),
-        (
-            "roughness",
-            format!(
-                "angular second moment {} (1 if even; the smaller, the rougher it looks)",
-                significant(roughness, 3)
+    let measured = Measured {
+        angular_second_moment: roughness(&image),
+        fineness_per_mm: fineness_per_mm(&image),
+        height_px: height,
+        pixels_per_mm,
+        width_px: width,
+    };
+    show(&measured, arguments.json)
+}
+
+#[derive(Serialize)]
+struct Measured {
+    angular_second_moment: f64,
+    fineness_per_mm: f64,
+    height_px: usize,
+    pixels_per_mm: f64,
+    width_px: usize,
+}
+
+impl CommandResult for Measured {
+    fn text(&self) -> String {
+        let scale = significant(self.pixels_per_mm, 4);
+        let roughness = significant(self.angular_second_moment, 3);
+        facts(&[
+            ("picture", format!("{} x {} pixels, {scale} pixels/mm", self.width_px, self.height_px)),
+            (
+                "roughness",
+                format!("angular second moment {roughness} (1 if even; the smaller, the rougher it looks)"),
             ),
-        ),
-        ("fineness", format!("{} cycles/mm (spectral centroid)", significant(fineness_per_mm, 3))),
-    ]))
+            ("fineness", format!("{} cycles/mm (spectral centroid)", significant(self.fineness_per_mm, 3))),
+        ])
+    }
 }
 
 /// The grey values of a picture, by row.

@@ -1,10 +1,11 @@
 //! `haptograph surface interpolate`: the filter of a texture at any speed and force.
 
 use super::{Failure, load, texture};
-use crate::cli::{print, snippet};
+use crate::cli::result::{CommandResult, show};
+use crate::cli::snippet;
 use crate::signal::files;
 use crate::signal::units::decimal::{format_thousandfold, parse_thousandth};
-use crate::surfaces::{Coefficients, Interpolator, Spot};
+use crate::surfaces::{Coefficients, Interpolator};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -23,10 +24,12 @@ pub struct Arguments {
     json: bool,
 }
 
+/// The filter at a speed and a force.
 #[derive(Serialize)]
-struct Json<'a> {
+struct Interpolated<'a> {
     speed_mm_s: f64,
     force_n: f64,
+    /// As asked, if that lies outside the modelled range.
     #[serde(skip_serializing_if = "Option::is_none")]
     asked_speed_mm_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -63,12 +66,20 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let spot = interpolator.interpolate(asked.speed_m_s, asked.force_n, &mut coefficients);
         let at = asked.saturated(&most);
         let beyond = asked.differs_from(&at).then_some(asked);
-        let text = if arguments.json {
-            json(&at, beyond, &spot, &coefficients)?
-        } else {
-            describe(&at, beyond, &spot, &coefficients)
+        let interpolated = Interpolated {
+            speed_mm_s: at.speed_mm_s,
+            force_n: at.force_n,
+            asked_speed_mm_s: beyond.map(|asked| asked.speed_mm_s),
+            asked_force_n: beyond.map(|asked| asked.force_n),
+            triangle: spot.vertices,
+            weights: spot.weights,
+            ar: coefficients.ar(),
+            ma: coefficients.ma(),
+            gain: coefficients.gain,
+            variance: coefficients.variance,
+            warping: coefficients.warping,
         };
-        print(&(text + "\n"))?;
+        show(&interpolated, arguments.json)?;
     }
     Ok(())
 }
@@ -151,53 +162,32 @@ fn mm_s(speed_m_s: f64) -> f64 {
     format_thousandfold(speed_m_s).parse().unwrap_or(speed_m_s * 1000.0)
 }
 
-/// `beyond` holds the requested values if they lie outside the modelled range.
-fn json(
-    at: &Request,
-    beyond: Option<Request>,
-    spot: &Spot,
-    coefficients: &Coefficients,
-) -> Result<String, Failure> {
-    let line = Json {
-        speed_mm_s: at.speed_mm_s,
-        force_n: at.force_n,
-        asked_speed_mm_s: beyond.map(|asked| asked.speed_mm_s),
-        asked_force_n: beyond.map(|asked| asked.force_n),
-        triangle: spot.vertices,
-        weights: spot.weights,
-        ar: coefficients.ar(),
-        ma: coefficients.ma(),
-        gain: coefficients.gain,
-        variance: coefficients.variance,
-        warping: coefficients.warping,
-    };
-    serde_json::to_string(&line)
-        .map_err(|error| Failure::Message(format!("cannot write the result as JSON: {error}")))
-}
-
-fn describe(at: &Request, beyond: Option<Request>, spot: &Spot, coefficients: &Coefficients) -> String {
-    let list =
-        |values: &[f64]| values.iter().map(|value| format!("{value:.6}")).collect::<Vec<_>>().join(" ");
-    let [a, b, c] = spot.vertices;
-    let asked = beyond.map_or_else(String::new, |asked| {
-        format!(" in place of {} mm/s, {} N", asked.speed_mm_s, asked.force_n)
-    });
-    let mut text = format!(
-        "{} mm/s, {} N{asked}: models {a}, {b}, {c} by {}; variance {:e}, gain {}, ar {}",
-        at.speed_mm_s,
-        at.force_n,
-        list(&spot.weights),
-        coefficients.variance,
-        coefficients.gain,
-        list(coefficients.ar()),
-    );
-    if coefficients.warping != 0.0 {
-        text += &format!(" on an axis warped by {}", coefficients.warping);
+impl CommandResult for Interpolated<'_> {
+    fn text(&self) -> String {
+        let list =
+            |values: &[f64]| values.iter().map(|value| format!("{value:.6}")).collect::<Vec<_>>().join(" ");
+        let [a, b, c] = self.triangle;
+        let asked = self.asked_speed_mm_s.zip(self.asked_force_n);
+        let asked = asked.map_or_else(String::new, |(speed_mm_s, force_n)| {
+            format!(" in place of {speed_mm_s} mm/s, {force_n} N")
+        });
+        let mut text = format!(
+            "{} mm/s, {} N{asked}: models {a}, {b}, {c} by {}; variance {:e}, gain {}, ar {}",
+            self.speed_mm_s,
+            self.force_n,
+            list(&self.weights),
+            self.variance,
+            self.gain,
+            list(self.ar),
+        );
+        if self.warping != 0.0 {
+            text += &format!(" on an axis warped by {}", self.warping);
+        }
+        if !self.ma.is_empty() {
+            text += &format!(", ma {}", list(self.ma));
+        }
+        text + "\n"
     }
-    if coefficients.ma_order > 0 {
-        text += &format!(", ma {}", list(coefficients.ma()));
-    }
-    text
 }
 
 #[cfg(test)]

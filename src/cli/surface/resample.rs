@@ -2,8 +2,9 @@
 
 use super::{Failure, claim, load, save};
 use crate::cli::output::Force;
+use crate::cli::refuse_overwrite;
+use crate::cli::result::{CommandResult, show};
 use crate::cli::table::significant;
-use crate::cli::{print, print_json, refuse_overwrite};
 use crate::surfaces::resampling::{self, resample_surface};
 use clap::ValueEnum;
 use serde::Serialize;
@@ -42,12 +43,29 @@ enum Method {
 }
 
 #[derive(Serialize)]
-struct Json {
+struct Resampled {
     rate_hz: f64,
     method: &'static str,
     worst_db: f64,
     worst_at_hz: f64,
     worst_vertex: usize,
+    #[serde(skip)]
+    output: PathBuf,
+}
+
+impl CommandResult for Resampled {
+    fn text(&self) -> String {
+        format!(
+            "wrote {}: {} Hz by {}\nworst spectral deviation from 20 Hz to {} Hz: {} dB at {} Hz, model {} (from 0)\n",
+            self.output.display(),
+            self.rate_hz,
+            self.method,
+            significant(0.4 * self.rate_hz, 4),
+            significant(self.worst_db, 3),
+            significant(self.worst_at_hz, 4),
+            self.worst_vertex
+        )
+    }
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -62,23 +80,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (surface, resampled) = resample_surface(&surface, arguments.rate_hz, method)
         .map_err(|error| Failure::file("resample", &arguments.input, &error))?;
     let output = save(&surface, &output)?;
-    let (worst, vertex) = (resampled.worst, resampled.worst_vertex);
-    if arguments.json {
-        return print_json(&Json {
-            rate_hz: arguments.rate_hz,
-            method: method.name(),
-            worst_db: worst.db,
-            worst_at_hz: worst.frequency_hz,
-            worst_vertex: vertex,
-        });
-    }
-    print(&format!(
-        "wrote {}: {} Hz by {}\nworst spectral deviation from 20 Hz to {} Hz: {} dB at {} Hz, model {vertex} (from 0)\n",
-        output.display(),
-        arguments.rate_hz,
-        method.name(),
-        significant(0.4 * arguments.rate_hz, 4),
-        significant(worst.db, 3),
-        significant(worst.frequency_hz, 4),
-    ))
+    let resampled = Resampled {
+        rate_hz: arguments.rate_hz,
+        method: method.name(),
+        worst_db: resampled.worst.db,
+        worst_at_hz: resampled.worst.frequency_hz,
+        worst_vertex: resampled.worst_vertex,
+        output,
+    };
+    show(&resampled, arguments.json)
 }
