@@ -140,80 +140,90 @@ fn segments(surface: &Surface, drags: &[ProcessedRecording], found: &TextureRepo
         _ => ("window", "windows"),
     };
     for (number, drag) in drags.iter().enumerate() {
+        let segments: Vec<&SegmentReport> = found.segments.iter().filter(|s| s.recording == number).collect();
         let signals = drag.signals();
-        let seconds = drag.samples() as f64 / signals.rate_hz;
-        let of_drag: Vec<&SegmentReport> = found.segments.iter().filter(|s| s.recording == number).collect();
-        let time_s = |sample: usize| sample as f64 / signals.rate_hz;
-        let breaks = |low: f64, high: f64| {
-            let at = of_drag.iter().skip(1).map(|s| time_s(s.samples.start));
-            Mark::Segments(
-                Style::named(Ink::Grey, format!("limit of a {piece}")).weight(Weight::Dashed),
-                at.map(|t| [(t, low), (t, high)]).collect(),
-            )
+        let loudest = 1.05 * peak(&signals.acceleration_m_s2);
+        let title = match drags.len() {
+            1 => "Acceleration".to_owned(),
+            _ => format!("Acceleration, drag {}", number + 1),
         };
-        let plot = |title: String, note: String, label: &str, low: f64, high: f64, marks: Vec<Mark>| Plot {
-            caption: match label {
-                "Acceleration (m/s²)" => format!("The recorded vibration, cut into {pieces}."),
-                _ => format!("A model is learned from each {piece}, for its median speed and force."),
-            },
+        let note = format!("{} {pieces}, order {}", segments.len(), found.order);
+        let drag = Drag { drag, segments, piece };
+        let acceleration = drag.signal(Ink::Blue, "acceleration", &signals.acceleration_m_s2, 1.0);
+        plots.push(Plot {
             title,
             note,
-            x: Axis::of("Time (s)").over(0.0, seconds),
-            y: Axis::of(label).over(low, high),
-            marks: [marks, vec![breaks(low, high)]].concat(),
-            size: (0.0, 170.0),
-            ..Plot::default()
-        };
-        let medians =
-            |fate: fn(&Fate) -> bool, ink: Ink, name: &str, value: &dyn Fn(&SegmentReport) -> f64| {
-                let chosen = of_drag.iter().filter(|s| fate(&s.fate));
-                let line = |s: &&SegmentReport| {
-                    [(time_s(s.samples.start), value(s)), (time_s(s.samples.end), value(s))]
-                };
-                Mark::Segments(Style::named(ink, name).weight(Weight::Bold), chosen.map(line).collect())
-            };
-        let labelled = |value: &dyn Fn(&SegmentReport) -> f64| {
-            let mut marks = vec![medians(
-                |fate| *fate == Fate::Kept,
-                Ink::Orange,
-                &format!("median of a {piece} that is used"),
-                value,
-            )];
-            if of_drag.iter().any(|s| s.fate != Fate::Kept) {
-                marks.push(medians(
-                    |fate| *fate != Fate::Kept,
-                    Ink::Rose,
-                    &format!("of a {piece} left out"),
-                    value,
-                ));
-            }
-            marks
-        };
-        let title = if drags.len() == 1 {
-            "Acceleration".to_owned()
-        } else {
-            format!("Acceleration, drag {}", number + 1)
-        };
-        let note = format!("{} {pieces}, order {}", of_drag.len(), found.order);
-        let loudest = 1.05 * peak(&signals.acceleration_m_s2);
-        let acceleration = Mark::samples(
-            Style::named(Ink::Blue, "acceleration"),
-            signals.rate_hz,
-            &signals.acceleration_m_s2,
-            1.0,
-        );
-        plots.push(plot(title, note, "Acceleration (m/s²)", -loudest, loudest, vec![acceleration]));
-        let speed = Mark::samples(Style::named(Ink::Teal, "speed"), signals.rate_hz, &signals.speed_m_s, 1e3);
-        let speeds = [vec![speed], labelled(&|s| s.speed_m_s * 1e3)].concat();
+            caption: format!("The recorded vibration, cut into {pieces}."),
+            ..drag.plot("Acceleration (m/s²)", (-loudest, loudest), vec![acceleration])
+        });
+        let speed = drag.signal(Ink::Teal, "speed", &signals.speed_m_s, 1e3);
         let fastest = 1.05e3 * peak(&signals.speed_m_s);
-        plots.push(plot("Speed".into(), String::new(), "Speed (mm/s)", 0.0, fastest, speeds));
-        let force =
-            Mark::samples(Style::named(Ink::Plum, "force"), signals.rate_hz, &signals.force_normal_n, 1.0);
-        let forces = [vec![force], labelled(&|s| s.force_n)].concat();
+        plots.push(Plot {
+            title: "Speed".into(),
+            ..drag.labelled("Speed (mm/s)", fastest, speed, &|s| s.speed_m_s * 1e3)
+        });
+        let force = drag.signal(Ink::Plum, "force", &signals.force_normal_n, 1.0);
         let hardest = 1.05 * peak(&signals.force_normal_n);
-        plots.push(plot("Normal force".into(), String::new(), "Force (N)", 0.0, hardest, forces));
+        plots.push(Plot {
+            title: "Normal force".into(),
+            ..drag.labelled("Force (N)", hardest, force, &|s| s.force_n)
+        });
     }
     figures_of(&plots)
+}
+
+/// A drag with the segments of it that models were learned from.
+struct Drag<'a> {
+    drag: &'a ProcessedRecording,
+    segments: Vec<&'a SegmentReport>,
+    /// Name of a segment.
+    piece: &'static str,
+}
+
+impl Drag<'_> {
+    fn time_s(&self, sample: usize) -> f64 {
+        sample as f64 / self.drag.signals().rate_hz
+    }
+
+    fn signal(&self, ink: Ink, name: &str, samples: &[f64], factor: f64) -> Mark {
+        Mark::samples(Style::named(ink, name), self.drag.signals().rate_hz, samples, factor)
+    }
+
+    /// Marks over the time of the drag, with the limits of its segments.
+    fn plot(&self, label: &str, (low, high): (f64, f64), mut marks: Vec<Mark>) -> Plot {
+        let breaks = self.segments.iter().skip(1).map(|s| self.time_s(s.samples.start));
+        marks.push(Mark::Segments(
+            Style::named(Ink::Grey, format!("limit of a {}", self.piece)).weight(Weight::Dashed),
+            breaks.map(|t| [(t, low), (t, high)]).collect(),
+        ));
+        Plot {
+            x: Axis::of("Time (s)").over(0.0, self.time_s(self.drag.samples())),
+            y: Axis::of(label).over(low, high),
+            marks,
+            size: (0.0, 170.0),
+            ..Plot::default()
+        }
+    }
+
+    /// A signal with its median in each segment: of those that are used, and of those left out.
+    fn labelled(&self, label: &str, most: f64, signal: Mark, value: &dyn Fn(&SegmentReport) -> f64) -> Plot {
+        let medians = |used: bool, ink: Ink, name: String| {
+            let chosen = self.segments.iter().filter(|s| (s.fate == Fate::Kept) == used);
+            let line = |s: &&SegmentReport| {
+                [(self.time_s(s.samples.start), value(s)), (self.time_s(s.samples.end), value(s))]
+            };
+            Mark::Segments(Style::named(ink, name).weight(Weight::Bold), chosen.map(line).collect())
+        };
+        let piece = self.piece;
+        let mut marks = vec![signal, medians(true, Ink::Orange, format!("median of a {piece} that is used"))];
+        if self.segments.iter().any(|s| s.fate != Fate::Kept) {
+            marks.push(medians(false, Ink::Rose, format!("of a {piece} left out")));
+        }
+        Plot {
+            caption: format!("A model is learned from each {piece}, for its median speed and force."),
+            ..self.plot(label, (0.0, most), marks)
+        }
+    }
 }
 
 /// The triangulation over speed and force, with the rejected models (Fig. 2.6).

@@ -2,7 +2,6 @@
 
 pub(super) mod signals;
 
-use super::{drawing, figures};
 use super::headlines::{Headline, cards, of_signals};
 use super::inks::Inks;
 use super::player;
@@ -13,6 +12,7 @@ use super::record::{Friction, Recorded, friction};
 use super::sound::Sound;
 use super::svg::escape;
 use super::theme;
+use super::{drawing, figures};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use haptograph_engine::graph::Graph;

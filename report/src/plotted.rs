@@ -117,7 +117,8 @@ fn attached<T: Reduction>(
 /// The outputs that state shortfalls of their nodes, with the reasons.
 fn shortfalls(graph: &Graph) -> Vec<(WatchedOutput, &'static [&'static str])> {
     let nodes = graph.nodes();
-    let outputs = nodes.ids().flat_map(|node| (0..nodes[node].outputs.len()).map(move |output| (node, output)));
+    let outputs =
+        nodes.ids().flat_map(|node| (0..nodes[node].outputs.len()).map(move |output| (node, output)));
     let stated = outputs.filter_map(|(node, output)| match nodes[node].output_spec(output)?.role {
         OutputRole::Shortfall(reasons) => Some((watch(graph, node, output)?, reasons)),
         _ => None,

@@ -20,7 +20,7 @@ use clap::ArgGroup;
 use serde_json::json;
 use std::fs;
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Run a graph once for each of several settings and compare the runs on a page
 ///
@@ -155,38 +155,9 @@ struct Done {
 const MAX_RUNS: usize = 200;
 
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
-    arguments.graph.refuse_repeated()?;
-    super::refuse_repeated("--over", arguments.over.iter().map(|(name, _)| name.as_str()))?;
-    for (name, values) in &arguments.over {
-        super::refuse_repeated(&format!("--over {name}=..."), values.iter().map(String::as_str))?;
-    }
-    let combined =
-        arguments.over.iter().try_fold(1_usize, |count, (_, values)| count.checked_mul(values.len()));
-    if combined.is_none_or(|count| count.saturating_add(arguments.case.len()) > MAX_RUNS) {
-        return Err(Failure::Message(format!(
-            "these values have more than {MAX_RUNS} combinations; sweep over fewer"
-        )));
-    }
+    refuse_unclear(arguments)?;
     let cases = arguments.cases();
-    let short = arguments.case.is_empty() && arguments.over.len() == 1;
-    // All graphs are checked before the first one runs.
-    let graphs: Vec<(&Case, run::Arguments, Graph)> = cases
-        .iter()
-        .map(|case| {
-            let run = arguments_of(arguments, case);
-            let graph = run.graph.load(registry, run.seed).map_err(Failure::Graph)?;
-            Ok((case, run, graph))
-        })
-        .collect::<Result<_, Failure>>()?;
-    let mut warned: Vec<String> = Vec::new();
-    for (_, _, graph) in graphs.iter().filter(|(.., graph)| !graph.warnings().is_empty()) {
-        let text = render(&warnings(graph), is_coloured(&std::io::stderr()));
-        // A warning common to all runs is printed once.
-        if !warned.contains(&text) {
-            eprint(&text);
-            warned.push(text);
-        }
-    }
+    let graphs = checked(arguments, &cases, registry)?;
     let target = arguments.out.clone().unwrap_or_else(|| {
         let name = format!("{}-sweep", arguments.graph.name());
         PathBuf::from("out").join(name)
@@ -195,24 +166,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let (stop, planned) = (run::stop_on_interrupt()?, graphs.len());
     folder.begin();
     let mut done = Vec::new();
-    for (number, (case, run_arguments, graph)) in graphs.into_iter().enumerate() {
-        let place = folder.path().join(format!("{:02}", number + 1));
-        fs::create_dir(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
-        let mut file_sinks = FileSinks::new(&graph);
-        file_sinks.open_files(&place).map_err(message)?;
-        let mut plotted = run::plotted_signals(&graph, &mut file_sinks);
-        let offline = Offline::new(file_sinks, usize::from(run_arguments.block));
-        let (outcome, took_s) = timed(offline, arguments.duration_s, &stop)?;
-        let mut summary = Summary::of(&run_arguments, &graph, &outcome, took_s);
-        summary.add(Vec::new(), run::unreached(&graph));
-        for (file, text) in [
-            ("run.json", summary.to_json()),
-            ("report.html", summary.page(&graph, &plotted, plotted.sound().as_ref())),
-        ] {
-            folder.write(&format!("{:02}/{file}", number + 1), &text)?;
-        }
-        plotted.forget_sound();
-        done.push(Done { name: case.name(short), label: case.label(), graph, plotted, summary });
+    for (number, checked) in graphs.into_iter().enumerate() {
+        done.push(run_one(arguments, checked, &folder, number + 1, &stop)?);
         if stop.load(Ordering::Relaxed) {
             break;
         }
@@ -222,7 +177,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     folder.write("run.json", &facts)?;
     let placed = folder.put_in_place()?;
     placed.lines().iter().for_each(|line| eprint(&format!("note: {line}\n")));
-    if done.len() < planned || stop.load(Ordering::Relaxed) {
+    let stopped = stop.load(Ordering::Relaxed);
+    if done.len() < planned || stopped {
         eprint(&format!(
             "warning: stopped after {} of {planned} runs; the last one is shorter than --for\n",
             done.len()
@@ -237,10 +193,75 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
             target.join("report.html").display()
         ),
     })?;
-    match stop.load(Ordering::Relaxed) {
-        true => Err(Failure::Interrupted),
+    if stopped { Err(Failure::Interrupted) } else { Ok(()) }
+}
+
+/// Refuses repeated names and values, and too many runs.
+fn refuse_unclear(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.graph.refuse_repeated()?;
+    super::refuse_repeated("--over", arguments.over.iter().map(|(name, _)| name.as_str()))?;
+    for (name, values) in &arguments.over {
+        super::refuse_repeated(&format!("--over {name}=..."), values.iter().map(String::as_str))?;
+    }
+    let combined =
+        arguments.over.iter().try_fold(1_usize, |count, (_, values)| count.checked_mul(values.len()));
+    match combined.is_none_or(|count| count.saturating_add(arguments.case.len()) > MAX_RUNS) {
+        true => Err(Failure::Message(format!(
+            "these values have more than {MAX_RUNS} combinations; sweep over fewer"
+        ))),
         false => Ok(()),
     }
+}
+
+/// A case with the arguments of its run and its graph.
+type Checked<'a> = (&'a Case, run::Arguments, Graph);
+
+/// Checks the graphs of all cases before the first one runs. A warning common to several is printed once.
+fn checked<'a>(
+    arguments: &Arguments,
+    cases: &'a [Case],
+    registry: &Registry,
+) -> Result<Vec<Checked<'a>>, Failure> {
+    let check = |case| {
+        let run = arguments_of(arguments, case);
+        let graph = run.graph.load(registry, run.seed).map_err(Failure::Graph)?;
+        Ok((case, run, graph))
+    };
+    let graphs: Vec<Checked<'_>> = cases.iter().map(check).collect::<Result<_, Failure>>()?;
+    let mut warned: Vec<String> = Vec::new();
+    for (_, _, graph) in graphs.iter().filter(|(.., graph)| !graph.warnings().is_empty()) {
+        let text = render(&warnings(graph), is_coloured(&std::io::stderr()));
+        if !warned.contains(&text) {
+            eprint(&text);
+            warned.push(text);
+        }
+    }
+    Ok(graphs)
+}
+
+/// Runs one case and writes its files, facts and page into its subfolder.
+fn run_one(
+    arguments: &Arguments,
+    (case, run_arguments, graph): Checked<'_>,
+    folder: &RunFolder,
+    number: usize,
+    stop: &AtomicBool,
+) -> Result<Done, Failure> {
+    let place = folder.path().join(format!("{number:02}"));
+    fs::create_dir(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
+    let mut file_sinks = FileSinks::new(&graph);
+    file_sinks.open_files(&place).map_err(message)?;
+    let mut plotted = run::plotted_signals(&graph, &mut file_sinks);
+    let offline = Offline::new(file_sinks, usize::from(run_arguments.block));
+    let (outcome, took_s) = timed(offline, arguments.duration_s, stop)?;
+    let mut summary = Summary::of(&run_arguments, &graph, &outcome, took_s);
+    summary.add(Vec::new(), run::unreached(&graph));
+    folder.write(&format!("{number:02}/run.json"), &summary.to_json())?;
+    let page = summary.page(&graph, &plotted, plotted.sound().as_ref());
+    folder.write(&format!("{number:02}/report.html"), &page)?;
+    plotted.forget_sound();
+    let short = arguments.case.is_empty() && arguments.over.len() == 1;
+    Ok(Done { name: case.name(short), label: case.label(), graph, plotted, summary })
 }
 
 fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {

@@ -3,12 +3,8 @@
 /// File and function of more than 60 lines, and why.
 pub const LONG_FUNCTIONS: &[(&str, &str)] = &[
     ("learning/src/recording/import.rs: fmt", "one match: a text for each finding"),
-    ("report/src/layout/rows.rs: stack", "to be split"),
-    ("report/src/learning.rs: segments", "to be split"),
     ("src/cli/bench/cost_report.rs: to_text", "to be split"),
-    ("src/cli/nodes.rs: kinds", "to be split"),
     ("src/cli/run/live.rs: run_with", "to be split"),
-    ("src/cli/sweep.rs: run", "to be split"),
     ("surfaces/src/files/native/write.rs: write_texture", "to be split"),
     ("surfaces/src/rendering/synthesis.rs: synthesise_with", "to be split"),
 ];

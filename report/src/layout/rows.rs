@@ -247,99 +247,124 @@ impl Row {
 
 /// Stacks the rows and draws the crossings around them.
 fn stack(blocks: &[Block], links: &[Link], rows: &[Row], crossings: &[Crossing]) -> Layout {
-    let lanes = |count: usize| count as f64 * LANE;
-    let most = rows.iter().map(|row| row.entries.len()).max().unwrap_or(0);
-    let left = if most > 0 { lanes(most) + 4.0 } else { 0.0 };
-    let widest = rows.iter().map(|row| row.placed.size.0).fold(0.0, f64::max);
-    // Rank of a crossing among those into its row, by entry height: the topmost runs lowest and innermost.
-    let mut entering = vec![0; crossings.len()];
-    for row in rows {
-        let mut order: Vec<(f64, usize)> =
-            row.entries.iter().map(|(crossing, pin)| (row.placed.corners[*pin].1, *crossing)).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        order.iter().enumerate().for_each(|(place, (_, crossing))| entering[*crossing] = place);
-    }
-    let mut tops = Vec::new();
-    let mut y = 0.0;
-    for (number, row) in rows.iter().enumerate() {
-        let gap = lanes(row.entries.len());
-        y += match (number, row.entries.is_empty()) {
-            (0, true) => 0.0,
-            (0, false) => gap + ROW_GAP,
-            (_, true) => 2.0 * ROW_GAP,
-            (_, false) => 2.0 * ROW_GAP + gap,
-        };
-        tops.push(y);
-        y += row.placed.size.1;
-    }
-    let mut layout = Layout { corners: vec![(0.0, 0.0); blocks.len()], ..Layout::default() };
-    for (row, top) in rows.iter().zip(&tops) {
-        let moved = |p: (f64, f64)| (p.0 + left, p.1 + top);
-        for (place, block) in row.blocks.iter().enumerate() {
-            layout.corners[*block] = moved(row.placed.corners[place]);
-        }
-        for (number, route) in &row.placed.routes {
-            let mut route = route.clone();
-            route.points_mut().iter_mut().for_each(|p| *p = moved(*p));
-            layout.routes.push((row.links[*number], route));
-        }
-    }
-    // The shared exit of a group of crossing links was drawn for its first link only.
-    let shared = |layout: &Layout, crossing: &Crossing| -> Vec<Route> {
-        let first = crossing.links[0];
-        let starts = |route: &&(usize, Route)| route.0 == first;
-        let start = (
-            layout.corners[crossing.from].0 + blocks[crossing.from].width,
-            layout.corners[crossing.from].1 + crossing.from_y,
-        );
-        let near = |p: (f64, f64)| (p.0 - start.0).abs() + (p.1 - start.1).abs() < 0.01;
-        let routes = layout.routes.iter().filter(starts);
-        let way_out = routes.filter(|(_, route)| route.points().first().is_some_and(|p| near(*p)));
-        way_out.map(|(_, route)| route.clone()).collect()
-    };
-    let mut taken: Vec<(f64, f64, usize)> = Vec::new();
-    let mut by_exit: Vec<usize> = (0..crossings.len()).collect();
-    let exit_of = |crossing: usize| {
-        let row = crossings[crossing].from_row;
-        let (x, y) = rows[row].pin(&rows[row].exits, crossing);
-        (x + left, y + tops[row])
-    };
-    // In order from the lowest exit up: it has the innermost lane.
-    by_exit.sort_by(|a, b| exit_of(*b).1.total_cmp(&exit_of(*a).1));
-    for number in by_exit {
-        let crossing = &crossings[number];
-        let exit = exit_of(number);
-        let into = &rows[crossing.to_row];
-        let (x, y) = into.pin(&into.entries, number);
-        let entry = (x + left, y + tops[crossing.to_row]);
-        let place = entering[number];
-        let lane_y = tops[crossing.to_row] - ROW_GAP - lanes(place);
-        let lane_x = left - 4.0 - lanes(place);
-        let (low, high) = (exit.1.min(lane_y) - 4.0, exit.1.max(lane_y) + 4.0);
-        let free = |lane: &usize| !taken.iter().any(|t| t.2 == *lane && t.0 < high && low < t.1);
-        let lane = (0..crossings.len()).find(free).unwrap_or(0);
-        taken.push((low, high, lane));
-        let right_x = left + widest + 4.0 + lanes(lane);
-        let around = Route::Around(vec![
-            exit,
-            (right_x, exit.1),
-            (right_x, lane_y),
-            (lane_x, lane_y),
-            (lane_x, entry.1),
-            entry,
-        ]);
-        let ways_out = shared(&layout, crossing);
-        for (i, link) in crossing.links.iter().enumerate() {
-            if i > 0 {
-                layout.routes.extend(ways_out.iter().map(|route| (*link, route.clone())));
-            }
-            layout.routes.push((*link, around.clone()));
-        }
-    }
-    let right = taken.iter().map(|(.., lane)| lanes(*lane) + 8.0).fold(0.0, f64::max);
-    to_the_edges(&mut layout, blocks, links, left + widest + right);
+    let stack = Stack::of(rows, crossings);
+    let mut layout = stack.place_rows(blocks.len());
+    let lanes = stack.draw_crossings(blocks, &mut layout);
+    let right = if lanes > 0 { width_of(lanes - 1) + 8.0 } else { 0.0 };
+    to_the_edges(&mut layout, blocks, links, stack.left + stack.widest + right);
     layout.settle(blocks);
     layout
+}
+
+/// Width of parallel lanes.
+fn width_of(lanes: usize) -> f64 {
+    lanes as f64 * LANE
+}
+
+/// Rows below each other, with room for the crossings.
+struct Stack<'a> {
+    rows: &'a [Row],
+    crossings: &'a [Crossing],
+    /// Left edge of the rows, and the width of the widest.
+    left: f64,
+    widest: f64,
+    /// Upper edge of every row.
+    tops: Vec<f64>,
+}
+
+impl<'a> Stack<'a> {
+    fn of(rows: &'a [Row], crossings: &'a [Crossing]) -> Self {
+        let most = rows.iter().map(|row| row.entries.len()).max().unwrap_or(0);
+        let left = if most > 0 { width_of(most) + 4.0 } else { 0.0 };
+        let widest = rows.iter().map(|row| row.placed.size.0).fold(0.0, f64::max);
+        let (mut tops, mut y) = (Vec::new(), 0.0);
+        for (number, row) in rows.iter().enumerate() {
+            y += match (number, row.entries.len()) {
+                (0, 0) => 0.0,
+                (0, entries) => width_of(entries) + ROW_GAP,
+                (_, entries) => 2.0 * ROW_GAP + width_of(entries),
+            };
+            tops.push(y);
+            y += row.placed.size.1;
+        }
+        Self { rows, crossings, left, widest, tops }
+    }
+
+    fn place_rows(&self, blocks: usize) -> Layout {
+        let mut layout = Layout { corners: vec![(0.0, 0.0); blocks], ..Layout::default() };
+        for (row, top) in self.rows.iter().zip(&self.tops) {
+            let moved = |p: (f64, f64)| (p.0 + self.left, p.1 + top);
+            for (place, block) in row.blocks.iter().enumerate() {
+                layout.corners[*block] = moved(row.placed.corners[place]);
+            }
+            for (number, route) in &row.placed.routes {
+                let mut route = route.clone();
+                route.points_mut().iter_mut().for_each(|p| *p = moved(*p));
+                layout.routes.push((row.links[*number], route));
+            }
+        }
+        layout
+    }
+
+    /// Rank of every crossing among those into its row, by entry height: the topmost runs lowest and innermost.
+    fn ranks(&self) -> Vec<usize> {
+        let mut ranks = vec![0; self.crossings.len()];
+        for row in self.rows {
+            let mut order: Vec<(f64, usize)> =
+                row.entries.iter().map(|(crossing, pin)| (row.placed.corners[*pin].1, *crossing)).collect();
+            order.sort_by(|a, b| a.0.total_cmp(&b.0));
+            order.iter().enumerate().for_each(|(place, (_, crossing))| ranks[*crossing] = place);
+        }
+        ranks
+    }
+
+    fn exit(&self, crossing: usize) -> (f64, f64) {
+        let row = self.crossings[crossing].from_row;
+        let (x, y) = self.rows[row].pin(&self.rows[row].exits, crossing);
+        (x + self.left, y + self.tops[row])
+    }
+
+    /// Draws every crossing from its exit down the right margin to its entry. Returns the number of lanes there.
+    fn draw_crossings(&self, blocks: &[Block], layout: &mut Layout) -> usize {
+        let ranks = self.ranks();
+        // In order from the lowest exit up: it has the innermost lane.
+        let mut by_exit: Vec<usize> = (0..self.crossings.len()).collect();
+        by_exit.sort_by(|a, b| self.exit(*b).1.total_cmp(&self.exit(*a).1));
+        let mut taken: Vec<(f64, f64, usize)> = Vec::new();
+        for number in by_exit {
+            let crossing = &self.crossings[number];
+            let (exit, into) = (self.exit(number), &self.rows[crossing.to_row]);
+            let pin = into.pin(&into.entries, number);
+            let entry = (pin.0 + self.left, pin.1 + self.tops[crossing.to_row]);
+            let lane_y = self.tops[crossing.to_row] - ROW_GAP - width_of(ranks[number]);
+            let lane_x = self.left - 4.0 - width_of(ranks[number]);
+            let (low, high) = (exit.1.min(lane_y) - 4.0, exit.1.max(lane_y) + 4.0);
+            let free = |lane: &usize| !taken.iter().any(|t| t.2 == *lane && t.0 < high && low < t.1);
+            let lane = (0..self.crossings.len()).find(free).unwrap_or(0);
+            taken.push((low, high, lane));
+            let right_x = self.left + self.widest + 4.0 + width_of(lane);
+            let corners = [(right_x, exit.1), (right_x, lane_y), (lane_x, lane_y), (lane_x, entry.1)];
+            let around = Route::Around([&[exit][..], &corners, &[entry]].concat());
+            let ways_out = way_out(layout, blocks, crossing);
+            for (i, link) in crossing.links.iter().enumerate() {
+                if i > 0 {
+                    layout.routes.extend(ways_out.iter().map(|route| (*link, route.clone())));
+                }
+                layout.routes.push((*link, around.clone()));
+            }
+        }
+        taken.iter().map(|(.., lane)| lane + 1).max().unwrap_or(0)
+    }
+}
+
+/// The exit that the links of a crossing share, which was drawn for the first of them only.
+fn way_out(layout: &Layout, blocks: &[Block], crossing: &Crossing) -> Vec<Route> {
+    let corner = layout.corners[crossing.from];
+    let start = (corner.0 + blocks[crossing.from].width, corner.1 + crossing.from_y);
+    let near = |p: &(f64, f64)| (p.0 - start.0).abs() + (p.1 - start.1).abs() < 0.01;
+    let routes = layout.routes.iter().filter(|(link, _)| *link == crossing.links[0]);
+    let routes = routes.filter(|(_, route)| route.points().first().is_some_and(near));
+    routes.map(|(_, route)| route.clone()).collect()
 }
 
 /// Moves pins to the outer edges, outside of the lanes.

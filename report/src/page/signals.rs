@@ -132,8 +132,7 @@ impl<'a> PlottedSignals<'a> {
             .over_time
             .iter()
             .filter(|(of, _)| of.quantity == signal.stream.quantity && of.kind == signal.stream.kind);
-        let found =
-            alike.find(|(_, samples)| samples.is_some_and(|samples| fits(component, samples)));
+        let found = alike.find(|(_, samples)| samples.is_some_and(|samples| fits(component, samples)));
         found.map(|(of, _)| of.name.as_str())
     }
 }
