@@ -12,7 +12,8 @@ use haptograph_engine::node::Stream;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units;
 
-pub use super::texture_map::{strokes_on_map, triangulation};
+pub(crate) use super::texture_map::strokes_on_map;
+pub use super::texture_map::triangulation;
 
 /// Display unit of a quantity: for example millimetres and degrees Celsius.
 #[derive(Debug, Clone, PartialEq)]
@@ -313,7 +314,7 @@ fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
 }
 
 /// The mean spectrum of a signal, if it has one.
-pub fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
+pub(crate) fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
     let Content::Components(_, Some(spectra)) = &recorded.content else {
         return None;
     };
@@ -339,7 +340,7 @@ pub fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
 }
 
 /// Path of the proxy during contact, seen from above.
-pub fn contact_path(recorded: &Recorded) -> Option<Plot> {
+pub(crate) fn contact_path(recorded: &Recorded) -> Option<Plot> {
     let Content::Contact(_, path) = &recorded.content else {
         return None;
     };

@@ -12,7 +12,7 @@ use haptograph_signal::time::Rate;
 /// Sampling rate of every sound, Hz, supported by all soundcards and browsers.
 pub const RATE_HZ: u32 = 48_000;
 /// Maximum length of a sound, s.
-pub const LONGEST_S: f64 = 10.0;
+pub(crate) const LONGEST_S: f64 = 10.0;
 /// Peak level of every sound, dBFS.
 pub const PEAK_DBFS: f64 = -12.0;
 /// Minimum rate of a signal, Hz: a slower one contains only the lowest audible frequencies.
@@ -126,7 +126,7 @@ impl Sound {
     }
 
     /// A WAV file with 16-bit samples.
-    pub fn to_wav(&self) -> Vec<u8> {
+    pub(crate) fn to_wav(&self) -> Vec<u8> {
         let bytes = 2 * self.samples.len() as u32;
         let mut wav = Vec::with_capacity(44 + bytes as usize);
         wav.extend(b"RIFF");

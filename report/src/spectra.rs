@@ -6,7 +6,7 @@ use haptograph_signal::spectrum::Spectrogram;
 use haptograph_signal::window::Window;
 
 /// Frequency range of mean spectra on pages, Hz: motion lies below, and frequencies above are not felt.
-pub const SHOWN_HZ: (f64, f64) = (20.0, 5000.0);
+pub(crate) const SHOWN_HZ: (f64, f64) = (20.0, 5000.0);
 
 /// Receptors of the hand with the bands that they respond to, Hz (thesis, Table 1.1). Those of SA-I and SA-II end at 5 Hz,
 /// below all that is shown.
@@ -15,12 +15,12 @@ const RECEPTORS: [(&str, (f64, f64)); 2] = [("FA-I", (5.0, 50.0)), ("FA-II", (20
 const LEVELS_DB: [f64; 3] = [6.0, 12.0, 18.0];
 
 /// The highest density of a frame that has [`receptors`] above a highest one.
-pub fn top_with_receptors(loudest: f64) -> f64 {
+pub(crate) fn top_with_receptors(loudest: f64) -> f64 {
     loudest * 10f64.powf(LEVELS_DB[2] / 10.0)
 }
 
 /// The bands of the receptors above a highest density: a line over the shown part of each, and its name.
-pub fn receptors(shown_hz: (f64, f64), loudest: f64) -> [Mark; 2] {
+pub(crate) fn receptors(shown_hz: (f64, f64), loudest: f64) -> [Mark; 2] {
     let (mut lines, mut names) = (vec![], vec![]);
     for ((name, band), db) in RECEPTORS.into_iter().zip(LEVELS_DB) {
         let (low, high) = (band.0.max(shown_hz.0), band.1.min(shown_hz.1));
@@ -154,7 +154,7 @@ impl Spectra {
     }
 
     /// Bin width of the columns, Hz.
-    pub fn bin_hz(&self) -> f64 {
+    pub(crate) fn bin_hz(&self) -> f64 {
         self.coarse.bin_hz()
     }
 
@@ -194,7 +194,7 @@ impl Spectra {
 
     /// Frequency of the maximum of [`Self::shown`], Hz, interpolated by a parabola through the levels of the
     /// strongest bin and its neighbours. `None` for silence.
-    pub fn strongest_hz(&self) -> Option<f64> {
+    pub(crate) fn strongest_hz(&self) -> Option<f64> {
         let points = self.mean();
         let shown = points.iter().enumerate().skip(shown_from(&points));
         let shown = shown.filter(|(_, (hz, density))| *hz <= SHOWN_HZ.1 && *density > 0.0);

@@ -7,7 +7,7 @@ use haptograph_surfaces::{TextureModel, VertexKind};
 
 /// Named strokes of one signal, in one run or in several, on a texture's map of speed and force (Fig. 2.8,
 /// 4.9), over its triangles if they are known.
-pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureModel>) -> Option<Plot> {
+pub(crate) fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureModel>) -> Option<Plot> {
     let (_, first) = strokes.first()?;
     let paths = strokes.iter().filter_map(|(name, recorded)| match &recorded.content {
         Content::Map(points) => {

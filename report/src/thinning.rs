@@ -102,7 +102,7 @@ impl Envelope {
     }
 
     /// Mean magnitude over the samples that are not zero; 0 if there are none.
-    pub fn mean_size(&self) -> f64 {
+    pub(crate) fn mean_size(&self) -> f64 {
         match self.present {
             0 => 0.0,
             present => self.sum_of_sizes / present as f64,
@@ -134,7 +134,7 @@ impl Envelope {
     }
 
     /// True if every sample is 0 or 1, and both occur.
-    pub fn is_switch(&self) -> bool {
+    pub(crate) fn is_switch(&self) -> bool {
         // Of the numbers from 0 to 1 only these two equal their squares.
         self.range() == Some((0.0, 1.0))
             && (self.sum - self.sum_of_squares).abs() <= 1e-9 * self.samples as f64
@@ -198,7 +198,7 @@ const ALIKE: (f64, f64) = (0.999, 0.5);
 /// True if the signals are equal except for sensor noise and rate. Only slow signals are compared. Their
 /// extremes over equal parts of the time must correlate by more than 0.999 over all components, and their
 /// levels, with and without the means, must agree within 0.5 dB.
-pub fn are_nearly_same(a: &[Envelope], b: &[Envelope]) -> bool {
+pub(crate) fn are_nearly_same(a: &[Envelope], b: &[Envelope]) -> bool {
     let duration_s = |of: &[Envelope]| of.first().map_or(0.0, |lane| lane.samples as f64 / lane.rate_hz);
     let (a_s, b_s) = (duration_s(a), duration_s(b));
     if a.len() != b.len() || (a_s - b_s).abs() > 0.01 * a_s {

@@ -19,13 +19,13 @@ const USUAL_ROOM: f64 = 54.0;
 
 impl Plot {
     /// The plot as an HTML figure for a page with the style sheet.
-    pub fn to_figure(&self) -> String {
+    pub(crate) fn to_figure(&self) -> String {
         self.figure("plot", "")
     }
 
     /// A close-up of the page's sound, which the page's script may replace: samples at this rate, with a
     /// sample of 1 at `full_scale` on the vertical axis.
-    pub fn to_close_up(&self, rate_hz: f64, full_scale: f64) -> String {
+    pub(crate) fn to_close_up(&self, rate_hz: f64, full_scale: f64) -> String {
         let what = format!(" data-rate=\"{rate_hz}\" data-peak=\"{full_scale}\"");
         self.figure("plot close-up", &what)
     }
